@@ -39,7 +39,7 @@ def described(**things) -> SceneDescription:
     return SceneDescription(materials=list(MATERIALS), moves=True, **things)
 
 
-def over(at: At, shutter: Shutter = OPEN) -> SceneDescription:
+def merged_over_shutter(at: At, shutter: Shutter = OPEN) -> SceneDescription:
     return merge_over_shutter(lambda moment: at(moment.offset), Moment(), shutter)
 
 
@@ -69,7 +69,7 @@ def from_the_middle(size: int, height: float) -> tuple[np.ndarray, np.ndarray]:
 def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
     """A bar of half width w that turns once covers the share 4 asin(w / r) / (2 pi) of the circle of radius r about its axis."""
     bar = square((0, 0, 0), (1.8, 0, 0), (0, 0.15, 0), UNLIT)
-    turning = over(lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * t), moves=True)]))
+    turning = merged_over_shutter(lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * t), moves=True)]))
     assert turning.keys == 9, "five keys would take a quarter of a turn for a step"
     found = picture(compile_scene(turning), settings_of(), 256)
     x, y = from_the_middle(64, 4.0)
@@ -90,7 +90,9 @@ def test_what_flies_leaves_a_streak_of_the_known_profile() -> None:
     """The streak of a square moving from -d to d is a trapezoid: a point is covered for the square's width, less at both ends."""
     w, d = 0.25, 1.0
     dot = square((0, 0, 0), (w, 0, 0), (0, w, 0), UNLIT)
-    flying = over(lambda t: described(meshes=[dot], instances=[Instance(0, turned(0, (2 * d * t, 0, 0)), moves=True)]))
+    flying = merged_over_shutter(
+        lambda t: described(meshes=[dot], instances=[Instance(0, turned(0, (2 * d * t, 0, 0)), moves=True)])
+    )
     found = picture(compile_scene(flying), settings_of(), 256)
     x, y = from_the_middle(64, 4.0)
     known = np.clip(np.minimum(x + w, d) - np.maximum(x - w, -d), 0, None) / (2 * d)
@@ -260,7 +262,7 @@ OTHERS = [pytest.param(each, marks=pytest.mark.long) for each in (growing, turni
 @pytest.mark.long
 @grid("at", [*SCENES, *OTHERS], ids=lambda at: at.__name__, ordinary=(spinning_child, bending))
 def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
-    moving = over(at)
+    moving = merged_over_shutter(at)
     views = moving.cameras[0].keys if moving.cameras else ()
     settings = settings_of(moving.cameras[0].view if views else FLAT, 24, views=views, max_depth=3)
     samples, moments = 2048, 48
@@ -293,7 +295,9 @@ def under_a_lamp(t: float) -> SceneDescription:
 @pytest.mark.long
 def test_a_lamp_that_stands_still_is_as_bright_where_something_deforms() -> None:
     settings = settings_of(size=24, max_depth=2)
-    found, known = (picture(compile_scene(made), settings, 256)[:, :16] for made in (over(under_a_lamp), under_a_lamp(0.0)))
+    found, known = (
+        picture(compile_scene(made), settings, 256)[:, :16] for made in (merged_over_shutter(under_a_lamp), under_a_lamp(0.0))
+    )
     assert known.mean() > 0.1
     assert found.mean() == pytest.approx(known.mean(), rel=0.01)  # the right part of the picture, where the sheet is
 
@@ -303,16 +307,18 @@ def test_without_a_shutter_a_frame_is_its_still() -> None:
     still = compile_scene(growing(0.0))
     settings = settings_of(size=32)
     whole = digest(render_frame(still, replace(settings, shutter=0.0), 4))
-    assert digest(render_frame(compile_scene(over(growing, Shutter())), replace(settings, shutter=0.0), 4)) == whole
-    standing = over(lambda _: growing(0.0))
+    assert (
+        digest(render_frame(compile_scene(merged_over_shutter(growing, Shutter())), replace(settings, shutter=0.0), 4)) == whole
+    )
+    standing = merged_over_shutter(lambda _: growing(0.0))
     assert standing.keys == 0
     assert digest(render_frame(compile_scene(standing), settings, 4)) == whole, "what stands still has nothing to blur"
-    assert digest(render_frame(compile_scene(over(growing)), settings, 4)) != whole
+    assert digest(render_frame(compile_scene(merged_over_shutter(growing)), settings, 4)) != whole
 
 
 @pytest.mark.long
 def test_a_blurred_frame_is_the_same_however_it_is_cut(tmp_path: Path) -> None:
-    made = compile_scene(over(everything))
+    made = compile_scene(merged_over_shutter(everything))
     save(made, tmp_path / "scene")
     kept = load(tmp_path / "scene")
     settings = settings_of(size=32)
@@ -328,7 +334,7 @@ def test_a_blurred_frame_is_the_same_however_it_is_cut(tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_a_replay_follows_the_sample_at_its_time() -> None:
-    made = compile_scene(over(growing))
+    made = compile_scene(merged_over_shutter(growing))
     settings = settings_of(size=32)
     for sample in (0, 5):
         film = render_batch(made, settings, Tile(0, 0, 32, 32), sample, 1).sums
@@ -343,7 +349,7 @@ def test_a_trailing_shutter_closes_at_the_frame_and_a_leading_one_opens() -> Non
     bar = square((0, 0, 0), (0.1, 0, 0), (0, 2, 0), UNLIT)
     flight = lambda t: described(meshes=[bar], instances=[Instance(0, turned(0, (t, 0, 0)), moves=True)])  # noqa: E731
     for at, low, high in (("centred", -0.5, 0.5), ("trailing", -1.0, 0.0), ("leading", 0.0, 1.0)):
-        found = picture(compile_scene(over(flight, Shutter(1.0, at))), settings_of(), 64)
+        found = picture(compile_scene(merged_over_shutter(flight, Shutter(1.0, at))), settings_of(), 64)
         x, _ = from_the_middle(64, 4.0)
         seen = x[found > 0.02]
         assert seen.min() == pytest.approx(low - 0.1, abs=0.07)
@@ -356,9 +362,9 @@ def test_keys_may_be_chosen_and_else_follow_the_turns() -> None:
     def turning(turns: float) -> At:
         return lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * turns * t), moves=True)])
 
-    assert over(turning(0.1)).keys == 5
-    assert over(turning(3.3)).keys == 33
-    assert over(turning(3.3), Shutter(1.0, keys=7)).keys == 7
+    assert merged_over_shutter(turning(0.1)).keys == 5
+    assert merged_over_shutter(turning(3.3)).keys == 33
+    assert merged_over_shutter(turning(3.3), Shutter(1.0, keys=7)).keys == 7
 
 
 def test_what_cannot_be_blurred_is_named() -> None:
@@ -372,7 +378,7 @@ def test_what_cannot_be_blurred_is_named() -> None:
             scene.meshes[1] = replace(scene.meshes[1], triangles=scene.meshes[1].triangles[1:])
         return scene
 
-    found = over(changing)
+    found = merged_over_shutter(changing)
     left = "materials, the environment, textures other than their placement, the mesh icosphere, whose triangles change"
     assert found.warnings == [f"Shown as in the middle of the shutter, not blurred: {left}."]
     assert len(found.instances[1].keys) == 5, "it still goes where it goes"

@@ -104,7 +104,7 @@ def settings_of(views: list[View]) -> RenderSettings:
     return RenderSettings(WIDTH, HEIGHT, views[1], views=moving)
 
 
-def over(at: Callable[[float], SceneDescription]) -> SceneDescription:
+def merged_over_shutter(at: Callable[[float], SceneDescription]) -> SceneDescription:
     return merge_over_shutter(lambda moment: at(moment.offset), Moment(), BETWEEN)
 
 
@@ -167,7 +167,7 @@ def test_what_moves_and_stays_flat_is_where_geometry_has_it(move: str, way: str)
     expected = known(points, views)
     shapes = {"a body": body(at), "a lamp": body(at, LAMP), "a mesh that bends": bent(at)}
     for name, describe in shapes.items():
-        found = motion_vectors(compile_scene(over(describe)), settings_of(views))
+        found = motion_vectors(compile_scene(merged_over_shutter(describe)), settings_of(views))
         assert np.abs(expected[inside]).max() > 1.0
         np.testing.assert_allclose(found[inside], expected[inside], rtol=1e-5, atol=NEAR, err_msg=name)
 
@@ -177,7 +177,7 @@ def test_spheres_and_what_is_infinitely_far(way: str) -> None:
     """Points of a moving and growing sphere keep their direction from its centre; background pixels have no motion vector."""
     views = WAYS[way]
     balls = {t: ((0.2 * t, 0.1 * t, 0.0), 0.7 + 0.1 * t) for t in (-1.0, 0.0, 1.0)}
-    scene = compile_scene(over(lambda t: described(spheres=[Sphere(*balls[t], moves=True)])))
+    scene = compile_scene(merged_over_shutter(lambda t: described(spheres=[Sphere(*balls[t], moves=True)])))
     found = motion_vectors(scene, settings_of(views))
     o, d = rays(views[1])
     d = d / np.linalg.norm(d, axis=-1, keepdims=True)
@@ -236,12 +236,12 @@ def test_what_is_mostly_seen_through_has_no_say() -> None:
         return replace(behind, meshes=[*behind.meshes, pane], instances=[*behind.instances, Instance(1)])
 
     points, inside = on_the_square(at, VIEW)
-    found = motion_vectors(compile_scene(over(describe)), settings_of([VIEW] * 3))
+    found = motion_vectors(compile_scene(merged_over_shutter(describe)), settings_of([VIEW] * 3))
     np.testing.assert_allclose(found[inside], known(points, [VIEW] * 3)[inside], rtol=1e-5, atol=NEAR)
 
 
 def test_threads_lenses_and_what_is_behind_the_camera_leave_no_trace() -> None:
-    scene = compile_scene(over(body(MOVES["turns"])))
+    scene = compile_scene(merged_over_shutter(body(MOVES["turns"])))
     settings = settings_of(WAYS["flies and zooms"])
     one = motion_vectors(scene, settings, threads=1)
     np.testing.assert_array_equal(motion_vectors(scene, settings, threads=3), one)
@@ -256,5 +256,5 @@ def test_what_is_cut_anew_moves_with_the_camera_alone() -> None:
     one = square((0, 0, 0), (1.2, 0.1, 0), (0, 1.0, 0), GRAY)
     other = Mesh("square", one.positions + np.float32([0.1, 0, 0]), one.triangles[::-1].copy(), deforms=True)
     still = [replace(one, deforms=True), other]
-    scene = compile_scene(over(lambda t: described(meshes=[still[int(t > 0)]], instances=[Instance(0)])))
+    scene = compile_scene(merged_over_shutter(lambda t: described(meshes=[still[int(t > 0)]], instances=[Instance(0)])))
     assert not motion_vectors(scene, settings_of([VIEW] * 3)).any()

@@ -11,7 +11,7 @@ from renderer.jit import entry
 from renderer.scene.compile import compile_scene
 from renderer.threads import Team
 from tests.renderer.bvh.test_rigid_motion import about, placed, places
-from tests.renderer.test_motion_blur import everything, over
+from tests.renderer.test_motion_blur import everything, merged_over_shutter
 
 
 @pytest.mark.long
@@ -71,7 +71,7 @@ def test_rays_meet_what_moves_as_without_a_tree():
     time = random.random(count).astype(np.float32)
     found = []
     for brute in (False, True):
-        bvh = compile_scene(over(everything), brute=brute).bvh
+        bvh = compile_scene(merged_over_shutter(everything), brute=brute).bvh
         assert len(bvh.motion) > 0
         assert bvh.keyed_packets[0] < len(bvh.packet)
         t, number, shadow = np.empty(count, np.float32), np.empty(count, np.int32), np.empty(count, bool)

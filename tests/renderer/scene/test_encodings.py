@@ -16,7 +16,7 @@ NAMES = [
 ]
 
 
-def shown(description):
+def texture_names(description):
     return [description.images[t.image].name for t in description.textures]
 
 
@@ -25,7 +25,7 @@ def test_the_encoding_that_finds_the_file_is_taken_and_said(scene, png, name, en
     obj = f"mtllib m.mtl\n{QUAD}usemtl {name}\n{FACE}".encode(encoding)
     mtl = f"newmtl {name}\nmap_Kd {name}.png\n".encode(encoding)
     description = scene("m.obj", obj, {"m.mtl": mtl, f"{name}.png": png(255, 0, 0)})
-    assert shown(description) == [f"{name}.png"]
+    assert texture_names(description) == [f"{name}.png"]
     assert description.materials[0].name
     assert any("names are not in UTF-8" in w and "of the files" in w for w in description.warnings)
 
@@ -35,7 +35,7 @@ def test_unicode_with_a_bom_and_without(scene, png, encoding):
     mark = "\ufeff" if encoding in ("utf-16-le",) else ""
     mtl = f"{mark}newmtl 木\r\nmap_Kd 木.png\r\n".encode(encoding)
     description = scene("m.obj", f"mtllib m.mtl\n{QUAD}usemtl 木\n{FACE}", {"m.mtl": mtl, "木.png": png(255, 0, 0)})
-    assert (shown(description), description.materials[0].name) == (["木.png"], "木")
+    assert (texture_names(description), description.materials[0].name) == (["木.png"], "木")
     assert not any("UTF-8" in w for w in description.warnings)
 
 
@@ -60,7 +60,7 @@ def test_accents_are_one_character_or_two(scene, png, said, there):
     said, there = unicodedata.normalize(said, "Café Straße"), unicodedata.normalize(there, "café STRASSE")
     mtl = f"newmtl a\nmap_Kd {said}.png\n"
     description = scene("m.obj", f"mtllib m.mtl\n{QUAD}usemtl a\n{FACE}", {"m.mtl": mtl, f"{there}.png": png(255, 0, 0)})
-    assert shown(description) == [f"{there}.png"]
+    assert texture_names(description) == [f"{there}.png"]
 
 
 def test_a_picture_of_a_ply_file_in_gbk(scene, png):
@@ -68,14 +68,14 @@ def test_a_picture_of_a_ply_file_in_gbk(scene, png):
     head += "property float z\nproperty float s\nproperty float t\nelement face 1\n"
     head += "property list uchar int vertex_indices\nend_header\n"
     data = (head + "0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n").encode("gbk")
-    assert shown(scene("a.ply", data, {"木纹.png": png(255, 0, 0)})) == ["木纹.png"]
+    assert texture_names(scene("a.ply", data, {"木纹.png": png(255, 0, 0)})) == ["木纹.png"]
 
 
 def test_a_picture_of_a_pbrt_file_in_shift_jis(scene, png):
     text = 'Camera "perspective"\nWorldBegin\nTexture "a" "spectrum" "imagemap" "string filename" "木目.png"\n'
     text += 'Material "diffuse" "texture reflectance" "a"\nShape "disk"\n'
-    assert shown(scene("a.pbrt", b"\xef\xbb\xbf" + text.encode("utf-8"), {"木目.png": png(255, 0, 0)})) == ["木目.png"]
-    assert shown(scene("b.pbrt", text.encode("cp932"))) == ["木目.png"]
+    assert texture_names(scene("a.pbrt", b"\xef\xbb\xbf" + text.encode("utf-8"), {"木目.png": png(255, 0, 0)})) == ["木目.png"]
+    assert texture_names(scene("b.pbrt", text.encode("cp932"))) == ["木目.png"]
 
 
 STL = "solid Tür\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1.5 0\nendloop\nendfacet\nendsolid Tür\n"

@@ -13,7 +13,7 @@ from tests.renderer.scene.builders import TRIANGLE, Gltf, world
 BAD = (np.nan, np.inf)
 
 
-def said(description, *words):
+def has_warning_with(description, *words):
     """Returns whether one warning about unusable parts contains all the words."""
     found = [w for w in description.warnings if "unusable part" in w]
     return any(all(word in warning for word in words) for warning in found)
@@ -40,7 +40,7 @@ def test_an_attribute_that_is_not_finite_is_left_out(scene, key, width, field, v
     description = scene("a.glb", g.glb())
     np.testing.assert_array_equal(world(description)[0], TRIANGLE)
     assert field is None or getattr(description.meshes[0], field) is None
-    assert said(description, "1 unusable part is left out", "not finite numbers", "accessors[1]")
+    assert has_warning_with(description, "1 unusable part is left out", "not finite numbers", "accessors[1]")
 
 
 def test_a_triangle_that_needs_a_vertex_that_is_not_finite_is_left_out(scene):
@@ -51,7 +51,7 @@ def test_a_triangle_that_needs_a_vertex_that_is_not_finite_is_left_out(scene):
     description = scene("a.glb", g.glb())
     np.testing.assert_array_equal(world(description), [TRIANGLE])
     assert np.isfinite(description.meshes[0].positions).all()
-    assert said(description, "in 1 triangles")
+    assert has_warning_with(description, "in 1 triangles")
 
 
 def test_a_transform_that_is_not_finite_is_left_out(scene):
@@ -64,9 +64,9 @@ def test_a_transform_that_is_not_finite_is_left_out(scene):
     for number in (0, 1):
         np.testing.assert_array_equal(world(description, number)[0], TRIANGLE)
     assert len(description.cameras) == 1
-    assert said(description, "nodes[0].matrix")
-    assert said(description, "nodes[1].scale")
-    assert said(description, "cameras[0].perspective.yfov"), description.warnings
+    assert has_warning_with(description, "nodes[0].matrix")
+    assert has_warning_with(description, "nodes[1].scale")
+    assert has_warning_with(description, "cameras[0].perspective.yfov"), description.warnings
 
 
 def test_keys_that_are_not_finite_are_left_out(scene):
@@ -78,7 +78,7 @@ def test_keys_that_are_not_finite_are_left_out(scene):
     g.root["animations"] = [{"samplers": [sampler], "channels": [channel]}]
     description = scene("a.glb", g.glb(), moment=Moment(frame=1, fps=1.0))
     np.testing.assert_allclose(world(description)[0][0], (2, 0, 0), atol=1e-6)
-    assert said(description, "has 1 keys of 3")
+    assert has_warning_with(description, "has 1 keys of 3")
 
 
 def _spoil_count(g):
@@ -113,7 +113,7 @@ def test_a_primitive_that_is_unusable_is_left_out(scene, spoil):
     spoil(g)
     description = scene("a.glb", g.glb())
     assert len(description.instances) == 1
-    assert said(description, "1 unusable part is left out")
+    assert has_warning_with(description, "1 unusable part is left out")
     g.root["scenes"][0]["nodes"] = [1]
     with pytest.raises(SceneError, match="export"):  # fails if the file shows nothing else
         scene("a.glb", g.glb())
@@ -124,7 +124,7 @@ def test_triangles_with_indices_outside_are_left_out(scene):
     g.mesh(indices=np.uint16([0, 1, 2, 0, 1, 9]))
     description = scene("a.glb", g.glb())
     np.testing.assert_array_equal(world(description), [TRIANGLE])
-    assert said(description, "has the index 9 where there are 3 vertices, in 1 triangles")
+    assert has_warning_with(description, "has the index 9 where there are 3 vertices, in 1 triangles")
 
 
 def test_references_outside_are_left_out(scene):
@@ -137,7 +137,7 @@ def test_references_outside_are_left_out(scene):
     description = scene("a.glb", g.glb())
     np.testing.assert_array_equal(world(description)[0], TRIANGLE)
     for place in ("primitives[0].material", "nodes[1].mesh", "nodes[2].camera", "nodes[3].children"):
-        assert said(description, place), place
+        assert has_warning_with(description, place), place
 
 
 @grid("children", ({0: [1], 1: [0]}, {0: [0]}, {0: [1], 2: [1]}))
@@ -150,7 +150,7 @@ def test_a_node_with_two_parents_or_in_a_cycle_is_shown_once(scene, children):
     g.root["scenes"][0]["nodes"] = [0, 2]
     description = scene("a.glb", g.glb())
     assert len(description.instances) == (2 if children == {0: [0]} else 3)
-    assert said(description, "1 unusable part is left out", "shown once")
+    assert has_warning_with(description, "1 unusable part is left out", "shown once")
 
 
 def unpadded(data, pad=b"", length=None):

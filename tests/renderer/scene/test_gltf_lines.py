@@ -19,14 +19,14 @@ def drawn(mode, colors=False):
     return g.glb()
 
 
-def shown(scene, mode, thickness=0.1, **options):
+def mesh_of_lines(scene, mode, thickness=0.1, **options):
     text = json.dumps({"shapes": [{"type": "mesh", "file": "m.glb", "thickness": thickness}]})
     return scene("s.yaml", text, {"m.glb": drawn(mode, **options)}).meshes[0]
 
 
 @pytest.mark.parametrize(("mode", "length"), [(1, 1.0), (2, 2 + 2**0.5), (3, 2.0)])
 def test_lines_are_tubes(scene, mode, length):
-    mesh = shown(scene, mode)
+    mesh = mesh_of_lines(scene, mode)
     side = 2 * 0.05 * np.sin(np.pi / 8)
     ends = 8 * 0.05**2 * np.sin(np.pi / 4) / 2
     faces = face_normals(mesh.positions, mesh.triangles)
@@ -36,7 +36,7 @@ def test_lines_are_tubes(scene, mode, length):
 
 
 def test_points_are_balls_with_their_colours(scene):
-    mesh = shown(scene, 0, colors=True)
+    mesh = mesh_of_lines(scene, 0, colors=True)
     middles = mesh.positions.reshape(4, -1, 3).mean(axis=1)
     np.testing.assert_allclose(middles, CORNERS, atol=1e-6)
     assert np.linalg.norm(mesh.positions.reshape(4, -1, 3) - CORNERS[:, None], axis=2) == pytest.approx(0.05, rel=1e-5)

@@ -18,7 +18,7 @@ from renderer.scene.load import Shot
 from tests.grids import grid
 from tests.renderer.builders import square
 from tests.renderer.scene.builders import Gltf, clip
-from tests.renderer.test_motion_blur import GRAY, UNLIT, described, over, picture, settings_of, striped
+from tests.renderer.test_motion_blur import GRAY, UNLIT, described, merged_over_shutter, picture, settings_of, striped
 
 SLIDING_YAML = """
 textures: {squares: {checker: {squares: 4, colors: [0.1, 0.9]}, offset: {keys: [[0, [0, 0]], [1, [4, 2]]]}}}
@@ -72,7 +72,7 @@ def test_textures_that_lie_alike_for_a_moment_slide_by_themselves() -> None:
             scene.materials[material] = replace(scene.materials[material], base_color_texture=number)
         return scene
 
-    found = over(parting)
+    found = merged_over_shutter(parting)
     assert not found.warnings
     standing, sliding = (found.textures[found.materials[k].base_color_texture or 0] for k in (UNLIT, GRAY))
     assert not standing.keys

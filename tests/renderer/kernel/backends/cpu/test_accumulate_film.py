@@ -31,7 +31,7 @@ def _keep(pool, lists, done, film, scale, batch, bad, sums):
     return bad_count
 
 
-def kept(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
+def film_after(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
     """Returns (film planes, listed bad samples, number of bad samples) after adding the path rows (N, ROW) to a film."""
     pool = np.zeros((ROWS, int(ROW)), np.float32)
     pool[: len(rows)] = rows
@@ -78,7 +78,7 @@ def test_every_sample_is_in_its_pixels_sums(exponent: int) -> None:
         if sample == 0:
             expected[OBJECT, y, x] += ids[first + 7]
             expected[MATERIAL, y, x] += ids[first + 11]
-    sums, bad, bad_count = kept(rows, exponent)
+    sums, bad, bad_count = film_after(rows, exponent)
     np.testing.assert_array_equal(sums, expected)
     assert (bad, bad_count) == ([], 0)
 
@@ -89,8 +89,8 @@ def test_what_is_no_number_is_left_out_and_named(column: int, value: float) -> N
     rows = paths(20, np.arange(20))
     spoilt = rows.copy()
     spoilt[7, column] = value
-    sums, bad, bad_count = kept(spoilt)
-    np.testing.assert_array_equal(sums, kept(np.delete(rows, 7, axis=0))[0])
+    sums, bad, bad_count = film_after(spoilt)
+    np.testing.assert_array_equal(sums, film_after(np.delete(rows, 7, axis=0))[0])
     y, x = divmod(int(rows.view(np.int32)[7, PLACE]), WIDTH)
     assert (bad, bad_count) == ([(100 + x, 200 + y, 7)], 1)
 
@@ -98,7 +98,7 @@ def test_what_is_no_number_is_left_out_and_named(column: int, value: float) -> N
 def test_of_more_bad_samples_than_are_listed_all_are_counted() -> None:
     rows = paths(MAX_BAD + 9, np.arange(MAX_BAD + 9))
     rows[:, RADIANCE] = np.nan
-    sums, bad, bad_count = kept(rows)
+    sums, bad, bad_count = film_after(rows)
     assert not sums.any()
     assert bad_count == MAX_BAD + 9
     assert [sample for _, _, sample in bad] == list(range(MAX_BAD))
@@ -129,4 +129,4 @@ def test_branches_are_one_sample_once_all_of_them_are_done() -> None:
     assert free == [[0, 2], [1], [3]]
     rows[:, RADIANCE : RADIANCE + 3] += seconds
     rows[:, BRANCHES] = 1
-    np.testing.assert_array_equal(rest[-1], kept(rows)[0])
+    np.testing.assert_array_equal(rest[-1], film_after(rows)[0])
