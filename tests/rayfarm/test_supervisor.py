@@ -26,13 +26,13 @@ FAMILY = [
 
 
 @pytest.fixture
-def said() -> list[str]:
+def reports() -> list[str]:
     return []
 
 
 @pytest.fixture
-def supervisor(said: list[str]):
-    made = Supervisor(ROOT, said.append)
+def supervisor(reports: list[str]):
+    made = Supervisor(ROOT, reports.append)
     yield made
     made.stop(lambda: True)
 
@@ -42,7 +42,7 @@ NAMELESS = pytest.param(40, "signal 40", marks=pytest.mark.skipif(sys.platform !
 
 @pytest.mark.parametrize(("number", "name"), [(signal.SIGKILL, "SIGKILL"), NAMELESS])
 def test_a_part_that_dies_is_started_again_and_it_is_said(
-    supervisor: Supervisor, said: list[str], tmp_path: Path, number: int, name: str
+    supervisor: Supervisor, reports: list[str], tmp_path: Path, number: int, name: str
 ) -> None:
     part = Part("sleeper", SLEEPER, tmp_path / "log")
     supervisor.start(part)
@@ -53,20 +53,20 @@ def test_a_part_that_dies_is_started_again_and_it_is_said(
     wait_until(lambda: supervisor.check_parts() is None and part.running, 5, "the part runs again")
     assert part.process is not None
     assert part.process.pid != first.pid
-    assert len(said) == 1
-    assert f"sleeper ended (by {name})" in said[0]
+    assert len(reports) == 1
+    assert f"sleeper ended (by {name})" in reports[0]
 
 
 @pytest.mark.long
-def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
+def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
     part = Part("broken", [sys.executable, "-c", "raise SystemExit(7)"], tmp_path / "log")
     supervisor.start(part)
     deadline = time.monotonic() + 2.5
     while time.monotonic() < deadline:
         supervisor.check_parts()
         time.sleep(0.02)
-    assert 2 <= len(said) <= 4
-    assert "exit code 7" in said[0]
+    assert 2 <= len(reports) <= 4
+    assert "exit code 7" in reports[0]
 
 
 @pytest.mark.long
@@ -85,7 +85,7 @@ def test_a_part_that_is_killed_again_and_again_is_soon_back(supervisor: Supervis
         assert part.running
 
 
-def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
+def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
     part = Part("tired", [sys.executable, "-c", "import time; time.sleep(100)"], tmp_path / "log")
     supervisor.start(part)
     for lived, pause in ((1.0, "0.2"), (1.0, "1"), (1.0, "2"), (60.0, "0.2"), (1.0, "1")):
@@ -94,13 +94,13 @@ def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor
         part.process.send_signal(signal.SIGSEGV)
         part.process.wait()
         supervisor.check_parts()
-        assert f"again in {pause} s" in said[-1]
+        assert f"again in {pause} s" in reports[-1]
         part.restart_at = 0.0
         supervisor.check_parts()
 
 
 def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
-    supervisor: Supervisor, said: list[str], tmp_path: Path
+    supervisor: Supervisor, reports: list[str], tmp_path: Path
 ) -> None:
     """A part that fails before it is ready, such as a worker while it compiles kernels, waits longer before each restart."""
     part = Part("slow", [sys.executable, "-c", "import time; time.sleep(100)"], tmp_path / "log", steady_s=90.0)
@@ -112,12 +112,12 @@ def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
         part.process.send_signal(signal.SIGSEGV)
         part.process.wait()
         supervisor.check_parts()
-        assert f"again in {pause} s" in said[-1]
+        assert f"again in {pause} s" in reports[-1]
         part.restart_at = 0.0
         supervisor.check_parts()
 
 
-def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Supervisor, said: list[str], tmp_path: Path) -> None:
+def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
     """A part that had served is restarted at once, whatever ended it; one that never served waits longer before each restart."""
     serves = [True]
     part = Part("server", SLEEPER, tmp_path / "log", steady_s=90.0, serves=lambda: serves[0])
@@ -135,7 +135,7 @@ def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Superviso
         part.process.send_signal(number)
         part.process.wait()
         supervisor.check_parts()
-        assert f"again in {pause} s" in said[-1], (number, served)
+        assert f"again in {pause} s" in reports[-1], (number, served)
         part.restart_at = 0.0
         supervisor.check_parts()
 
@@ -257,7 +257,7 @@ def _runs(pid: int) -> bool:
 
 
 def test_a_full_disk_or_a_lack_of_processes_does_not_end_the_farm(
-    supervisor: Supervisor, said: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    supervisor: Supervisor, reports: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "logs").write_text("a file where the folder of logs should be")
     part = Part("sleeper", SLEEPER, tmp_path / "logs" / "sleeper.log")
@@ -275,7 +275,7 @@ def test_a_full_disk_or_a_lack_of_processes_does_not_end_the_farm(
     part.process.wait()
     monkeypatch.setattr(supervision.subprocess, "Popen", popen)
     wait_until(lambda: supervisor.check_parts() is None and part.running and part.process.pid != first, 30, "the part runs again")
-    assert any("Too many open files" in sentence and "next try" in sentence for sentence in said)
+    assert any("Too many open files" in sentence and "next try" in sentence for sentence in reports)
 
 
 WRITER = [

@@ -45,7 +45,7 @@ def run(*arguments: str | Path) -> tuple[int, str, str]:
     return process.returncode, out, err
 
 
-def here(*arguments: str | Path) -> tuple[int, str, str]:
+def run_in_process(*arguments: str | Path) -> tuple[int, str, str]:
     """Runs a command in this process, which has already loaded numba and the kernels; returns (exit code, output, errors)."""
     done = rayfarm(*arguments, COLUMNS="160", RAYFARM_TOKEN="")
     return done.returncode, done.stdout, done.stderr
@@ -63,13 +63,13 @@ def test_submit_gives_the_picture_that_render_gives(farm: Farm, tmp_path: Path) 
     code, out, err = run("submit", CORNELL, "--server", farm.url, "--wait", "-o", tmp_path / "farm.exr", *SMALL)
     assert code == 0, err
     job = out.strip()
-    assert here("render", CORNELL, "-o", tmp_path / "alone.exr", *SMALL)[0] == 0
+    assert run_in_process("render", CORNELL, "-o", tmp_path / "alone.exr", *SMALL)[0] == 0
     assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
 
-    code, out, _ = here("jobs", "--server", farm.url)
+    code, out, _ = run_in_process("jobs", "--server", farm.url)
     assert code == 0
     assert any(job in line and "finished" in line and "100 %" in line for line in out.splitlines()), out
-    shown = json.loads(here("jobs", job[:8], "--json", "--server", farm.url)[1])
+    shown = json.loads(run_in_process("jobs", job[:8], "--json", "--server", farm.url)[1])
     assert (shown["id"], shown["state"], shown["width"], shown["height"]) == (job, "finished", 48, 32)
 
 
@@ -80,10 +80,10 @@ def test_a_scene_without_light_stands_on_the_same_floor_here_and_there(farm: Far
     code, _, err = run("submit", scene, "--server", farm.url, "-o", tmp_path / "farm.exr", *asked)
     assert code == 0, err
     assert "--no-floor leaves it out" in err
-    code, _, err = here("render", scene, "-o", tmp_path / "alone.exr", *asked)
+    code, _, err = run_in_process("render", scene, "-o", tmp_path / "alone.exr", *asked)
     assert code == 0 and "--no-floor leaves it out" in err
     assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
-    code, _, err = here("render", scene, "-o", tmp_path / "bare.exr", *asked, "--no-floor")
+    code, _, err = run_in_process("render", scene, "-o", tmp_path / "bare.exr", *asked, "--no-floor")
     assert code == 0 and "floor" not in err
     assert not np.array_equal(pixels(tmp_path / "bare.exr"), pixels(tmp_path / "alone.exr"))
 
@@ -99,7 +99,7 @@ def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
         "shapes: [{type: sphere, center: [0, 0, 0], radius: 1, material: white}]\nmaterials: {white: {kind: diffuse, color: 1}}\n"
     )
     arguments = [f"--env={tmp_path / 'sky.exr'}", "--size=16x16", "--spp=64", "--eye=0,0,4", "--target=0,0,0"]
-    code, _, err = here("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "ball.exr", *arguments)
+    code, _, err = run_in_process("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "ball.exr", *arguments)
     assert code == 0, err
     # A white ball in uniform light is as bright as the light (furnace test).
     assert pixels(tmp_path / "ball.exr").mean() == pytest.approx(0.25, rel=0.02)
@@ -112,9 +112,11 @@ def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(far
     )
     arguments = ["--env=sky:20,60", "--size=24x16", "--spp=8", "--eye=0,0,4", "--target=0,0,0", "--aov=depth"]
     more = ["--denoise"] if is_available() else []
-    code, _, err = here("submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "farm.exr", *arguments, *more)
+    code, _, err = run_in_process(
+        "submit", tmp_path / "ball.yaml", "--server", farm.url, "-o", tmp_path / "farm.exr", *arguments, *more
+    )
     assert code == 0, err
-    assert here("render", tmp_path / "ball.yaml", "-o", tmp_path / "alone.exr", *arguments)[0] == 0
+    assert run_in_process("render", tmp_path / "ball.yaml", "-o", tmp_path / "alone.exr", *arguments)[0] == 0
     assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
     assert pixels(tmp_path / "farm.exr")[2, :, 2].min() > 0, "there is a sky"
     if more:
@@ -122,8 +124,8 @@ def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(far
         assert clean.shape == (16, 24, 3)
         assert not np.array_equal(clean, pixels(tmp_path / "farm.exr"))
     studio = [tmp_path / "ball.yaml", "--env=studio", *arguments[1:-1]]
-    assert here("submit", *studio, "--server", farm.url, "-o", tmp_path / "farm.exr")[0] == 0
-    assert here("render", *studio, "-o", tmp_path / "alone.exr")[0] == 0
+    assert run_in_process("submit", *studio, "--server", farm.url, "-o", tmp_path / "farm.exr")[0] == 0
+    assert run_in_process("render", *studio, "-o", tmp_path / "alone.exr")[0] == 0
     assert np.array_equal(pixels(tmp_path / "farm.exr"), pixels(tmp_path / "alone.exr"))
 
 
@@ -132,11 +134,13 @@ def test_a_variant_is_the_same_here_and_there(farm: Farm, tmp_path: Path) -> Non
     (tmp_path / "shoe.glb").write_bytes(shoe().glb())
     shown = ["--size=16x16", "--spp=4", "--eye=0.3,0.3,2", "--target=0.3,0.3,0", "--aov=albedo"]
     for variant in ([], ["--variant=night"], ["--variant=0"]):
-        code, _, err = here("submit", tmp_path / "shoe.glb", "--server", farm.url, "-o", tmp_path / "far.exr", *shown, *variant)
+        code, _, err = run_in_process(
+            "submit", tmp_path / "shoe.glb", "--server", farm.url, "-o", tmp_path / "far.exr", *shown, *variant
+        )
         assert code == 0, err
-        assert here("render", tmp_path / "shoe.glb", "-o", tmp_path / "near.exr", *shown, *variant)[0] == 0
+        assert run_in_process("render", tmp_path / "shoe.glb", "-o", tmp_path / "near.exr", *shown, *variant)[0] == 0
         assert np.array_equal(pixels(tmp_path / "far.exr"), pixels(tmp_path / "near.exr"))
-    code, _, err = here("submit", tmp_path / "shoe.glb", "--server", farm.url, "--variant=winter")
+    code, _, err = run_in_process("submit", tmp_path / "shoe.glb", "--server", farm.url, "--variant=winter")
     assert code == 1
     assert "no variant 'winter'; its variants are 0: beach, 1: night, 2: day" in err
 
@@ -145,24 +149,24 @@ def test_a_shot_is_fetched_frame_by_frame_and_is_what_render_gives(farm: Farm, t
     (tmp_path / "shot.glb").write_bytes(turning().glb())
     shown = ["--size=24x16", "--spp=4", "--env=1,1,1"]
     common = ["submit", tmp_path / "shot.glb", "--server", farm.url, "-o", tmp_path / "far.###.exr", *shown]
-    code, out, err = here(*common, "--frames=0-3,6.5", "--order=centre-out")
+    code, out, err = run_in_process(*common, "--frames=0-3,6.5", "--order=centre-out")
     assert code == 0, err
-    assert here("render", tmp_path / "shot.glb", "-o", tmp_path / "near.###.exr", "--frames=0-3,6.5", *shown)[0] == 0
+    assert run_in_process("render", tmp_path / "shot.glb", "-o", tmp_path / "near.###.exr", "--frames=0-3,6.5", *shown)[0] == 0
     for number in ("000", "001", "002", "003", "006.5"):
         assert np.array_equal(pixels(tmp_path / f"far.{number}.exr"), pixels(tmp_path / f"near.{number}.exr"))
-    lines = here("jobs", "--server", farm.url)[1].splitlines()
+    lines = run_in_process("jobs", "--server", farm.url)[1].splitlines()
     assert any(out.strip() in line and "5 of 5" in line for line in lines), lines
 
     (tmp_path / "far.002.exr").unlink()
-    code, out, err = here(*common, "--frames=0-3,6.5")
+    code, out, err = run_in_process(*common, "--frames=0-3,6.5")
     assert (code, "4 of 5 frames are there and kept" in err) == (0, True)
     with farm.client() as client:
         assert [frame.number for frame in client.frames(out.strip())] == [2]
-    code, out, err = here(*common, "--frames=0-3,6.5")
+    code, out, err = run_in_process(*common, "--frames=0-3,6.5")
     assert (code, out, "All 5 frames are there" in err) == (0, "", True)
 
 
-def both() -> Gltf:
+def moving_scene() -> Gltf:
     """Builds a file with a triangle that moves to the right within a second, and a camera that rises."""
     g = turning()
     samplers, channels = g.root["animations"][0]["samplers"], g.root["animations"][0]["channels"]
@@ -182,7 +186,7 @@ def digest_here(scene: Path, frame: float, picture: Picture, turntable: float | 
 
 @pytest.mark.long
 def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> None:
-    (tmp_path / "shot.glb").write_bytes(both().glb())
+    (tmp_path / "shot.glb").write_bytes(moving_scene().glb())
     cube = "{type: cube, transform: [{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 900]]}}}]}"
     (tmp_path / "own.yaml").write_text(f"settings: {{shutter: 2}}\nshapes: [{cube}]")
     digests = set()
@@ -199,12 +203,12 @@ def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> Non
         words = ["--size=24x16", "--spp=4", "--env=1,1,1", *(f"--{option}={value}" for option, value in asked.items())]
         words += [f"--frame={frame}"] if frame else []
         words += [f"--turntable={turntable}"] if turntable else []
-        code, out, err = here("submit", tmp_path / name, "--server", farm.url, "-o", tmp_path / "far.exr", *words)
+        code, out, err = run_in_process("submit", tmp_path / name, "--server", farm.url, "-o", tmp_path / "far.exr", *words)
         assert code == 0, err
         with farm.client() as client:
             digest = client.digest(out.strip(), frame)
         assert digest == digest_here(tmp_path / name, frame, picture, turntable)
-        assert here("render", tmp_path / name, "-o", tmp_path / "near.exr", *words)[0] == 0
+        assert run_in_process("render", tmp_path / name, "-o", tmp_path / "near.exr", *words)[0] == 0
         assert np.array_equal(pixels(tmp_path / "far.exr"), pixels(tmp_path / "near.exr"))
         digests.add(digest)
     assert len(digests) == 6
@@ -214,7 +218,7 @@ def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> Non
 def test_a_farm_makes_a_film_of_a_shot(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "shot.glb").write_bytes(turning().glb())
     arguments = ["--size=64x48", "--spp=2", "--frames=0-5", "--fps=12"]
-    code, _, err = here("submit", tmp_path / "shot.glb", "--server", farm.url, "-o", tmp_path / "shot.mp4", *arguments)
+    code, _, err = run_in_process("submit", tmp_path / "shot.glb", "--server", farm.url, "-o", tmp_path / "shot.mp4", *arguments)
     assert code == 0, err
     with av.open(str(tmp_path / "shot.mp4")) as container:
         assert container.streams.video[0].average_rate == 12
@@ -227,7 +231,7 @@ def test_a_frame_that_fails_ends_the_command_with_1_and_the_others_are_written(f
         (tmp_path / f"smoke.{number}.obj").write_text(f"v -9 -9 0\nv 9 -9 0\nv 0 {9 + number} 0\nf 1 2 3\n")
     (tmp_path / "scene.yaml").write_text("shapes: [{type: mesh, file: smoke.#.obj}]\n")
     arguments = ["--size=16x16", "--spp=1", "--env=1,1,1", "--frames=0-3"]
-    code, _, err = here("submit", tmp_path, "--server", farm.url, "-o", tmp_path / "out.#.png", *arguments)
+    code, _, err = run_in_process("submit", tmp_path, "--server", farm.url, "-o", tmp_path / "out.#.png", *arguments)
     assert code == 1
     assert "frame 2 failed" in err
     assert "1 of 4 frames failed: 2" in err
@@ -239,9 +243,11 @@ def test_files_under_numbers_are_a_shot(farm: Farm, tmp_path: Path) -> None:
     for number in (1, 2):
         (tmp_path / f"drop.{number:04d}.obj").write_text(f"v -9 -9 0\nv 9 -9 0\nv 0 {3 * number} 0\nf 1 2 3\n")
     arguments = ["--frames=1-2", "--size=16x16", "--spp=2", "--env=1,1,1"]
-    code, _, err = here("submit", tmp_path / "drop.####.obj", "--server", farm.url, "-o", tmp_path / "far.#.exr", *arguments)
+    code, _, err = run_in_process(
+        "submit", tmp_path / "drop.####.obj", "--server", farm.url, "-o", tmp_path / "far.#.exr", *arguments
+    )
     assert code == 0, err
-    assert here("render", tmp_path / "drop.####.obj", "-o", tmp_path / "near.#.exr", *arguments)[0] == 0
+    assert run_in_process("render", tmp_path / "drop.####.obj", "-o", tmp_path / "near.#.exr", *arguments)[0] == 0
     for number in (1, 2):
         assert np.array_equal(pixels(tmp_path / f"far.{number}.exr"), pixels(tmp_path / f"near.{number}.exr"))
 
@@ -249,7 +255,7 @@ def test_files_under_numbers_are_a_shot(farm: Farm, tmp_path: Path) -> None:
 @pytest.mark.long
 def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "noise.glb").write_bytes(b"glTF" + os.urandom(200))
-    code, _, err = here("submit", tmp_path / "noise.glb", "--server", farm.url)
+    code, _, err = run_in_process("submit", tmp_path / "noise.glb", "--server", farm.url)
     assert code == 1
     assert "noise.glb" in err
     assert "Traceback" not in err

@@ -73,7 +73,7 @@ def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
     return ""
 
 
-def said(folder: Path, suffix: str, tries: int) -> list[str]:
+def error_messages(folder: Path, suffix: str, tries: int) -> list[str]:
     """Reads the file of this suffix with `tries` different damages, and returns the error messages."""
     rng = random.Random(7)
     whole = (folder / f"a.{suffix}").read_bytes()
@@ -102,7 +102,7 @@ def main() -> None:
     problem = bounded(made, "the stage")
     assert not problem, problem
     for suffix in SUFFIXES:
-        print(json.dumps({suffix: said(folder, suffix, tries)}), flush=True)
+        print(json.dumps({suffix: error_messages(folder, suffix, tries)}), flush=True)
 
 
 if __name__ == "__main__":

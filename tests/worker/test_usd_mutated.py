@@ -15,7 +15,7 @@ TRIES = 2
 
 
 @pytest.fixture(scope="module")
-def said(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[str]]]:
+def error_messages(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[str]]]:
     """Returns the folder of the files, and the error messages by suffix."""
     folder = tmp_path_factory.mktemp("usd")
     command = [sys.executable, "-m", "tests.worker.damaged_stages", str(folder), str(TRIES)]
@@ -29,8 +29,8 @@ def said(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list
 
 @pytest.mark.long
 @pytest.mark.parametrize("suffix", ["usda", "usdc", "usdz"])
-def test_a_damaged_stage_is_a_scene_or_a_sentence(said: tuple[Path, dict[str, list[str]]], suffix: str) -> None:
-    folder, found = said
+def test_a_damaged_stage_is_a_scene_or_a_sentence(error_messages: tuple[Path, dict[str, list[str]]], suffix: str) -> None:
+    folder, found = error_messages
     sentences = [sentence for sentence in found[suffix] if sentence]
     for sentence in sentences:
         assert sentence.startswith((f"a.{suffix}: ", f"a.{suffix}[")), sentence

@@ -18,23 +18,23 @@ from tests.rayfarm.program import rayfarm
 from tests.service.conftest import Service
 
 
-def said(found: list[Finding], level: str) -> str:
+def findings_text(found: list[Finding], level: str) -> str:
     return "\n".join(each.says for each in found if each.level == level)
 
 
 def test_a_redis_that_forgets_or_is_full_and_its_workers(service: Service, redis_server: running_redis) -> None:
     with redis.Redis.from_url(redis_server.url) as store, service.worker(name="old"):
         found = list(check_redis(redis_server.url))
-        assert said(found, "fault") == ""
-        assert f"Of another release than {__version__}: old" in said(found, "note"), "its kind says so"
+        assert findings_text(found, "fault") == ""
+        assert f"Of another release than {__version__}: old" in findings_text(found, "note"), "its kind says so"
         before = store.config_get("maxmemory*")
         try:
             store.config_set("maxmemory-policy", "allkeys-lru")
             store.set("much", bytes(16_000_000))  # large compared with the clients' buffers
             store.config_set("maxmemory", int(1.1 * store.info()["used_memory"]))
             found = list(check_redis(redis_server.url))
-            assert "it forgets work (maxmemory-policy allkeys-lru)" in said(found, "fault")
-            assert "results wait to be merged" in said(found, "note")
+            assert "it forgets work (maxmemory-policy allkeys-lru)" in findings_text(found, "fault")
+            assert "results wait to be merged" in findings_text(found, "note")
         finally:
             store.delete("much")
             for name, value in before.items():
@@ -43,9 +43,9 @@ def test_a_redis_that_forgets_or_is_full_and_its_workers(service: Service, redis
 
 def test_a_wrong_password_and_a_redis_that_is_away(redis_server: running_redis) -> None:
     wrong = redis_server.url.replace(redis_server.password, "wrong")
-    assert "refuses the password" in said(list(check_redis(wrong)), "fault")
+    assert "refuses the password" in findings_text(list(check_redis(wrong)), "fault")
     found = list(check_redis("redis://:secret@127.0.0.1:1/0"))
-    assert "127.0.0.1:1/0 does not answer" in said(found, "fault")
+    assert "127.0.0.1:1/0 does not answer" in findings_text(found, "fault")
     assert "secret" not in str(found)
 
 
@@ -55,8 +55,8 @@ def test_where_no_farm_runs_it_is_told_whether_one_could(tmp_path: Path, monkeyp
         other.bind(("127.0.0.1", 0))
         other.listen()
         found = list(check_running_farm(Settings(data=tmp_path), other.getsockname()[1]))
-    assert "No farm runs on" in said(found, "note")
-    assert "in use by another program" in said(found, "fault")
+    assert "No farm runs on" in findings_text(found, "note")
+    assert "in use by another program" in findings_text(found, "fault")
     assert any(each.about == "Redis" and each.level == "fine" for each in found)
 
 
