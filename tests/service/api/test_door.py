@@ -33,7 +33,7 @@ def open_service(tmp_path_factory: pytest.TempPathFactory, redis_server: running
     service.stop()
 
 
-def said(answer: Any, status: int) -> str:
+def problem_detail(answer: Any, status: int) -> str:
     assert answer.status_code == status, answer.text
     assert answer.headers["content-type"] == "application/problem+json"
     detail = str(answer.json()["detail"])
@@ -43,7 +43,7 @@ def said(answer: Any, status: int) -> str:
 
 @pytest.mark.parametrize("host", ["[", "[]", "[::1", "][", "]", "a b", "a/b", "a@localhost", "localhost:x", "[nothing]", "ü"])
 def test_a_host_that_is_none_is_a_bad_request(service: Service, host: str) -> None:
-    assert "Host" in said(service.http.get("/healthz", headers={"Host": host.encode()}), 400)
+    assert "Host" in problem_detail(service.http.get("/healthz", headers={"Host": host.encode()}), 400)
 
 
 def test_a_host_that_is_missing_or_comes_twice_is_a_bad_request(service: Service) -> None:
@@ -57,7 +57,7 @@ def test_loopback_answers_to_its_own_names_alone(service: Service) -> None:
     for host in ("localhost", "LOCALHOST:99", "127.0.0.1", "[::1]:8000", "localhost."):
         assert service.http.get("/healthz", headers={"Host": host}).status_code == 200, host
     for host in ("elsewhere.example", "10.0.0.1", socket.gethostname() + ".example"):
-        assert "RAYFARM_ALLOWED_HOSTS" in said(service.http.get("/healthz", headers={"Host": host}), 421)
+        assert "RAYFARM_ALLOWED_HOSTS" in problem_detail(service.http.get("/healthz", headers={"Host": host}), 421)
 
 
 def test_a_service_for_all_machines_answers_to_addresses_and_its_own_names(open_service: Service) -> None:
@@ -66,7 +66,7 @@ def test_a_service_for_all_machines_answers_to_addresses_and_its_own_names(open_
     for host in ("localhost", "192.168.1.7:8000", "[fe80::1]", own, own.upper(), f"{own.split('.')[0]}.local", *given):
         assert open_service.http.get("/healthz", headers={"Host": host}).status_code == 200, host
     for host in ("evil.com", f"{own}.evil.com", "service", "127.0.0.1.evil.com"):
-        refusal = said(open_service.http.get("/healthz", headers={"Host": host}), 421)
+        refusal = problem_detail(open_service.http.get("/healthz", headers={"Host": host}), 421)
         assert f"RAYFARM_ALLOWED_HOSTS='[\"{host}\"]'" in refusal
 
 
@@ -88,7 +88,7 @@ def test_a_service_answers_to_the_full_name_that_the_network_gives_it(
 
 @pytest.mark.parametrize("origin", ["http://[", "http://][", "null", "", "nonsense", "https://elsewhere.example"])
 def test_an_origin_that_is_none_or_foreign_changes_nothing(service: Service, origin: str) -> None:
-    assert "origin" in said(service.http.post("/api/jobs", json={}, headers={"Origin": origin}), 403)
+    assert "origin" in problem_detail(service.http.post("/api/jobs", json={}, headers={"Origin": origin}), 403)
     with pytest.raises(InvalidStatus) as refused:
         connect(f"ws://127.0.0.1:{service.port}/api/jobs/x/live", additional_headers={"Origin": origin})
     assert refused.value.response.status_code == 403
@@ -123,7 +123,7 @@ def test_a_path_says_what_can_be_done_with_it(service: Service, path: str, metho
     assert (options.status_code, options.headers["allow"], options.content) == (204, methods, b"")
     for method in {"GET", "POST", "PUT", "PATCH", "DELETE"} - set(methods.split(", ")):
         answer = service.http.request(method, path)
-        assert method in said(answer, 405)
+        assert method in problem_detail(answer, 405)
         assert answer.headers["allow"] == methods
 
 

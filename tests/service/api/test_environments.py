@@ -17,7 +17,9 @@ SHOWN = {"Authorization": f"Bearer {TOKEN}"}
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[tuple[Service, PeerWorker]]:
+def service_and_worker(
+    tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis
+) -> Iterator[tuple[Service, PeerWorker]]:
     service = Service(tmp_path_factory.mktemp("environments") / "data", redis_server, max_upload_bytes=100_000)
     with service.worker() as worker:
         yield service, worker
@@ -33,8 +35,8 @@ def blobs(service: Service) -> int:
 
 
 @pytest.mark.long
-def test_presets_are_listed_with_their_pictures(both: tuple[Service, PeerWorker]) -> None:
-    service, _ = both
+def test_presets_are_listed_with_their_pictures(service_and_worker: tuple[Service, PeerWorker]) -> None:
+    service, _ = service_and_worker
     listed = service.http.get("/api/environments").json()
     assert [each["id"] for each in listed[: len(PRESETS)]] == list(PRESETS)
     scene = service.ready_scene()
@@ -46,8 +48,8 @@ def test_presets_are_listed_with_their_pictures(both: tuple[Service, PeerWorker]
 
 
 @pytest.mark.long
-def test_an_image_is_looked_at_once_and_kept_once(both: tuple[Service, PeerWorker]) -> None:
-    service, worker = both
+def test_an_image_is_looked_at_once_and_kept_once(service_and_worker: tuple[Service, PeerWorker]) -> None:
+    service, worker = service_and_worker
     made = post(service, "folder/window.exr", IMAGE)
     assert made.status_code == 201, made.text
     assert (made.json()["name"], made.json()["kind"], made.json()["bytes"]) == ("window.exr", "image", len(IMAGE))
@@ -90,9 +92,9 @@ def test_an_image_is_looked_at_once_and_kept_once(both: tuple[Service, PeerWorke
     ],
 )
 def test_what_lights_nothing_leaves_nothing(
-    both: tuple[Service, PeerWorker], name: str, content: bytes, status: int, says: str
+    service_and_worker: tuple[Service, PeerWorker], name: str, content: bytes, status: int, says: str
 ) -> None:
-    service, _ = both
+    service, _ = service_and_worker
     until(lambda: service.farm.engine.snapshot.roster.environment_kind() is not None, "a worker is ready")
     before = blobs(service)
     answer = post(service, name, content)
@@ -100,8 +102,8 @@ def test_what_lights_nothing_leaves_nothing(
     assert blobs(service) == before
 
 
-def test_workers_of_before_are_not_asked(both: tuple[Service, PeerWorker]) -> None:
-    service, worker = both
+def test_workers_of_before_are_not_asked(service_and_worker: tuple[Service, PeerWorker]) -> None:
+    service, worker = service_and_worker
     worker.views = False
     try:
         until(lambda: service.farm.engine.snapshot.roster.environment_kind() is None, "the service sees it")

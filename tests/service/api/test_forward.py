@@ -67,7 +67,7 @@ def standby(owner: int) -> Iterator[int]:
         yield port
 
 
-def asked(port: int, target: str, *headers: str) -> tuple[int, bytes]:
+def send_raw(port: int, target: str, *headers: str) -> tuple[int, bytes]:
     """Sends a raw request that no HTTP client would write; returns status and body."""
     with socket.create_connection(("127.0.0.1", port), timeout=30) as wire:
         lines = [f"GET {target} HTTP/1.1", "Host: localhost", "Connection: close", *headers]
@@ -78,9 +78,9 @@ def asked(port: int, target: str, *headers: str) -> tuple[int, bytes]:
 
 
 def test_nobody_is_taken_for_whoever_asked_before(standby: int) -> None:
-    assert "cookie" not in json.loads(asked(standby, "/")[1])["headers"]
-    assert "cookie" not in json.loads(asked(standby, "/")[1])["headers"], "what the owner gave another"
-    assert json.loads(asked(standby, "/", "Cookie: session=mine")[1])["headers"]["cookie"] == "session=mine"
+    assert "cookie" not in json.loads(send_raw(standby, "/")[1])["headers"]
+    assert "cookie" not in json.loads(send_raw(standby, "/")[1])["headers"], "what the owner gave another"
+    assert json.loads(send_raw(standby, "/", "Cookie: session=mine")[1])["headers"]["cookie"] == "session=mine"
 
 
 def test_what_is_asked_for_does_not_say_of_whom(standby: int) -> None:
@@ -89,18 +89,18 @@ def test_what_is_asked_for_does_not_say_of_whom(standby: int) -> None:
     The owner's address `http://owner:8000` followed by `*@elsewhere/` would be a URL at elsewhere.
     """
     with served(echo) as elsewhere:
-        status, body = asked(standby, f"*@127.0.0.1:{elsewhere}/secret")
+        status, body = send_raw(standby, f"*@127.0.0.1:{elsewhere}/secret")
     assert status == 400
     assert b"secret" not in body
-    assert asked(standby, "/" + "a" * (1 << 16))[0] == 400
+    assert send_raw(standby, "/" + "a" * (1 << 16))[0] == 400
 
 
 def test_nothing_is_said_that_nobody_said(standby: int) -> None:
     """A client that did not request gzip gets an uncompressed response, although the standby's own client supports gzip."""
-    found = json.loads(asked(standby, "/a?b=%20c")[1])
+    found = json.loads(send_raw(standby, "/a?b=%20c")[1])
     assert found["path"] == "/a"
     assert not {"accept", "accept-encoding", "user-agent"} & found["headers"].keys()
-    assert json.loads(asked(standby, "/", "Accept-Encoding: br")[1])["headers"]["accept-encoding"] == "br"
+    assert json.loads(send_raw(standby, "/", "Accept-Encoding: br")[1])["headers"]["accept-encoding"] == "br"
 
 
 def test_the_owner_learns_the_clients_address_by_a_signed_field_alone() -> None:

@@ -51,7 +51,7 @@ def scene_of(client: httpx.Client, content: bytes = OBJ) -> str:
     return id
 
 
-def asked(client: httpx.Client, scene: str, **more: Any) -> httpx.Response:
+def submit(client: httpx.Client, scene: str, **more: Any) -> httpx.Response:
     return client.post("/api/jobs", json={"scene": scene, "spp": 4, "fresh": True, **SIZE, **more})
 
 
@@ -68,14 +68,14 @@ def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "anna") as anna:
         scene = scene_of(anna)
         long = {"spp": 1_000_000}
-        first, second = (asked(anna, scene, **long).raise_for_status().json()["id"] for _ in range(2))
-        third = asked(anna, scene, **long)
+        first, second = (submit(anna, scene, **long).raise_for_status().json()["id"] for _ in range(2))
+        third = submit(anna, scene, **long)
         assert third.status_code == 429
         assert float(third.headers["retry-after"]) >= 1
         assert "number of unfinished jobs is 2; the limit is 2. Wait until one is finished" in third.json()["detail"]
         assert used(anna)["jobs"] == 2
         chief.patch(f"/api/jobs/{first}", json={"state": "cancelled"}).raise_for_status()
-        third = asked(anna, scene, **long)
+        third = submit(anna, scene, **long)
         assert third.status_code == 201
         again = anna.patch(f"/api/jobs/{first}", json={"state": "running"})
         assert (again.status_code, anna.get(f"/api/jobs/{first}").json()["state"]) == (429, "cancelled")
@@ -85,7 +85,7 @@ def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
         assert anna.patch(f"/api/jobs/{first}", json={"state": "running"}).status_code == 200
         assert chief.delete("/api/quotas/users/anna").status_code == 204
         assert anna.get("/api/quota").json()[0]["limits"]["jobs"] == 2
-        assert asked(chief, scene).status_code == 201, "who keeps the farm has no limits"
+        assert submit(chief, scene).status_code == 201, "who keeps the farm has no limits"
         for job in (first, second, third.json()["id"]):
             anna.delete(f"/api/jobs/{job}").raise_for_status()
         assert used(anna)["jobs"] == 0
@@ -96,15 +96,15 @@ def test_samples_a_day_also_of_jobs_that_are_deleted(service: Service, chief: ht
     with somebody(service, "bea") as bea:
         scene = scene_of(bea)
         may(chief, "users/bea", samples_day=2 * SAMPLES + 1)
-        job = asked(bea, scene).raise_for_status().json()["id"]
+        job = submit(bea, scene).raise_for_status().json()["id"]
         until(lambda: bea.get(f"/api/jobs/{job}").json()["state"] == "finished", "it is rendered")
         assert used(bea)["samples_day"] == SAMPLES
         assert bea.patch(f"/api/jobs/{job}", json={"more": 8}).status_code == 429
         assert bea.delete(f"/api/jobs/{job}").status_code == 204
         assert used(bea)["samples_day"] == SAMPLES
-        refused = asked(bea, scene, spp=8)
+        refused = submit(bea, scene, spp=8)
         assert (refused.status_code, f"{2 * SAMPLES:,} more" in refused.json()["detail"]) == (429, True)
-        assert asked(bea, scene).status_code == 201
+        assert submit(bea, scene).status_code == 201
 
 
 @pytest.mark.long
@@ -112,11 +112,11 @@ def test_samples_count_from_the_moment_they_are_asked_for(service: Service, chie
     with somebody(service, "hal") as hal:
         scene = scene_of(hal)
         may(chief, "users/hal", samples_day=1 << 40)
-        first = asked(hal, scene, spp=1 << 20, frames="0-1").raise_for_status().json()["id"]
-        waits = asked(hal, scene, after=[first]).raise_for_status().json()["id"]  # stays waiting until the first has ended
+        first = submit(hal, scene, spp=1 << 20, frames="0-1").raise_for_status().json()["id"]
+        waits = submit(hal, scene, after=[first]).raise_for_status().json()["id"]  # stays waiting until the first has ended
         assert used(hal)["samples_day"] == (2 << 30) + SAMPLES
         may(chief, "users/hal", samples_day=(2 << 30) + 2 * SAMPLES - 1)
-        assert asked(hal, scene, after=[first]).status_code == 429
+        assert submit(hal, scene, after=[first]).status_code == 429
         with service.farm.sessions.begin() as session:
             session.add_all(Frame(job=waits, number=n, target=1 << 62) for n in (2, 4, 6))
         assert used(hal)["samples_day"] == (1 << 63) - 1, "more than a database adds up"
@@ -129,7 +129,7 @@ def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> No
         scene = scene_of(cleo, OBJ + b"# cleo")
         mine = used(cleo)["bytes"]
         assert mine == len(OBJ) + 6
-        job = asked(cleo, scene).raise_for_status().json()["id"]
+        job = submit(cleo, scene).raise_for_status().json()["id"]
         until(lambda: cleo.get(f"/api/jobs/{job}").json()["state"] == "finished", "it is rendered")
         assert used(cleo)["bytes"] > mine + 1000, "its film"
         may(chief, "users/cleo", bytes=used(cleo)["bytes"] + 20_000)
@@ -143,7 +143,7 @@ def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> No
         for kind in ("references", "environments"):
             assert cleo.post(f"/api/{kind}", files={"file": ("b.png", b"#" * 50_000)}).status_code == 507
         may(chief, "users/cleo", bytes=0)
-        assert asked(cleo, scene).status_code == 507
+        assert submit(cleo, scene).status_code == 507
         assert cleo.delete(f"/api/jobs/{job}").status_code == 204, "what helps is never refused"
         assert cleo.delete(f"/api/scenes/{scene}").status_code == 204
 
@@ -154,10 +154,10 @@ def test_a_token_may_less_than_its_user(service: Service, chief: httpx.Client) -
         may(chief, f"tokens/{row.id}", jobs=0)
         scene = scene_of(dora)
         with caller(service, secret) as nightly:
-            refused = asked(nightly, scene)
+            refused = submit(nightly, scene)
             assert (refused.status_code, "This token's" in refused.json()["detail"]) == (429, True)
             assert [found["whose"] for found in nightly.get("/api/quota").json()] == ["user:dora", f"token:{row.id}"]
-        assert asked(dora, scene).status_code == 201
+        assert submit(dora, scene).status_code == 201
 
 
 def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client) -> None:
@@ -191,7 +191,7 @@ def test_a_page_of_the_list_looks_at_its_own_users_films_alone(
 ) -> None:
     with somebody(service, "hugo") as hugo, somebody(service, "ida") as ida:
         scene = scene_of(hugo)
-        jobs = [asked(client, scene).raise_for_status().json()["id"] for client in (hugo, ida)]
+        jobs = [submit(client, scene).raise_for_status().json()["id"] for client in (hugo, ida)]
         looked_at: list[str] = []
         monkeypatch.setattr(service.farm.quotas, "_size_of", lambda job: looked_at.append(job) or 0)
         offset = [found["whose"] for found in chief.get("/api/quotas").json()].index("user:hugo")
@@ -205,7 +205,7 @@ def test_what_is_asked_of_a_shot_later_counts_for_each_of_its_frames(service: Se
     with somebody(service, "frida") as frida:
         scene = scene_of(frida)
         may(chief, "users/frida", samples_day=10 * SAMPLES)
-        shot = asked(frida, scene, frames="0-1").raise_for_status().json()["id"]
+        shot = submit(frida, scene, frames="0-1").raise_for_status().json()["id"]
 
         def change(**wish: Any) -> int:
             return frida.patch(f"/api/jobs/{shot}", json=wish).status_code
@@ -224,7 +224,7 @@ def test_what_is_rendered_anew_counts_each_time(service: Service, chief: httpx.C
     with somebody(service, "greta") as greta:
         scene = scene_of(greta)
         may(chief, "users/greta", samples_day=5 * SAMPLES)
-        shot = asked(greta, scene, frames="0-1").raise_for_status().json()["id"]
+        shot = submit(greta, scene, frames="0-1").raise_for_status().json()["id"]
         for times in (2, 3):
             until(lambda: greta.get(f"/api/jobs/{shot}").json()["state"] == "finished", "it is finished")
             assert greta.patch(f"/api/jobs/{shot}", json={"again": "0"}).status_code == 200

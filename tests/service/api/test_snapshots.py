@@ -27,7 +27,7 @@ def light(samples: int) -> np.ndarray:
     return rgbe9995.pack(film_math.mean(sums, EXPONENT))
 
 
-def kept(service: Service, job: str) -> list[int]:
+def snapshot_samples(service: Service, job: str) -> list[int]:
     return [each["spp"] for each in service.http.get(f"/api/jobs/{job}/snapshots").raise_for_status().json()]
 
 
@@ -53,7 +53,7 @@ def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, t
         job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=SIDE, spp=64)
         jobs.append(job)
         service.wait_for(job, "finished")
-        assert kept(service, job)[:2] == [1, 8], "batches have seven times what there is"
+        assert snapshot_samples(service, job)[:2] == [1, 8], "batches have seven times what there is"
         service.restart()
     found = service.http.get(f"/api/jobs/{job}/snapshots").json()
     assert [(each["spp"], each["least"], each["most"], each["samples"]) for each in found[:2]] == [
@@ -61,7 +61,7 @@ def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, t
         (8, 8, 8, 8 * WIDTH * HEIGHT),
     ]
     assert 0 < found[0]["seconds"] <= found[1]["seconds"]
-    assert 64 not in kept(service, job), "that is the picture itself"
+    assert 64 not in snapshot_samples(service, job), "that is the picture itself"
 
     url = f"/api/jobs/{job}/snapshots/8"
     for encoding in ("gzip", "identity"):
@@ -96,14 +96,14 @@ def test_a_picture_that_goes_on_is_kept_from_where_it_was(service: Service) -> N
         job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=SIDE, spp=8)
         jobs.append(job)
         service.wait_for(job, "finished")
-        assert kept(service, job) == [1]
+        assert snapshot_samples(service, job) == [1]
         service.patch(job, spp=32)
         until(lambda: service.job(job)["state"] == "finished" and service.job(job)["spp"] == 32, "it has 32")
-        assert kept(service, job)[1] == 8, "once it is no longer the picture itself"
+        assert snapshot_samples(service, job)[1] == 8, "once it is no longer the picture itself"
 
 
 @pytest.mark.long
 def test_of_shots_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), width=16, height=16, spp=4, frames="0-1")
     service.wait_for(job, "finished")
-    assert kept(service, job) == []
+    assert snapshot_samples(service, job) == []

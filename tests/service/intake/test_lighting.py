@@ -20,7 +20,9 @@ SHOWN = {"Authorization": f"Bearer {TOKEN}"}
 
 
 @pytest.fixture(scope="module")
-def both(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[tuple[Service, PeerWorker]]:
+def service_and_worker(
+    tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis
+) -> Iterator[tuple[Service, PeerWorker]]:
     service = Service(tmp_path_factory.mktemp("lighting") / "data", redis_server)
     with service.worker() as worker:
         yield service, worker
@@ -28,8 +30,8 @@ def both(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) 
 
 
 @pytest.fixture
-def service(both: tuple[Service, PeerWorker]) -> Service:
-    return both[0]
+def service(service_and_worker: tuple[Service, PeerWorker]) -> Service:
+    return service_and_worker[0]
 
 
 def rendered(service: Service, scene: str, **environment: Any) -> tuple[dict[str, Any], str | None]:
@@ -73,8 +75,8 @@ def test_a_light_makes_no_other_scene_and_the_job_says_it(service: Service) -> N
     assert service.http.get(f"/api/scenes/{lit}").status_code == 200, "uploaded so, it is a scene"
 
 
-def test_a_view_asks_for_light_without_a_job_and_holds_it(both: tuple[Service, PeerWorker]) -> None:
-    service, worker = both
+def test_a_view_asks_for_light_without_a_job_and_holds_it(service_and_worker: tuple[Service, PeerWorker]) -> None:
+    service, worker = service_and_worker
     scene = scene_of(service, b"# view\n")
     lighting = service.farm.lighting
     assert lighting.scene_for(scene, {}, worker.kind).status == "ready"

@@ -29,7 +29,7 @@ def files_of(folder: Path) -> set[str]:
     return {path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()}
 
 
-def beside(data: Path, job: str) -> dict[str, bytes]:
+def log_and_snapshots(data: Path, job: str) -> dict[str, bytes]:
     """Returns a job's log and snapshots, as stored on disk."""
     return {
         path.relative_to(data).as_posix(): path.read_bytes()
@@ -58,8 +58,8 @@ def test_a_half_done_job_is_finished_from_its_backup(
     with service.worker() as worker:
         done = service.submit(service.ready_scene())
         service.wait_for(done, "finished")
-        until(lambda: beside(service.options["data"], done) != {}, "its log is written")
-        before = beside(service.options["data"], done)
+        until(lambda: log_and_snapshots(service.options["data"], done) != {}, "its log is written")
+        before = log_and_snapshots(service.options["data"], done)
         worker.on_batch = slow
         half = service.submit(service.ready_scene(), spp=40, seed=3)
         until(lambda: service.job(half)["progress"] > 0.1, "it is under way")
@@ -81,7 +81,7 @@ def test_a_half_done_job_is_finished_from_its_backup(
             assert {batch.job for batch in worker.batches} == {half}, "what was finished stays so"
         assert again.digest(half) == expected_digest(spp=40, seed=3)
         assert again.digest(done) == expected_digest()
-        after = beside(tmp_path / "again", done)
+        after = log_and_snapshots(tmp_path / "again", done)
         assert all(after[name].startswith(content) for name, content in before.items()), "logs and snapshots came along"
         assert {path.stat().st_mode & 0o077 for path in (tmp_path / "again").rglob("*")} == {0}
     finally:

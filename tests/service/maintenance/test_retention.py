@@ -28,10 +28,10 @@ def aged(service: Service, **days: float) -> None:
 def let_go(service: Service, **rules: float) -> list[tuple[str, str]]:
     answer = service.http.post("/api/retention", json={"dry_run": False, **rules})
     assert answer.status_code == 202, answer.text
-    return [(item["what"], item["id"]) for item in over(service, answer.headers["location"])["items"]]
+    return [(item["what"], item["id"]) for item in wait_for_deletion(service, answer.headers["location"])["items"]]
 
 
-def over(service: Service, location: str = "/api/retention") -> dict[str, Any]:
+def wait_for_deletion(service: Service, location: str = "/api/retention") -> dict[str, Any]:
     """Waits until the deletion run at `location` has ended, and returns it."""
     runs: list[dict[str, Any]] = []
 
@@ -157,7 +157,7 @@ def test_a_deletion_is_answered_at_once_and_says_how_far_it_is(
     again = service.http.post("/api/retention", json={"dry_run": False, "films_days": 15})
     assert (again.status_code, again.json()["code"]) == (409, "retention-already-running")
     go.set()
-    done = over(service)
+    done = wait_for_deletion(service)
     assert (done["state"], done["done"], [item["id"] for item in done["items"]]) == ("finished", 2, jobs[1:3])
     assert done["bytes"] == sum(item["bytes"] for item in done["items"]) > 0
 
@@ -166,5 +166,5 @@ def test_a_deletion_is_answered_at_once_and_says_how_far_it_is(
 
     monkeypatch.setattr(service.farm.retention, "_drop_film", broken)
     service.http.post("/api/retention", json={"dry_run": False, "films_days": 5}).raise_for_status()
-    failed = over(service)
+    failed = wait_for_deletion(service)
     assert failed["state"] == "failed" and "KeyError" in failed["error"]

@@ -55,7 +55,7 @@ def owned(candidate: Candidate) -> Ownership:
     return found
 
 
-def elsewhere(owning: Ownership) -> None:
+def move_owner_to_another_machine(owning: Ownership) -> None:
     """Makes the owner's database row look like that of another machine, whose process cannot be checked."""
     with owning._bare.begin() as session:
         session.execute(text("UPDATE owners SET process = NULL, locked = :no"), {"no": False})
@@ -109,7 +109,7 @@ def test_an_owner_whose_folder_is_free_is_dead(candidates: Callable[..., Candida
 
 def test_a_free_folder_says_nothing_of_an_owner_that_never_had_it(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
-    elsewhere(first)
+    move_owner_to_another_machine(first)
     first._folder.release()
     second = candidates()
     assert wait(second, clock, LEASE_S - 1.0) is None
@@ -125,7 +125,7 @@ def test_an_owner_that_hangs_is_taken_over_from_and_writes_nothing_any_more(
     candidates: Callable[..., Candidate], clock: Time
 ) -> None:
     first = owned(candidates())
-    elsewhere(first)
+    move_owner_to_another_machine(first)
     second = candidates()
     begun = clock.now
     follower = wait(second, clock, 3 * LEASE_S)
@@ -145,7 +145,7 @@ def test_an_owner_that_hangs_is_taken_over_from_and_writes_nothing_any_more(
 
 def test_whoever_stood_still_asks_before_it_acts(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
-    elsewhere(first)
+    move_owner_to_another_machine(first)
     first.guard()
     assert wait(candidates(), clock, 3 * LEASE_S) is not None
     assert not first.is_lost, "nobody has told it"

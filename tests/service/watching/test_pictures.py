@@ -81,7 +81,7 @@ def same(data: bytes, other: bytes, folder: Path) -> bool:
     return read[0][0] == read[1][0] and np.array_equal(read[0][1], read[1][1])
 
 
-def shown(data: bytes) -> np.ndarray:
+def decoded(data: bytes) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(data)))
 
 
@@ -90,19 +90,19 @@ def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tm
     color = film_math.mean(sums, 24)
     for extension in ("exr", "hdr"):
         assert same(made(small, PictureRequest(extension), tmp_path), encode(color, extension), tmp_path)
-    np.testing.assert_array_equal(shown(made(small, PictureRequest("png", exposure=1), tmp_path)), tonemap.apply(color, 1))
+    np.testing.assert_array_equal(decoded(made(small, PictureRequest("png", exposure=1), tmp_path)), tonemap.apply(color, 1))
     assert made(small, PictureRequest("rgb9e5"), tmp_path) == rgbe9995.pack(color).astype("<u4").tobytes()
     planes = {name: aovs.values(sums, 24, name) for name in aovs.AOVS}
     assert same(made(small, ALL, tmp_path), encode(color, "exr", channels=aovs.layers(planes)), tmp_path)
     for name, plane in planes.items():
-        np.testing.assert_array_equal(shown(made(small, PictureRequest("png", (name,)), tmp_path)), aovs.visible(name, plane))
+        np.testing.assert_array_equal(decoded(made(small, PictureRequest("png", (name,)), tmp_path)), aovs.visible(name, plane))
         grey = plane if plane.ndim == 3 else np.repeat(plane[..., None], 3, axis=2)
         assert same(made(small, PictureRequest("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
 
 
 @pytest.mark.long
 def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: Path) -> None:
-    assert shown(made(film, PictureRequest("png", width=300), tmp_path)).shape == (300, 366, 3)
+    assert decoded(made(film, PictureRequest("png", width=300), tmp_path)).shape == (300, 366, 3)
     (tmp_path / "small.exr").write_bytes(made(film, PictureRequest("exr", width=300), tmp_path))
     small = oiio.ImageInput.open(str(tmp_path / "small.exr"))
     assert (small.spec().width, small.spec().height) == (366, 300)
