@@ -33,7 +33,7 @@ class Said(NamedTuple):
 
 
 @cache
-def _said() -> tuple[Said, ...]:
+def _sentences() -> tuple[Said, ...]:
     return tuple(each for name in SPEAKERS for path in sorted((ROOT / name).rglob("*.py")) for each in _of(path))
 
 
@@ -77,7 +77,7 @@ def _catalogue(language: str) -> dict[str, str]:
 def test_a_code_has_one_template() -> None:
     """A code has one template, ignoring a full stop at the end: `Sentence.removesuffix` keeps the code."""
     templates = defaultdict(set)
-    for each in _said():
+    for each in _sentences():
         templates[each.code].add(each.template.removesuffix("."))
     assert not {code: found for code, found in templates.items() if len(found) > 1}
 
@@ -85,7 +85,7 @@ def test_a_code_has_one_template() -> None:
 def test_a_template_has_one_code() -> None:
     """An English text has the same code everywhere, whatever the names of its parameters."""
     codes = defaultdict(set)
-    for each in _said():
+    for each in _sentences():
         text = PLACES.sub("{}", each.template).removesuffix(".")
         if re.search(r"[A-Za-z]", PLACES.sub("", each.template)):
             codes[text].add(each.code)
@@ -93,20 +93,20 @@ def test_a_template_has_one_code() -> None:
 
 
 def test_codes_are_short_and_in_kebab_case() -> None:
-    wrong = [each.code for each in _said() if not CODE.fullmatch(each.code) or each.code.count("-") > 5]
+    wrong = [each.code for each in _sentences() if not CODE.fullmatch(each.code) or each.code.count("-") > 5]
     assert not wrong
     numbered = re.compile(r".*-[0-9]+")
-    assert not [each.code for each in _said() if numbered.fullmatch(each.code) and each.code not in WITH_NUMBERS]
+    assert not [each.code for each in _sentences() if numbered.fullmatch(each.code) and each.code not in WITH_NUMBERS]
 
 
 def test_a_sentence_has_the_parameters_of_its_template() -> None:
-    wrong = [each.at for each in _said() if not each.params <= {*PLACES.findall(each.template), "{type}"}]
+    wrong = [each.at for each in _sentences() if not each.params <= {*PLACES.findall(each.template), "{type}"}]
     assert not wrong, "parameters that the template does not use"
 
 
 def test_every_sentence_is_translated() -> None:
     known = _catalogue("de")
-    left = {each.code: each.at for each in _said() if each.code not in known}
+    left = {each.code: each.at for each in _sentences() if each.code not in known}
     assert not left, "not in service.de.json and service.zh.json"
 
 
@@ -115,18 +115,18 @@ def test_the_page_acts_on_codes_of_the_service() -> None:
         re.findall(r"const CLOSED = .*", (ROOT / "web/js/base/lasting-socket.js").read_text(encoding="utf-8"))
     )
     used = set(re.findall(r'"([a-z0-9]+(?:-[a-z0-9]+)+)"', source))
-    assert used and not used - {each.code for each in _said()}
-    missing = {each.code for each in _said() if re.search(r"not among the (scene's )?files", each.template)}
+    assert used and not used - {each.code for each in _sentences()}
+    missing = {each.code for each in _sentences() if re.search(r"not among the (scene's )?files", each.template)}
     assert not missing - used, "add these to MISSING_FILE, so that the page offers to add the file"
 
 
 def test_catalogues_have_no_unknown_code() -> None:
-    assert not _catalogue("de").keys() - {each.code for each in _said()}
+    assert not _catalogue("de").keys() - {each.code for each in _sentences()}
 
 
 @pytest.mark.parametrize("language", ["de", "zh"])
 def test_a_translation_has_the_places_of_its_sentence(language: str) -> None:
-    templates = {each.code: each.template for each in _said()}
+    templates = {each.code: each.template for each in _sentences()}
     catalogue = _catalogue(language)
     assert not [code for code, text in catalogue.items() if {*PLACES.findall(text)} != {*PLACES.findall(templates[code])}]
 
@@ -165,4 +165,4 @@ def test_readers_raise_sentences_with_codes() -> None:
 
 def test_parameters_are_not_prose() -> None:
     """A phrase in a sentence's parameters must be a `Sentence` of its own, so that the page translates it too."""
-    assert not [f"{each.at}: {text}" for each in _said() for text in each.prose]
+    assert not [f"{each.at}: {text}" for each in _sentences() for text in each.prose]

@@ -18,7 +18,7 @@ import httpx
 import pytest
 
 from renderer.child_processes import spawn_guard
-from tests.chaos.test_digest import alone, submit
+from tests.chaos.test_digest import digest_without_farm, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.renderer.cuda.on_host import fake_driver, shared_object
 
@@ -37,7 +37,7 @@ def driver(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
 
 @pytest.fixture(scope="module")
 def expected() -> str:
-    return alone(SPP)
+    return digest_without_farm(SPP)
 
 
 @pytest.fixture
@@ -57,12 +57,12 @@ def join(farm: Farm, ends: ExitStack, driver: dict[str, str], megabytes: int) ->
     )
     ends.callback(process.wait)
     ends.callback(process.terminate)
-    workers = lambda: {each["name"]: each["state"] for each in asked(farm, "/api/workers").json()}  # noqa: E731
+    workers = lambda: {each["name"]: each["state"] for each in get(farm, "/api/workers").json()}  # noqa: E731
     wait_until(lambda: workers().get("attic-gpu") == "ready", 120, "the worker with the card has joined")
     return process
 
 
-def asked(farm: Farm, path: str) -> Any:
+def get(farm: Farm, path: str) -> Any:
     return httpx.get(farm.url + path, timeout=60).raise_for_status()
 
 
@@ -72,14 +72,14 @@ def finish(farm: Farm, job: str, expected: str) -> str:
         final = client.wait(job, timeout_s=240)
         assert final.state == "finished", f"{final}\n{farm.logs()}\n{(farm.data.parent / 'gpu.log').read_text()}"
         assert client.digest(job) == expected
-    return str(asked(farm, f"/api/jobs/{job}/log").text)
+    return str(get(farm, f"/api/jobs/{job}/log").text)
 
 
 def test_a_frame_of_cores_and_a_card_has_the_digest_of_the_cores(farm: Farm, driver: dict[str, str], expected: str) -> None:
     with ExitStack() as ends:
         join(farm, ends, driver, 8192)
         log = finish(farm, submit(farm, SPP, tile_size=16), expected)
-        workers = {each["name"]: each for each in asked(farm, "/api/workers").json()}
+        workers = {each["name"]: each for each in get(farm, "/api/workers").json()}
     assert workers["attic-gpu"]["cards"][0]["samples_per_s"] > 0
     for name in workers:
         assert f"{name}: " in log, log

@@ -25,7 +25,7 @@ WIDTH, HEIGHT, SPP, DEPTH = 80, 64, 256, 5
 VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
 
 
-def alone(spp: int) -> str:
+def digest_without_farm(spp: int) -> str:
     """Returns the digest of the same frame, rendered in this process without a farm."""
     scene = compile_scene(read(ROOT / "scenes", "cornell-box.yaml"))
     settings = RenderSettings(WIDTH, HEIGHT, VIEW, max_depth=DEPTH)
@@ -34,13 +34,13 @@ def alone(spp: int) -> str:
 
 @pytest.fixture(scope="module")
 def expected() -> str:
-    return alone(SPP)
+    return digest_without_farm(SPP)
 
 
 @pytest.fixture(scope="module")
 def soon() -> str:
     """Returns the digest of the frame at a fifth of the samples, for tests without disturbances."""
-    return alone(SPP // 5)
+    return digest_without_farm(SPP // 5)
 
 
 def submit(farm: Farm, spp: int = SPP, **more: Any) -> str:

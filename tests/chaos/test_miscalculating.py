@@ -13,7 +13,7 @@ import httpx
 import pytest
 
 from renderer.child_processes import spawn_guard
-from tests.chaos.test_digest import alone, submit
+from tests.chaos.test_digest import digest_without_farm, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 
 pytestmark = pytest.mark.long
@@ -34,7 +34,7 @@ def join(farm: Farm, ends: ExitStack, module: str, name: str) -> None:
     ends.callback(process.terminate)
 
 
-def asked(farm: Farm, path: str) -> Any:
+def get(farm: Farm, path: str) -> Any:
     return httpx.get(farm.url + path, timeout=60).raise_for_status()
 
 
@@ -46,7 +46,7 @@ def test_a_machine_that_miscalculates_is_found_out_and_leaves_no_trace(tmp_path:
         join(farm, ends, "tests.chaos.miscalculating", LIAR)
 
         def state(name: str) -> dict[str, Any]:
-            return next((each for each in asked(farm, "/api/workers").json() if each["name"] == name), {"state": "away"})
+            return next((each for each in get(farm, "/api/workers").json() if each["name"] == name), {"state": "away"})
 
         wait_until(lambda: {state(name)["state"] for name in ("honest", LIAR)} == {"ready"}, 120, "all have joined")
         job = submit(farm, SPP, verify=1.0, tile_size=32)
@@ -55,9 +55,9 @@ def test_a_machine_that_miscalculates_is_found_out_and_leaves_no_trace(tmp_path:
         with farm.client() as client:
             final = client.wait(job, timeout_s=240)
             assert final.state == "finished", f"{final}\n{farm.logs()}"
-            assert client.digest(job) == alone(SPP)
-        happened = asked(farm, f"/api/jobs/{job}/history").json()["events"]
+            assert client.digest(job) == digest_without_farm(SPP)
+        happened = get(farm, f"/api/jobs/{job}/history").json()["events"]
         assert any(LIAR in event["words"] for event in happened), happened
-        log = asked(farm, f"/api/jobs/{job}/log").text
+        log = get(farm, f"/api/jobs/{job}/log").text
         assert LIAR in log and "differently" in log, log
         assert {state(name)["state"] for name in ("honest",)} == {"ready"}

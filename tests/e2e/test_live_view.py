@@ -26,7 +26,7 @@ def slots_of(farm: Farm) -> list[psutil.Process]:
     return worker.children()
 
 
-def kept(farm: Farm) -> tuple[set[str], set[str], set[str]]:
+def stored_names(farm: Farm) -> tuple[set[str], set[str], set[str]]:
     """Returns the names of the farm's stored (jobs, films, blobs)."""
     jobs = {job["id"] for job in httpx.get(f"{farm.url}/api/jobs", params={"limit": 1000}).json()}
     films = {path.name for path in (farm.data / "films").iterdir()}
@@ -42,7 +42,7 @@ class LiveView:
             client.wait_for_scene(scene)
         address = f"{farm.url}/api/scenes/{scene}"
         wait_until(lambda: httpx.get(address).json()["thumbnail"] is not None, 60, "the scene has a thumbnail")
-        self.kept = kept(farm)
+        self.kept = stored_names(farm)
         self.sockets: list[WebSocketRoute] = []
         self.page = watched.page
         self.page.set_viewport_size(
@@ -97,7 +97,7 @@ def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched
 
     page.close()  # closed without leaving the view
     wait_until(lambda: "views" not in farm_views(farm), 60, "the slots are let go")
-    assert kept(farm) == view.kept, "no job, no film, no blob"
+    assert stored_names(farm) == view.kept, "no job, no film, no blob"
     assert [error for error in watched.errors if "WebSocket" not in error] == []
 
 

@@ -14,7 +14,7 @@ from tests.e2e.small_glb import small_glb
 from tests.helpers import Farm, wait_until
 
 
-def seen(page: Page) -> np.ndarray:
+def live_view_pixels(page: Page) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(page.locator(".live-view").screenshot())).convert("RGB")).astype(int)
 
 
@@ -31,7 +31,7 @@ def test_the_mesh_stands_in_until_there_are_samples(farm: Farm, watched: Watched
     mesh = page.locator(".live-view canvas.mesh")
     expect(mesh).to_be_visible()
     expect(mesh).to_have_attribute("data-drawn", "16")  # triangles of a cube, a floor and a lamp
-    first = seen(page)
+    first = live_view_pixels(page)
     red = (first[..., 0] > 2 * first[..., 1]) & (first[..., 0] > 60)
     assert 0.01 < red.mean() < 0.6, "the red cube"
 
@@ -41,5 +41,5 @@ def test_the_mesh_stands_in_until_there_are_samples(farm: Farm, watched: Watched
     page.mouse.down()
     page.mouse.move(box["x"] + 220, box["y"] + 120, steps=4)
     page.mouse.up()
-    wait_until(lambda: np.abs(seen(page) - first).mean() > 2, 20, "the mesh turns")
+    wait_until(lambda: np.abs(live_view_pixels(page) - first).mean() > 2, 20, "the mesh turns")
     assert watched.errors == []

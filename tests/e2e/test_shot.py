@@ -42,13 +42,13 @@ def asked(farm: Farm, scene: str, **request: Any) -> str:
     return job
 
 
-def told(farm: Farm, job: str) -> dict[str, Any]:
+def job_json(farm: Farm, job: str) -> dict[str, Any]:
     found: dict[str, Any] = httpx.get(f"{farm.url}/api/jobs/{job}").raise_for_status().json()
     return found
 
 
 def finished(farm: Farm, job: str) -> Callable[[], bool]:
-    return lambda: bool(told(farm, job)["state"] == "finished")
+    return lambda: bool(job_json(farm, job)["state"] == "finished")
 
 
 def cell(page: Page, number: int | float) -> Any:
@@ -166,7 +166,7 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
     expect(page.get_by_role("region", name="Progress")).to_contain_text("of 4 frames, 1 failed")
 
     page.get_by_role("button", name="Try this frame again").click()
-    wait_until(lambda: told(farm, job)["shot"]["first"] == 2, 10, "it is tried first")
+    wait_until(lambda: job_json(farm, job)["shot"]["first"] == 2, 10, "it is tried first")
     expect(cell(page, 2)).to_have_accessible_name(re.compile(r"^Frame 2 failed: .*smoke"), timeout=30_000)
     expect(page.get_by_role("alert").filter(visible=True)).to_have_count(0)
 
@@ -176,7 +176,7 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
     cell(page, 3).click()
     page.keyboard.press("Enter")
     expect(page.get_by_role("button", name="Is rendered first")).to_be_disabled()
-    assert told(farm, other)["shot"]["first"] == 3
+    assert job_json(farm, other)["shot"]["first"] == 3
     httpx.delete(f"{farm.url}/api/jobs/{other}").raise_for_status()
     # The browser reports the refused film of the failed frame; the page shows the reason.
     assert [error for error in watched.errors if "409" not in error] == []

@@ -15,7 +15,7 @@ NO_JOB = Sentence("job-not-found", "There is no job {id}. GET /api/jobs lists th
 SAID = "return a.map(([text, coded]) => m.said(text, coded));"
 
 
-def said(program: str, *pairs: tuple[str | None, Any], locale: str = "de-DE") -> list[str]:
+def translate(program: str, *pairs: tuple[str | None, Any], locale: str = "de-DE") -> list[str]:
     with Node(program, locale) as node:
         found: list[str] = node.call("base/said", SAID, pairs)
     return found
@@ -23,14 +23,14 @@ def said(program: str, *pairs: tuple[str | None, Any], locale: str = "de-DE") ->
 
 def test_a_code_is_translated_with_its_values(program: str) -> None:
     german = json.loads((ROOT / "web/words/service.de.json").read_text())["job-not-found"].replace("{id}", "'x'")
-    assert said(program, (NO_JOB, NO_JOB.coded)) == [german] and german != NO_JOB
-    assert said(program, (NO_JOB, NO_JOB.coded), locale="en-GB") == [NO_JOB]
+    assert translate(program, (NO_JOB, NO_JOB.coded)) == [german] and german != NO_JOB
+    assert translate(program, (NO_JOB, NO_JOB.coded), locale="en-GB") == [NO_JOB]
 
 
 def test_a_text_without_a_code_is_shown_as_it_is(program: str) -> None:
     """A text without a known code, from an older worker or a newer release, is shown unchanged."""
     unknown = {"code": "not-known-here", "params": {}}
-    assert said(program, (NO_JOB, None), ("New.", unknown), (None, None)) == [NO_JOB, "New.", ""]
+    assert translate(program, (NO_JOB, None), ("New.", unknown), (None, None)) == [NO_JOB, "New.", ""]
 
 
 def test_a_sentence_within_a_sentence_is_translated_too(program: str) -> None:
@@ -39,7 +39,7 @@ def test_a_sentence_within_a_sentence_is_translated_too(program: str) -> None:
     outer = with_count(inner.removesuffix("."), 3)
     assert isinstance(outer, Sentence)
     within = german["view-waits-for-worker"].rstrip(".")
-    assert within in said(program, (outer, outer.coded))[0]
+    assert within in translate(program, (outer, outer.coded))[0]
 
 
 def test_a_code_is_found_within_a_message_too(program: str) -> None:
