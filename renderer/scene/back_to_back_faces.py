@@ -77,7 +77,7 @@ def _number_by_corners(corners: npt.NDArray[np.float64], space: I64) -> I64:
 
 
 def _number_rows(columns: Sequence[npt.NDArray[np.generic]]) -> I64:
-    """Returns (N,) numbers, equal for rows that are equal in all columns."""
+    """Returns (N,) numbers, equal for elements that are equal in all columns."""
     _, number = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     return number.reshape(-1)
 

@@ -317,7 +317,7 @@ def _camera_dict(camera: Camera) -> dict[str, Any]:
 
 
 def _mask_by_flag(stood: PlacedGeometry, flag: int) -> np.ndarray:
-    """Returns a mask (T + S,) of the triangles and spheres whose material has the flag."""
+    """Returns a mask (T + S,): whether the material of each triangle and each sphere has the flag."""
     is_of = stood.packed.material_flags & flag != 0
     geometry = stood.joined.geometry
     return np.concatenate([by_triangle(geometry, is_of[geometry.material]), is_of[stood.sphere_material]])
@@ -381,7 +381,9 @@ def _visible_points(compiled: CompiledScene) -> np.ndarray:
 
 
 def _tree_corners(compiled: CompiledScene, root: int) -> np.ndarray:
-    """Returns the corners of the up to eight child boxes of an instance's root node, (n, 3), in the instance's own space."""
+    """Returns the corners of the up to eight child boxes of an instance's BVH root, (n, 3), in the instance's own space.
+
+    root: index of the root node."""
     node = compiled.bvh.node[root]
     boxes = [node[:6, lane].reshape(3, 2) for lane in np.flatnonzero(node[0] <= node[1])]
     return np.array([np.where(which, box[:, 1], box[:, 0]) for box in boxes for which in np.ndindex(2, 2, 2)]).reshape(-1, 3)

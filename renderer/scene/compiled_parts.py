@@ -77,7 +77,7 @@ class Saver:
     def save(self, scene: CompiledScene, cuts: PartOffsets, folder: Path | None = None) -> Path:
         """Writes the scene's manifest and those parts that are not written yet; returns the manifest's path.
 
-        folder: None: the Saver's folder.
+        folder: where to write; None: the Saver's folder.
         """
         folder = folder or self._folder
         arrays = flat(scene)

@@ -93,9 +93,9 @@ def _part_columns(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dic
 
 
 def _attribute_or_default(part: Geometry, name: str) -> Array | float:
-    """Returns an attribute array of a section, or the value that replaces it if the section has none and others do.
+    """Returns an attribute array of a section, or the default value if the section lacks the attribute and others have it.
 
-    The second UVs are replaced by the first, colours by 1, all others by 0.
+    Defaults: for second UVs the first UVs, for colours 1, for other attributes 0.
     """
     found: Array = getattr(part, name)
     if len(found):

@@ -160,7 +160,7 @@ class SceneFiles:
         return numbers_of(PurePosixPath(pattern).name, [path.name for path in folder.iterdir()])
 
     def find(self, reference: str, beside: str) -> str | None:
-        """Returns the name of the file to which `reference`, found in the scene file `beside`, refers; None if there is none.
+        """Returns the name of the file to which `reference` in the scene file `beside` refers; None if there is none.
 
         Handles references as written by authoring tools: backslashes, another machine's directories, wrong case, quotes. Tries
         the whole path below the folder of `beside` and below the root, then with fewer and fewer of its leading directories, then

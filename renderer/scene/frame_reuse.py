@@ -103,7 +103,7 @@ class ShotCache:
 
 
 def _are(cached: tuple[object, ...], current: tuple[object, ...]) -> bool:
-    """Returns True if both hold the same objects (by identity) and equal numbers."""
+    """Returns True if both tuples contain the same objects (by identity) and equal numbers."""
     return len(cached) == len(current) and all(
         a is b or (isinstance(a, int) and isinstance(b, int) and a == b) for a, b in zip(cached, current, strict=True)
     )

@@ -1,4 +1,4 @@
-"""Collects the triangles of all instances in one list, in world space or in the space of a shared tree."""
+"""Collects the triangles of all instances in one list, in world space or in the space of a shared BVH."""
 
 from __future__ import annotations
 
@@ -52,9 +52,9 @@ F64 = npt.NDArray[np.float64]
 
 
 class Geometry(NamedTuple):
-    """Triangles, as in CompiledScene, in three sections: static ones in world space, those of shared trees, and per-frame ones.
+    """Triangles, as in CompiledScene, in three sections: static ones in world space, those of shared BVHs, and per-frame ones.
 
-    Shared trees are stored once, in their own space (first those of static instances, then of moving ones). Each section starts
+    Shared BVHs are stored once, in their own space (first those of static instances, then of moving ones). Each section starts
     at a page boundary, so padding triangles and vertices may be in between (renderer/bvh/subtrees.py).
     """
 
@@ -97,7 +97,7 @@ class _Part(NamedTuple):
 
 
 class Section(NamedTuple):
-    """Separately built geometry with its own triangle numbers: first the world-space triangles, then those of each tree."""
+    """Separately built geometry with its own triangle numbers: first the world-space triangles, then those of each shared BVH."""
 
     geometry: Geometry
     world: int  # the number of world parts
@@ -131,7 +131,9 @@ def build_per_frame(description: SceneDescription, sharing: Sharing, objects: Se
 
 
 def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bool = False) -> Section:
-    """Builds a section from world-space parts and trees. apart: whether coincident faces back to back are separated."""
+    """Builds a section from world-space parts and the parts of shared BVHs (trees).
+
+    apart: whether coincident faces back to back are separated."""
     geometry = _concatenated(world + [part for tree in trees for part in tree])
     ends = np.cumsum([_count_triangles(world), *(map(_count_triangles, trees))]).tolist()
     if apart:
@@ -271,7 +273,7 @@ def keys_step(description: SceneDescription) -> int:
 
 
 def _group(description: SceneDescription, group: Group, team: Team) -> list[_Part]:
-    """Builds the parts of a group in the group's own space."""
+    """Builds the parts of a group of meshes that share one BVH, in the group's own space."""
     parts = []
     own = [description.instances[n].material for n in group.instances]
     for m in group.meshes:

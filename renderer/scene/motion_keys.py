@@ -65,7 +65,7 @@ def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
 
 
 def punctual_keys(lights: Sequence[Light]) -> F32:
-    """Returns the rows (J, 12) of all lights that emit, with all keys of a light consecutive; empty if all lights are static."""
+    """Returns the table rows (J, 12) of all emitting lights at all keys, light by light; empty if all lights are static."""
     return np.array([row for over in _lights_at_keys(lights) for row in light_rows(over)], np.float32).reshape(-1, 12)
 
 

@@ -1,4 +1,4 @@
-"""Compares descriptions for whether they compile to the same scene."""
+"""Decides whether two scene descriptions compile to the same scene."""
 
 from __future__ import annotations
 

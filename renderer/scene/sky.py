@@ -128,7 +128,7 @@ def _share_above(height: float) -> float:
 
 
 def _interpolated(grid: np.ndarray, row: np.ndarray, column: np.ndarray) -> np.ndarray:
-    """Returns the grid (m, n, 3) at fractional rows (h,) and columns (w,), bilinear: (h, w, 3)."""
+    """Returns the grid (m, n, 3) interpolated bilinearly at fractional rows (h,) and columns (w,): (h, w, 3)."""
     upper = np.minimum(row.astype(int), grid.shape[0] - 2)
     left = np.minimum(column.astype(int), grid.shape[1] - 2)
     t = (row - upper)[:, None, None]

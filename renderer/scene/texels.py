@@ -141,7 +141,7 @@ class Texels:
             row = self._rows[row][ABOVE]
 
     def arrays(self) -> tuple[I32, F32, np.ndarray]:
-        """Returns the texture rows, their transforms, and the texels (N, 4) uint8, as in CompiledScene."""
+        """Returns the texture table's rows, their UV transforms, and the texels (N, 4) uint8, as in CompiledScene."""
         texel = np.concatenate(self._blocks) if self._blocks else np.zeros((0, 4), np.uint8)
         row = np.array(self._rows, np.int32).reshape(-1, TEXTURE_COLUMNS)
         transform = np.clip(np.array(self._transforms, np.float64), -_MOST_TRANSFORMED, _MOST_TRANSFORMED)

@@ -25,7 +25,7 @@ def is_tiled(reference: str) -> bool:
 
 
 def tile_name(reference: str, number: int) -> str:
-    """Returns the file name of the tile with this number."""
+    """Returns the file name of the tile with this number, for the tile pattern `reference`."""
     column, row = (number - _FIRST) % 10 + 1, (number - _FIRST) // 10 + 1
     return _MARK.sub(lambda mark: f"u{column}_v{row}" if "uvtile" in mark[0].lower() else str(number), reference)
 

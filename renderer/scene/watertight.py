@@ -13,7 +13,7 @@ __all__ = ["is_closed"]
 def is_closed(positions: F32, triangles: I32) -> bool:
     """Returns True if every edge of the mesh is used equally often in both directions, after merging vertices at equal positions.
 
-    positions: (V, 3). triangles: (T, 3). Such a surface, consistently wound, divides space into an inside and an outside.
+    positions: (V, 3). triangles: (T, 3). A closed, consistently wound surface divides space into an inside and an outside.
     """
     _, place = unique_rows(positions)
     corners = place[triangles]

@@ -36,7 +36,7 @@ class Pictures:
                 self._sets.setdefault(text(uv_set.name), i)
 
     def find(self, address: int | None, user: str, srgb: bool) -> int | None:
-        """Returns the description's index of the texture at an address; None, with a warning, if its image is missing.
+        """Returns the scene description's index of the texture at an address; None, with a warning, if its image is missing.
 
         user: the material named in warnings. srgb: whether the image is sRGB-encoded.
         """

@@ -34,7 +34,7 @@ class Heights(NamedTuple):
 def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
     """Returns the height texture of a material's surface; None if the displacement is zero, constant or unsupported.
 
-    Adds a note if displacement is dropped or drawn as bumps.
+    Adds a note if displacement is dropped or rendered as a bump map.
     """
     network, scale = read.network, 1.0
     shader = next((found for context in ("mtlx", "") if (found := material.ComputeDisplacementSource(context)[0])), None)

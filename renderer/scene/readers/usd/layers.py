@@ -54,7 +54,7 @@ class Stage:
 
 @contextmanager
 def muted() -> Iterator[None]:
-    """Suppresses USD's own warnings on the terminal; the reader reports the relevant ones as notes or errors."""
+    """Context in which USD prints no warnings on the terminal; the reader turns the relevant ones into notes or errors."""
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield

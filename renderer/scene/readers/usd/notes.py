@@ -24,7 +24,7 @@ class Notes:
         self._names: dict[str, dict[str, None]] = {}
 
     def add_sentence(self, sentence: str) -> None:
-        """Adds a separate warning; repeated sentences are reported once."""
+        """Adds a separate warning; a repeated sentence is added once."""
         self._sentences[sentence] = None
 
     def add(self, what: str, name: str) -> None:

@@ -20,7 +20,7 @@ Key = tuple[str, str]  # a layer's identifier, and a prim's path
 
 
 def check_composition(layers: dict[str, Any], root: Any, file: str) -> None:
-    """Checks the size of the composed stage. layers: by identifier; root: the root layer; file: name for error messages.
+    """Checks the number of prims of the stage to compose. layers: by identifier; root: the root layer; file: name for errors.
 
     Raises SceneError if there are too many prims, or they are nested too deeply.
     """

@@ -98,7 +98,7 @@ class _Walk:
         self._copies = 0
 
     def prims_below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[PlacedPrim]:
-        """Yields the drawn prims below `top` with their transforms. places: (N, 4, 4) transforms of `top`."""
+        """Yields the visible geometry, lights, cameras and skeleton roots below `top`. places: (N, 4, 4) transforms of `top`."""
         which = _ABSTRACT if top.IsAbstract() else _DEFINED if top.IsDefined() else _UNDEFINED
         stack = [(child, places, False, True, "default") for child in reversed(top.GetFilteredChildren(which))]
         while stack:

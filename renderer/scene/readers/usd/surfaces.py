@@ -101,7 +101,7 @@ class Surfaces:
         return self.with_parameters(surface, f"bumps {spans}", normal_texture=bumps.texture, normal_scale=bumps.strength)
 
     def material(self, surface: Surface) -> Material:
-        """Returns the description's material of a surface."""
+        """Returns the material, in the scene description, of a surface."""
         return self._materials[surface.number]
 
     def add(self, material: Material) -> Surface:

@@ -171,7 +171,7 @@ class Shapes:
         return smoothed(mesh) if source.get("smooth", False) else mesh
 
     def _table(self, rows: list[Any], width: int, path: Path) -> npt.NDArray[np.float64]:
-        """Returns an (N, width) array of rows of numbers.
+        """Returns an (N, width) array from a list of lists of numbers, such as vertex positions.
 
         They are checked here, not by the schema, which takes far longer per number. Raises SceneError for an invalid row.
         """

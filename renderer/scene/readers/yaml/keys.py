@@ -159,7 +159,7 @@ def _jumping(times: npt.NDArray[np.float64], values: list[Any]) -> Track:
 def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
     """Returns a function that interpolates values of equal form: numbers, vectors, colours, or dicts and lists of these.
 
-    Values that cannot be interpolated raise SceneError unless all are equal.
+    Values that cannot be interpolated, such as names, must all be equal; otherwise raises SceneError.
     """
     first = values[0]
     if all(value == first and type(value) is type(first) for value in values):

@@ -83,7 +83,7 @@ def _parsed(data: bytes, main: str) -> tuple[Yaml, Keys]:
 
 
 def _fps(document: Yaml) -> float:
-    """Returns the file's frames per second, or the default; values of a wrong type are reported later, by the schema check.
+    """Returns the file's frames per second, or the default; the later schema check raises errors for values of a wrong type.
 
     Raises SceneError if the number is out of range.
     """
@@ -161,7 +161,7 @@ def _check(files: SceneFiles, main: str, document: Yaml, moving: AnimatedPaths) 
 
 
 def _part_of(data: dict[str, Any], moving: AnimatedPaths) -> tuple[dict[str, Any], dict[str, list[int]]]:
-    """Returns the animated parts of a document, and for each list the indices of the items that remain in it.
+    """Returns a document reduced to its animated parts, and for each list the original indices of its remaining items.
 
     Each list and object retains at least one item, since the schema may require that.
     """
