@@ -23,7 +23,7 @@ from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any, Literal
 
-from renderer.sentences import decoded, encoded
+from renderer.sentences import Sentence, decoded, encoded
 from renderer.settings import RenderSettings, Tile
 
 __all__ = [
@@ -80,11 +80,15 @@ def _fields(cls: type, data: Any) -> dict[str, Any]:
     Raises ValueError if a required field is missing.
     """
     if not isinstance(data, Mapping):
-        raise ValueError(f"{cls.__name__} must be an object, not {type(data).__name__}")
+        raise ValueError(
+            Sentence(
+                "message-not-object", "{message} must be an object, not {type}", message=cls.__name__, type=type(data).__name__
+            )
+        )
     known = {f.name: f for f in fields(cls)}
     for name, f in known.items():
         if name not in data and f.default is MISSING and f.default_factory is MISSING:
-            raise ValueError(f"{cls.__name__} lacks {name!r}")
+            raise ValueError(Sentence("message-field-missing", "{message} lacks {field}", message=cls.__name__, field=repr(name)))
     return {name: value for name, value in data.items() if name in known}
 
 
@@ -135,7 +139,9 @@ class BlobRef:
         """Parses the reference from the JSON of `dataclasses.asdict`. Raises ValueError."""
         ref = cls(**_fields(cls, data))
         if not (isinstance(ref.path, str) and isinstance(ref.sha256, str) and isinstance(ref.size, int)):
-            raise ValueError(f"{data!r} does not refer to a blob")
+            raise ValueError(
+                Sentence("message-blob-invalid", "{value} is not a reference to a stored file", value=repr(data)[:200])
+            )
         return replace(ref, parts=tuple((str(sha256), int(size)) for sha256, size in ref.parts))
 
 
@@ -162,7 +168,7 @@ class Manifest:
         """Parses the manifest from its JSON. Raises ValueError."""
         known = _fields(cls, data)
         if not (isinstance(known["main"], str) and isinstance(known["files"], list)):
-            raise ValueError("Manifest names a file, and lists its files")
+            raise ValueError(Sentence("message-manifest", "a Manifest must name the main file and list the files"))
         return cls(**{**known, "files": [BlobRef.from_json(f) for f in known["files"]]})
 
     def to_json(self) -> dict[str, Any]:
@@ -200,9 +206,9 @@ class SceneInfo:
         known = _fields(cls, data)
         lists = ("cameras", "bounds", "animations", "warnings")
         if not (all(isinstance(known[name], list) for name in lists) and isinstance(known["counts"], dict)):
-            raise ValueError("SceneInfo has fields of other types")
+            raise ValueError(Sentence("message-field-types", "{message} has fields of wrong types", message=cls.__name__))
         if not all(isinstance(camera, dict) and {"name", "view"} <= camera.keys() for camera in known["cameras"]):
-            raise ValueError("SceneInfo has cameras without a name or a view")
+            raise ValueError(Sentence("message-cameras", "SceneInfo has cameras without a name or a view"))
         pictures = {name: BlobRef.from_json(known[name]) if known.get(name) else None for name in ("thumbnail", "preview")}
         stored = {"compiled": BlobRef.from_json(known["compiled"]), **pictures}
         return cls(**{**known, **stored})
@@ -396,7 +402,7 @@ class WorkerReport:
         try:
             report = cls(**_fields(cls, json.loads(data)))
         except (TypeError, RecursionError) as error:
-            raise ValueError(f"invalid worker report: {error}") from None
+            raise ValueError(Sentence("message-report", "the report of a worker is malformed ({error})", error=error)) from None
         texts = (report.name, report.host, report.cpu, report.kind, report.state)
         numbers = (report.pid, report.slots, report.started, report.samples_per_s)
         if not (
@@ -406,7 +412,7 @@ class WorkerReport:
             and all(isinstance(doing, dict) for doing in report.current)
             and report.state in ("starting", "ready", "paused")
         ):
-            raise ValueError("invalid worker report: its fields are of other types")
+            raise ValueError(Sentence("message-field-types", "{message} has fields of wrong types", message=cls.__name__))
         return report
 
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from protocol.layout import I64, U8, Layout
 from renderer.film import CHANNELS, SAMPLES, Sums
+from renderer.sentences import Sentence
 from renderer.settings import Tile
 
 __all__ = ["PACKED", "add_sums", "check_sums", "check_weight", "pack_sums", "unpack_sums"]
@@ -137,7 +138,14 @@ def check_weight(data: bytes, tile: Tile, count: int) -> None:
         sums = unpack_sums(data, tile, planes=[SAMPLES])[SAMPLES]
         least, most = int(sums.min()), int(sums.max())
     if least < 0 or most > count:
-        raise ValueError(f"damaged sums: {most if most > count else least} samples of a pixel, of {count}")
+        raise ValueError(
+            Sentence(
+                "sums-samples",
+                "damaged sums: {samples} samples of a pixel, of {count}",
+                samples=most if most > count else least,
+                count=count,
+            )
+        )
 
 
 def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
@@ -149,25 +157,29 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
         count = START.unpack(data).planes
         heads = PLANE.unpack_all(data, START.size, count)
     except ValueError:
-        raise ValueError("damaged sums: truncated") from None
+        raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early")) from None
     if count != CHANNELS and not (stored and 0 < count < CHANNELS):
-        raise ValueError(f"sums of {count} planes where a film has {CHANNELS}")
+        raise ValueError(
+            Sentence("sums-planes", "sums of {planes} planes, where a film has {expected}", planes=count, expected=CHANNELS)
+        )
     view = memoryview(data)
     at = START.size + count * PLANE.size
     for number, (code, value) in enumerate(heads):
         body = view[at:at]
         if code in WIDTHS:
             if value < 0 or at + value > len(data):
-                raise ValueError("damaged sums: truncated")
+                raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early"))
             body = view[at : at + value]
             at += value
         elif code == COPY and not (0 <= value < number and heads[value].code in WIDTHS):
-            raise ValueError(f"damaged sums: plane {number} refers to {value}")
+            raise ValueError(Sentence("sums-copy", "damaged sums: plane {plane} copies plane {other}", plane=number, other=value))
         elif code not in (ALIKE, COPY):
-            raise ValueError(f"damaged sums: plane {number} is a {code}")
+            raise ValueError(
+                Sentence("sums-plane-kind", "damaged sums: plane {plane} has the unknown kind {kind}", plane=number, kind=code)
+            )
         yield number, (code, value, body)
     if at != len(data):
-        raise ValueError("damaged sums: trailing bytes")
+        raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))
 
 
 def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
@@ -176,7 +188,9 @@ def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tup
     raw = _decompressed(data, size)
     plane = tile.h * tile.w * 8
     if len(raw) != size and not (stored and raw and len(raw) % plane == 0):
-        raise ValueError(f"sums of {len(raw)} bytes where the tile has {size}")
+        raise ValueError(
+            Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=size)
+        )
     words = np.frombuffer(raw, "<u4").reshape(2, -1, tile.h * tile.w)
     for number in range(words.shape[1]):
         yield number, (PLAIN, 0, words[:, number].tobytes())
@@ -200,7 +214,9 @@ def _checked_bytes(body: bytes | memoryview, width: int, tile: Tile) -> bytes:
     size = tile.h * tile.w * width
     raw = _decompressed(body, size)
     if len(raw) != size:
-        raise ValueError(f"sums of {len(raw)} bytes where the tile has {size}")
+        raise ValueError(
+            Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=size)
+        )
     return raw
 
 
@@ -208,5 +224,7 @@ def _decompressed(body: bytes | memoryview, size: int) -> bytes:
     try:
         raw: bytes = lz4.block.decompress(body, uncompressed_size=size)
     except lz4.block.LZ4BlockError as error:
-        raise ValueError(f"damaged sums: {error}") from error
+        raise ValueError(
+            Sentence("sums-compressed", "damaged sums: they cannot be decompressed ({error})", error=error)
+        ) from error
     return raw

@@ -16,7 +16,7 @@ from typing import Any
 
 from protocol.contract import render_queue
 from protocol.hours import Hours
-from renderer.sentences import decoded, encoded
+from renderer.sentences import Sentence, decoded, encoded
 
 __all__ = ["NEEDS", "OFFER_TTL_S", "TAG", "Offer", "Terms", "needs_queue", "offer_key", "terms_key"]
 
@@ -74,8 +74,17 @@ class Terms:
             if value is not None and not (
                 isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value) and least <= value <= most
             ):
-                among = f"0 and {most / 1e9:,.0f} GB" if name == "memory" else f"{int(least)} and {most:,.0f}"
-                raise ValueError(f"{name} lies between {among}")
+                unit = " GB" if name == "memory" else ""
+                greatest = f"{most / 1e9 if name == 'memory' else most:,.0f}{unit}"
+                raise ValueError(
+                    Sentence(
+                        "terms-out-of-range",
+                        "{name} must be between {least} and {most}",
+                        name=name,
+                        least=int(least),
+                        most=greatest,
+                    )
+                )
         return self
 
     def with_defaults(self, own: Terms) -> Terms:

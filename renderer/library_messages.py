@@ -43,6 +43,32 @@ _OF_SYSTEM: dict[int, str] = {
 }
 
 
+# Messages of Redis, its client and SQLite: the errors have no codes of their own, or only the text contains them.
+_OF_TEXT: tuple[tuple[str, str], ...] = (
+    (r"Connection closed by server|closed the connection", Sentence("connection-closed", "the connection was closed")),
+    (r"Timeout (reading|connecting|writing)|timed out", Sentence("connection-timeout", "no answer in time")),
+    (r"WRONGPASS|invalid username-password|invalid password", Sentence("redis-password-wrong", "wrong user name or password")),
+    (r"NOAUTH|Authentication required", Sentence("redis-password-missing", "a password is required")),
+    (r"max number of clients", Sentence("redis-clients-full", "too many clients are connected")),
+    (r"NOPERM|no permissions", Sentence("redis-no-permission", "its user lacks a permission")),
+    (r"database is locked", Sentence("sqlite-locked", "the database is locked")),
+    (r"disk image is malformed", Sentence("sqlite-malformed", "the database file is malformed")),
+    (r"file is not a database", Sentence("sqlite-not-a-database", "file is not a database")),
+    (r"disk I/O error", Sentence("sqlite-disk-error", "disk I/O error")),
+    (r"unable to open database file", Sentence("sqlite-not-openable", "the database file cannot be opened")),
+    (r"attempt to write a readonly database", Sentence("sqlite-read-only", "the database is read-only")),
+    (r"database or disk is full", Sentence("sqlite-full", "the disk is full")),
+)
+_ERRNO = re.compile(r"\[Errno (-?\d+)\]")
+_CONNECTING = re.compile(r"Error (\d+) connecting to ([^ ]+)\.")  # of Redis's client
+# Errors of the object store's client, by class.
+_OF_STORE: dict[str, str] = {
+    "PermissionDeniedError": Sentence("store-permission-denied", "access is denied"),
+    "UnauthenticatedError": Sentence("store-unauthenticated", "the credentials are not accepted"),
+    "NotFoundError": Sentence("store-not-found", "the bucket or object does not exist"),
+}
+
+
 def library_message(error: BaseException) -> str:
     """Returns the message of an exception of the system or of a library: a Sentence with a code if the message is known."""
     own = str(error)
@@ -68,7 +94,26 @@ def library_message(error: BaseException) -> str:
         found := re.search(r"(?:could not convert string to float|invalid literal for int.*?): (.*)", own)
     ):
         return Sentence("number-malformed", "{text} is not a number", text=found[1][:60])
-    return (own.strip().splitlines() or [type(error).__name__])[0][:_MOST]
+    return _of_service_library(error, own) or (own.strip().splitlines() or [type(error).__name__])[0][:_MOST]
+
+
+def _of_service_library(error: BaseException, own: str) -> str | None:
+    """Returns the message of an error of Redis, SQLite, the object store or the multipart parser; None for others."""
+    module = type(error).__module__.partition(".")[0]
+    if module == "python_multipart":
+        if "boundary" in own.lower():
+            return Sentence("multipart-boundary-malformed", "a boundary between its parts is malformed")
+        return Sentence("multipart-header-malformed", "the header of a part is malformed")
+    if module == "obstore":
+        if (found := _OF_STORE.get(type(error).__name__)) is not None:
+            return found
+        if "error sending request" in own or "dns error" in own:
+            return Sentence("store-not-reachable", "its server cannot be reached")
+    if (place := _CONNECTING.search(own)) and (cause := _OF_SYSTEM.get(int(place[1]))) is not None:
+        return Sentence("redis-connection-failed", "{address}: {error}", address=place[2], error=cause)
+    if (number := _ERRNO.search(own)) and (cause := _OF_SYSTEM.get(int(number[1]))) is not None:
+        return cause
+    return next((sentence for pattern, sentence in _OF_TEXT if re.search(pattern, own)), None)
 
 
 def _of_xml(error: expat.ExpatError | ElementTree.ParseError) -> str:

@@ -153,7 +153,7 @@ class View:
         cross = (d[1] * u[2] - d[2] * u[1], d[2] * u[0] - d[0] * u[2], d[0] * u[1] - d[1] * u[0])
         if sum(c * c for c in cross) <= 1e-12 * sum(c * c for c in d) * max(sum(c * c for c in u), 1e-300):
             raise SettingsError(
-                Sentence("view-up-parallel", "up is parallel to the line of sight (or zero); give another up direction")
+                Sentence("view-up-parallel", "the up vector is zero or parallel to the line of sight; use another up vector")
             )
 
     def middle(self, width: int, height: int) -> tuple[float, float]:

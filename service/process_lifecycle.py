@@ -13,6 +13,7 @@ from collections.abc import Callable
 
 from renderer import __version__
 from renderer.printable import printable
+from renderer.sentences import Sentence
 from service.errors import FarmError, NotOwner, StartupError
 from service.farm import Farm
 from service.ownership.candidate import Candidate
@@ -90,9 +91,17 @@ class ServiceLifecycle:
         """The message for clients while this process is a standby."""
         known = self._candidate.known if self._candidate is not None else None
         if known is None and self._trouble:
-            return f"This service has not begun: {self._trouble}"
-        owner = f" ({known.place})" if known is not None and known.owner is not None else ""
-        return f"This service stands by: another one{owner} works as the farm. It takes over when that one ends or hangs."
+            return Sentence("service-not-begun", "This service has not begun: {reason}", reason=self._trouble)
+        if known is not None and known.owner is not None:
+            return Sentence(
+                "service-stands-by-for",
+                "This service stands by: another one ({place}) works as the farm. It takes over when that one ends or hangs.",
+                place=known.place,
+            )
+        return Sentence(
+            "service-stands-by",
+            "This service stands by: another one works as the farm. It takes over when that one ends or hangs.",
+        )
 
     @property
     def owner_url(self) -> str:

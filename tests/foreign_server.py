@@ -24,12 +24,12 @@ EMPTY = http_answer(b"", "text/plain")
 # Servers that a mistyped address may reach, with their response and the words that identify them in the error.
 NOT_A_FARM: dict[str, tuple[bytes, str]] = {
     "html": (HTML, "an HTML page"),
-    "empty": (EMPTY, "an empty answer"),
+    "empty": (EMPTY, "answer is empty"),
     "binary": (http_answer(bytes(range(256)) * 8, "application/octet-stream"), "not JSON"),
-    "list": (http_answer(b"[]"), "a list"),
+    "list": (http_answer(b"[]"), "(array)"),
     "null": (http_answer(b"null"), "null"),
-    "text": (http_answer(b'"hello"'), "a text"),
-    "other JSON": (http_answer(b'{"hello": "world"}'), "lacks a farm's fields"),
+    "text": (http_answer(b'"hello"'), "(string)"),
+    "other JSON": (http_answer(b'{"hello": "world"}'), "lacks fields that a farm sends"),
     "deep JSON": (http_answer(b"[" * 100_000), "not JSON"),
     "login": (
         http_answer(b"", "text/html", "302 Found").replace(b"Connection", b"Location: /login\r\nConnection"),

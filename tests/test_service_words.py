@@ -141,6 +141,17 @@ PROSE = re.compile(r"[A-Za-z]{2,},? [A-Za-z{]")
 FAULT = re.compile(r"(?<=\braise )(SceneError|DamagedError|MachineError|SettingsError|RayfarmError|ValueError)\(")
 
 
+def _trees(folders: tuple[str, ...]) -> Iterator[tuple[str, ast.Module]]:
+    for folder in folders:
+        for path in sorted((ROOT / folder).rglob("*.py")):
+            yield str(path.relative_to(ROOT)), _tree(path)
+
+
+@cache
+def _tree(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
+
+
 def _prose(node: ast.expr) -> str | None:
     """Returns the English text of an expression outside of `Sentence`, with {} for values; None if it contains none."""
     if isinstance(node, ast.IfExp):
@@ -166,3 +177,127 @@ def test_readers_raise_sentences_with_codes() -> None:
 def test_parameters_are_not_prose() -> None:
     """A phrase in a sentence's parameters must be a `Sentence` of its own, so that the page translates it too."""
     assert not [f"{each.at}: {text}" for each in _sentences() for text in each.prose]
+
+
+SINKS = {"append", "warn", "add_warning", "fail_frame", "give_verdict", "failure_event", "with_full_stop", "joined_sentences"}
+LISTS = {"warnings", "notes", "_warnings", "_notes", "missing"}
+# Faults that programs and logs read: what the command line prints is in English, like these.
+PLAIN_FAULTS = {
+    "IndexError",
+    *("StartupError", "SystemExit", "AssertionError", "KeyError", "TypeError", "NotImplementedError", "RuntimeError"),
+    *("ValueError", "Unusable", "ParamError", "BadParameter", "UsageError", "CompileError", "LinkedError"),
+}
+# Modules whose texts stay on a machine: what a worker prints as it starts, log lines, names of threads' errors.
+TERMINAL = {
+    *("worker/__main__.py", "worker/site/reducer.py", "worker/site/socket_deadline.py", "worker/process/redis_lock.py"),
+    *("service/access/oidc.py", "service/http/forward.py", "service/intake/unpack.py", "renderer/scene/readers/trimesh_files.py"),
+}
+NUMBERED = re.compile(r"(camera|light|material|mesh) \{\}")  # names of unnamed things
+DEEPEST = 4
+
+
+class _Flow:
+    """Follows the expressions of one module to the texts that they may have."""
+
+    def __init__(self, tree: ast.Module) -> None:
+        self._functions: dict[str, list[ast.expr]] = defaultdict(list)
+        self._values: dict[str, list[ast.expr]] = defaultdict(list)  # of variables and attributes, by name
+        self._local: dict[ast.AST, dict[str, list[ast.expr]]] = {}
+        for node in ast.walk(tree):
+            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+                returned = [each.value for each in ast.walk(node) if isinstance(each, ast.Return) and each.value is not None]
+                self._functions[node.name] += returned
+                self._local[node] = self._assignments(node)
+        for owner in (tree, *(each for each in tree.body if isinstance(each, ast.ClassDef))):
+            for name, values in self._assignments(ast.Module(owner.body, [])).items():
+                self._values[name] += values
+
+    @staticmethod
+    def _assignments(owner: ast.AST) -> dict[str, list[ast.expr]]:
+        found: dict[str, list[ast.expr]] = defaultdict(list)
+        left = list(ast.iter_child_nodes(owner))
+        while left:
+            node = left.pop()
+            if isinstance(node, ast.Assign | ast.AnnAssign | ast.NamedExpr | ast.AugAssign) and node.value is not None:
+                for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
+                    if isinstance(target, ast.Name):
+                        found[target.id].append(node.value)
+            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Lambda):
+                left += ast.iter_child_nodes(node)
+        return found
+
+    def prose_of(self, node: ast.expr, function: ast.AST | None, depth: int = 0) -> str | None:
+        """Returns English text that an expression may have outside of `Sentence`; None if it has none."""
+        if (found := _prose(node)) is not None:
+            return found
+        if depth > DEEPEST:
+            return None
+        return next((text for each in self._sources(node, function) if (text := self.prose_of(each, None, depth + 1))), None)
+
+    def _sources(self, node: ast.expr, function: ast.AST | None) -> list[ast.expr]:
+        match node:
+            case ast.Name(id=name):
+                local = self._local.get(function, {}) if function is not None else {}
+                return local.get(name) or self._values.get(name, [])
+            case ast.Attribute(value=ast.Name(id=owner), attr=name) if owner[:1].isupper() or owner in ("self", "cls"):
+                return self._values.get(name, [])
+            case ast.JoinedStr(values=values):
+                return [each.value for each in values if isinstance(each, ast.FormattedValue)]
+            case ast.BinOp(left=left, right=right, op=ast.Add()):
+                return [left, right]
+            case ast.IfExp(body=body, orelse=orelse):
+                return [body, orelse]
+            case ast.BoolOp(values=values) | ast.Tuple(elts=values) | ast.List(elts=values):
+                return list(values)
+            case ast.Subscript(value=value):
+                return [value]
+            case ast.Dict(values=values):
+                return list(values)
+            case ast.Call(func=ast.Attribute(value=value, attr="get" | "join" | "removesuffix" | "rstrip")):
+                return [value, *node.args]
+            case ast.Call(func=ast.Name(id="Sentence")):
+                return [each.value for each in node.keywords]
+            case ast.Call(func=ast.Name(id="str"), args=args):
+                return list(args)
+            case ast.Call(func=ast.Name(id=name)) | ast.Call(func=ast.Attribute(value=ast.Name(id="self"), attr=name)):
+                return self._functions.get(name, [])
+        return []
+
+
+def _spoken(tree: ast.Module) -> Iterator[tuple[ast.expr, ast.AST | None]]:
+    """Yields the expressions of a module that become problems, warnings, notes or states, with their functions."""
+
+    left: list[tuple[ast.AST, ast.AST | None]] = [(tree, None)]
+    while left:
+        node, function = left.pop()
+        function = node if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else function
+        left += [(each, function) for each in ast.iter_child_nodes(node)]
+        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+            if _name(node.exc.func) not in PLAIN_FAULTS:
+                yield from ((each, function) for each in node.exc.args)
+        elif isinstance(node, ast.Call):
+            name = _name(node.func)
+            if name == "Sentence" or (name in SINKS and (name != "append" or _name(getattr(node.func, "value", None)) in LISTS)):
+                yield from ((each, function) for each in (node.args if name != "Sentence" else []))
+                yield from ((each.value, function) for each in node.keywords)
+        elif isinstance(node, ast.AugAssign) and _name(node.target) in LISTS:
+            yield node.value, function
+
+
+def _name(node: ast.AST | None) -> str:
+    """Returns the name of a variable, or the last name of an attribute."""
+    return str(getattr(node, "id", getattr(node, "attr", "")))
+
+
+def test_no_prose_reaches_users_through_variables() -> None:
+    """Texts in faults, warnings, notes and parameters are sentences, also where variables, functions or attributes hold them."""
+    plain = []
+    for at, tree in _trees(("service", "worker", "protocol", "renderer/scene", "renderer/blender", "renderer/confine")):
+        spoken = [] if at in TERMINAL else list(_spoken(tree))
+        flow = _Flow(tree if spoken else ast.Module([], []))
+        plain += [
+            f"{at}:{node.lineno}: {text}"
+            for node, function in spoken
+            if (text := flow.prose_of(node, function)) is not None and not NUMBERED.fullmatch(text)
+        ]
+    assert not plain

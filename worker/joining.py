@@ -14,6 +14,8 @@ import redis
 
 from protocol.contract import HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S, WorkerReport, worker_key
 from protocol.redis_tls import with_certificate_authority
+from renderer.library_messages import library_message
+from renderer.sentences import Sentence
 from worker.exchange.errors import LinkError, NotAFarmError, RefusedError, TokenError, WorkerError
 from worker.exchange.link import FarmAnswer, Link
 from worker.heartbeat import Reporter
@@ -135,17 +137,40 @@ def check_redis(url: str) -> None:
             store.set("rayfarm:joining", b"", ex=HEARTBEAT_TTL_S)
     except redis.AuthenticationError as error:
         raise LinkError(
-            f"the Redis at {where} requires another password ({error}). "
-            "A farm tells it to its workers; where --redis or RAYFARM_REDIS_URL names the Redis, the password is part of that."
+            Sentence(
+                "join-redis-password",
+                "the Redis at {address} wants another password ({error}). The farm gives its workers the password; if "
+                "--redis or RAYFARM_REDIS_URL names the Redis, the password must be part of that address.",
+                address=where,
+                error=library_message(error),
+            )
         ) from error
     except redis.ResponseError as error:
-        raise LinkError(f"the Redis at {where} rejects reports of workers ({error}). Look into its log.") from error
+        raise LinkError(
+            Sentence(
+                "join-redis-refused",
+                "the Redis at {address} refuses reports of workers ({error}). Look into its log.",
+                address=where,
+                error=library_message(error),
+            )
+        ) from error
     except redis.InvalidResponse as error:
-        raise LinkError(f"the server at {where} is not a Redis server. The farm's service shows which it uses.") from error
+        raise LinkError(
+            Sentence(
+                "join-not-redis",
+                "the server at {address} is not a Redis. Give the address of the Redis that the service of the farm uses.",
+                address=where,
+            )
+        ) from error
     except (redis.RedisError, OSError) as error:
         raise LinkError(
-            f"no Redis server answers at {where} ({error}). It must be reachable from this machine: "
-            "start the farm with `rayfarm up --host 0.0.0.0`, and open the port in its firewall."
+            Sentence(
+                "join-redis-not-reachable",
+                "no Redis answers at {address} ({error}). It must be reachable from this machine: start the farm with "
+                "`rayfarm up --host 0.0.0.0`, and open the port in its firewall.",
+                address=where,
+                error=library_message(error),
+            )
         ) from error
 
 

@@ -140,4 +140,6 @@ def _run(blender: Blender, folder: Path, work_folder: Path, job: Path, memory: i
         words = said.read().decode("utf-8", "replace").strip().splitlines()
     print("\n".join(words), file=sys.stderr)
     how = next((each.name for each in signal.Signals if each == -code), f"code {code}")
-    return f"Blender {blender.version} ended while it opened it ({how})."
+    return Sentence(
+        "blender-ended", "Blender {version} ended while it opened the file ({how}).", version=blender.version, how=how
+    )

@@ -22,6 +22,7 @@ from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
 from renderer.kernel.backends.cuda.ptx import KERNEL, THREADS
 from renderer.kernel.camera import Camera
 from renderer.kernel.options import Options
+from renderer.sentences import Sentence
 from renderer.threads import Team
 
 __all__ = ["CardError", "CardMemoryError", "CardRenderer", "Rendered"]
@@ -74,7 +75,15 @@ class CardRenderer:
         try:
             self._kernel(variant, fetch)
         except DriverError as error:
-            raise CardError(f"card {self.card.number} ({self.card.name}): {error}") from error
+            raise CardError(
+                Sentence(
+                    "card-error",
+                    "card {number} ({name}) failed: {error}",
+                    number=self.card.number,
+                    name=self.card.name,
+                    error=error,
+                )
+            ) from error
 
     def render(
         self, scene: CompiledScene, variant: str, camera: Camera, options: Options, batch: Batch, width: int, height: int
@@ -89,8 +98,18 @@ class CardRenderer:
             number, name = self.card.number, self.card.name
             if error.code == _OUT_OF_MEMORY:
                 size = self.card.memory / 2**30
-                raise CardMemoryError(f"card {number} ({name}) has too little memory, {size:.0f} GiB, for this scene") from error
-            raise CardError(f"card {number} ({name}): {error}") from error
+                raise CardMemoryError(
+                    Sentence(
+                        "card-out-of-memory",
+                        "card {number} ({name}) has too little memory, {gib} GiB, for this scene",
+                        number=number,
+                        name=name,
+                        gib=f"{size:.0f}",
+                    )
+                ) from error
+            raise CardError(
+                Sentence("card-error", "card {number} ({name}) failed: {error}", number=number, name=name, error=error)
+            ) from error
 
     def close(self) -> None:
         """Frees the memory and kernels on the graphics card."""

@@ -17,6 +17,7 @@ from urllib.parse import urlsplit
 import redis
 from redis.exceptions import NoPermissionError
 
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from service.access.keys import Keys
 from service.access.redis_care import RedisCare, is_busy
@@ -103,14 +104,16 @@ class RedisUsers:
                     Sentence(
                         "redis-user-not-created",
                         "Redis cannot create a user for this worker ({error}). It will be retried.",
-                        error=error,
+                        error=library_message(error),
                     )
                 ) from None
             self._warn(error)
             return url
         except (redis.RedisError, OSError) as error:
             raise Unavailable(
-                Sentence("redis-silent-retrying", "Redis does not answer ({error}). It will be retried.", error=error)
+                Sentence(
+                    "redis-silent-retrying", "Redis does not answer ({error}). It will be retried.", error=library_message(error)
+                )
             ) from None
         parts = urlsplit(url)
         return parts._replace(netloc=f"{name}:{self._password(name)}@{parts.netloc.rpartition('@')[2]}").geturl()

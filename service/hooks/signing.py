@@ -11,6 +11,8 @@ import hashlib
 import hmac
 import secrets
 
+from renderer.sentences import Sentence
+
 __all__ = ["headers", "new_secret", "secret_bytes"]
 
 PREFIX = "whsec_"
@@ -29,7 +31,15 @@ def secret_bytes(secret: str) -> bytes:
     except binascii.Error:
         key = b""
     if not secret.startswith(PREFIX) or not LEAST_BYTES <= len(key) <= MOST_BYTES:
-        raise ValueError(f"a webhook's secret is {PREFIX} and {LEAST_BYTES} to {MOST_BYTES} random bytes in base64")
+        raise ValueError(
+            Sentence(
+                "webhook-secret-form",
+                "the secret of a webhook is {prefix} followed by {least} to {most} random bytes in base64",
+                prefix=PREFIX,
+                least=LEAST_BYTES,
+                most=MOST_BYTES,
+            )
+        )
     return key
 
 

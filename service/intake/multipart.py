@@ -10,6 +10,7 @@ from python_multipart.exceptions import FormParserError
 from python_multipart.multipart import MultipartParser, parse_options_header
 from starlette.concurrency import run_in_threadpool
 
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from service.errors import Invalid, TooLarge, UnknownFormat
 from service.store.blobs import BlobStore
@@ -85,7 +86,7 @@ async def read_form(
             Sentence(
                 "upload-malformed",
                 "The upload is not well-formed multipart/form-data ({error}). Send it again.",
-                error=str(error).rstrip("."),
+                error=library_message(error),
             )
         ) from error
     except BaseException:

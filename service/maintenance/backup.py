@@ -159,7 +159,13 @@ class _Run:
                 self._blob(sha256, path)
                 self.report.blobs += 1
             except FileNotFoundError:
-                missing.append(f"the upload or compiled scene {sha256[:12]} is not there")
+                missing.append(
+                    Sentence(
+                        "backup-blob-missing",
+                        "the upload or compiled scene {sha256} is missing in the data folder",
+                        sha256=sha256[:12],
+                    )
+                )
             except Invalid as error:
                 missing.append(str(error))
             self._report_progress(_size(path), total, "uploads and compiled scenes")
@@ -168,8 +174,20 @@ class _Run:
                 self._film(job, path)
                 self.report.films += 1
             except (FileNotFoundError, sqlite3.DatabaseError, FarmError) as error:
-                why = "is not there" if isinstance(error, FileNotFoundError) else f"cannot be read ({error})"
-                missing.append(f"the film of job {job} {why}; a restored farm renders it again")
+                missing.append(
+                    Sentence(
+                        "backup-film-missing",
+                        "the film of job {job} is missing in the data folder; a restored farm renders it again",
+                        job=job,
+                    )
+                    if isinstance(error, FileNotFoundError)
+                    else Sentence(
+                        "backup-film-unreadable",
+                        "the film of job {job} cannot be read ({error}); a restored farm renders it again",
+                        job=job,
+                        error=library_message(error),
+                    )
+                )
             self._report_progress(_size(path), total, "films")
         return missing
 

@@ -17,6 +17,8 @@ from collections.abc import Callable
 from sqlalchemy import inspect
 from sqlalchemy.exc import DatabaseError
 
+from renderer.library_messages import library_message
+from renderer.sentences import Sentence
 from service.errors import StartupError, Unavailable
 from service.ownership import rows
 from service.ownership.folder_lock import FolderLock
@@ -76,8 +78,13 @@ class Candidate:
             self._lock.release()
             if isinstance(error, DatabaseError) and _is_damage(error):
                 raise StartupError(
-                    f"The database is damaged ({error.orig}). `rayfarm doctor --data {self._settings.data}` says more; "
-                    "`rayfarm restore` makes a new folder of a backup."
+                    Sentence(
+                        "database-damaged",
+                        "The database is damaged ({error}). `rayfarm doctor --data {data}` says more; `rayfarm restore` "
+                        "makes a new folder of a backup.",
+                        error=library_message(error.orig or error),
+                        data=self._settings.data,
+                    )
                 ) from error
             raise
         if epoch is None:
@@ -129,8 +136,12 @@ class Candidate:
         if self._silence.is_request_due(row):
             if not is_of_this_folder and self._silence.has_answered(row):
                 raise StartupError(
-                    f"Another service ({row.place}) works with this database, and its films lie in another folder. Give "
-                    "this one the same folder (RAYFARM_DATA), or a database of its own (RAYFARM_DATABASE_URL)."
+                    Sentence(
+                        "database-in-use",
+                        "Another service ({place}) works with this database, and its films lie in another folder. Give "
+                        "this one the same folder (RAYFARM_DATA), or a database of its own (RAYFARM_DATABASE_URL).",
+                        place=row.place,
+                    )
                 )
             self._request_answer(row)
         return self._silence.has_expired
@@ -167,7 +178,11 @@ def take_farm(settings: Settings, patience_s: float) -> Ownership:
         while (found := candidate.attempt()) is None:
             if time.monotonic() > deadline:
                 raise StartupError(
-                    f"Another service works on {settings.data}. Stop it, or set RAYFARM_DATA to a folder of its own."
+                    Sentence(
+                        "data-folder-in-use",
+                        "Another service works on {data}. Stop it, or set RAYFARM_DATA to a folder of its own.",
+                        data=settings.data,
+                    )
                 )
             time.sleep(0.1)
     except BaseException:

@@ -24,9 +24,10 @@ __all__ = ["router"]
 
 router = api_router(prefix="/api/farm/kernels", tags=["farm"])
 
-TOKEN_NOT_ACCEPTED = (
-    "Kernels are taken from workers that show the farm's own token: all others run them. "
-    "This worker has a token of its own; it keeps what it compiled for itself."
+TOKEN_NOT_ACCEPTED = Sentence(
+    "kernels-token-not-accepted",
+    "Kernels are accepted only from workers that show the farm's own token, since all workers run them. "
+    "This worker has a token of its own; it keeps what it compiled for itself.",
 )
 
 

@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence, joined_sentences
 from service.events import Events, ItemKind, TilesChanged
 from service.scheduling.artifacts.artifacts import ArtifactTasks
@@ -237,7 +238,7 @@ class Answers:
             if instead is not None:
                 instead()
             if message is not None:
-                self._requeue_work(message, f"{type(error).__name__}: {error}")
+                self._requeue_work(message, library_message(error))
 
     def _requeue_work(self, message: Message, why: str) -> None:
         """Dispatches the work of a message again after the message was moved to the dead-letter list."""

@@ -17,6 +17,7 @@ from sqlalchemy.exc import DataError, DBAPIError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import Session, sessionmaker
 
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from service.errors import Invalid, Unavailable
 from service.store.atomic_files import PRIVATE
@@ -180,7 +181,11 @@ def translated_faults() -> Iterator[None]:
             ) from error
         if isinstance(error, OperationalError):
             raise Unavailable(
-                Sentence("database-not-reachable", "The database does not answer ({error}).", error=error.orig),
+                Sentence(
+                    "database-not-reachable",
+                    "The database does not answer ({error}).",
+                    error=library_message(error.orig or error),
+                ),
                 advice=Sentence("advice-retry", "Try again."),
             ) from error
         raise

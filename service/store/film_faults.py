@@ -9,6 +9,7 @@ import sqlite3
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence, joined_sentences, with_full_stop
 from service.errors import FilmDamaged, FilmLost, FilmUnavailable, NotFound
 
@@ -69,14 +70,14 @@ def film_faults() -> Iterator[None]:
         code = getattr(error, "sqlite_errorcode", None)
         if code is None:
             raise  # from the driver: a programming error, not a fault of the film
-        raise _classified(code, str(error)) from error
+        raise _classified(code, library_message(error)) from error
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
             raise _classified(sqlite3.SQLITE_FULL, "") from error
         if error.errno == errno.EROFS:
             raise _classified(sqlite3.SQLITE_READONLY, "") from error
         raise _classified(
-            sqlite3.SQLITE_IOERR if error.errno in TEMPORARY_OS_ERRORS else sqlite3.SQLITE_PERM, str(error)
+            sqlite3.SQLITE_IOERR if error.errno in TEMPORARY_OS_ERRORS else sqlite3.SQLITE_PERM, library_message(error)
         ) from error
 
 

@@ -20,6 +20,7 @@ import obstore
 from obstore.exceptions import BaseError
 from obstore.store import S3Store
 
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from renderer.variables import FILE, value_of
 from service.errors import NotFound, Unavailable
@@ -141,12 +142,11 @@ class S3Blobs:
         except FileNotFoundError:
             raise blob_not_found() from None
         except BaseError as error:
-            why = str(error).partition("\n")[0]
             raise Unavailable(
                 Sentence(
                     "object-store-failed",
                     "The object store failed ({reason}). Try again; check RAYFARM_BLOBS and AWS_*.",
-                    reason=why,
+                    reason=library_message(error),
                 )
             ) from error
 

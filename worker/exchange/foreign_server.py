@@ -10,6 +10,8 @@ import re
 from typing import Any
 from urllib.parse import urlsplit
 
+from renderer.sentences import Sentence
+
 __all__ = ["MAX_ANSWER", "describe_answer", "is_address", "is_loopback", "not_a_farm"]
 
 MAX_ANSWER = 64 << 20  # bytes of JSON; a longer answer does not come from a farm
@@ -35,21 +37,30 @@ def is_loopback(url: str) -> bool:
 
 def not_a_farm(url: str, description: str) -> str:
     """Returns the error sentence. description: description of the response, from `describe_answer`."""
-    return f"{url} answers, but it is not a Rayfarm service: {description}. Give the address that `rayfarm up` shows, as http://host:8000."
+    return Sentence(
+        "not-a-farm",
+        "{url} answers, but it is not a Rayfarm service: {description}. Give the address that `rayfarm up` shows, as "
+        "http://host:8000.",
+        url=url,
+        description=description,
+    )
 
 
 def describe_answer(body: bytes, content_type: str = "") -> str:
     """Returns a description of a response for the user: empty, an HTML page, a list ..."""
     if not body.strip():
-        return "it sends an empty answer"
+        return Sentence("answer-empty", "its answer is empty")
     if "html" in content_type or body.lstrip()[:15].lower().startswith((b"<!doctype html", b"<html")):
-        return "it sends an HTML page"
+        return Sentence("answer-html", "its answer is an HTML page")
     try:
         data: Any = json.loads(body)
     except (ValueError, RecursionError):
         named = content_type.partition(";")[0].strip()
-        return f"its answer is not JSON ({named or 'of no named type'})"
+        return Sentence("answer-not-json", "its answer is not JSON ({type})", type=named or "?")
     if isinstance(data, dict):
-        return "its JSON lacks a farm's fields"
-    name = {list: "a list", str: "a text", bool: "true or false", type(None): "null"}.get(type(data), "a number")
-    return f"it sends {name} where a farm sends something else"
+        return Sentence("answer-incomplete", "its JSON lacks fields that a farm sends")
+    return Sentence(
+        "answer-not-object",
+        "its answer is not a JSON object ({type})",
+        type={list: "array", str: "string", bool: "boolean", type(None): "null"}.get(type(data), "number"),
+    )

@@ -17,6 +17,7 @@ import httpx
 from redis.connection import ConnectionPool
 
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from worker.exchange.errors import DamagedError, LinkError, NotAFarmError, RefusedError, TokenError
 from worker.exchange.foreign_server import MAX_ANSWER, describe_answer, is_address, is_loopback, not_a_farm
@@ -110,13 +111,18 @@ class Link:
         told = data["redis_url"]
         try:
             if not isinstance(told, str):
-                raise ValueError("it is not text")
+                raise ValueError(Sentence("join-redis-url-type", "the address of Redis is not text"))
             redis_url = _reachable_redis_url(told, self.service)
             check_redis_url(redis_url)
         except ValueError as error:
             raise NotAFarmError(
-                not_a_farm(self.service, f"the redis_url that it tells workers is none ({error})")
-                + " If it is one, correct its RAYFARM_REDIS_URL or RAYFARM_PUBLIC_REDIS_URL."
+                Sentence(
+                    "join-redis-url-invalid",
+                    "{service} answers with an invalid redis_url ({error}). Give the address that `rayfarm up` shows; if "
+                    "it is this one, correct RAYFARM_REDIS_URL or RAYFARM_PUBLIC_REDIS_URL of the service.",
+                    service=self.service,
+                    error=error,
+                )
             ) from None
         return FarmAnswer(redis_url, str(data["instance"]), str(data.get("data_dir") or ""), bool(data.get("reduces")))
 
@@ -232,7 +238,7 @@ class Link:
         for chunk in response.iter_bytes():
             body += chunk
             if len(body) > MAX_ANSWER:
-                raise NotAFarmError(not_a_farm(self.service, "its answer exceeds the size limit"))
+                raise NotAFarmError(not_a_farm(self.service, Sentence("answer-endless", "its answer is too long")))
             if time.monotonic() > deadline:
                 raise LinkError(
                     Sentence(
@@ -257,7 +263,7 @@ class Link:
                     "service-not-reachable",
                     "no answer from {service} ({error})",
                     service=self.service,
-                    error=error or type(error).__name__,
+                    error=library_message(error),
                 )
             ) from error
 
@@ -267,15 +273,45 @@ class Link:
         status, request = response.status_code, response.request
         is_service = response.headers.get("Content-Type", "").startswith(PROBLEM)
         if status == 403 and is_service and request.url.path.startswith("/api/farm/kernels/"):
-            raise RefusedError(self._detail(response) or f"{self.service} does not accept kernels from this worker")
+            raise RefusedError(
+                self._detail(response)
+                or Sentence("kernels-refused", "{service} accepts no kernels from this worker", service=self.service)
+            )
         if status in (401, 403):
             raise TokenError(
-                f"{self.service} does not know this token. Take the token that `rayfarm up` shows, or ask who runs the farm."
-                + ("" if is_service else " Where a login stands before the farm, it must let /api/farm/ through.")
+                Sentence(
+                    "worker-token-unknown",
+                    "{service} does not know this token. Take the token that `rayfarm up` shows, or ask who runs the farm.",
+                    service=self.service,
+                )
+                if is_service
+                else Sentence(
+                    "worker-token-refused",
+                    "{service} does not know this token. Take the token that `rayfarm up` shows, or ask who runs the farm. "
+                    "If a login is in front of the farm, it must let /api/farm/ through.",
+                    service=self.service,
+                )
             )
-        said = f"{self.service} answers {status} to {request.method} {request.url.path}"
-        if is_service and (detail := self._detail(response)):
-            said += f": {detail}"
+        detail = self._detail(response) if is_service else ""
+        asked = f"{request.method} {request.url.path}"
+        said = (
+            Sentence(
+                "service-answered-detail",
+                "{service} answers {status} to {request}: {detail}",
+                service=self.service,
+                status=status,
+                request=asked,
+                detail=detail,
+            )
+            if detail
+            else Sentence(
+                "service-answered-status",
+                "{service} answers {status} to {request}",
+                service=self.service,
+                status=status,
+                request=asked,
+            )
+        )
         if response.is_redirect:
             raise NotAFarmError(
                 Sentence(
@@ -289,7 +325,11 @@ class Link:
         if status >= 500 or status in RETRYABLE_STATUS:
             raise LinkError(said)
         if request.url.path == "/api/farm/join" or status < 400:
-            raise NotAFarmError(not_a_farm(self.service, f"it answers {status} to {request.method} {request.url.path}"))
+            raise NotAFarmError(
+                not_a_farm(
+                    self.service, Sentence("answer-status", "it answers {status} to {request}", status=status, request=asked)
+                )
+            )
         raise RefusedError(said)
 
     def _detail(self, response: httpx.Response) -> str:
@@ -304,7 +344,9 @@ def check_redis_url(url: str) -> None:
     try:
         ConnectionPool.from_url(url).make_connection()
     except (ValueError, TypeError):  # TypeError: an invalid query parameter
-        raise ValueError("an address is redis://host:6379/0, rediss://... or unix://...") from None
+        raise ValueError(
+            Sentence("redis-address-invalid", "an address of Redis has the form redis://host:6379/0, rediss://... or unix://...")
+        ) from None
 
 
 def _reachable_redis_url(redis_url: str, service: str) -> str:

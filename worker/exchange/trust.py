@@ -6,6 +6,8 @@ import os
 import ssl
 from pathlib import Path
 
+from renderer.sentences import Sentence
+
 __all__ = ["TRUST_VARIABLE", "verify_option", "verify_option_for"]
 
 TRUST_VARIABLE = "RAYFARM_TLS_CERT"
@@ -24,14 +26,28 @@ def verify_option(certificate: str | None = None) -> ssl.SSLContext | bool:
         return True
     text = Path(path).expanduser().read_text()
     if CERTIFICATE_END not in text:
-        raise ValueError(f"{path} contains no certificate; {TRUST_VARIABLE} names the farm's, as PEM")
+        raise ValueError(
+            Sentence(
+                "certificate-missing",
+                "{path} contains no certificate; {variable} must name the certificate of the farm, as PEM",
+                path=path,
+                variable=TRUST_VARIABLE,
+            )
+        )
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
     context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN  # accept a certificate that is not a CA
     try:
         context.load_verify_locations(cadata=text[: text.index(CERTIFICATE_END) + len(CERTIFICATE_END)] + "\n")
     except ssl.SSLError as error:
-        raise ValueError(f"{path} contains no readable certificate ({error.reason})") from None
+        raise ValueError(
+            Sentence(
+                "certificate-unreadable",
+                "the certificate in {path} cannot be read ({reason}); export it again as PEM",
+                path=path,
+                reason=error.reason,
+            )
+        ) from None
     return context
 
 

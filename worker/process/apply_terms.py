@@ -22,7 +22,6 @@ from worker.machine.process_tree import process_times
 __all__ = ["TermsKeeper", "memory_limit"]
 
 MEMORY_EVERY = 5  # heartbeats; summing up the memory of all processes takes milliseconds
-NICE = "Its nice level"
 RESUME_BELOW = 0.9  # of the limit: from then on it takes tasks again
 
 log = logging.getLogger(__name__)
@@ -162,14 +161,13 @@ class TermsKeeper:
             except PermissionError:
                 self.trouble = Sentence(
                     "worker-nice-not-lowerable",
-                    "{nice} stays at {current}: only root may lower it. Restart the worker.",
-                    nice=NICE,
+                    "The nice level stays at {current}: only root may lower it. Restart the worker.",
                     current=os.getpriority(os.PRIO_PROCESS, 0),
                 )
                 return
             except ProcessLookupError:
                 continue
-        if self.trouble and self.trouble.startswith(NICE):
+        if self.trouble and getattr(self.trouble, "code", "") == "worker-nice-not-lowerable":
             self.trouble = None
 
 

@@ -76,10 +76,23 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
     except RayfarmError as error:
         return failure_event(worker, batch, str(error))
     except MemoryError:
-        return failure_event(worker, batch, f"{worker.name} has too little memory for this scene")
+        return failure_event(
+            worker,
+            batch,
+            Sentence(
+                "worker-out-of-memory",
+                "{worker} has too little memory for this scene. Simplify the scene, or use a machine with more memory",
+                worker=worker.name,
+            ),
+        )
     except Exception as error:  # any error fails this batch only, not the worker
         last = "".join(traceback.format_exception(error)[-TRACE_LINES:])[-TRACE_CHARACTERS:]
-        return failure_event(worker, batch, f"{type(error).__name__}: {error}", last)
+        return failure_event(
+            worker,
+            batch,
+            Sentence("rendering-failed", "rendering failed unexpectedly ({error})", error=f"{type(error).__name__}: {error}"),
+            last,
+        )
     return rendered_result(worker, batch, sums, time.perf_counter() - begun)
 
 

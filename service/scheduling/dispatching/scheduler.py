@@ -15,7 +15,7 @@ import redis
 
 from protocol.card import CardBatches
 from renderer.frames import frame_number, frame_text
-from renderer.sentences import Sentence
+from renderer.sentences import Sentence, joined_sentences
 from service.errors import QueueError
 from service.scheduling.dispatching.batch_groups import BatchGroup, SlotGroup, batch_message, joint_message, next_batch_groups
 from service.scheduling.dispatching.cards import CardPlace, CardPlaces
@@ -498,8 +498,12 @@ class Scheduler:
         frame = job.frames[batch.frame]
         self.withdraw(job, frame.key)
         if not frame.is_over:
-            again = f" To see it again: {reproduce(command, job, frame)}" if command else ""
-            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail_frame(frame, error + again))
+            again = (
+                Sentence("frame-reproduce", "To see it again: {command}", command=reproduce(command, job, frame))
+                if command
+                else ""
+            )
+            self._bulkheads.run(job.id, Step.HAND_OUT, lambda: job.fail_frame(frame, joined_sentences(error, again)))
 
     def _has_idle_slots(self, kind: str) -> bool:
         return self._workers.roster.cpu_slots(kind) > self.leases.occupied_slots(kind)

@@ -22,6 +22,7 @@ import redis
 from sqlalchemy import exc
 
 from renderer.errors import SettingsError
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence, in_lower_case
 from service.clock import Clock
 from service.errors import FarmError, FilmUnavailable, Invalid, OutOfSpace, QueueError, Unavailable
@@ -121,7 +122,9 @@ class Bulkheads:
                     id,
                     step,
                     Sentence(
-                        "database-unusable", "The database cannot be used ({reason}).", reason=getattr(error, "orig", error)
+                        "database-unusable",
+                        "The database cannot be used ({reason}).",
+                        reason=library_message(getattr(error, "orig", None) or error),
                     ),
                     began,
                 )
@@ -133,7 +136,7 @@ class Bulkheads:
                     "service-machine-error",
                     "The service's machine has a problem ({name}: {error}).",
                     name=type(error).__name__,
-                    error=error,
+                    error=library_message(error),
                 ),
                 began,
             )

@@ -7,6 +7,7 @@ from collections.abc import Callable
 
 import redis
 
+from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from service.errors import Unavailable
 
@@ -18,12 +19,12 @@ FactAndRemedy = tuple[str, str]  # fact and remedy
 ERROR_SENTENCES: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     (
         r"\bBUSY\b|running a script",
-        lambda error: Sentence("redis-script-hanging", "Redis is blocked by a script that does not end ({error}).", error=error),
+        lambda _: Sentence("redis-script-hanging", "Redis is blocked by a script that does not end."),
         Sentence("redis-script-hanging-advice", "End it: redis-cli SCRIPT KILL."),
     ),
     (
         r"\bREADONLY\b|read only (replica|slave)",
-        lambda error: Sentence("redis-replica", "Redis accepts no writes: it is a replica ({error}).", error=error),
+        lambda _: Sentence("redis-replica", "Redis accepts no writes: it is a replica."),
         Sentence(
             "redis-replica-advice",
             "Point RAYFARM_REDIS_URL at the primary, or make this one the primary: redis-cli REPLICAOF NO ONE.",
@@ -31,12 +32,12 @@ ERROR_SENTENCES: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     ),
     (
         r"\bNOREPLICAS\b",
-        lambda error: Sentence("redis-replicas-missing", "Redis accepts no writes without replicas ({error}).", error=error),
+        lambda _: Sentence("redis-replicas-missing", "Redis accepts no writes without replicas."),
         Sentence("redis-replicas-missing-advice", "Start them, or set min-replicas-to-write to 0."),
     ),
     (
         r"\bOOM\b|used memory > 'maxmemory'",
-        lambda error: Sentence("redis-memory-full", "Redis is full ({error}).", error=error),
+        lambda _: Sentence("redis-memory-full", "Redis is full."),
         Sentence("redis-memory-full-advice", "Give it more memory (maxmemory)."),
     ),
     (
@@ -48,12 +49,12 @@ ERROR_SENTENCES: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     ),
     (
         r"\bLOADING\b|loading the dataset",
-        lambda error: Sentence("redis-loading", "Redis is loading its data from disk ({error}).", error=error),
+        lambda _: Sentence("redis-loading", "Redis is loading its data from disk."),
         Sentence("redis-loading-advice", "The farm continues when it is done."),
     ),
     (
         r"\bNOAUTH\b|\bWRONGPASS\b|[Aa]uthentication required|invalid password|invalid username",
-        lambda error: Sentence("redis-password-refused", "Redis rejects the service's password ({error}).", error=error),
+        lambda _: Sentence("redis-password-refused", "Redis rejects the service's password."),
         Sentence("redis-password-refused-advice", "Correct RAYFARM_REDIS_URL: redis://:PASSWORD@HOST:PORT/0."),
     ),
     (
@@ -65,7 +66,7 @@ ERROR_SENTENCES: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     ),
     (
         r"\bNOSCRIPT\b|No matching script",
-        lambda error: Sentence("redis-script-missing", "A script is missing in Redis ({error}).", error=error),
+        lambda _: Sentence("redis-script-missing", "A script is missing in Redis."),
         Sentence("redis-script-missing-advice", "It is sent again automatically."),
     ),
     (
@@ -82,9 +83,7 @@ ERROR_SENTENCES: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
     ),
     (
         r"max number of clients",
-        lambda error: Sentence(
-            "redis-connections-exhausted", "Redis has reached its limit of connections ({error}).", error=error
-        ),
+        lambda _: Sentence("redis-connections-exhausted", "Redis has reached its limit of connections."),
         Sentence("redis-connections-exhausted-advice", "Raise maxclients, or close other programs' connections."),
     ),
     (
@@ -109,11 +108,11 @@ def redis_fault(error: BaseException) -> FactAndRemedy:
     for cause in found:
         if isinstance(cause, redis.ResponseError):
             return (
-                Sentence("redis-command-refused", "Redis refuses a command ({error}).", error=cause),
+                Sentence("redis-command-refused", "Redis refuses a command ({error}).", error=library_message(cause)),
                 Sentence("redis-command-refused-advice", "Check its configuration."),
             )
     return (
-        Sentence("redis-not-reachable", "Redis does not answer ({error}).", error=error),
+        Sentence("redis-not-reachable", "Redis does not answer ({error}).", error=library_message(error)),
         Sentence("redis-not-reachable-advice", "Start it, or check RAYFARM_REDIS_URL."),
     )
 

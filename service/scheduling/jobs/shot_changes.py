@@ -172,7 +172,8 @@ def _raised_goal(now: int | None, request: ShotRequest, what: str) -> int:
         raise Conflict(
             Sentence(
                 "shot-more-spp-unknown",
-                "more: {what} ends at a limit of noise or time, so its number of samples is not known in advance. Give spp.",
+                "The number of samples of {what} is not known in advance, since a limit of noise or time ends it; more "
+                "cannot be added to it. Give spp.",
                 what=what,
             )
         )

@@ -75,8 +75,8 @@ def test_only_what_is_to_be_written_is_kept(blender, scene, tmp_path):
             + 'echo \'{"error": "is damaged"}\' > $out/report.json\n',
             "is damaged",
         ),
-        ("exit 3", r"ended while it opened it \(code 3\)"),
-        ("kill -SEGV $$", r"ended while it opened it \(SIGSEGV\)"),
+        ("exit 3", r"ended while it opened the file \(code 3\)"),
+        ("kill -SEGV $$", r"ended while it opened the file \(SIGSEGV\)"),
         ("sleep 60", "took longer than 2 seconds"),
     ],
 )

@@ -114,15 +114,17 @@ class _Reader:
         self._odd[Sentence("unit-concave-polygons", "concave polygons, filled as if convex")] += sum(
             m.unfilled for m in self._imported.meshes.values()
         )
-        self._odd[Sentence("assimp-coordinate-colour-sets", "sets of texture coordinates and of colours")] += sum(
-            m.more_sets for m in self._imported.meshes.values()
+        self._odd[
+            Sentence("assimp-coordinate-colour-sets", "sets of texture coordinates or vertex colours beyond the first")
+        ] += sum(m.more_sets for m in self._imported.meshes.values())
+        self._odd[Sentence("assimp-textures-stacked", "textures blended over another texture of the same material input")] += (
+            self._imported.stacked
         )
-        self._odd[Sentence("assimp-textures-stacked", "textures stacked on others of the same kind")] += self._imported.stacked
         self._odd[Sentence("assimp-later-frames", "frames, of which only the first is shown")] += _frames(self._main, self._files)
         self._odd[Sentence("assimp-parts-unfinished", "parts that the importer could not finish")] += not self._imported.is_whole
         self._odd += self._materials.odd
         self._odd[Sentence("assimp-morph-targets", "morph targets")] += self._imported.morphs
-        self._odd[Sentence("assimp-mesh-animation", "channels that animate meshes")] += self._movement.others
+        self._odd[Sentence("assimp-mesh-animation", "animation channels of mesh shapes")] += self._movement.others
         listed = [count_of(count, words) for words, count in self._odd.items() if count]
         if listed:
             self._shelf.warn(

@@ -275,7 +275,7 @@ class _Reader:
         world = self._finite(aimed(node, self._scene, matrix(node.node_to_world), np.array(light.direction)), node)
         name = self._unique(text(node.name) or "light")
         if not is_set(light, b"CastShadows", True):
-            self._odd[Sentence("fbx-lights-without-shadows", "lights without shadows, which cast shadows")] += 1
+            self._odd[Sentence("fbx-lights-without-shadows", "lights set to cast no shadows, which cast shadows here")] += 1
         if is_set(light, b"EnableNearAttenuation") or is_set(light, b"EnableFarAttenuation"):
             self._odd[Sentence("fbx-light-ranges", "light ranges, which are ignored")] += 1
         if light.kind == lights.VOLUME or not light.shines:

@@ -190,7 +190,7 @@ class Accessors:
                 "type",
                 Sentence(
                     "gltf-accessor-type-wrong",
-                    "has type {kind} and component type {component_type}, which is wrong here",
+                    "has type {kind} and component type {component_type}, which do not fit its use; export the file again",
                     kind=kind[:10],
                     component_type=accessor.value.get("componentType"),
                 ),
@@ -235,7 +235,7 @@ class Accessors:
         count = sparse.integer("count", low=1, high=len(values) + 1)
         places, replacements = sparse.object("indices"), sparse.object("values")
         if places is None or replacements is None:
-            raise sparse.damage("indices", Sentence("gltf-sparse-values-missing", "or values is missing"))
+            raise sparse.damage("indices", Sentence("gltf-sparse-values-missing", "its indices or its values are missing"))
         component = _COMPONENT.get(places.integer("componentType"))
         if component not in (np.uint8, np.uint16, np.uint32):
             raise places.damage("componentType", Sentence("gltf-not-unsigned-integer", "is not an unsigned integer"))

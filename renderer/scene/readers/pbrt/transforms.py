@@ -57,7 +57,7 @@ def look_at(numbers: Matrix, place: Place) -> Matrix:
         raise place.error(
             Sentence(
                 "pbrt-look-at-degenerate",
-                "LookAt has no direction or is parallel to up; move the eye, or give another up",
+                "LookAt has no direction, or its direction is parallel to the up vector; move the eye, or use another up vector",
             )
         )
     found = np.eye(4)

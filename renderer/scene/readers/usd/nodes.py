@@ -65,7 +65,7 @@ def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, sr
     else:
         note = Sentence(
             "usd-materialx-nodes-passed-over",
-            "Unsupported MaterialX nodes are skipped: the image before them is shown unchanged",
+            "Unsupported MaterialX nodes are skipped: their input image is used unchanged",
         )
     network.notes.add(note, kind)
     return first if first.taken is not None else Input()

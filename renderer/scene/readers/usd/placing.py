@@ -184,7 +184,7 @@ class DescriptionBuilder:
                 self._notes.add(
                     Sentence(
                         "usd-subset-faces-overlapping",
-                        "{count} faces in several subsets have the material of the first",
+                        "{count} faces belong to several subsets; the material of the first subset is used",
                         count=taken,
                     ),
                     str(subset.GetPath()),
