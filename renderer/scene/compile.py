@@ -305,7 +305,7 @@ def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[
 def _aimed_cameras(description: SceneDescription, bounds: np.ndarray) -> list[Camera]:
     names = camera_names(description)
     return [
-        Camera(name, _aimed(c.view, bounds), tuple(_aimed(view, bounds) for view in c.keys))
+        Camera(name, _with_orbit_target(c.view, bounds), tuple(_with_orbit_target(view, bounds) for view in c.keys))
         for name, c in zip(names, description.cameras, strict=False)
     ]
 
@@ -389,7 +389,7 @@ def _tree_corners(compiled: CompiledScene, root: int) -> np.ndarray:
     return np.array([np.where(which, box[:, 1], box[:, 0]) for box in boxes for which in np.ndindex(2, 2, 2)]).reshape(-1, 3)
 
 
-def _aimed(view: View, bounds: np.ndarray) -> View:
+def _with_orbit_target(view: View, bounds: np.ndarray) -> View:
     """Returns the view with its target moved along the line of sight to the point nearest to the scene's centre.
 
     That makes the target a useful centre for orbiting. The focus distance stays the same.

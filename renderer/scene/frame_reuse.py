@@ -83,7 +83,7 @@ class ShotCache:
         what: name of the checked data.
         """
         known, self._heads[what] = self._heads.get(what), heads
-        return known is not None and _are(known, heads)
+        return known is not None and _hold_same_objects(known, heads)
 
     def array_for(
         self, name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]
@@ -94,7 +94,7 @@ class ShotCache:
         """
         buffer = self._buffers.get(name)
         known = self._heads.get(name, ())
-        is_there = _are(known, heads)
+        is_there = _hold_same_objects(known, heads)
         if buffer is None or len(buffer) < length or buffer.shape[1:] != shape or not is_there:
             self._buffers.pop(name, None)
             buffer, is_there = np.zeros((length + length // _SLACK, *shape), dtype), False
@@ -102,7 +102,7 @@ class ShotCache:
         return buffer[:length], is_there
 
 
-def _are(cached: tuple[object, ...], current: tuple[object, ...]) -> bool:
+def _hold_same_objects(cached: tuple[object, ...], current: tuple[object, ...]) -> bool:
     """Returns True if both tuples contain the same objects (by identity) and equal numbers."""
     return len(cached) == len(current) and all(
         a is b or (isinstance(a, int) and isinstance(b, int) and a == b) for a, b in zip(cached, current, strict=True)

@@ -122,10 +122,10 @@ def _extra_data(data: bytes, main: str) -> _ExtraData:
     by_blender = (root.findtext(".//{*}asset/{*}contributor/{*}authoring_tool") or "").startswith("Blender")
     kinds = (str(element.tag).rpartition("}")[2] for element in root.iter())
     unread: Counter[str] = Counter(_UNREAD[kind] for kind in kinds if kind in _UNREAD)
-    return _ExtraData(_lenses(root), _lamps(root), by_blender, unread, _shapeless(root))
+    return _ExtraData(_lenses(root), _lamps(root), by_blender, unread, _count_cameras_without_shape(root))
 
 
-def _shapeless(root: ElementTree.Element) -> int:
+def _count_cameras_without_shape(root: ElementTree.Element) -> int:
     """Returns the number of cameras that have a horizontal angle or size, but neither a vertical one nor an aspect ratio."""
     optics = [
         *root.iterfind(".//{*}library_cameras/{*}camera//{*}perspective"),

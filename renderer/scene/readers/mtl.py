@@ -49,7 +49,7 @@ def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Mat
             current = found.setdefault(value, _Statements(value, name, shelf, files))
         elif current is not None:
             current.values[keyword] = value
-    shade = _blenders if _BLENDERS.match(text) else _choose
+    shade = _set_blender_surface if _BLENDERS.match(text) else _set_nearest_surface
     notes: Counter[str] = Counter()
     bare = Counter(map(without_comment, found))
     made = {}
@@ -227,7 +227,7 @@ def _material(statements: _Statements, shade: Callable[[_Statements, Material], 
     return material
 
 
-def _choose(statements: _Statements, material: Material) -> None:
+def _set_nearest_surface(statements: _Statements, material: Material) -> None:
     """Sets the physically based surface nearest to the Phong parameters, or the one given by the physically based extension."""
     specular, shininess = statements.color("ks", (0.0, 0.0, 0.0)), max(statements.number("ns", 0.0), 0.0)
     # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
@@ -237,7 +237,7 @@ def _choose(statements: _Statements, material: Material) -> None:
         _physical(statements, material, roughness, specular)
 
 
-def _blenders(statements: _Statements, material: Material) -> None:
+def _set_blender_surface(statements: _Statements, material: Material) -> None:
     """Sets the surface of an MTL file written by Blender, as Blender's own importer does.
 
     Ns is the roughness, Ka the metalness if illum is 3, d the opacity. Tf is the transmission if the extension is present.

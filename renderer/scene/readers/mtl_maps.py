@@ -79,7 +79,7 @@ class Map(NamedTuple):
         return (
             found
             if self.span == (0.0, 1.0)
-            else shelf.derived_texture(found, f"span {self.span}", lambda i: _spanned(i, self.span))
+            else shelf.derived_texture(found, f"span {self.span}", lambda i: _with_base_and_gain(i, self.span))
         )
 
 
@@ -183,7 +183,7 @@ def with_decal(shelf: TextureShelf, texture: int | None, decal: int, color: Vec3
     srgb = encode_srgb(np.array(color, np.float32))
 
     def draw_decal(image: Image) -> Image:
-        shown = _scalar(image)
+        shown = _alpha_or_grey(image)
         painted = np.rint(srgb * white_value(shown)).astype(shown.dtype)
         hidden = np.iinfo(shown.dtype).max - shown
         return Image(f"{image.name} as a decal", np.dstack([np.broadcast_to(painted, (*hidden.shape, 3)), hidden]))
@@ -197,10 +197,10 @@ def with_opacity(shelf: TextureShelf, color: int | None, opacity: int) -> int | 
 
     def add_opacity(image: Image, mask: Image) -> Image:
         if color is not None and image.pixels.dtype == np.float32:
-            shown = _resized(_scalar(mask), image.pixels.shape)
+            shown = _resized(_alpha_or_grey(mask), image.pixels.shape)
             pixels = np.dstack([image.pixels[..., :3], (shown / np.float32(white_value(shown))).astype(np.float32)])
             return Image(f"{image.name} with opacity", pixels, image.srgb)
-        own, shown = with_equal_depth(integer_codes(image), _scalar(mask))
+        own, shown = with_equal_depth(integer_codes(image), _alpha_or_grey(mask))
         pixels = own.copy()
         pixels[..., 3] = _resized(shown, pixels.shape)
         if color is None:
@@ -232,7 +232,7 @@ def as_alpha(shelf: TextureShelf, texture: int | None) -> int | None:
     """Returns a white texture with the alpha of another texture, or with its grey if it is opaque."""
 
     def to_alpha(image: Image) -> Image:
-        grey = _scalar(image)
+        grey = _alpha_or_grey(image)
         return Image(
             f"{image.name} as alpha",
             np.dstack([np.full((*grey.shape, 3), np.iinfo(grey.dtype).max, grey.dtype), grey]),
@@ -265,7 +265,7 @@ def _channel(image: Image, channel: str) -> Image:
     return Image(f"{image.name} channel {channel}", pixels, image.srgb)
 
 
-def _spanned(image: Image, span: tuple[float, float]) -> Image:
+def _with_base_and_gain(image: Image, span: tuple[float, float]) -> Image:
     """Returns an image whose linear values x are replaced by base + gain * x. span: (base, gain)."""
     base, gain = span
     name = f"{image.name} from {base:g} by {gain:g}"
@@ -283,7 +283,7 @@ def _spanned(image: Image, span: tuple[float, float]) -> Image:
     return Image(name, pixels, image.srgb)
 
 
-def _scalar(image: Image) -> Codes:
+def _alpha_or_grey(image: Image) -> Codes:
     """Returns the (h, w) alpha of an image, or its grey if it is opaque."""
     pixels = integer_codes(image)
     alphas: Codes = pixels[..., 3]

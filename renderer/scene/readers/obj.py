@@ -109,7 +109,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             if name and description.materials[number].name == without_comment(name):
                 mesh.name = without_comment(name)
             shown.append((mesh, order[begins[group] : begins[group + 1]]))
-    for mesh in _rounded(said, cut, [mesh for mesh, _ in shown], [triangles for _, triangles in shown]):
+    for mesh in _with_missing_normals(said, cut, [mesh for mesh, _ in shown], [triangles for _, triangles in shown]):
         description.meshes.append(mesh)
         description.instances.append(Instance(len(description.meshes) - 1, name=mesh.name))
     if said.others:
@@ -167,7 +167,7 @@ def _polypaint(text: bytes, vertices: int) -> F32 | None:
     return codes[:, 1:].astype(np.float32) / np.float32(255)
 
 
-def _rounded(
+def _with_missing_normals(
     statements: Statements, cut: Triangulation, meshes: list[Mesh], triangles: list[npt.NDArray[np.int64]]
 ) -> list[Mesh]:
     """Returns the meshes with missing normals computed.

@@ -31,7 +31,7 @@ class Materials:
         for library in statements.libraries:
             names = self._libraries(library)
             is_missing |= not names
-            if not names and not self._guessed(statements):
+            if not names and not self._guess_material_file(statements):
                 shelf.warn_of_surface(
                     Sentence(
                         "obj-material-library-missing",
@@ -43,7 +43,7 @@ class Materials:
             for name in names:
                 self._read_file(name)
         wanted = any(name for _, name in statements.materials)
-        if (is_missing or (not statements.libraries and wanted)) and (guess := self._guessed(statements)):
+        if (is_missing or (not statements.libraries and wanted)) and (guess := self._guess_material_file(statements)):
             self._read_file(guess)
             why = (
                 Sentence(
@@ -84,7 +84,7 @@ class Materials:
                 self._shelf.warn_of_missing(word, self._file)
         return [name for name in found.values() if name]
 
-    def _guessed(self, statements: Statements) -> str | None:
+    def _guess_material_file(self, statements: Statements) -> str | None:
         """Returns a material file to use if none is named or found; None if there is no candidate.
 
         Candidates are the file with the OBJ file's name, or the only one in its folder if it defines a material that faces name.

@@ -66,7 +66,7 @@ def read_data(
     mesh = _mesh(PurePosixPath(main).stem, positions, vertex, faces, main, shelf, attribute)
     named = textures_of(data) if has_pictures else []
     parts = list[Mesh]()
-    for picture, rows in _by_picture(vertex, faces, named, main, shelf):
+    for picture, rows in _triangles_by_image(vertex, faces, named, main, shelf):
         part = without_bad_vertices(mesh) if rows is None else of_triangles(mesh, rows)
         description.materials.append(_material(part, picture, main, shelf))
         part.material = len(description.materials) - 1
@@ -76,7 +76,7 @@ def read_data(
         description.instances.append(Instance(len(description.meshes) - 1, name=part.name))
 
 
-def _by_picture(
+def _triangles_by_image(
     vertex: Element, faces: _Faces, named: list[str], main: str, shelf: TextureShelf
 ) -> list[tuple[str | None, npt.NDArray[np.int64] | None]]:
     """Returns the file's texture images (None: no image), each with the triangles that use it (None: all)."""
@@ -177,14 +177,14 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
     mesh = Mesh(name, positions, triangles.astype(np.int32))
     mesh.normals = _stacked(vertex, _NORMALS)
     uvs = _stacked(vertex, _UVS)
-    mesh.uvs = None if uvs is None else _upright(uvs)
+    mesh.uvs = None if uvs is None else _flip_v(uvs)
     mesh.colors = _colors(vertex, "vertex", attribute, main, shelf)
     by_face = None if mesh.colors is not None or faces.element is None else _colors(faces.element, "face", attribute, main, shelf)
     corner_colors = None if by_face is None else np.repeat(by_face[faces.face], 3, axis=0)
     wedges = None if faces.element is None else faces.element.lists.get("texcoord")
     corner_uvs = None
     if wedges is not None and (wedges.count == 2 * faces.lists.count).all():
-        corner_uvs = _upright(wedges.values.reshape(-1, 2).astype(np.float32))[faces.corners.reshape(-1)]
+        corner_uvs = _flip_v(wedges.values.reshape(-1, 2).astype(np.float32))[faces.corners.reshape(-1)]
     elif wedges is not None and wedges.count.any():
         shelf.warn_of_surface(
             Sentence(
@@ -204,7 +204,7 @@ def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
     return None
 
 
-def _upright(uvs: F32) -> F32:
+def _flip_v(uvs: F32) -> F32:
     """Returns UVs with v measured from the image's upper edge; PLY measures v from the lower edge."""
     return np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1)
 

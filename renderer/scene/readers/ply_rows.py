@@ -96,7 +96,7 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
     way, declared = _declared(header[0].decode("ascii", "replace"), file)
     rows: _Text | _Bytes
     if way == "ascii":
-        return _of_text(data[header.end() :], declared, file, warn)
+        return _parse_text(data[header.end() :], declared, file, warn)
     if way in _ORDERS:
         rows = _Bytes(data, header.end(), _ORDERS[way], file)
     else:
@@ -160,7 +160,7 @@ def _truncated_error(file: str, element: str) -> SceneError:
     )
 
 
-def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], None]) -> list[Element]:
+def _parse_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], None]) -> list[Element]:
     """Returns the elements of a text file.
 
     The text is read as one stream of numbers regardless of line ends, unless rows have surplus numbers.
@@ -185,7 +185,7 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
             return found
     except SceneError:
         found = []
-    trimmed, longer = _trimmed(text.splitlines(), declared)
+    trimmed, longer = _drop_surplus_numbers(text.splitlines(), declared)
     if not longer:
         if not found:
             raise _truncated_error(file, next((name for name, count, _ in declared if count), "vertex"))
@@ -202,7 +202,7 @@ def _of_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str], 
     return [Element(name, count, *rows.read_element(name, count, properties)) for name, count, properties in declared]
 
 
-def _trimmed(lines: list[bytes], declared: _Declared) -> tuple[bytes, int]:
+def _drop_surplus_numbers(lines: list[bytes], declared: _Declared) -> tuple[bytes, int]:
     """Returns the declared numbers of all lines, and how many lines have surplus numbers; (b"", 0) if a line is not one row."""
     numbers, longer = list[bytes](), 0
     rows = (line.split() for line in lines if line.strip())
@@ -241,7 +241,7 @@ class _Bytes:
                 return _columns(rows, properties, dict(counts))
         if not counts:
             raise _truncated_error(self._file, name)
-        return self._of_differing(name, count, properties)
+        return self._read_ragged_rows(name, count, properties)
 
     def _first_counts(self, name: str, properties: list[_Property]) -> list[tuple[int, int]]:
         """Returns (property index, length) of each list in the first row."""
@@ -272,7 +272,7 @@ class _Bytes:
             fields.append((f"{i}", self._order + each.kind, *([(lengths.get(i, 0),)] if each.count is not None else [])))
         return np.dtype(fields)
 
-    def _of_differing(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
+    def _read_ragged_rows(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
         """Returns the columns and lists of an element whose rows have lists of different lengths."""
         if count > len(self._data) - self._at:
             raise _truncated_error(self._file, name)
@@ -343,7 +343,7 @@ class _Text:
                 width += lengths[i]
             width += 1
         if count * width > len(left):
-            return self._of_differing(name, count, properties)
+            return self._read_ragged_rows(name, count, properties)
         rows = left[: count * width].reshape(count, width)
         columns, lists = dict[str, Array](), dict[str, Lists]()
         at = 0
@@ -354,7 +354,7 @@ class _Text:
                 continue
             length = lengths.get(i, 0)
             if count and (rows[:, at] != length).any():
-                return self._of_differing(name, count, properties)
+                return self._read_ragged_rows(name, count, properties)
             lists[each.name] = Lists(np.full(count, length), rows[:, at + 1 : at + 1 + length].reshape(-1))
             at += 1 + length
         self._at += count * width
@@ -367,7 +367,7 @@ class _Text:
             raise _truncated_error(self._file, name)
         return int(length)
 
-    def _of_differing(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
+    def _read_ragged_rows(self, name: str, count: int, properties: list[_Property]) -> tuple[dict[str, Array], dict[str, Lists]]:
         begin = self._at
         places: list[list[int]] = [[] for _ in properties]
         lengths: list[list[int]] = [[] for _ in properties]

@@ -455,9 +455,9 @@ class _Reader:
                     Sentence("3mf-triangle-properties-missing", "triangles whose properties (pid) are not in the file")
                 ] += int((group == i).sum())
         if all(name not in model.groups for name in names):
-            yield self._add(title, points, corners, None, None, plain)
+            yield self._add_mesh(title, points, corners, None, None, plain)
             return
-        for i, rows in _sorted_out(group):
+        for i, rows in _indices_by_value(group):
             said = model.groups.get(names[i])
             yield from self._of_group(model, said, title, points, corners[rows], chosen[rows], plain)
 
@@ -473,7 +473,7 @@ class _Reader:
     ) -> Iterator[int]:
         count = 0 if group is None else len(group.values)
         if group is None or count == 0 or (chosen < 0).all():
-            yield self._add(name, points, corners, None, None, plain)
+            yield self._add_mesh(name, points, corners, None, None, plain)
             return
         if beyond := int((chosen >= count).any(axis=1).sum()):
             self._odd[
@@ -484,23 +484,23 @@ class _Reader:
             ] += beyond
         chosen = np.clip(chosen, 0, count - 1)
         if group.kind == "basematerials":
-            for value, rows in _sorted_out(chosen[:, 0]):
+            for value, rows in _indices_by_value(chosen[:, 0]):
                 title, color = group.values[value]
                 material = Material(title or "material", base_color=_linear(color))
                 if color[3] < 255:
                     material.opacity, material.alpha_mode = color[3] / 255, "blend"
                 at = self._material((model.path, "base", id(group), value), material)
-                yield self._add(name, points, corners[rows], None, None, at)
+                yield self._add_mesh(name, points, corners[rows], None, None, at)
         elif group.kind == "colorgroup":
             colors = vertex_colors(np.array(group.values, np.uint8)[chosen.reshape(-1)])
             material = Material("colours", base_color=(1.0, 1.0, 1.0))
             if colors is not None and (colors[:, 3] < 1).any():
                 material.alpha_mode = "blend"
-            yield self._add(name, points, corners, None, colors, self._material(material.alpha_mode, material))
+            yield self._add_mesh(name, points, corners, None, colors, self._material(material.alpha_mode, material))
         else:
             uvs = np.array(group.values, np.float32)[chosen.reshape(-1)]
             uvs[:, 1] = 1 - uvs[:, 1]  # 3MF measures v from the lower edge
-            yield self._add(name, points, corners, uvs, None, self._textured(model, group.texture))
+            yield self._add_mesh(name, points, corners, uvs, None, self._textured(model, group.texture))
 
     def _textured(self, model: _Model, number: str) -> int:
         path, wrap_s, wrap_t = model.textures.get(number, ("", "repeat", "repeat"))
@@ -518,7 +518,9 @@ class _Reader:
             self._materials[key] = len(self._description.materials) - 1
         return self._materials[key]
 
-    def _add(self, name: str, points: F32, corners: npt.NDArray[Any], uvs: F32 | None, colors: F32 | None, material: int) -> int:
+    def _add_mesh(
+        self, name: str, points: F32, corners: npt.NDArray[Any], uvs: F32 | None, colors: F32 | None, material: int
+    ) -> int:
         """Adds a mesh of some triangles, and returns its index.
 
         corners: (T, 3) vertex indices; uvs and colors: per corner, or None; if given, corners share no vertices.
@@ -533,7 +535,7 @@ class _Reader:
         return len(self._description.meshes) - 1
 
 
-def _sorted_out(values: npt.NDArray[np.int64]) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
+def _indices_by_value(values: npt.NDArray[np.int64]) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
     """Yields each distinct value, ascending, with the indices of the rows that have it."""
     order = np.argsort(values, kind="stable")
     begins = np.flatnonzero(np.diff(values[order], prepend=values.min(initial=0) - 1))

@@ -65,7 +65,7 @@ def read_data(data: bytes, suffix: str, files: SceneFiles, main: str, descriptio
                 reason=library_message(error),
             )
         ) from error
-    _add(scene, main, _upright(suffix, data), shelf, description)
+    _add(scene, main, _upright_transform(suffix, data), shelf, description)
 
 
 def _add(scene: Any, main: str, upright: npt.NDArray[np.float64], shelf: TextureShelf, description: SceneDescription) -> None:
@@ -185,7 +185,7 @@ def _color(values: Any) -> Vec3:
     return r, g, b
 
 
-def _upright(suffix: str, data: bytes) -> npt.NDArray[np.float64]:
+def _upright_transform(suffix: str, data: bytes) -> npt.NDArray[np.float64]:
     if suffix == ".stl":
         return Z_UP
     said = re.search(rb"<up_axis>\s*([XYZ])_UP", data[:100_000]) if suffix == ".dae" else None

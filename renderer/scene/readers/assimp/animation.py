@@ -41,18 +41,18 @@ class Movement:
     def _local(self, channel: Channel, own: F64) -> F64:
         place, turn, scale = _decompose(own)
         if len(channel.places[0]):
-            place = Curve(*_sane(*channel.places)).values_at(self._seconds)
+            place = Curve(*_sorted_keys(*channel.places)).values_at(self._seconds)
         if len(channel.turns[0]):
-            turn = _matrix(Curve(*_sane(*channel.turns), is_rotation=True).values_at(self._seconds))
+            turn = _matrix(Curve(*_sorted_keys(*channel.turns), is_rotation=True).values_at(self._seconds))
         if len(channel.scales[0]):
-            scale = Curve(*_sane(*channel.scales)).values_at(self._seconds)
+            scale = Curve(*_sorted_keys(*channel.scales)).values_at(self._seconds)
         found = np.eye(4)
         found[:3, :3] = turn * np.array(scale)
         found[:3, 3] = place
         return found
 
 
-def _sane(times: F64, values: F64) -> tuple[F64, F64]:
+def _sorted_keys(times: F64, values: F64) -> tuple[F64, F64]:
     """Returns an animation's keys, sorted by time."""
     order = np.argsort(times, kind="stable")
     return times[order], values[order]

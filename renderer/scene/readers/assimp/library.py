@@ -287,7 +287,7 @@ def _copied(scene: Any, name: str) -> Imported:
     nodes = _nodes(scene.root, name)
     meshes: dict[int, Shape] = {}
     loose = morphs = 0
-    for i, mesh in enumerate(_pointed(scene.meshes, scene.num_meshes, _Mesh)):
+    for i, mesh in enumerate(_structures_at(scene.meshes, scene.num_meshes, _Mesh)):
         if mesh.kinds & (_TRIANGLES | _POLYGONS) and mesh.num_faces and mesh.num_vertices:
             meshes[i] = _shape(mesh, name)
             morphs += mesh.num_morphs
@@ -296,8 +296,8 @@ def _copied(scene: Any, name: str) -> Imported:
     return Imported(
         nodes,
         meshes,
-        [_material(m) for m in _pointed(scene.materials, scene.num_materials, _Material)],
-        [_texture(t) for t in _pointed(scene.textures, scene.num_textures, _Texture)],
+        [_material(m) for m in _structures_at(scene.materials, scene.num_materials, _Material)],
+        [_texture(t) for t in _structures_at(scene.textures, scene.num_textures, _Texture)],
         [
             Lamp(
                 str(x.name),
@@ -310,25 +310,25 @@ def _copied(scene: Any, name: str) -> Imported:
                 x.inner,
                 x.outer,
             )
-            for x in _pointed(scene.lights, scene.num_lights, _Light)
+            for x in _structures_at(scene.lights, scene.num_lights, _Light)
         ],
         [
             Camera(str(x.name), _vector(x.position), _vector(x.up), _vector(x.towards), x.fov, x.aspect, x.width)
-            for x in _pointed(scene.cameras, scene.num_cameras, _Camera)
+            for x in _structures_at(scene.cameras, scene.num_cameras, _Camera)
         ],
-        [_animation(a, i) for i, a in enumerate(_pointed(scene.animations, scene.num_animations, _Animation))],
+        [_animation(a, i) for i, a in enumerate(_structures_at(scene.animations, scene.num_animations, _Animation))],
         loose,
         morphs,
         sum(
             said.index > 0 and str(said.key) == "$tex.file"
-            for material in _pointed(scene.materials, scene.num_materials, _Material)
-            for said in _pointed(material.properties, material.count, _Property)
+            for material in _structures_at(scene.materials, scene.num_materials, _Material)
+            for said in _structures_at(material.properties, material.count, _Property)
         ),
         is_whole=not scene.flags & _INCOMPLETE,
     )
 
 
-def _pointed(address: int | None, count: int, kind: Any) -> list[Any]:
+def _structures_at(address: int | None, count: int, kind: Any) -> list[Any]:
     """Returns the structures that a table of pointers refers to; null pointers are skipped."""
     if not address or not count:
         return []
@@ -393,7 +393,7 @@ def _shape(mesh: Any, name: str) -> Shape:
     uvs = [_array(a, count, np.float32, 3)[:, :2] for a in mesh.uvs[:2] if a]
     colors = _array(mesh.colors[0], count, np.float32, 4) if mesh.colors[0] else None
     bones = []
-    for bone in _pointed(mesh.bones, mesh.num_bones, _Bone):
+    for bone in _structures_at(mesh.bones, mesh.num_bones, _Bone):
         weights = _array(bone.weights, bone.num_weights, np.dtype([("vertex", "u4"), ("weight", "f4")]))
         weights = weights[weights["vertex"] < count]
         offset = _vector(bone.offset).reshape(4, 4)
@@ -407,7 +407,7 @@ def _shape(mesh: Any, name: str) -> Shape:
 
 def _material(material: Any) -> dict[tuple[str, int], Any]:
     found: dict[tuple[str, int], Any] = {}
-    for said in _pointed(material.properties, material.count, _Property):
+    for said in _structures_at(material.properties, material.count, _Property):
         key = str(said.key), int(said.semantic)
         if said.index or not said.data:
             continue
@@ -433,7 +433,7 @@ def _texture(texture: Any) -> tuple[str, bytes]:
 def _animation(animation: Any, number: int) -> Animation:
     ticks = animation.ticks if animation.ticks > 0 else 25.0  # default of assimp's viewer
     channels = []
-    for channel in _pointed(animation.channels, animation.num_channels, _Channel):
+    for channel in _structures_at(animation.channels, animation.num_channels, _Channel):
         places = _array(channel.places, channel.num_places, _PLACE)
         turns = _array(channel.turns, channel.num_turns, _TURN)
         scales = _array(channel.scales, channel.num_scales, _PLACE)

@@ -195,7 +195,7 @@ class _Reader:
         turned = np.empty(normals.shape, np.float32)
         arrays = (np.stack(places), table, share, shape.positions, normals, none)
         placed = carried(*(read_only(np.ascontiguousarray(a)) for a in arrays), turned=turned, bent=none.copy())
-        mesh = _bare(shape)
+        mesh = _as_mesh(shape)
         mesh.positions, mesh.normals = placed, None if shape.normals is None else turned
         mesh.material = self._materials.number(shape.material)
         return mesh
@@ -293,7 +293,7 @@ def _frames(main: str, files: SceneFiles) -> int:
     return count if count > least else 0
 
 
-def _bare(shape: Shape) -> Mesh:
+def _as_mesh(shape: Shape) -> Mesh:
     uvs = [np.column_stack([u[:, 0], 1 - u[:, 1]]).astype(np.float32) for u in shape.uvs]  # v upwards to v downwards
     colors = shape.colors
     if colors is not None and (colors == 1).all():
@@ -303,4 +303,4 @@ def _bare(shape: Shape) -> Mesh:
 
 
 def _meshes(shapes: list[Shape]) -> list[Mesh]:
-    return smoothed_together([_bare(shape) for shape in shapes], surfaces=[0] * len(shapes))
+    return smoothed_together([_as_mesh(shape) for shape in shapes], surfaces=[0] * len(shapes))

@@ -120,7 +120,7 @@ class Animations:
     def _extent(self, source: Json) -> tuple[float, float]:
         times = []
         for sampler in source.objects("samplers"):
-            with self._left_out(sampler):
+            with self._count_faults(sampler):
                 if "input" in sampler:
                     times.append(self._input(sampler))
         times = [each[np.isfinite(each)] for each in times]
@@ -129,7 +129,7 @@ class Animations:
 
     @staticmethod
     @contextlib.contextmanager
-    def _left_out(source: Json) -> Iterator[None]:
+    def _count_faults(source: Json) -> Iterator[None]:
         """Context in which an unusable part of the file is left out: a DamagedError is counted as a fault, and not raised."""
         try:
             yield
@@ -161,7 +161,7 @@ class Animations:
             if kind is None or path is None or self._is_fixed(path):
                 left_out.append(pointer[:120])
                 continue
-            with self._left_out(channel):
+            with self._count_faults(channel):
                 sampler = samplers[channel.integer("sampler", high=len(samplers))]
                 found.append(Channel(path, kind, self._curve(sampler, kind)))
         moving = {channel.path for channel in found if not channel.curve.is_constant}

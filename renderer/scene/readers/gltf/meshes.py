@@ -139,7 +139,7 @@ class Meshes:
     def _add(self, primitives: list[tuple[Mesh, int | None]], deforms: bool) -> list[int]:
         for mesh, material in primitives:
             mesh.material, mesh.deforms = self._materials.number(material), deforms
-        self._refract(primitives)
+        self._make_open_glass_thin(primitives)
         self._vertices += sum(len(mesh.positions) for mesh, _ in primitives)
         if self._vertices > MAX_VERTICES:
             raise SceneError(
@@ -155,7 +155,7 @@ class Meshes:
         self.restless |= {first + i for i, (_, material) in enumerate(primitives) if material in self._moving.surfaces}
         return list(range(first, len(self._meshes)))
 
-    def _refract(self, primitives: list[tuple[Mesh, int | None]]) -> None:
+    def _make_open_glass_thin(self, primitives: list[tuple[Mesh, int | None]]) -> None:
         """Makes the materials of transmissive primitives thin, unless they enclose a volume alone or with the mesh's other
         primitives.
         """

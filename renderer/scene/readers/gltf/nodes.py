@@ -87,7 +87,7 @@ class Nodes:
             self._instances[index] = before, len(self._description.instances)
             if len(self._description.lights) > shining:
                 self._shining[index] = shining
-        self._bent = [index for index in shown_nodes if self._is_bent(index)]
+        self._bent = [index for index in shown_nodes if self._has_animated_vertices(index)]
 
     def deforming(self) -> set[int]:
         """Returns the indices, in the file, of meshes whose vertices are animated, by morph weights or joints."""
@@ -129,10 +129,10 @@ class Nodes:
                     known = description.instances[i]
                     description.instances[i] = replace(known, transform=places[(i - first) // meshes])
         for index in self._bent:
-            self._bend(index, description, *self._instances[index])
+            self._replace_deformed_meshes(index, description, *self._instances[index])
         return True
 
-    def _bend(self, index: int, description: SceneDescription, first: int, end: int) -> None:
+    def _replace_deformed_meshes(self, index: int, description: SceneDescription, first: int, end: int) -> None:
         """Replaces the meshes of a node by their deformed shapes at the current moment.
 
         first, end: range of the node's instances.
@@ -155,7 +155,7 @@ class Nodes:
     def _has_copies(node: Json) -> bool:
         return node.extension(instancing.EXTENSION) is not None
 
-    def _is_bent(self, index: int) -> bool:
+    def _has_animated_vertices(self, index: int) -> bool:
         """Returns True if the vertices of a node's mesh are animated."""
         node = self._nodes[index]
         mesh = node.index("mesh", self._meshes.sources)
@@ -309,10 +309,10 @@ class Nodes:
     def _add_instance(self, node: Json, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
         restless = self._meshes.restless
         self._description.instances += [
-            Instance(m, place, self._passed_by(node, m), name, moves or m in restless) for m in meshes
+            Instance(m, place, self._ray_visibility_material(node, m), name, moves or m in restless) for m in meshes
         ]
 
-    def _passed_by(self, node: Json, mesh: int) -> int | None:
+    def _ray_visibility_material(self, node: Json, mesh: int) -> int | None:
         """Returns the index of a material that replaces a mesh's own if camera or shadow rays ignore the node; otherwise None."""
         rays = node.extension(RAYS)
         if rays is None:

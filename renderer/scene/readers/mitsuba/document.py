@@ -211,7 +211,7 @@ class Document:
             )
         tag = _OLD_NAMES.get(source.tag, source.tag)
         made = Element(tag, self._text(source, "type", file), source.get("id", ""), self._key(source.get("name", "")), file)
-        self._left_of(source, _OF_OBJECTS)
+        self._ignore_unknown_attributes(source, _OF_OBJECTS)
         for part, where in self._with_includes(source, file):
             if part.tag == "default":
                 self._defaults.setdefault(part.get("name", ""), part.get("value", ""))
@@ -310,7 +310,7 @@ class Document:
             )
         self._by_id[name] = self._by_id[wanted]
 
-    def _left_of(self, part: ElementTree.Element, known: Container[str]) -> None:
+    def _ignore_unknown_attributes(self, part: ElementTree.Element, known: Container[str]) -> None:
         """Counts the attributes of an element that are not among the known ones as ignored."""
         for key in part.keys():  # noqa: SIM118 - an element is no dict
             if key not in known:
@@ -348,9 +348,9 @@ class Document:
             )
         try:
             found = values.value(part.tag, written, steps, lambda name: self._curve(name, file))
-            self._left_of(part, written.asked | _OF_VALUES)
+            self._ignore_unknown_attributes(part, written.asked | _OF_VALUES)
             for step, (_, said) in zip(inner if steps else (), steps, strict=True):
-                self._left_of(step, said.asked)
+                self._ignore_unknown_attributes(step, said.asked)
             is_even = part.tag == "spectrum" and not self.is_old and isinstance(found, np.ndarray) and len(set(found)) == 1
             return values.Spectrum.constant(float(found[0])) if is_even else found
         except ValueError as error:

@@ -37,7 +37,7 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     elif source.type == "spot":
         outer = min(max(source.number("cutoff_angle", 20.0), 0.01), 90.0)
         inner = min(max(source.number("beam_width", 0.75 * outer), 0.0), outer)
-        color, emission = _through_a_slide(source, document, shelf, outer)
+        color, emission = _spot_image(source, document, shelf, outer)
         r, g, b = (a * c for a, c in zip(radiance_of(source, "intensity"), color, strict=True))
         light = Light("spot", (r, g, b), inner_cone=inner, outer_cone=outer, falloff="linear", emission=emission, name=name)
         description.lights.append(_in_world(light, world))
@@ -64,7 +64,7 @@ def _in_world(light: Light, world: np.ndarray) -> Light:
     return replace(light, position=_vec(world[:3, 3]), direction=_vec(_unit(world[:3, 2])), up=_vec(_unit(world[:3, 1])))
 
 
-def _through_a_slide(source: Element, document: Document, shelf: TextureShelf, outer: float) -> tuple[Vec3, EmissionMap | None]:
+def _spot_image(source: Element, document: Document, shelf: TextureShelf, outer: float) -> tuple[Vec3, EmissionMap | None]:
     """Returns a spot's colour and the emission map of its texture, or None.
 
     The texture fills the square around the spot's cone: its first column is at -X, its first row at -Y. outer: half angle in

@@ -73,7 +73,7 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
         mesh = read_serialized(document.files.read(name), name, index)
         if attribute not in ("", "vertex_color"):
             mesh.colors = None
-        return [(_shaded(mesh, shape, mesh.normals is not None), np.eye(4))]
+        return [(_with_mitsuba_normals(mesh, shape, mesh.normals is not None), np.eye(4))]
     part = SceneDescription(name=name)
     if attribute and shape.type == "ply":
         ply.read_data(document.files.read(name), document.files, name, part, attribute=attribute)
@@ -86,7 +86,7 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
     for sentence in part.warnings if shape.type == "ply" else ():  # Mitsuba ignores OBJ's materials
         document.warn(sentence)
     has_normals = re.search(_NORMALS[shape.type], document.files.read(name)) is not None
-    shaded = [_shaded(mesh, shape, has_normals) for mesh in part.meshes]
+    shaded = [_with_mitsuba_normals(mesh, shape, has_normals) for mesh in part.meshes]
     if attribute and shape.type != "ply":
         shaded = [replace(mesh, colors=mesh.colors if attribute == "vertex_color" else None) for mesh in shaded]
     elif not attribute and _LINEAR_COLORS.search(document.files.read(name)) is not None:
@@ -106,7 +106,7 @@ def _flip(part: SceneDescription) -> None:
     ]
 
 
-def _shaded(mesh: Mesh, shape: Element, has_normals: bool) -> Mesh:
+def _with_mitsuba_normals(mesh: Mesh, shape: Element, has_normals: bool) -> Mesh:
     """Returns the mesh with Mitsuba's normals: face normals if requested, otherwise the file's; without these, smooth over all
     edges.
     """

@@ -87,7 +87,7 @@ class Shapes:
     def _mesh(self, shape: Element, world: Matrix) -> None:
         if id(shape) not in self._meshes:
             found = []
-            for mesh, place in self._colored(shape, world):
+            for mesh, place in self._meshes_with_materials(shape, world):
                 material = mesh.material
                 if material in self._bsdfs.inside_out:
                     mesh = flipped(mesh)
@@ -101,7 +101,7 @@ class Shapes:
         for number, place in self._meshes[id(shape)]:
             self._description.instances.append(Instance(number, world @ place, name=shape.id))
 
-    def _colored(self, shape: Element, world: Matrix) -> list[tuple[Mesh, Matrix]]:
+    def _meshes_with_materials(self, shape: Element, world: Matrix) -> list[tuple[Mesh, Matrix]]:
         """Returns the shape's meshes with their materials, and with colours if a material uses a mesh attribute."""
         found = meshes_of(shape, self._document)
         numbers = [self._bsdfs.material(shape, _spans(mesh, world @ place)) for mesh, place in found]
@@ -137,7 +137,7 @@ class Shapes:
         place[:3, 3] = center
         material = self._bsdfs.material(shape, _spans(_unit_ball(), world @ place))
         is_flipped = shape.boolean("flip_normals", False) != (material in self._bsdfs.inside_out)
-        if is_round and not is_flipped and not self._is_painted(material):
+        if is_round and not is_flipped and not self._needs_sphere_uvs(material):
             x, y, z = (world @ np.array([*center, 1.0]))[:3]
             self._description.spheres.append(
                 Sphere((float(x), float(y), float(z)), float(radius * scales[0]), material, shape.id or "sphere")
@@ -146,7 +146,7 @@ class Shapes:
         number = self._ball(material, is_flipped)
         self._description.instances.append(Instance(number, world @ place, name=shape.id))
 
-    def _is_painted(self, material: int) -> bool:
+    def _needs_sphere_uvs(self, material: int) -> bool:
         """Returns True if a material has a texture or anisotropy, which need Mitsuba's UVs on a sphere."""
         made = self._description.materials[material]
         return made.anisotropy > 0 or any(name.endswith("_texture") and value is not None for name, value in vars(made).items())

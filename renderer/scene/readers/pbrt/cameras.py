@@ -88,10 +88,10 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
             ),
         )
     source.used.update(_UNSAID)
-    return _rendered(source, description.defaults["width"], description.defaults["height"])
+    return _film_window(source, description.defaults["width"], description.defaults["height"])
 
 
-def _rendered(source: Parameters, width: int, height: int) -> Window:
+def _film_window(source: Parameters, width: int, height: int) -> Window:
     """Returns the window given by pixelbounds or cropwindow, clipped to the film.
 
     Raises SceneError if it is empty or malformed.

@@ -147,7 +147,7 @@ class Materials:
         if source.type == "mix":
             return self._mix(source, depth)
         if make is None:
-            made = self._nearest(source)
+            made = self._substitute(source)
         else:
             made = make(source)
         source.used.update(_IGNORED)
@@ -341,7 +341,7 @@ class Materials:
             return second if amount > 0.5 else first
         return made
 
-    def _nearest(self, source: Parameters) -> Material:
+    def _substitute(self, source: Parameters) -> Material:
         """Returns the substitute for an unsupported material: an invisible boundary, or grey diffuse with a note."""
         if is_nothing(source):
             return Material(kind="interface")

@@ -345,7 +345,7 @@ class Textures:
         source.used.add("maxanisotropy")
         texture = self.shelf.texture(image, wrap, wrap, int(mapping is not None), self._uv_transform(definition), (), filter)
         if definition.kind == "float" and texture is not None:
-            texture = self._of_red(texture)
+            texture = self._first_channel_in_all(texture)
         scale = source.number("scale", 1.0)
         if source.boolean("invert", False):
             texture = self.shelf.derived_texture(
@@ -356,7 +356,7 @@ class Textures:
             scale = 1.0
         return Varying((scale,) * 3, texture, mapping)
 
-    def _of_red(self, texture: int) -> int:
+    def _first_channel_in_all(self, texture: int) -> int:
         """Returns a float texture with the image's first channel copied to all channels, since pbrt uses only that one."""
         pixels = self.shelf.image_of(texture).pixels
         if all(np.array_equal(pixels[..., 0], pixels[..., channel]) for channel in (1, 2)):

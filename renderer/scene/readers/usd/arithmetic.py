@@ -50,7 +50,7 @@ def calculated(kind: str, shelf: TextureShelf, read_input: Callable[[str], Input
         if picture.taken is not None and vertices.primvar is not None:
             return Input(None, picture.taken, vertices.primvar)
     textures = [at for at, each in enumerate(given) if each.taken is not None]
-    values = [np.zeros(4) if each.taken is not None else _four(each.value) for each in given]
+    values = [np.zeros(4) if each.taken is not None else _extend_to_four(each.value) for each in given]
 
     def evaluate(those: list[F64]) -> F64:
         known = dict(zip(textures, those, strict=True))
@@ -62,7 +62,7 @@ def calculated(kind: str, shelf: TextureShelf, read_input: Callable[[str], Input
             found = np.broadcast_to(evaluate([]), 4)
             return Input(float(found[0]) if count == 1 else tuple(float(v) for v in found[:count]))
         if len(textures) == 1 and formula.is_apart:
-            line = _line(shelf, given[textures[0]], evaluate)
+            line = _as_scale_and_bias(shelf, given[textures[0]], evaluate)
             if line is not None:
                 return line
         taken = [each.taken for each in given if each.taken is not None]
@@ -94,7 +94,7 @@ def _or_default(given: Input, default: Any) -> Input:
     return Input(default) if given.taken is None and given.value is None else given
 
 
-def _four(value: Any) -> F64:
+def _extend_to_four(value: Any) -> F64:
     """Returns a number as a 0-d array, or a vector extended to four numbers by repeating its last one."""
     if np.ndim(value) == 0:
         return np.asarray(float(value))
@@ -102,7 +102,7 @@ def _four(value: Any) -> F64:
     return np.array(numbers + [numbers[-1]] * (4 - len(numbers)))
 
 
-def _line(shelf: TextureShelf, given: Input, formula: Formula) -> Input | None:
+def _as_scale_and_bias(shelf: TextureShelf, given: Input, formula: Formula) -> Input | None:
     """Returns a texture input with a formula applied as scale and bias; None if the formula is not linear over its values."""
     assert given.taken is not None
     low, high = span_of(shelf, given.taken)

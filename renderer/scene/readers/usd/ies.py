@@ -60,7 +60,7 @@ class Profiles:
         key = "IES of USD", file[0], scale, even, is_flat
         try:
             found: tuple[EmissionMap, list[str]] = self._files.get_or_make(
-                key, lambda: _shaped(read_ies(file[1](), file[0]), scale, even, is_flat)
+                key, lambda: _profile_emission_map(read_ies(file[1](), file[0]), scale, even, is_flat)
             )
         except SceneError as error:
             self._notes.add_sentence(Sentence("usd-ies-profile-invalid", "{error}; lights shine without it.", error=error))
@@ -70,7 +70,9 @@ class Profiles:
         return found[0]
 
 
-def _shaped(photometry: Photometry, scale: float, is_normalised: bool, is_flat: bool) -> tuple[EmissionMap, list[str]]:
+def _profile_emission_map(
+    photometry: Photometry, scale: float, is_normalised: bool, is_flat: bool
+) -> tuple[EmissionMap, list[str]]:
     """Returns the emission map of a profile, and the notes of its reader.
 
     scale: factor of the vertical angles, measured from the zenith (theta = pi). is_normalised: whether to normalise the values

@@ -46,7 +46,7 @@ class Stage:
         """Returns the first and last time code with authored values; None if nothing is animated."""
         times = [time for layer in self._layers for time in (*_time_samples(layer), *_knots(layer))]
         if times and any(
-            _shifts(layer) or layer.timeCodesPerSecond != self.stage.GetTimeCodesPerSecond() for layer in self._layers
+            _has_time_offset(layer) or layer.timeCodesPerSecond != self.stage.GetTimeCodesPerSecond() for layer in self._layers
         ):
             times = list(_composed_times(self.stage)) or times
         return (min(times), max(times)) if times else None
@@ -92,7 +92,7 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
         stage.SetEditTarget(stage.GetSessionLayer())
         at = number_of("variant", [f"{name}={choice}" for name, choice in names], variant, main)
         name, choice = names[at]
-        for prim in _offering(stage):
+        for prim in _prims_offering_variants(stage):
             if name in prim.GetVariantSets().GetNames():
                 prim.GetVariantSet(name).SetVariantSelection(choice)
     for error in stage.GetCompositionErrors():
@@ -103,7 +103,7 @@ def open_stage(sources: Sources, main: str, variant: str | None) -> tuple[Stage,
     return Stage(stage, opener.names, list(opener.opened.values()), notes), [f"{name}={choice}" for name, choice in names]
 
 
-def _offering(stage: Any) -> list[Any]:
+def _prims_offering_variants(stage: Any) -> list[Any]:
     """Returns the prims whose variants users can select: the default prim if it has variant sets, otherwise all root prims."""
     default = stage.GetDefaultPrim()
     return [default] if default and default.HasVariantSets() else list(stage.GetPseudoRoot().GetChildren())
@@ -111,7 +111,7 @@ def _offering(stage: Any) -> list[Any]:
 
 def _variants(stage: Any) -> list[tuple[str, str]]:
     found: dict[tuple[str, str], None] = {}
-    for prim in _offering(stage):
+    for prim in _prims_offering_variants(stage):
         for name in prim.GetVariantSets().GetNames():
             found |= dict.fromkeys((name, choice) for choice in prim.GetVariantSet(name).GetVariantNames())
     return list(found)
@@ -147,7 +147,7 @@ class _Opener:
                         found = None
                     else:
                         waiting.append(found)
-                self._replace(layer, reference, "" if found is None else self.opened[found].identifier)
+                self._redirect_dependency(layer, reference, "" if found is None else self.opened[found].identifier)
             self._without_clips(layer)
         return self.opened[name]
 
@@ -168,7 +168,7 @@ class _Opener:
         return True
 
     @staticmethod
-    def _replace(layer: Any, reference: str, identifier: str) -> None:
+    def _redirect_dependency(layer: Any, reference: str, identifier: str) -> None:
         """Replaces the path of a layer's dependency by another layer's identifier, and restores the sublayers' time offsets.
 
         USD drops these offsets.
@@ -266,7 +266,7 @@ class _Opener:
         layer.Traverse(Sdf.Path.absoluteRootPath, clear_clips)
 
 
-def _shifts(layer: Any) -> bool:
+def _has_time_offset(layer: Any) -> bool:
     """Returns True if any sublayer, reference or payload of a layer has a time offset."""
     if any(not offset.IsIdentity() for offset in layer.subLayerOffsets):
         return True

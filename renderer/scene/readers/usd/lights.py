@@ -134,25 +134,25 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         if sphere.GetTreatAsPointAttr().Get(time) or radius <= 0:
             # The sphere's power. Without a radius, that of radius 1: after normalisation the power does not depend on the radius.
             rgb = _times(radiance_of(light, time, area), math.pi * (radius or 1.0) ** 2)
-            return Lamp(_aimed(Light("point", rgb, place, forward, 0.0, name=name), found, unit))
+            return Lamp(_with_cone(Light("point", rgb, place, forward, 0.0, name=name), found, unit))
         if found is None:
-            return Lamp(radius=radius * unit, material=_glowing(name, radiance_of(light, time, area)))
+            return Lamp(radius=radius * unit, material=_emissive_material(name, radiance_of(light, time, area)))
         rgb = _times(radiance_of(light, time, area), math.pi * radius**2)
-        return Lamp(_aimed(Light("point", rgb, place, forward, radius * unit, name=name), found, unit))
+        return Lamp(_with_cone(Light("point", rgb, place, forward, radius * unit, name=name), found, unit))
     if prim.IsA(UsdLux.RectLight):
         rect = UsdLux.RectLight(prim)
         width, height = _number(rect.GetWidthAttr(), time), _number(rect.GetHeightAttr(), time)
         _cone(prim, time, notes, False)
-        shape = _sized(quad(name), _TURN, width / 2, height / 2)
-        return _shining(shape, light, time, width * x * height * y, name, notes, rect.GetTextureFileAttr())
+        shape = _place_mesh(quad(name), _TURN, width / 2, height / 2)
+        return _emissive_mesh(shape, light, time, width * x * height * y, name, notes, rect.GetTextureFileAttr())
     if prim.IsA(UsdLux.DiskLight):
         radius = _number(UsdLux.DiskLight(prim).GetRadiusAttr(), time)
         area = math.pi * radius**2 * x * y
         aimed = _cone(prim, time, notes, True)
         if aimed is not None:
             rgb = _times(radiance_of(light, time, area), area)
-            return Lamp(_aimed(Light("point", rgb, place, forward, radius * math.sqrt(x * y) * unit, name=name), aimed, unit))
-        return _shining(_sized(disk(name), _TURN, radius, radius), light, time, area, name, notes)
+            return Lamp(_with_cone(Light("point", rgb, place, forward, radius * math.sqrt(x * y) * unit, name=name), aimed, unit))
+        return _emissive_mesh(_place_mesh(disk(name), _TURN, radius, radius), light, time, area, name, notes)
     if prim.IsA(UsdLux.CylinderLight):
         cylinder = UsdLux.CylinderLight(prim)
         radius, length = _number(cylinder.GetRadiusAttr(), time), _number(cylinder.GetLengthAttr(), time)
@@ -162,7 +162,7 @@ def _lamp(prim: Any, world: Matrix, name: str, unit: float, time: Any, notes: No
         area = 2 * math.pi * radius * length * x * math.sqrt(y * z)
         tube = lathe(name, [(radius, -length / 2), (radius, length / 2)], 48)
         tube.positions, tube.normals = (None if v is None else v[:, [1, 2, 0]] for v in (tube.positions, tube.normals))  # type: ignore[assignment]
-        return _shining(tube, light, time, area, name, notes)
+        return _emissive_mesh(tube, light, time, area, name, notes)
     notes.add(
         Sentence("usd-light-type-unsupported", "Lights of the type {type} are left out", type=prim.GetTypeName()),
         str(prim.GetPath()),
@@ -217,7 +217,7 @@ def _with_profile(
     rgb = _times(radiance_of(light, time, whole), facing)
     found = Light("point", rgb, place, _direction(-world[:3, 2]), radius * unit, name=name)
     found.emission, found.up = emission, _direction(-world[:3, 1])
-    return Lamp(_aimed(found, _cone(prim, time, notes, True), unit))
+    return Lamp(_with_cone(found, _cone(prim, time, notes, True), unit))
 
 
 def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
@@ -226,18 +226,18 @@ def _number(attribute: Any, time: Any, default: float = 0.0) -> float:
     return default if value is None or not math.isfinite(value) else float(value)
 
 
-def _shining(mesh: Mesh, light: Any, time: Any, area: float, name: str, notes: Notes, image: Any = None) -> Lamp | None:
+def _emissive_mesh(mesh: Mesh, light: Any, time: Any, area: float, name: str, notes: Notes, image: Any = None) -> Lamp | None:
     if area <= 0:
         notes.add(Sentence("usd-light-without-area", "Lights without an area are left out"), name)
         return None
-    return Lamp(mesh=mesh, material=_glowing(name, radiance_of(light, time, area)), image=image)
+    return Lamp(mesh=mesh, material=_emissive_material(name, radiance_of(light, time, area)), image=image)
 
 
-def _glowing(name: str, radiance: Vec3) -> Material:
+def _emissive_material(name: str, radiance: Vec3) -> Material:
     return Material(name, base_color=(0.0, 0.0, 0.0), emission=radiance)
 
 
-def _sized(mesh: Mesh, rotation: Matrix, width: float, height: float) -> Mesh:
+def _place_mesh(mesh: Mesh, rotation: Matrix, width: float, height: float) -> Mesh:
     matrix = rotation @ np.diag([width, height, 1.0])
     mesh.positions = (mesh.positions @ matrix.T).astype(np.float32)
     if mesh.normals is not None:
@@ -254,7 +254,7 @@ def _times(rgb: Vec3, factor: float) -> Vec3:
     return rgb[0] * factor, rgb[1] * factor, rgb[2] * factor
 
 
-def _aimed(light: Light, cone: tuple[float, float] | None, unit: float) -> Light:
+def _with_cone(light: Light, cone: tuple[float, float] | None, unit: float) -> Light:
     """Returns the light, as a spot if it has a cone. Its intensity is scaled by unit^2, from stage units to metres."""
     light.intensity = _times(light.intensity, unit * unit)
     if cone is not None:

@@ -126,14 +126,14 @@ def read_mesh(
     mirrored = mesh.GetOrientationAttr().Get(time) == "leftHanded"
     name = prim.GetName()
     whole: list[Mesh | None] = []
-    for part, which in zip(parts, _sorted_out(np.flatnonzero(solid), part_of_face, len(parts)), strict=True):
+    for part, which in zip(parts, _faces_by_part(np.flatnonzero(solid), part_of_face, len(parts)), strict=True):
         whole.append(_mesh_part(name, points, faces, which, attributes, part, mirrored))
     if is_refined:
-        return _rounded(whole, bool(mesh.GetCreaseIndicesAttr().Get(time)), bends or shape is not None)
+        return _with_matching_normals(whole, bool(mesh.GetCreaseIndicesAttr().Get(time)), bends or shape is not None)
     return whole
 
 
-def _sorted_out(faces: Codes, part_of_face: Codes | None, parts: int) -> list[Codes]:
+def _faces_by_part(faces: Codes, part_of_face: Codes | None, parts: int) -> list[Codes]:
     """Returns the indices of each part's faces, ascending.
 
     faces: the faces to divide; part_of_face: the part of each face of the mesh; parts: number of parts.
@@ -227,12 +227,12 @@ def _mesh_part(
 
     result = Mesh(name, np.ascontiguousarray(points[point]), vertex[triangles], vertex_values(""))
     sets = [vertex_values(key) for key in used_primvars.uvs]
-    result.uvs, result.uvs1 = (_upright(sets[k]) if k < len(sets) else None for k in (0, 1))
+    result.uvs, result.uvs1 = (_flip_v(sets[k]) if k < len(sets) else None for k in (0, 1))
     result.colors = _colors(vertex_values(used_primvars.color), vertex_values(used_primvars.opacity))
     return result
 
 
-def _upright(uvs: F32 | None) -> F32 | None:
+def _flip_v(uvs: F32 | None) -> F32 | None:
     """Returns UVs with v measured from the image's upper edge; None without two components.
 
     USD measures v from the lower edge.
@@ -254,7 +254,7 @@ def _colors(color: F32 | None, opacity: F32 | None) -> F32 | None:
     return None if (found == 1).all() else found
 
 
-def _rounded(parts: list[Mesh | None], is_creased: bool, is_bent: bool) -> list[Mesh | None]:
+def _with_matching_normals(parts: list[Mesh | None], is_creased: bool, is_bent: bool) -> list[Mesh | None]:
     """Returns the parts of a subdivided mesh with normals that match where the parts share positions.
 
     Creases become sharp, by splitting vertices, only if the mesh does not deform (`is_bent` false).

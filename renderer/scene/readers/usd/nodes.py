@@ -27,7 +27,7 @@ def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, sr
     if node in ("image", "tiledimage", "UsdUVTexture"):
         return _image(network, shader, kind, output, srgb, depth, follow)
     if node == "normalmap":
-        return _bumped(read_input("in", False), read_input("scale", False))
+        return _scale_normal_map(read_input("in", False), read_input("scale", False))
     if node in ("convert", "dot"):
         return read_input("in1" if node == "dot" and not shader.GetInput("in") else "in")
     if node == "constant":
@@ -38,7 +38,7 @@ def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, sr
         missing = read_input(fallback).value
         return network.primvar(str(name) if name else None, 0.0 if missing is None else missing)
     if node in ("extract", "separate2", "separate3", "separate4", "swizzle"):
-        return _channel(read_input("in"), _index(node, output, read_input))
+        return _channel(read_input("in"), _selected_channels(node, output, read_input))
     if node in ("combine2", "combine3", "combine4"):
         return _combined(network, kind, [read_input(f"in{k + 1}") for k in range(int(node[-1]))])
     found = calculated(kind, network.images.shelf, read_input)
@@ -71,7 +71,7 @@ def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, sr
     return first if first.taken is not None else Input()
 
 
-def _bumped(given: Input, scale: Input) -> Input:
+def _scale_normal_map(given: Input, scale: Input) -> Input:
     """Returns a normal map with its strength stored as scale and bias, as in UsdUVTexture."""
     if given.taken is None or scale.value is None:
         return given
@@ -134,7 +134,7 @@ def _four(value: Any, default: tuple[float, float, float, float]) -> tuple[float
     return (found[0], found[1], found[2], found[3]) if len(found) == 4 else default
 
 
-def _index(node: str, output: str, channels: Any) -> str:
+def _selected_channels(node: str, output: str, channels: Any) -> str:
     """Returns the letters of the channels that an extract, separate or swizzle node selects."""
     if node == "swizzle":
         return str(channels("channels").value or "r")

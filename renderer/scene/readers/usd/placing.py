@@ -138,7 +138,7 @@ class DescriptionBuilder:
         ]
         surfaces = [self._surface(prim), *(self._surface(s.GetPrim(), prim) for s in subsets)]
         if prim.HasAPI(UsdLux.MeshLightAPI):
-            surfaces = [self._shining(surface, each) for surface in surfaces]
+            surfaces = [self._add_mesh_light_emission(surface, each) for surface in surfaces]
         shape = self._skeletons.shape_of(prim)
         bends = shape is not None or (not self._is_still and deforms(prim))
         if UsdGeom.Mesh(prim).GetSubdivisionSchemeAttr().Get() == "loop" and self._face_sizes(prim).max(initial=3) > 3:
@@ -161,7 +161,7 @@ class DescriptionBuilder:
             each = replace(each, places=self._skeletons.places_of(prim, each.places))
         self._add_instances(self._numbers[key], replace(each, moves=moves))
 
-    def _shining(self, surface: Surface, each: PlacedPrim) -> Surface:
+    def _add_mesh_light_emission(self, surface: Surface, each: PlacedPrim) -> Surface:
         """Returns a mesh's surface with the emission of its MeshLightAPI."""
         place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
         light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
@@ -291,7 +291,7 @@ class DescriptionBuilder:
             return
         numbers = np.full(len(balls.centers), surface.number)
         if surface.color is not None and balls.colors is not None:
-            numbers = self._painted(surface, balls.colors, str(prim.GetPath()))
+            numbers = self._materials_by_color(surface, balls.colors, str(prim.GetPath()))
         moves = each.moves or UsdGeom.Points(prim).GetPointsAttr().ValueMightBeTimeVarying()
         for place in each.places:
             size = _scale(place) or float(abs(np.linalg.det(place[:3, :3]))) ** (1 / 3)
@@ -301,7 +301,7 @@ class DescriptionBuilder:
                 Sphere((x, y, z), radius, number, each.name, moves=moves) for (x, y, z), radius, number in spheres if radius > 0
             ]
 
-    def _painted(self, surface: Surface, colors: npt.NDArray[np.float32], path: str) -> npt.NDArray[np.int64]:
+    def _materials_by_color(self, surface: Surface, colors: npt.NDArray[np.float32], path: str) -> npt.NDArray[np.int64]:
         """Returns (N,) material indices of coloured points, one material per colour.
 
         With more than MAX_COLORS colours they are quantised, with a note.

@@ -89,9 +89,9 @@ class Lights:
                     outer_cone=f"{light.outer_cone:g}",
                 ),
             )
-        return self._shaped(light, source, path)
+        return self._with_emission_map(light, source, path)
 
-    def _shaped(self, light: Light, source: dict[str, Any], path: Path) -> Light:
+    def _with_emission_map(self, light: Light, source: dict[str, Any], path: Path) -> Light:
         """Returns the light with the emission map of its image or IES profile."""
         kind, document = source["type"], self._document
         if "profile" in source and "picture" in source:
@@ -145,7 +145,9 @@ class Lights:
                     most=f"{2 * _WIDEST:g}",
                 ),
             )
-        made = self._files.get_or_make(known, lambda: (_thrown(linear(image), kind, math.tan(math.radians(half))), image.pixels))
+        made = self._files.get_or_make(
+            known, lambda: (_image_emission_map(linear(image), kind, math.tan(math.radians(half))), image.pixels)
+        )
         return replace(light, emission=made[0])
 
     def _find_file(self, source: dict[str, Any], field: str, path: Path) -> str:
@@ -158,7 +160,7 @@ class Lights:
         return name
 
 
-def _thrown(pixels: F32, kind: str, half: float) -> EmissionMap:
+def _image_emission_map(pixels: F32, kind: str, half: float) -> EmissionMap:
     """Returns the emission map of a light's image. half: tangent of half the angle that the image covers.
 
     A spot's image fills the cone with its smaller side. A projector's image illuminates a plane evenly.
