@@ -1,6 +1,6 @@
-"""Stores a compiled scene in one safetensors file, and maps it into memory without copying. A moving scene is stored in parts
-(compiled_parts.py).
+"""Stores a compiled scene in one safetensors file, and maps it into memory without copying.
 
+A moving scene is stored in parts (compiled_parts.py).
 The safetensors format: u64 length of the header, the header (JSON: name -> dtype, shape, offsets), the arrays. The header is
 padded so that the arrays start at a multiple of 64 bytes, and are read as views of the mapping: all processes of a machine
 share one copy.

@@ -176,7 +176,7 @@ def _are(cached: tuple[object, ...], heads: tuple[object, ...]) -> bool:
 def _slices(arrays: dict[str, Array], cuts: PartOffsets) -> dict[str, dict[str, Array]]:
     """Divides the scene's arrays into parts. Returns part name -> array name -> rows of that array in the part.
 
-    Arrays that no other part contains are in the part "top"; each frame has one.
+    The part "top" contains the arrays that no other part contains.
     """
     parts: dict[str, dict[str, Array]] = {"top": {"bvh.node": arrays["bvh.node"][: cuts.node[1]]}}
     for i, name in enumerate(("still", "bodies", "loose")):

@@ -172,8 +172,10 @@ class SceneFiles:
         return self._found[key]
 
     def _decoded(self, reference: str, home: str) -> str | None:
-        """Returns the file that a reference in another encoding than UTF-8 names, by the first encoding in which it exists; else
-        None.
+        """Returns the existing file that a reference in another encoding than UTF-8 names; None if no encoding yields one.
+
+        reference: with lone surrogates for the bytes; the first encoding in which a file exists is used. home: the scene file's
+        folder.
         """
         if is_readable(reference):
             return None

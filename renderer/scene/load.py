@@ -80,8 +80,9 @@ class Shot:
         return description
 
     def _box_at_start(self, moment: Moment, description: SceneDescription) -> F64:
-        """Returns the bounds of the scene in the shot's first frame, below which the floor is placed: it must not move with the
-        scene.
+        """Returns the bounds of the scene in the shot's first frame.
+
+        The floor is placed below them in all frames, since it must not move with the scene.
         """
         if not description.moves:
             return bounds_of(description)

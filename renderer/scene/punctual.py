@@ -62,10 +62,9 @@ class _MapFlux(NamedTuple):
 def tabulate_punctual(
     lights: Sequence[Light], bounds: F32, maps: Sequence[EmissionMap] = (), tables: EmissionTables = NO_EMISSION
 ) -> Punctual:
-    """Packs the lights with non-zero intensity into table rows. maps: all emission maps of the lights; tables: these maps,
-    tabulated.
+    """Packs the lights with non-zero intensity into table rows. Raises SceneError for an invalid number.
 
-    Raises SceneError for an invalid number.
+    maps: all emission maps of the lights; tables: these maps, tabulated.
     """
     lights = [light for light in lights if is_emitting(light)]
     kind = np.array([_kind(light) for light in lights], np.int32)

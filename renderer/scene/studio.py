@@ -1,7 +1,7 @@
-"""The default lighting of scenes without lights, a photographer's studio, soft and neutral; and the floor of scenes.
+"""The default lighting of scenes without lights, and the floor that a scene may be given.
 
-A key light from the left front, a rim light from behind on the right, and walls that are brighter above than below: these show
-shapes better than uniform white light.
+The lighting is a photographer's studio, soft and neutral: a key light from the left front, a rim light from behind on the right,
+and walls that are brighter above than below. These show shapes better than uniform white light.
 """
 
 from __future__ import annotations

@@ -123,8 +123,9 @@ class Texels:
         return scale
 
     def _arrays_of_stack(self, row: int) -> tuple[I32, F32, np.ndarray]:
-        """Returns, as `arrays` does, the arrays of one texture with its layers: its table rows, numbered from 0, and only their
-        texels.
+        """Returns the arrays of `arrays` for one texture with its layers alone.
+
+        Contains its table rows, numbered from 0, and only the texels that these use. row: the texture's table row.
         """
         chain = list(self._chain(row))
         blocks = sorted({self._block_of_row[r] for r in chain})

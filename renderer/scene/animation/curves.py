@@ -127,9 +127,9 @@ def _unit(quaternion: Sequence[float]) -> list[float]:
 
 
 def eased(easing: Easing, u: float) -> float:
-    """Returns the height of the easing's cubic Bezier curve at u: the remapped time, 0 ...
+    """Returns the remapped time within an interval between two keys: the height of the easing's cubic Bezier curve at u.
 
-    1, within an interval between two keys.
+    u and the result are fractions of the interval, 0 to 1.
     """
     x1, y1, x2, y2 = easing
     low, high = 0.0, 1.0

@@ -113,8 +113,9 @@ def without_holes(points: F64, loops: list[Indices]) -> list[Indices]:
 
 
 def _without_shared_edges(points: F64, loops: list[Indices]) -> list[Indices]:
-    """Returns the loops without the edges that two of them traverse in opposite directions; a hole at the outline's edge becomes
-    a notch.
+    """Returns the loops without the edges that two of them traverse in opposite directions.
+
+    A hole at the outline's edge becomes a notch.
     """
     _, place = np.unique(points, axis=0, return_inverse=True)
     place = place.reshape(-1)

@@ -158,8 +158,9 @@ def _faces(lines: list[str], count: int, main: str) -> _Faces:
 
 
 def _fractions(rows: list[list[str]]) -> F32:
-    """Returns colours in 0..1: rows of integers are divided by 255 if any integer exceeds 1; all others are converted by
-    `fractions`.
+    """Returns colours in 0..1.
+
+    Rows of integers are divided by 255 if any integer of these rows exceeds 1; all others are converted by `fractions`.
     """
     whole = np.array([all(word.lstrip("+").isdigit() for word in row) for row in rows])
     values = np.array(rows, np.float64)

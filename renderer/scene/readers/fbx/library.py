@@ -163,10 +163,9 @@ class FbxScene:
 
     @functools.cached_property
     def unturned(self) -> list[int]:
-        """Returns the ids of the nodes whose rotation order, pre- and post-rotation the FBX SDK ignores, but this version of ufbx
-        applies.
+        """Returns the ids of the nodes whose rotation order, pre- and post-rotation this version of ufbx applies by mistake.
 
-        Since 0.23, ufbx itself respects RotationActive and RotationSpaceForLimitOnly.
+        The FBX SDK ignores them. Since 0.23, ufbx itself respects RotationActive and RotationSpaceForLimitOnly.
         """
         return [
             node.element_id

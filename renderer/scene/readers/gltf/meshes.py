@@ -103,8 +103,9 @@ class Meshes:
             self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index], root.faults)
 
     def with_ray_visibility(self, number: int, unseen: bool, shadeless: bool) -> int:
-        """Returns the index of a copy of a mesh's material that is invisible to the camera (unseen), casts no shadow (shadeless),
-        or both.
+        """Returns the index of a copy of a mesh's material that is invisible to the camera, casts no shadow, or both.
+
+        unseen: invisible to the camera; shadeless: casts no shadow.
         """
         return self._materials.with_ray_visibility(self._meshes[number].material, unseen, shadeless)
 
@@ -156,8 +157,9 @@ class Meshes:
         return list(range(first, len(self._meshes)))
 
     def _make_open_glass_thin(self, primitives: list[tuple[Mesh, int | None]]) -> None:
-        """Makes the materials of transmissive primitives thin, unless they enclose a volume alone or with the mesh's other
-        primitives.
+        """Makes the materials of transmissive primitives thin, unless they enclose a volume.
+
+        Primitives may do so alone or with the mesh's other primitives.
         """
         transparent = [(mesh, m) for mesh, m in primitives if m is not None and self._materials.depends_on_mesh(m)]
         if not transparent or _bound_a_volume([mesh for mesh, _ in primitives]):

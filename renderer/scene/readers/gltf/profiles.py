@@ -31,8 +31,9 @@ class Profiles:
         self._profiles = own.objects("lights") if own else []
 
     def light(self, node: Json, name: str, world: Matrix) -> Light | None:
-        """Returns the light with an IES profile on a node; None if the node has none or, with a warning, if the profile is
-        unreadable.
+        """Returns the light with an IES profile on a node; None if the node has none.
+
+        An unreadable profile causes a warning, and None is returned.
         """
         source = node.extension(EXTENSION)
         if source is None:

@@ -107,8 +107,9 @@ def _flip(part: SceneDescription) -> None:
 
 
 def _with_mitsuba_normals(mesh: Mesh, shape: Element, has_normals: bool) -> Mesh:
-    """Returns the mesh with Mitsuba's normals: face normals if requested, otherwise the file's; without these, smooth over all
-    edges.
+    """Returns the mesh with the normals that Mitsuba would use.
+
+    These are face normals if the shape requests them, otherwise the file's; without these, normals smooth over all edges.
     """
     if shape.boolean("face_normals", False):
         return replace(mesh, normals=None)

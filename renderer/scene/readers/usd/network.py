@@ -89,8 +89,9 @@ class Network:
         return Input()
 
     def primvar(self, name: str | None, fallback: Any) -> Input:
-        """Returns a primvar of the prim: its value if constant, its name if it varies over the surface, the fallback if it is
-        absent.
+        """Returns a primvar of the prim: its value if constant, its name if it varies over the surface.
+
+        Returns the fallback if the prim lacks the primvar.
         """
         if not name:
             return Input(fallback)

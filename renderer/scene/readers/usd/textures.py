@@ -71,10 +71,10 @@ class Images:
     def find(
         self, attribute: Any, user: str, srgb: bool, time: Any, is_environment: bool = False
     ) -> tuple[int, UvTransform] | None:
-        """Returns the index of the image that an attribute names, and the image's UV transform; None, with a warning, if it is
-        missing.
+        """Returns the index of the image that an attribute names, and the image's UV transform.
 
-        user: the object named in the warning. srgb: whether the image is sRGB-encoded.
+        Returns None, with a warning, if the image is missing. user: the object named in the warning. srgb: whether the image is
+        sRGB-encoded. is_environment: whether it is an environment image.
         """
         named = self.asset_path(attribute, time)
         if named is None:
