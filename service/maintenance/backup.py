@@ -152,7 +152,8 @@ class _Run:
         paths = {sha256: self.data / "blobs" / sha256[:2] / sha256 for sha256 in sorted(blobs)}
         sources = {job: self.data / "films" / f"{job}.sqlite" for job in sorted(films)}
         total = sum(_size(path) for path in (*paths.values(), *sources.values()))
-        self._done, missing = 0, []
+        self._done = 0
+        missing: list[str] = []
         self.report.films = self.report.blobs = self.report.unchanged = 0
         for sha256, path in paths.items():
             try:

@@ -44,9 +44,9 @@ _BENDS_PER_UNIT = np.float32((_BENDS - 1) / MOST_BEND)
 
 @device
 def _node(x, nodes):
-    """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ...
+    """Returns the index of the table node below x, and x's fraction of the way to the next node.
 
-    1 on an axis of `nodes` nodes.
+    x: 0 to nodes - 1, in units of nodes.
     """
     x = min(max(x, _ZERO), np.float32(nodes - 1))
     i = min(np.int64(x), nodes - 2)

@@ -175,7 +175,7 @@ def test_parts_of_usd_stages(tmp_path):
     sentences = " ".join(usd_files.read(path).warnings)
     for said in (
         "1 faces with fewer than three corners are left out (1): /square",
-        "1 faces in several subsets have the material of the first (1): /square/two",
+        "1 faces belong to several subsets; the material of the first subset is used (1): /square/two",
         "1 faces of subsets that are missing in their mesh are left out (2): /square/one, /square/two",
         "Shapes without a size are left out (1): /ball",
         "Lights without an area are left out (1): lamp",
