@@ -60,7 +60,7 @@ def _terrain(n: int) -> tuple[Any, Any]:
 
 
 def _rays(position: Any) -> dict[str, tuple[Any, Any]]:
-    """Returns the primary and the random rays by name: (origins, directions), each (n, 3) float32."""
+    """Returns primary and random rays, by these names: (origins, directions), each (n, 3) float32."""
     rng = np.random.default_rng(0)
     center = (position.min(0) + position.max(0)) / 2
     radius = np.linalg.norm(position.max(0) - position.min(0)) / 2
@@ -88,7 +88,10 @@ def _rate(work: Callable[[], Any], amount: int, rounds: int = 5) -> float:
 
 
 def _trace(name: str, bvh: Bvh, position: Any) -> dict[str, float]:
-    """Prints and returns the rate of each kind of ray, in millions per second."""
+    """Traces primary, random and shadow rays through the BVH; prints and returns the rates by these names, in millions per second.
+
+    name: of the scene, for the printed lines.
+    """
     rates = {}
     rays = _rays(position)
     stack = new_stack()
@@ -108,7 +111,10 @@ def _bytes(bvh: Bvh) -> int:
 
 
 def _bunny() -> tuple[Any, Any]:
-    """Returns (positions, triangles) of the mesh in the file $RAYFARM_BUNNY, or of a terrain of 70,000 triangles without one."""
+    """Returns (positions, triangles) of a mesh.
+
+    The mesh is the first in the scene file $RAYFARM_BUNNY, or a terrain of 70,000 triangles if that is no file.
+    """
     path = Path(os.environ.get("RAYFARM_BUNNY", ""))
     if not path.is_file():
         return _terrain(187)
@@ -117,7 +123,7 @@ def _bunny() -> tuple[Any, Any]:
 
 
 def _places(position: Any, count: int) -> Any:
-    """Returns `count` transforms (3, 4) on a square grid, each rotated about the vertical axis by a different angle."""
+    """Returns `count` instance transforms (3, 4) on a square grid, each rotated about the vertical axis by a random angle."""
     side = int(np.ceil(count**0.5))
     size = float((position.max(0) - position.min(0)).max())
     places = np.zeros((count, 3, 4))
@@ -129,7 +135,11 @@ def _places(position: Any, count: int) -> Any:
 
 
 def _instances() -> None:
-    """Prints the cost of a thousand instances against one, and of sixteen instances against sixteen world-space copies."""
+    """Measures instancing, and prints two comparisons.
+
+    First, a BVH of a thousand instances against a BVH of the mesh alone: memory and build time. Second, sixteen instances against
+    sixteen copies of the mesh in world space: rays per second.
+    """
     none = np.zeros((0, 4), np.float32)
     position, triangle = _bunny()
     first = np.array([0, len(triangle)])

@@ -40,7 +40,7 @@ PING = "import redis, sys; sys.exit(not redis.Redis(socket_timeout=2).ping())"
 
 
 class Containers:
-    """The containers of docker-compose.yml, each as a process on a simulated host."""
+    """Runs the services of docker-compose.yml as processes, each on a simulated host of its own."""
 
     def __init__(self, folder: Path, network: Network) -> None:
         self.folder = folder
@@ -150,7 +150,7 @@ def render(containers: Containers, spp: int) -> bool:
 
 
 def _substituted(what: Any, values: dict[str, str]) -> Any:
-    """Replaces ${NAME:-default} in parsed YAML, as Docker Compose does. values: environment variables by name."""
+    """Returns parsed YAML with each ${NAME:-default} replaced, as Docker Compose does. values: environment variables by name."""
     if isinstance(what, dict):
         return {key: _substituted(value, values) for key, value in what.items()}
     if isinstance(what, list):
@@ -178,7 +178,7 @@ def _health_check() -> list[str]:
 
 
 def _local_path(word: str) -> str:
-    """Returns the local path of a program by its name in the container image."""
+    """Returns the path on this machine of a program that a container's command names."""
     scripts = Path(sys.executable).parent
     return {"python3": sys.executable, "uvicorn": str(scripts / "uvicorn"), "redis-server": str(find_server())}.get(word, word)
 

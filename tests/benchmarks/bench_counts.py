@@ -48,7 +48,7 @@ ASKED = {
 
 
 def fill(service: Service, scenes: int) -> None:
-    """Inserts into the database the rows that a farm with this many scenes has after years of use."""
+    """Fills the database as after years of use of a farm with `scenes` scenes."""
 
     def ref(n: int) -> dict[str, Any]:
         return {"name": f"file{n}.obj", "sha256": hashlib.sha256(str(n).encode()).hexdigest(), "size": 1000 + n}
@@ -92,7 +92,7 @@ def fill(service: Service, scenes: int) -> None:
 
 
 def least(action: Callable[[], Any]) -> float:
-    """Returns the minimum processor time of several calls of an action, in milliseconds."""
+    """Calls `action` several times, and returns the processor time of the fastest call, in milliseconds."""
     found = []
     for _ in range(TRIES):
         before = time.process_time()

@@ -79,7 +79,7 @@ def render_without_farm(folder: Path, threads: int, spp: int) -> tuple[float, fl
 
 
 def render_on_farm(farm: Farm, spp: int) -> tuple[float, dict[str, float]]:
-    """Returns wall seconds from request to finished job on the farm, and processor seconds by part of the farm."""
+    """Renders a job on the farm; returns (wall seconds from the request to the finished job, processor seconds by part of the farm)."""
     with farm.client() as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id)
         before = _processor(farm)
@@ -104,9 +104,10 @@ def _processor(farm: Farm) -> dict[str, float]:
 
 
 def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float, dict[str, float]]:
-    """Returns (seconds to the first tile after the farm's start, those after the request of a second job, processor seconds).
+    """Starts a farm, and measures the time to the first samples of two jobs in sequence.
 
-    The processor seconds are those until the first of these tiles, by part of the farm.
+    Returns (seconds from the farm's start to the first job's samples, seconds from the second job's request to its samples,
+    processor seconds by part of the farm up to the first job's samples).
     """
     begun = time.perf_counter()
     farm = start_farm(data, slots, until=b"is up at", **environment)
@@ -123,7 +124,7 @@ def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float
 
 
 def _samples_of(client: Client, job: str) -> float:
-    """Waits until a job has samples, cancels the job, and returns the time at which the samples arrived."""
+    """Waits until a job has samples, then cancels the job; returns the time at which the samples arrived (time.perf_counter)."""
     while not client.job(job).samples:
         time.sleep(0.05)  # more frequent requests would use part of the measured time
     now = time.perf_counter()

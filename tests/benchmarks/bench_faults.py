@@ -43,7 +43,7 @@ MENDS_ITSELF_S = 45.0
 
 
 class Campaign:
-    """Draws faults and injects them, on one test farm after the other."""
+    """Injects random faults on one test farm after the other, and records their outcomes."""
 
     def __init__(self, options: argparse.Namespace) -> None:
         self.options = options
@@ -187,7 +187,10 @@ class Campaign:
         print(f"      THE JOB DID NOT END\n{ground.logs()[-6000:]}")
 
     def _read_digest(self, ground: Ground, job: str) -> str:
-        """Returns the job's digest once it is available. A film that was damaged at the very end of the job is repaired first."""
+        """Waits until the job is finished and has a digest, and returns the digest.
+
+        A film that was damaged at the very end of the job is repaired by the farm meanwhile.
+        """
         found = ""
 
         def is_told() -> bool:

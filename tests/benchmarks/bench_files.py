@@ -44,7 +44,7 @@ class Found(NamedTuple):
 
 
 def scene_files(folders: Iterable[Path]) -> list[Path]:
-    """Returns the scene files in folders, or the files named directly."""
+    """Returns all scene files in `folders`; an entry that is itself a file is returned unchanged."""
     found: dict[Path, None] = {}
     for folder in folders:
         paths = [folder] if folder.is_file() else sorted(folder.rglob("*"))

@@ -80,7 +80,10 @@ def with_farm(
 
 
 def first_picture(browser: Browser, url: str, scene: Path | str) -> dict[str, float]:
-    """Returns the seconds to each stage; deletes the scene afterwards, so that the next round uploads and prepares it again."""
+    """Opens the scene on the page and returns the seconds to each stage.
+
+    Afterwards the scene is deleted, so that the next round uploads and prepares it again.
+    """
     context = browser.new_context(viewport={"width": 1440, "height": 900})
     try:
         page = context.new_page()
@@ -105,7 +108,7 @@ def first_picture(browser: Browser, url: str, scene: Path | str) -> dict[str, fl
 
 
 def begin(page: Page, scene: Path | str) -> float:
-    """Chooses the scene's file in the page, or opens the example; returns the time at which it did."""
+    """Chooses the scene's file on the page, or opens the example scene; returns the time of this action."""
     if isinstance(scene, str):
         begun = time.monotonic()
         page.get_by_role("button", name=scene).first.click()

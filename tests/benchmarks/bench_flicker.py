@@ -100,13 +100,13 @@ def camera_goes(found: SceneDescription, t: float) -> View:
 
 
 def body_flies(found: SceneDescription, t: float) -> View:
-    """Moves a ball and its shadow to time t, and returns the static view."""
+    """Adds a flying ball to the scene at its position at time t, and returns the view of the static camera."""
     found.spheres.append(Sphere((0.3 + 0.1 * t, 0.9, 0.6), 0.35, RED, "flies", moves=True))
     return STILL
 
 
 def board_turns(found: SceneDescription, t: float) -> View:
-    """Rotates a board and its shadow to time t, and returns the static view."""
+    """Adds a rotating board to the scene at its angle at time t, and returns the view of the static camera."""
     turned = np.eye(4)
     sine, cosine = math.sin(0.12 * t), math.cos(0.12 * t)
     turned[0, 0] = turned[2, 2] = cosine
@@ -117,7 +117,7 @@ def board_turns(found: SceneDescription, t: float) -> View:
 
 
 def mirror_passes(found: SceneDescription, t: float) -> View:
-    """Returns the view at time t of a camera that moves past a mirror ball."""
+    """Adds a mirror ball to the scene, and returns the view at time t of a camera that moves past the ball."""
     found.spheres.append(Sphere((0.4, 0.7, 0.8), 0.7, MIRROR, "mirror"))
     return camera_goes(found, t)
 
@@ -136,7 +136,7 @@ LIGHTS = {
 
 
 def shot_of(place: Callable[[], SceneDescription], move: Callable[[SceneDescription, float], View]) -> Shot:
-    """Returns the shot that applies `move` to the scene of `place`."""
+    """Returns a shot: a function of time that calls `place` for a new scene, and applies `move` to the scene at that time."""
 
     def at(t: float) -> tuple[SceneDescription, View]:
         found = place()
@@ -146,7 +146,7 @@ def shot_of(place: Callable[[], SceneDescription], move: Callable[[SceneDescript
 
 
 def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) -> DenoisedFrame:
-    """Renders one frame and denoises it without its neighbours."""
+    """Renders one frame of the shot and denoises it by itself; returns it with the layers that temporal denoising needs."""
     description, view = shot(frame)
     settings = RenderSettings(*size, view, seed=seed)
     sums = render_frame(compile_scene(description), settings, spp)
@@ -163,7 +163,7 @@ def still(shot: Shot, frame: int, spp: int, seed: int, size: tuple[int, int]) ->
 
 
 def _tone_mapped(light: F32) -> F32:
-    """Returns approximately tone-mapped values, so that a lamp seen in a mirror does not dominate the error."""
+    """Returns radiance compressed to x / (1 + x), so that a lamp seen in a mirror does not dominate the error."""
     return light / (1 + light)
 
 
@@ -183,7 +183,10 @@ def error_change_along_motion(first: F32, second: F32, there: DenoisedFrame) -> 
 
 
 def figures(made: dict[int, F32], truth: dict[int, DenoisedFrame]) -> tuple[float, float]:
-    """Returns (error, flicker) of the frames `made` against the reference frames `truth`, both by frame number."""
+    """Compares frames with reference frames, and returns (error, flicker), as bench_flicker's module docstring defines them.
+
+    made: radiance by frame number. truth: reference frames by the same numbers.
+    """
     whole = float(np.mean([each.clean.color.mean() for each in truth.values()]))
     off = {n: _tone_mapped(picture / whole) - _tone_mapped(truth[n].clean.color / whole) for n, picture in made.items()}
     level = float(np.mean([_tone_mapped(each.clean.color / whole).mean() for each in truth.values()]))

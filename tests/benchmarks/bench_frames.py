@@ -31,7 +31,7 @@ FRAMES = 24
 
 
 def relief(triangles: int, seed: float, size: float = 1.0) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns positions, normals and corners of a hilly square with that many triangles."""
+    """Returns (positions, normals, triangle indices) of a hilly square with that many triangles."""
     n = int((triangles / 2) ** 0.5) + 1
     v, u = np.mgrid[0:n, 0:n] / (n - 1)
     height = 0.05 * np.sin(9 * u + seed) * np.cos(7 * v - seed)
@@ -45,7 +45,7 @@ def relief(triangles: int, seed: float, size: float = 1.0) -> tuple[np.ndarray, 
 
 
 def tube(vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Returns positions, normals and corners of a closed band around the y axis, 4 units high."""
+    """Returns (positions, normals, triangle indices) of a tube around the y axis, 4 units high and open at both ends."""
     around = 100
     rows = vertices // around
     turn = 2 * np.pi * np.arange(around) / around
@@ -59,7 +59,7 @@ def tube(vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def still_set(triangles: int) -> Gltf:
-    """Returns the static set: pieces of ground, each a mesh on its own node, under a uniform sky, and a camera."""
+    """Returns the part of the scene that all shots share: a static ground of several meshes, each with its own node, and a camera."""
     g = Gltf()
     side = int(np.ceil(PIECES**0.5))
     for i in range(PIECES):
@@ -72,18 +72,24 @@ def still_set(triangles: int) -> Gltf:
 
 
 def turns(count: int, offset: float = 0.0) -> np.ndarray:
-    """Returns rotations about y as quaternions (x, y, z, w), one per key."""
+    """Returns `count` keyframe values of a rotation about y, as quaternions (x, y, z, w).
+
+    offset: initial half angle in radians.
+    """
     half = np.linspace(0, np.pi, count) + offset
     return np.stack([0 * half, np.sin(half), 0 * half, np.cos(half)], -1)
 
 
 def camera_move(g: Gltf) -> Gltf:
-    """Adds shot (a): a moving camera."""
+    """Adds the animation of shot (a) to the static scene: a moving camera."""
     return clip(g, "fly", (len(g.root["nodes"]) - 1, "translation", [0, 1], [(10, 3, 30), (12, 4, 20)], "LINEAR"))
 
 
 def rigid_bodies(g: Gltf) -> Gltf:
-    """Adds shot (b): 100 bodies of ten meshes with 2,000 triangles each, every other one on a rotating arm."""
+    """Adds the bodies of shot (b) to the static scene: 100 bodies, each on a rotating arm, with ten meshes of 2,000 triangles.
+
+    Every second body also rotates about its own axis.
+    """
     channels = []
     for i in range(100):
         if i < 10:
@@ -103,7 +109,7 @@ def rigid_bodies(g: Gltf) -> Gltf:
 
 
 def figure(g: Gltf) -> Gltf:
-    """Adds shot (c): 50,000 vertices, each bound to two of 60 rotating joints."""
+    """Adds the figure of shot (c) to the static scene: 50,000 vertices, each bound to two of 60 rotating joints."""
     position, normal, index = tube(50_000)
     along = position[:, 1] / 4 * 58.999
     joint = np.stack([along, along + 1, 0 * along, 0 * along], -1).astype(np.uint8)
@@ -123,7 +129,7 @@ def figure(g: Gltf) -> Gltf:
 
 
 def morph(g: Gltf) -> Gltf:
-    """Adds shot (d): a million triangles with one morph target."""
+    """Adds the mesh of shot (d) to the static scene: a million triangles with one morph target."""
     position, normal, index = relief(1_000_000, 3.0, 10.0)
     other, bent, _ = relief(1_000_000, 5.0, 10.0)
     g.mesh(position + np.float32([5, 1, 5]), index, NORMAL=normal)
@@ -141,7 +147,11 @@ SHOTS: dict[str, tuple[Callable[[Gltf], Gltf], float, str]] = {
 
 
 class Cost(NamedTuple):
-    """Cost of a frame: seconds to compile it, to write its parts, and to map them in a slot; bytes of new parts."""
+    """Cost of one frame.
+
+    The seconds are processor time: to compile the scene, to write its new parts to files, and to map the parts in a slot. `bytes`
+    is the size of the new parts and of the list of all parts.
+    """
 
     compiled: float
     written: float

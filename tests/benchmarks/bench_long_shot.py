@@ -36,7 +36,7 @@ SIZE = {"width": 64, "height": 48, "spp": 4}
 
 
 class Watched:
-    """Measures the service's longest transaction and the longest delays of its event loop since `reset`."""
+    """Watches the service, and stores maxima since `reset`: transaction time, event loop delay, and duration of an engine step."""
 
     def __init__(self) -> None:
         self.held = self.held_processor = self.late = self.round = 0.0
@@ -85,7 +85,7 @@ class Watched:
 
 
 class Measured:
-    """A table of measurements: each call measures one request and prints its row."""
+    """Prints a table of measurements: each call of the object measures one request, and prints the row for it."""
 
     def __init__(self, watched: Watched) -> None:
         self.watched = watched

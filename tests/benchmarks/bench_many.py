@@ -53,7 +53,7 @@ def read(folder: Path, main: str) -> dict[str, Any]:
 
 
 def measured(files: dict[str, bytes], folder: Path, memory: int, seconds: float) -> dict[str, Any]:
-    """Returns the result of `read` for these files, from a child process of its own."""
+    """Writes these files to the folder, and returns the result of `read` from a new child process."""
     main = pick_main(list(files))[0]
     placed(folder, files)
     try:

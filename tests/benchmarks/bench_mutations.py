@@ -81,7 +81,7 @@ def _used() -> float:
 
 
 def _refusal(sentence: str) -> str:
-    """Returns the category of a refusal by its error message."""
+    """Returns the outcome (such as "too slow" or "refused") for which a reader's error sentence stands."""
     if "ended while it opened it" in sentence:
         return "child crashed"  # Blender's own process crashed
     if "took longer" in sentence:
@@ -132,7 +132,10 @@ class Campaign:
         return draw(number, self._seed, self._seeds)
 
     def sound(self) -> None:
-        """Reads the undamaged files in this process, so that children are forked with all needed modules imported."""
+        """Reads the undamaged files in this process, and exits the program if one of them cannot be read.
+
+        As a side effect, the children are forked with all needed modules imported.
+        """
         for kind, given in self._seeds.items():
             for each in given:
                 files = packed(each.main, each.files) if each.is_package else each.files
@@ -141,7 +144,10 @@ class Campaign:
                     sys.exit(f"The sound file {each.main} of {kind} is not read: {result['sentence']}")
 
     def run(self, numbers: range, until: float) -> Iterator[tuple[int, float, dict[str, Any]]]:
-        """Yields (number, seconds, outcome) in any order; stops at the time `until`."""
+        """Reads the damaged files of these numbers; yields (number, processor seconds, outcome), in any order.
+
+        No further file is begun after `until`, in seconds of time.monotonic().
+        """
         by_blender = {number for number in numbers if kind_of(number, self._seed, self._seeds) == BLEND}
         rest = (number for number in numbers if number not in by_blender)
         for some, memory in ((rest, MEMORY), (sorted(by_blender), BLENDER_MEMORY)):
@@ -222,7 +228,7 @@ def main() -> int:
 
 
 def placed(folder: Path, files: dict[str, bytes]) -> Path:
-    """Empties a folder, writes these files to it, and returns it."""
+    """Empties the folder, writes `files` (contents by name) to it, and returns the folder."""
     shutil.rmtree(folder, ignore_errors=True)
     for name, data in files.items():
         path = folder / name

@@ -109,7 +109,7 @@ def hand(farm: Farm, browser: Browser, _: argparse.Namespace) -> None:
 
 
 def moved(page: Page, cdp: Any, gesture: str) -> str:
-    """Performs a gesture in the page, and returns its processor time and frame intervals as text."""
+    """Repeats a gesture for some seconds on the page's film; returns the processor time per frame and the frame intervals as text."""
     box = page.locator("canvas.film").bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -174,7 +174,7 @@ def live(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
 
 
 def lists(farm: Farm, _: Browser, options: argparse.Namespace) -> None:
-    """Measures pages of a thousand jobs."""
+    """Measures the service's answers to requests for lists of a thousand jobs."""
     service = psutil.Process(farm.pids()["service"])
     print(f"Lists of a farm with {options.jobs} jobs, {options.rounds} requests each")
     asked = {"newest": {}, "by name": {"sort": "name"}, "found by a word": {"search": "truck"}, "shots alone": {"shot": True}}
@@ -249,7 +249,11 @@ def first(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
 
 @dataclass
 class Visit:
-    """Measurements of one visit to the page: arrival time of each awaited item, and number of requests until the last of them."""
+    """Measurements of one visit to the page.
+
+    seconds: from navigation until each awaited element is visible. requests: number of responses with content. kb: their total
+    size.
+    """
 
     seconds: list[float]
     requests: int
@@ -257,7 +261,10 @@ class Visit:
 
 
 def visited(context: BrowserContext, url: str, wanted: Sequence[str], line: tuple[float, float] | None) -> Visit:
-    """Visits the page and returns the measurements. line: (bits per second, latency in ms) of the connection; None: unlimited."""
+    """Visits the page, waits for each of the selectors `wanted`, and returns the measurements.
+
+    line: (bits per second, latency in ms) of the connection; None: unlimited.
+    """
     page = context.new_page()
     cdp = context.new_cdp_session(page)
     cdp.send("Network.enable")
@@ -290,7 +297,7 @@ PARTS: dict[str, Callable[[Farm, Browser, argparse.Namespace], None]] = {
 
 
 def opened(browser: Browser, url: str, is_watched: bool = True) -> Page:
-    """Opens a page in a new browser profile."""
+    """Opens the page in a new browser profile. is_watched: whether a script counts the page's draws, uploads and frames."""
     page = browser.new_context(viewport=WINDOW).new_page()
     if is_watched:
         page.add_init_script(WATCH)
@@ -320,7 +327,7 @@ def described(farm: Farm, job: str) -> dict[str, Any]:
 
 
 def spent(cdp: Any) -> dict[str, float]:
-    """Returns the seconds of the page's main thread since it started, by kind of work."""
+    """Returns the seconds that the page's main thread has spent since its start: on "script", and on "layout" including styles."""
     told = {each["name"]: each["value"] for each in cdp.send("Performance.getMetrics")["metrics"]}
     return {"script": told["ScriptDuration"], "layout": told["LayoutDuration"] + told["RecalcStyleDuration"]}
 
@@ -332,7 +339,7 @@ def cpu(process: psutil.Process) -> float:
 
 
 def share(process: psutil.Process, seconds: float) -> float:
-    """Returns the share of a core that a process uses."""
+    """Observes a process for `seconds`, and returns its processor time divided by the wall time (1: one core in full use)."""
     begun, before = time.perf_counter(), cpu(process)
     time.sleep(seconds)
     return (cpu(process) - before) / (time.perf_counter() - begun)

@@ -105,7 +105,7 @@ def main() -> int:
 
 
 def _measure(row: str, lines: Callable[..., Iterator[Line]], sizes: Sizes, report: Report) -> None:
-    """Adds the measured lines of a table row to the report.
+    """Measures the lines of one table row, and adds them to the report.
 
     An error in one row is reported and does not prevent the other rows.
     """

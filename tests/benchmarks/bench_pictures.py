@@ -75,7 +75,7 @@ def rendered(farm: Farm, width: int, height: int) -> tuple[str, str]:
 
 
 def addresses(job: str, scene: str, width: int, requests: int, pictures: int, seed: int) -> list[str]:
-    """Returns the URL paths of the requests, with those of pictures distributed evenly among the others."""
+    """Returns `requests` URL paths, among which `pictures` paths of whole pictures are evenly distributed."""
     whole = [
         f"/api/jobs/{job}/frames/0/" + WHOLE[i % len(WHOLE)].format(x=(seed * 1000 + i) / 4096, w=width // 2 - i - 64 * seed)
         for i in range(pictures)

@@ -42,7 +42,10 @@ LOOKED_AT = 3  # number of frames whose digests are compared
 
 
 class Taken(NamedTuple):
-    """The times of one rendered shot: seconds from request to first frame and to the end, and processor seconds by process."""
+    """Times of one rendered shot.
+
+    These are the seconds from the request to the first frame and to the last, and the processor seconds of each part of the farm.
+    """
 
     first: float
     all: float
@@ -50,7 +53,7 @@ class Taken(NamedTuple):
 
     @property
     def sum(self) -> float:
-        """Total processor seconds of the farm's processes."""
+        """Processor seconds of all parts of the farm together."""
         return sum(self.processor.values())
 
 
@@ -86,7 +89,10 @@ def main() -> None:
 
 
 def report(slots: int, alone: tuple[float, float], taken: Taken, frames: int) -> str:
-    """Returns the comparison as lines of text. alone: (wall, processor) seconds of the samples without a farm."""
+    """Returns the comparison of the farm with rendering in one process, as lines of text.
+
+    alone: (wall, processor) seconds of the samples without a farm. taken: times of the shot on the farm.
+    """
     wall, processor = alone
     by = ", ".join(f"{name} {seconds:.1f}" for name, seconds in taken.processor.items())
     beside = 1000 * (taken.sum - processor) / frames
@@ -105,7 +111,7 @@ def report(slots: int, alone: tuple[float, float], taken: Taken, frames: int) ->
 
 
 def prepared(folder: Path, count: int) -> list[tuple[CompiledScene, RenderSettings]]:
-    """Returns the scene of every frame, compiled from parts, and its render settings as a farm determines them."""
+    """Compiles the scene of each of the first `count` frames in parts, as a farm does; returns each with its render settings."""
     stage, out = OpenScene(Shot(folder / "scene", "shot.glb")), folder / "parts"
     out.mkdir()
     saver = Saver(out)
@@ -124,7 +130,7 @@ def prepared(folder: Path, count: int) -> list[tuple[CompiledScene, RenderSettin
 
 
 def samples_alone(frames: list[tuple[CompiledScene, RenderSettings]], threads: int, spp: int) -> tuple[float, float]:
-    """Returns wall and processor seconds of the samples, with one frame per thread."""
+    """Renders the frames in this process, one frame per thread; returns (wall seconds, processor seconds)."""
     whole = Tile(0, 0, SIZE["width"], SIZE["height"])
     begun = time.perf_counter(), time.process_time()
     with ThreadPoolExecutor(threads) as pool:
@@ -134,7 +140,7 @@ def samples_alone(frames: list[tuple[CompiledScene, RenderSettings]], threads: i
 
 
 def through(farm: Farm, scene: str, frames: int, spp: int) -> tuple[Taken, list[str]]:
-    """Renders these frames as a watched job; returns its times, and the first frames' digests."""
+    """Renders the frames as a job on the farm while a client watches; returns (times, digests of the first frames)."""
     before = processor(farm)
     with farm.client() as client:
         begun = time.perf_counter()

@@ -48,7 +48,7 @@ def main() -> None:
 
 
 def takeovers(folder: Path, settings: dict[str, object], options: argparse.Namespace, ends: ExitStack) -> list[float]:
-    """Returns the seconds of each takeover."""
+    """Ends or suspends the owner again and again; returns the seconds of each takeover."""
     started: list[Started] = []
 
     def start() -> Started:

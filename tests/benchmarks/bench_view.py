@@ -29,7 +29,7 @@ from tests.helpers import ROOT, Farm, start_farm, stop_farm
 
 
 class Viewer:
-    """A viewer that acknowledges packets at once, and checks that pictures belong to the requested views."""
+    """A viewer that acknowledges packets at once, and checks that each received picture is of a view that it requested."""
 
     def __init__(self, socket: ClientConnection, view: dict[str, Any], size: tuple[int, int]) -> None:
         self.socket, self.view, self.size = socket, view, size
@@ -141,7 +141,7 @@ def measure(farm: Farm, name: str, size: tuple[int, int], views: int, is_busy: b
 
 
 def moving(viewer: Viewer, views: int) -> list[float]:
-    """Returns the age in seconds of the camera that each arriving picture shows, while 30 cameras per second are sent."""
+    """Sends 30 cameras per second, `views` in all; returns, for each picture on its arrival, the age in seconds of its camera."""
     ages, begun = [], time.perf_counter()
     for number in range(views):
         viewer.send(0.02 * number)

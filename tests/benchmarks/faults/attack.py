@@ -27,7 +27,7 @@ class Attack:
     since: float = 0.0
 
     def pause(self, least_s: float, most_s: float) -> None:
-        """Waits for a random time of `least_s` to `most_s` seconds, for which the fault lasts."""
+        """Waits for a random time between `least_s` and `most_s` seconds, while the fault lasts."""
         time.sleep(self.draw.uniform(least_s, most_s))
 
     def over(self) -> None:
@@ -37,7 +37,11 @@ class Attack:
 
 @dataclass(frozen=True)
 class Kind:
-    """A kind of fault. grounds: names of the test farms on which it can be injected. weight: relative frequency."""
+    """A kind of fault, with the function that injects it.
+
+    grounds: names of the test farms on which it can be injected. weight: frequency relative to the other kinds. harms_films:
+    whether the job may fail with an error that asks the user to resume it.
+    """
 
     name: str
     act: Callable[[Attack], None]

@@ -1,4 +1,4 @@
-"""A farm whose clock jumps: `time.time` is changed in all of its processes except Redis."""
+"""A test farm whose clock can be set forward or back: `time.time` is replaced in all of its processes except Redis."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ time.time_ns = lambda: _real_ns() + int(_ahead() * 1e9)
 
 
 class ClockGround(Ground):
-    """A `Ground` whose clock is set by a file."""
+    """A `Ground` whose processes read the offset of their clock from a file."""
 
     name = "another clock"
 

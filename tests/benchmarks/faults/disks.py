@@ -80,7 +80,7 @@ def film_damaged(attack: Attack) -> None:
 
 @contextlib.contextmanager
 def at_rest(attack: Attack) -> Iterator[None]:
-    """Kills the service, and suspends the supervisor that would restart it, during the `with` block."""
+    """Kills the service, and keeps its supervisor suspended during the `with` block, so that the service is not restarted."""
     ground = attack.ground
     with stopped([psutil.Process(ground.farm.process.pid)]):
         processes = [*ground.spares(), ground.part("service")]

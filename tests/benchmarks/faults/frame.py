@@ -1,4 +1,4 @@
-"""The frame that is rendered during faults, and its undisturbed digest."""
+"""The frame that jobs render while faults are injected, and the digest that it has without faults."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ WIDTH, HEIGHT, DEPTH = 96, 80, 5
 
 
 def request(spp: int, seed: int) -> dict[str, Any]:
-    """Returns the JSON fields of the job's request."""
+    """Returns the JSON fields of a request for the frame with this number of samples per pixel and this seed."""
     view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
     return {"view": view, "width": WIDTH, "height": HEIGHT, "max_depth": DEPTH, "spp": spp, "seed": seed}
 

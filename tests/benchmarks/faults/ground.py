@@ -84,7 +84,7 @@ class Ground:
         return psutil.Process(self.farm.pids()[name])
 
     def spares(self) -> list[psutil.Process]:
-        """Returns the processes of preloaded spare services."""
+        """Returns the spare processes: preloaded services that wait to replace the running one."""
         known = self.farm.pids()["service"]
         return [p for p in psutil.Process(self.farm.process.pid).children() if p.pid != known and "service.standby" in line(p)]
 
@@ -117,7 +117,7 @@ class Ground:
         return start_farm(self.data, 2, **self.environment)
 
     def join(self) -> None:
-        """Starts the joined workers that are not running."""
+        """Starts those of the workers that join over the network which are not running."""
         if self._guest is None or self._guest.poll() is not None:
             self._guest = self._start_guest()
 
@@ -135,7 +135,7 @@ class Ground:
         return psutil.Process(self._guest.pid)
 
     def leave(self) -> None:
-        """Ends the joined workers."""
+        """Ends the workers that joined over the network."""
         if self._guest is not None:
             self._guest.kill()
             self._guest.wait()

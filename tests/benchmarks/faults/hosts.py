@@ -105,7 +105,7 @@ class HostsGround(Ground):
 
 @contextlib.contextmanager
 def bad(attack: Attack, hosts: list[str], **how: float | bool) -> Iterator[None]:
-    """Degrades the hosts' cables during the `with` block."""
+    """Degrades or cuts the network cables of these hosts during the `with` block. how: new values of the cables' attributes."""
     assert isinstance(attack.ground, HostsGround)
     cables = [attack.ground.network.cables[host] for host in hosts]
     before = [dict(vars(cable)) for cable in cables]

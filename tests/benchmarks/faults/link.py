@@ -45,7 +45,7 @@ class Network:
     """Simulated network of hosts that reach each other and this machine; a context manager that needs root."""
 
     def __init__(self, prefix: str, hosts: list[str]) -> None:
-        """prefix: of the namespaces' names, at most six letters. hosts: names."""
+        """Creates the network. prefix: start of the namespaces' names, at most six letters. hosts: names of the hosts."""
         self.prefix = prefix
         part = random.SystemRandom().randrange(1, 250)
         self.here = f"10.197.{part}.254"
@@ -64,7 +64,7 @@ class Network:
         return f"{self.prefix}-{host}"
 
     def inside(self, host: str) -> list[str]:
-        """Returns the prefix of a command line that runs on a host."""
+        """Returns the start of a command line that runs the rest of the line on this host."""
         return ["ip", "netns", "exec", self.namespace(host)]
 
     def __enter__(self) -> Network:

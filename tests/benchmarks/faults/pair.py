@@ -41,7 +41,7 @@ class PairGround(Ground):
 
     @property
     def url(self) -> str:
-        """URL of the service that owns the farm, or of one that may take it over if there is no owner now."""
+        """URL of the service that owns the farm; without an owner, URL of a service that may become the owner."""
         urls = sorted(self._urls, key=lambda url: url != self._latest)
         for url in urls:
             if not self._stands_still(url) and readiness_of(url) == "ready":
@@ -51,7 +51,7 @@ class PairGround(Ground):
         return urls[0]
 
     def _stands_still(self, url: str) -> bool:
-        """Returns whether the service is suspended and so cannot answer; waiting for a suspended service is no recovery time."""
+        """Returns whether the service at `url` is suspended. The wait for a suspended service does not count as recovery time."""
         with contextlib.suppress(psutil.NoSuchProcess):
             process = self.part("service") if url == self.farm.url else psutil.Process(self._second.pid if self._second else -1)
             return process.status() == psutil.STATUS_STOPPED
@@ -70,7 +70,7 @@ class PairGround(Ground):
             return subprocess.Popen(command, cwd=ROOT, env=environment, stdout=log, stderr=log, preexec_fn=spawn_guard())
 
     def services(self) -> tuple[psutil.Process, psutil.Process]:
-        """Returns the processes (owner, standby). Raises UnrecoveredError if the farm has no owner in time."""
+        """Returns the processes (owner, standby). Raises UnrecoveredError if there is no such pair in time."""
         self.wait(
             lambda: sorted(map(readiness_of, self._urls)) in (["ready", "stands by"],), "one works and one stands by", STANDBY_S
         )
@@ -79,7 +79,7 @@ class PairGround(Ground):
         return (own, second) if readiness_of(self.farm.url) == "ready" else (second, own)
 
     def later(self, seconds: float, process: psutil.Process) -> None:
-        """Resumes a suspended process after some seconds."""
+        """Resumes `process`, which is suspended, after this number of seconds, without blocking."""
 
         def resume() -> None:
             with contextlib.suppress(psutil.NoSuchProcess):
@@ -153,7 +153,7 @@ def owner_killed(attack: Attack) -> None:
 
 @kind("two services, and the owner stands still for longer than its lease", grounds=PAIRS, weight=5)
 def owner_hangs(attack: Attack) -> None:
-    """Suspends the owner, and resumes it while or shortly after the other takes over."""
+    """Suspends the owner, and resumes it 7 to 14 seconds later, while the standby takes over or shortly afterwards."""
     owner, _ = services(attack)
     attack.over()
     owner.suspend()

@@ -39,7 +39,7 @@ class Patience:
         return self._idle > self._seconds or now - self._begun > MOST * self._seconds
 
     def _busy(self) -> dict[int, float]:
-        """Returns the seconds that each thread of the processes ran or was ready to run, by thread id."""
+        """Returns, by thread id, the seconds for which each thread of the processes has run or waited for a processor."""
         found = {}
         for process in self._processes():
             for thread in Path(f"/proc/{process}/task").glob("*"):

@@ -107,7 +107,10 @@ def broker_stands(attack: Attack) -> None:
 
 @kind("a second service on the folder, and the owner is killed", grounds=("one machine", "another clock"))
 def two_services(attack: Attack) -> None:
-    """Starts a second service for a while; the farm continues, whichever service owns it."""
+    """Starts a second service on the same data folder, kills the owner, and later ends the second service.
+
+    The job must continue, whichever service then owns the farm.
+    """
     ground = attack.ground
     command = [sys.executable, "-m", "service", "--no-access-log", "--port", "0"]
     owner = ground.part("service")

@@ -17,8 +17,8 @@ BEGIN, END = "<!-- faults: made by `farm.py bench faults` -->", "<!-- end of fau
 class Fault:
     """One injected fault and its outcome.
 
-    recovered_s: seconds until new samples arrived; None if none arrived. digest_is_right: None if its job did not end. asked: the
-    job had failed with an error message, and was resumed as the message asks.
+    recovered_s: seconds until new samples arrived; None if none arrived. digest_is_right: None if the fault's job did not end.
+    asked: whether the job failed with an error that asks the user to resume it, and was resumed.
     """
 
     kind: str
