@@ -88,9 +88,9 @@ def _rate(work: Callable[[], Any], amount: int, rounds: int = 5) -> float:
 
 
 def _trace(name: str, bvh: Bvh, position: Any) -> dict[str, float]:
-    """Traces primary, random and shadow rays through the BVH; prints and returns the rates by these names, in millions per second.
+    """Traces primary, random and shadow rays through the BVH, and returns the rates by these names, in millions per second.
 
-    name: of the scene, for the printed lines.
+    It also prints the rates. name: of the scene, for the printed lines.
     """
     rates = {}
     rays = _rays(position)

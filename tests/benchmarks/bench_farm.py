@@ -79,7 +79,10 @@ def render_without_farm(folder: Path, threads: int, spp: int) -> tuple[float, fl
 
 
 def render_on_farm(farm: Farm, spp: int) -> tuple[float, dict[str, float]]:
-    """Renders a job on the farm; returns (wall seconds from the request to the finished job, processor seconds by part of the farm)."""
+    """Renders a job on the farm, and returns the time that it takes.
+
+    The time is (wall seconds from the request to the finished job, processor seconds by part of the farm).
+    """
     with farm.client() as client:
         scene = client.wait_for_scene(client.upload([SCENE]).id)
         before = _processor(farm)

@@ -59,7 +59,10 @@ def tube(vertices: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def still_set(triangles: int) -> Gltf:
-    """Returns the part of the scene that all shots share: a static ground of several meshes, each with its own node, and a camera."""
+    """Returns the part of the scene that all shots share: a camera, and a static ground of several meshes.
+
+    Each mesh has a node of its own.
+    """
     g = Gltf()
     side = int(np.ceil(PIECES**0.5))
     for i in range(PIECES):

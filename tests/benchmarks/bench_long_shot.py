@@ -36,7 +36,7 @@ SIZE = {"width": 64, "height": 48, "spp": 4}
 
 
 class Watched:
-    """Watches the service, and stores maxima since `reset`: transaction time, event loop delay, and duration of an engine step."""
+    """Watches the service, and stores maxima since `reset`: of transaction time, event loop delay, and time of an engine step."""
 
     def __init__(self) -> None:
         self.held = self.held_processor = self.late = self.round = 0.0

@@ -109,7 +109,7 @@ def hand(farm: Farm, browser: Browser, _: argparse.Namespace) -> None:
 
 
 def moved(page: Page, cdp: Any, gesture: str) -> str:
-    """Repeats a gesture for some seconds on the page's film; returns the processor time per frame and the frame intervals as text."""
+    """Repeats a gesture on the page for some seconds; returns its processor time per frame, and the frame intervals, as text."""
     box = page.locator("canvas.film").bounding_box()
     assert box is not None
     x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
@@ -327,7 +327,7 @@ def described(farm: Farm, job: str) -> dict[str, Any]:
 
 
 def spent(cdp: Any) -> dict[str, float]:
-    """Returns the seconds that the page's main thread has spent since its start: on "script", and on "layout" including styles."""
+    """Returns the seconds that the main thread of the page has spent since its start, by "script" and "layout" (with styles)."""
     told = {each["name"]: each["value"] for each in cdp.send("Performance.getMetrics")["metrics"]}
     return {"script": told["ScriptDuration"], "layout": told["LayoutDuration"] + told["RecalcStyleDuration"]}
 
