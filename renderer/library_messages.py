@@ -59,6 +59,7 @@ _OF_TEXT: tuple[tuple[str, str], ...] = (
     (r"attempt to write a readonly database", Sentence("sqlite-read-only", "the database is read-only")),
     (r"database or disk is full", Sentence("sqlite-full", "the disk is full")),
 )
+_CERTIFICATE = re.compile(r"certificate verify failed(?:: ([^(\n]+))?")  # the number of TLS errors is no errno of the system
 _ERRNO = re.compile(r"\[Errno (-?\d+)\]")
 _CONNECTING = re.compile(r"Error (\d+) connecting to ([^ ]+)\.")  # of Redis's client
 # Errors of the object store's client, by class.
@@ -88,7 +89,10 @@ def library_message(error: BaseException) -> str:
         return Sentence("text-not-in-encoding", "byte {place} is not {encoding}", place=error.start, encoding=error.encoding)
     if isinstance(error, KeyError):
         return Sentence("key-missing", "it lacks {name}", name=repr(error.args[0])[:60] if error.args else "?")
-    if isinstance(error, OSError) and error.errno is not None:
+    if (found := _CERTIFICATE.search(own)) is not None:
+        reason = (found[1] or "no reason given").strip()
+        return Sentence("tls-certificate-rejected", "certificate verify failed: {reason}", reason=reason)
+    if isinstance(error, OSError) and error.errno is not None and "[SSL" not in own:
         return _OF_SYSTEM.get(error.errno) or str(error.strerror)
     if isinstance(error, ValueError) and (
         found := re.search(r"(?:could not convert string to float|invalid literal for int.*?): (.*)", own)
@@ -109,6 +113,8 @@ def _of_service_library(error: BaseException, own: str) -> str | None:
             return found
         if "error sending request" in own or "dns error" in own:
             return Sentence("store-not-reachable", "its server cannot be reached")
+    if "[SSL" in own:
+        return None
     if (place := _CONNECTING.search(own)) and (cause := _OF_SYSTEM.get(int(place[1]))) is not None:
         return Sentence("redis-connection-failed", "{address}: {error}", address=place[2], error=cause)
     if (number := _ERRNO.search(own)) and (cause := _OF_SYSTEM.get(int(number[1]))) is not None:

@@ -139,7 +139,7 @@ def check_redis(url: str) -> None:
         raise LinkError(
             Sentence(
                 "join-redis-password",
-                "the Redis at {address} wants another password ({error}). The farm gives its workers the password; if "
+                "the Redis at {address} requires another password ({error}). The farm gives its workers the password; if "
                 "--redis or RAYFARM_REDIS_URL names the Redis, the password must be part of that address.",
                 address=where,
                 error=library_message(error),
@@ -158,7 +158,7 @@ def check_redis(url: str) -> None:
         raise LinkError(
             Sentence(
                 "join-not-redis",
-                "the server at {address} is not a Redis. Give the address of the Redis that the service of the farm uses.",
+                "the server at {address} is not a Redis server. Give the address of the Redis that the service of the farm uses.",
                 address=where,
             )
         ) from error
@@ -166,7 +166,7 @@ def check_redis(url: str) -> None:
         raise LinkError(
             Sentence(
                 "join-redis-not-reachable",
-                "no Redis answers at {address} ({error}). It must be reachable from this machine: start the farm with "
+                "no Redis server answers at {address} ({error}). It must be reachable from this machine: start the farm with "
                 "`rayfarm up --host 0.0.0.0`, and open the port in its firewall.",
                 address=where,
                 error=library_message(error),

@@ -99,7 +99,7 @@ def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, fore
     page.goto(f"{farm.url}/#/workers")
     expect(page.locator(".machine").first).to_be_visible()
     assert_is_fit(page, locale)
-    page.locator(".page-foot button").click()
+    page.locator(".page-foot button").last.click()
     expect(page.locator("dialog.help a[href='docs/']")).to_be_visible()
 
 

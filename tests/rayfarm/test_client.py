@@ -189,7 +189,7 @@ def test_an_answer_that_does_not_end_is_not_listened_to(monkeypatch: pytest.Monk
 
     with foreign_server(endless) as port, Client(f"127.0.0.1:{port}") as farm:
         for ask in (lambda: farm.job("j"), lambda: farm.image("j")):
-            with pytest.raises(ClientError, match="is too long"):
+            with pytest.raises(ClientError, match="exceeds the size limit"):
                 ask()
 
 

@@ -128,7 +128,7 @@ def test_a_redis_that_cannot_be_used_is_waited_for_with_a_hint(tmp_path: Path) -
             assert "wrong@" not in str(error.value)
         with redis.Redis.from_url(server.url) as store:
             store.config_set("maxmemory", "1")
-            with pytest.raises(LinkError, match="rejects reports"):
+            with pytest.raises(LinkError, match="refuses reports"):
                 check_redis(server.url)
             waiting = joining(Service(FarmAnswer(server.url, "instance", "")), said)
             waiting.begin()

@@ -168,7 +168,7 @@ def test_a_part_that_shines_has_lights(made, tmp_path):
     part = made.part.copy()
     part[:, PART_SHINES] = 1
     save(made._replace(part=part, triangle_light=made.triangle_light[:0]), tmp_path / "bad")
-    with pytest.raises(SceneError, match="shines"):
+    with pytest.raises(SceneError, match="emits light"):
         load(tmp_path / "bad")
 
 

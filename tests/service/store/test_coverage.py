@@ -31,5 +31,5 @@ def test_it_is_the_set_of_its_samples(ranges: list[tuple[int, int]], start: int,
 
 
 def test_an_empty_range_is_refused() -> None:
-    with pytest.raises(ValueError, match="no range"):
+    with pytest.raises(ValueError, match="invalid range"):
         Coverage().add(3, 0)

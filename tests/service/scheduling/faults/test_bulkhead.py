@@ -74,7 +74,7 @@ def test_what_fails_slowly_is_tried_more_rarely(clock: FakeClock) -> None:
     [
         (disk_full_error(), "The service's disk is full. Delete scenes or jobs that are no longer needed."),
         (Unavailable("The database is locked.", advice="Try again."), "The database is locked."),
-        (MALFORMED, "The database cannot be used (database disk image is malformed)."),
+        (MALFORMED, "The database cannot be used (the database file is malformed)."),
     ],
 )
 def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: FakeClock, error: Exception, sentence: str) -> None:
