@@ -11,9 +11,10 @@ _LEAST = 1e-3  # minimum alpha
 
 
 def brushed(along: float, across: float) -> dict[str, Any]:
-    """Returns the material fields for a microfacet distribution with alpha `along` the tangent and `across` it, each 0..1.
+    """Returns the material fields roughness, anisotropy and rotation for an anisotropic microfacet distribution.
 
-    In the direction of glTF's anisotropy, alpha is interpolated towards 1 by strength squared. Source: KHR_materials_anisotropy.
+    along, across: the distribution's alpha in the tangent's direction and perpendicular to it, each 0..1. glTF's anisotropy
+    raises alpha in one direction only: from a to a + (1 - a) * strength^2. Source: KHR_materials_anisotropy.
     """
     if along == across:
         return {"roughness": math.sqrt(along)}

@@ -28,7 +28,10 @@ def dielectric_albedo(ior: float) -> float:
 
 
 def ior_of(reflectance: float) -> float:
-    """Returns the index of refraction that has this reflectance at normal incidence."""
+    """Returns the index of refraction of a dielectric with the given reflectance at normal incidence.
+
+    reflectance: clamped to 0..0.99.
+    """
     root = math.sqrt(min(max(reflectance, 0.0), 0.99))
     return (1 + root) / (1 - root)
 
@@ -43,7 +46,10 @@ def pane_ior(ior: float) -> float:
 
 
 def internal_albedo(ior: float) -> float:
-    """Returns the albedo, 0..1, of a smooth coat's boundary for uniform light from inside the coat."""
+    """Returns the hemispherical albedo, 0..1, of a smooth coat's boundary under uniform illumination from inside the coat.
+
+    ior: the coat's index of refraction.
+    """
     return 1 - (1 - dielectric_albedo(ior)) / ior**2
 
 

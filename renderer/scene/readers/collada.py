@@ -136,7 +136,7 @@ def _count_cameras_without_shape(root: ElementTree.Element) -> int:
 
 
 def _refuse_odd_corners(root: ElementTree.Element, main: str) -> None:
-    """Raises SceneError if a list of corners contains a word that is not an index, which takes assimp half a minute."""
+    """Raises SceneError if a list of corners contains a word that is not an index; assimp would take half a minute for it."""
     for corners in root.iter():
         if str(corners.tag).endswith("}p") or corners.tag == "p":
             text = corners.text or ""

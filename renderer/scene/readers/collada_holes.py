@@ -168,9 +168,9 @@ def _joined(flat: F64, merged: Indices, holes: list[Indices]) -> Indices:
 
 
 def _plane(outline: F64) -> tuple[list[int], F64, F64]:
-    """Returns the coordinate plane to project an outline to: two axes, the outline's first corner there, and a sign per axis.
+    """Returns the coordinate plane best aligned with an outline: two axes, the outline's first corner there, and a sign per axis.
 
-    It is the plane best aligned with the outline. With the signs applied, the outline is counter-clockwise.
+    With the signs applied to the coordinates, the outline is counter-clockwise in this plane.
     """
     ahead = np.roll(outline, -1, axis=0)
     normal = np.cross(outline - outline[0], ahead - outline[0]).sum(axis=0)
@@ -218,9 +218,9 @@ def _crosses(a: F64, b: F64, begin: F64, end: F64) -> bool:
 
 
 def _is_within(flat: F64, loop: Indices, i: int, end: F64) -> bool:
-    """Returns True if the segment from corner `i` of a loop to a point begins inside the loop.
+    """Returns True if the segment from corner `i` of a loop to the point `end` begins inside the loop.
 
-    This matters where several corners of the loop coincide.
+    This is tested because several corners of a loop may coincide, and then only some of them see the loop's inside.
     """
     here, last, following = flat[loop[i]], flat[loop[i - 1]], flat[loop[(i + 1) % len(loop)]]
     if (end == here).all():

@@ -18,9 +18,9 @@ class Window(NamedTuple):
 
 
 def cropped(fields: dict[str, Any], film: tuple[int, int], window: Window) -> dict[str, Any]:
-    """Returns the fields of a view restricted to a window of its film; those of a panorama are unchanged.
+    """Returns the camera fields for rendering only a window of the film; the fields of a panorama are unchanged.
 
-    film: (width, height).
+    film: (width, height) of the whole film, in pixels.
     """
     if fields.get("projection") == "panorama" or window == (0, 0, *film):
         return fields

@@ -30,9 +30,9 @@ def fibre(color: Vec3, along: float, ior: float) -> Material:
 
 
 def deviation(beta: float) -> float:
-    """Returns the longitudinal standard deviation of a fibre's scattering, in radians, for a longitudinal roughness.
+    """Returns the standard deviation, in radians, of a fibre's longitudinal scattering.
 
-    It is the square root of the variance in equation 7 of Chiang et al.
+    It is the square root of the variance in Chiang et al., eq. 7. beta: longitudinal roughness.
     """
     return 0.726 * beta + 0.812 * beta**2 + 3.7 * beta**20
 

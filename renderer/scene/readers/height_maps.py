@@ -29,14 +29,17 @@ _WITHIN = 3.0  # largest encoded slope, in multiples of the RMS slope; steeper o
 
 
 class Bumps(NamedTuple):
-    """A normal map, as texture index, and its strength."""
+    """A normal map: the index of its texture, and the strength to apply."""
 
     texture: int
     strength: float
 
 
 def spans_of(mesh: Mesh, uv_set: int, place: F64) -> tuple[float, float] | None:
-    """Returns the mean lengths on a mesh per unit of u and of v; None without UVs. place: (3, 3) transform of the mesh."""
+    """Returns the mean lengths, on a mesh, of one unit of u and of one unit of v; None if the mesh lacks these UVs.
+
+    place: (3, 3) linear transform applied to the mesh.
+    """
     uvs = mesh.uvs if uv_set == 0 else mesh.uvs1
     if uvs is None or not len(mesh.triangles):
         return None
@@ -68,12 +71,12 @@ def _mean_lengths(p: F64, q: F64, a: F64, b: F64, area: F64) -> tuple[float, flo
 
 
 def rounded(span: float) -> float:
-    """Returns a length rounded to steps of 2 %, so that similar meshes share a material."""
+    """Returns a length rounded to a geometric series with steps of 2 %, so that meshes of similar size share a material."""
     return float(_ALIKE ** round(math.log(span) / math.log(_ALIKE)))
 
 
 class BumpMaps:
-    """The normal maps made from a description's height maps, each made once."""
+    """Makes normal maps from a description's height maps; each normal map is made once."""
 
     def __init__(self, shelf: TextureShelf, channels: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> None:
         """Creates an empty collection. channels: weights of red, green and blue in the height."""
@@ -97,9 +100,10 @@ class BumpMaps:
         return Bumps(found[0], min(max(strength, -MOST_STRENGTH), MOST_STRENGTH))
 
     def _make_normal_map(self, heights: int, step: int) -> tuple[int, float] | None:
-        """Returns a normal map's texture index, and the slope that its value 1 represents; None if the height texture is flat.
+        """Returns the index of a normal map made from a height texture, and the slope that the map's value 1 represents.
 
-        step: aspect ratio of the spans, in logarithmic steps.
+        step: the ratio of the lengths per unit of v and of u, as a number of logarithmic steps. Returns None if the texture is
+        flat.
         """
         texture = self._shelf.texture_of(heights)
         with np.errstate(all="ignore"):

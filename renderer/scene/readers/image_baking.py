@@ -22,7 +22,10 @@ class Grid(NamedTuple):
     v: F64
 
     def transformed_uvs(self, transform: UvTransform) -> tuple[F64, F64]:
-        """Returns the UVs after a texture transform; without rotation, as one row of u and one column of v."""
+        """Returns the grid's u and v after a texture transform.
+
+        Without rotation or shear, u is a single row and v a single column, to be broadcast.
+        """
         a, b, c, d, e, f = transform
         if b == d == 0:
             return a * self.u[:1] + c, e * self.v[:, :1] + f
@@ -30,9 +33,9 @@ class Grid(NamedTuple):
 
 
 def grid(size: tuple[int, int] = (SIZE, SIZE), first: int = 0, rows: int | None = None) -> Grid:
-    """Returns the UVs of the pixels of an image.
+    """Returns the UVs of the pixel centres of an image, or of some of its rows.
 
-    size: (columns, rows) of the image; first, rows: the rows to return, default all.
+    size: (columns, rows) of the image; first: index of the first row; rows: number of rows, by default all from `first` on.
     """
     columns, height = size
     at = np.arange(first, height if rows is None else first + rows)
@@ -41,14 +44,17 @@ def grid(size: tuple[int, int] = (SIZE, SIZE), first: int = 0, rows: int | None 
 
 
 def checks(grid_points: Grid, transform: UvTransform) -> npt.NDArray[np.bool_]:
-    """Returns a (rows, columns, 1) mask of a checkerboard, True on the squares that show the first of two textures."""
+    """Returns a (rows, columns, 1) checkerboard mask: True on the squares that show the first of the two textures."""
     u, v = grid_points.transformed_uvs(transform)
     odd = (np.floor(u) + np.floor(1 - v)) % 2 != 0
     return np.asarray(~odd[..., None])
 
 
 def looked_up(texture: Texture, pixels: npt.NDArray[np.float32], grid_points: Grid) -> F64:
-    """Returns a texture's values at UVs, (rows, columns, channels), with bilinear or nearest filtering."""
+    """Returns (rows, columns, channels) values of a texture at the grid's UVs, with the texture's filter and wrap modes.
+
+    pixels: (h, w, channels) of the texture's image.
+    """
     u, v = grid_points.transformed_uvs(texture.transform)
     height, width = pixels.shape[:2]
     x, y = (_wrap_coordinates(each, wrap) for each, wrap in ((u, texture.wrap_s), (v, texture.wrap_t)))

@@ -30,9 +30,10 @@ _HEAD_ON = 0.04  # reflectance at normal incidence for ior 1.5
 
 
 class _Looks(NamedTuple):
-    """A material as a diffuse colour with a glossy layer over it.
+    """A material reduced to a diffuse base and a glossy layer over it.
 
-    head_on, all_round: reflectance of the gloss at normal incidence, None without gloss, and its hemispherical albedo.
+    matt, texture: colour of the base, and the texture that multiplies it. head_on: reflectance of the glossy layer at normal
+    incidence; None without that layer. all_round: hemispherical albedo of the glossy layer.
     """
 
     matt: np.ndarray
@@ -42,10 +43,10 @@ class _Looks(NamedTuple):
 
 
 def mix_materials(first: Material, second: Material, share: float) -> Material | None:
-    """Returns the mixture of two materials; None if no single material represents it. share: weight of the second.
+    """Returns the mixture of two materials; None if no single material represents it.
 
-    Supported are paint, plastic and metal: gloss in one material over a diffuse surface, or the same gloss in both. A material
-    with opacity 0 makes the other one partly transparent.
+    share: weight of the second material. Supported are mixtures of diffuse, plastic and metal materials in which only one has a
+    glossy layer, or both have the same. If one material has opacity 0, the result is the other one, partly transparent.
     """
     if share <= 0 or share >= 1:
         return second if share >= 1 else first

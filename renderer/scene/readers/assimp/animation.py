@@ -17,7 +17,7 @@ F64 = npt.NDArray[np.float64]
 
 
 class Movement:
-    """The world transforms of a file's nodes at a moment, and the indices of animated nodes."""
+    """The world transforms of a file's nodes at a moment, the clips, and the indices of the animated nodes."""
 
     def __init__(self, imported: Imported, moment: Moment, fps: float, file: str) -> None:
         animations = imported.animations

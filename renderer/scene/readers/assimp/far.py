@@ -75,7 +75,10 @@ def import_exactly(data: bytes, name: str) -> Imported:
 
 
 def _about_centres(data: bytes) -> tuple[bytes, F64]:
-    """Subtracts from each far number in a text the centre of its cluster. Returns the text, and (n,) the centres."""
+    """Subtracts from each far number in a text the centre of its cluster (see the module).
+
+    Returns the changed text, and (n,) the clusters' centres.
+    """
     indices = [match.span() for match in _INDICES.finditer(data)]
     starts = np.array([first for first, _ in indices], np.int64)
     ends = np.array([end for _, end in indices], np.int64)
@@ -108,9 +111,10 @@ def _about_centres(data: bytes) -> tuple[bytes, F64]:
 
 
 def _offset(found: Points, near: Points, centres: F64) -> F64 | None:
-    """Returns the offset that the second import subtracted from points: per axis 0 or a cluster's centre; None if it is neither.
+    """Returns (3,) the offset that the second import subtracted from points: on each axis 0 or the centre of a cluster.
 
-    found, near: (n, 3) points of the first and the second import.
+    Returns None if the two imports do not differ by such an offset. found, near: (n, 3) points of the first and the second
+    import.
     """
     if not (np.isfinite(found).all() and np.isfinite(near).all()) or not (len(found) and len(near)):
         return None
@@ -142,7 +146,10 @@ def _node(found: Node, near: Node, centres: F64) -> Node:
 
 
 def _at_exact_position(found: Any, near: Any, centres: F64, directions: tuple[str, ...]) -> Any:
-    """Returns a light or camera at its exact position. directions: names of its fields to take from `near`."""
+    """Returns a light or camera of the first import, `found`, at its exact position.
+
+    near: the same object in the second import. directions: names of the fields to take from `near`.
+    """
     offset = _offset(found.position[None], near.position[None], centres)
     if offset is None or not offset.any():
         return found

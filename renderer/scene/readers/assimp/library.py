@@ -126,7 +126,7 @@ class Bone:
 
 @dataclass
 class Shape:
-    """A mesh of triangles with one material."""
+    """A mesh of triangles that have the same material."""
 
     name: str
     positions: F32
@@ -173,7 +173,10 @@ class Camera:
 
 @dataclass
 class Channel:
-    """The animation of a node: translations, rotations (quaternions x y z w) and scales, each as key times (s) and values."""
+    """The animation of one node. Translations, rotations and scales are each a pair: key times in seconds, and values.
+
+    Rotations are quaternions x y z w.
+    """
 
     node: str
     places: tuple[F64, F64]
@@ -193,7 +196,10 @@ class Animation:
 
 @dataclass
 class Imported:
-    """The contents of a file. Materials are {(key, semantic): value}; semantics are 1 or more for textures, otherwise 0."""
+    """The contents of a file. Each material is a dict of property values by (key, semantic).
+
+    The semantic is the texture's type, from 1, for properties of textures, and 0 for all other properties.
+    """
 
     nodes: list[Node]
     meshes: dict[int, Shape]

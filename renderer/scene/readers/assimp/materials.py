@@ -60,7 +60,7 @@ _NEUTRAL = {  # neutral values of unread properties; 0 for others
 
 
 class _MaterialProperties(dict[tuple[str, int], Any]):
-    """The properties of a material; records which of them were read."""
+    """The properties of one assimp material. Records which of them have been read."""
 
     def __init__(self, properties: dict[tuple[str, int], Any]) -> None:
         super().__init__(properties)
@@ -92,7 +92,7 @@ class _MaterialProperties(dict[tuple[str, int], Any]):
 
 
 class Materials:
-    """Converts materials of the file to materials of the description, each once."""
+    """Converts the file's materials to materials of the scene description; each is converted once."""
 
     def __init__(self, imported: Imported, main: str, files: SceneFiles, shelf: TextureShelf, materials: list[Material]) -> None:
         self._imported, self._main, self._files, self._shelf, self._materials = imported, main, files, shelf, materials
@@ -225,9 +225,10 @@ class Materials:
 
 
 def _transform(given: Any, is_x3d: bool) -> UvTransform:
-    """Returns a UV transform from assimp's offset, scale and rotation.
+    """Returns a UV transform, for v downwards, from assimp's offset, scale and rotation.
 
-    Scale comes first, then rotation about the centre, then offset; in X3D, offset, rotation about the corner, scale.
+    These are applied in this order: scale, rotation about the centre (0.5, 0.5), offset. In X3D the order is offset, rotation
+    about the corner (0, 0), scale.
     """
     if not isinstance(given, np.ndarray) or len(given) < 5 or not np.isfinite(given[:5]).all():
         return IDENTITY_UV_TRANSFORM

@@ -284,7 +284,10 @@ class _Reader:
 
 
 def _frames(main: str, files: SceneFiles) -> int:
-    """Returns the number of animation frames, or of animation files, that belong to a file and that assimp does not read."""
+    """Returns the number of animation frames in a file (.md2, .iqm), or of animation files beside it (.md5mesh).
+
+    Assimp does not read these animations.
+    """
     suffix = PurePosixPath(main).suffix.lower()
     if suffix == ".md5mesh":
         return len(files.siblings(main, (".md5anim",)))

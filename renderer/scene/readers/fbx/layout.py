@@ -49,7 +49,7 @@ __all__ = [
 
 
 class List(ctypes.Structure):
-    """ufbx's list type; strings and blobs have the same layout."""
+    """The layout of ufbx's list types: a pointer and a count. Strings and blobs have the same layout."""
 
     _fields_ = (("data", ctypes.c_void_p), ("count", ctypes.c_size_t))
 

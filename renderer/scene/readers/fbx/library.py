@@ -163,9 +163,10 @@ class FbxScene:
 
     @functools.cached_property
     def unturned(self) -> list[int]:
-        """Returns the ids of the nodes whose rotation order, pre- and post-rotation this version of ufbx applies by mistake.
+        """Returns the ids of nodes on which this version of ufbx wrongly applies rotation order, pre-rotation and post-rotation.
 
-        The FBX SDK ignores them. Since 0.23, ufbx itself respects RotationActive and RotationSpaceForLimitOnly.
+        The FBX SDK ignores these three on nodes without RotationActive or with RotationSpaceForLimitOnly; so does ufbx from 0.23
+        on.
         """
         return [
             node.element_id
@@ -199,7 +200,7 @@ _MESSAGES: dict[str, str] = {
 
 
 def message_of(notice: Any) -> str:
-    """Returns the description of an error or a warning of the library."""
+    """Returns the description that ufbx gives of an error or a warning."""
     said = text(notice.description)[:160]
     return _MESSAGES.get(said, said)
 
@@ -218,22 +219,25 @@ def _raise_error(error: Any, name: str) -> Any:
 
 
 def text(string: Any) -> str:
-    """Returns a string of the library; bytes that are not UTF-8 become lone surrogates (renderer/scene/text_encoding.py)."""
+    """Returns one of ufbx's strings; bytes that are not UTF-8 become lone surrogates (renderer/scene/text_encoding.py)."""
     return ctypes.string_at(string.data, string.count).decode("utf-8", "surrogateescape") if string.data else ""
 
 
 def struct_at(kind: Any, address: int | None) -> Any:
-    """Returns the structure at an address; None for a null pointer."""
+    """Returns the structure of type `kind` at an address; None if the address is null."""
     return kind.from_address(address) if address else None
 
 
 def each(values: Any, kind: Any) -> list[Any]:
-    """Returns the structures stored in a list of the library."""
+    """Returns the elements of one of ufbx's lists, as structures of type `kind`."""
     return [kind.from_address(values.data + i * ctypes.sizeof(kind)) for i in range(values.count)] if values.data else []
 
 
 def pointed(values: Any, kind: Any, max_count: int | None = None) -> list[Any]:
-    """Returns the structures that a list of pointers refers to, at most the first `max_count`; null pointers are skipped."""
+    """Returns the structures of type `kind` to which one of ufbx's lists of pointers refers.
+
+    Null pointers are skipped. max_count: maximum number of structures to return.
+    """
     if not values.data:
         return []
     count = values.count if max_count is None else min(values.count, max_count)
@@ -242,12 +246,15 @@ def pointed(values: Any, kind: Any, max_count: int | None = None) -> list[Any]:
 
 
 def array(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
-    """Returns a copy of a list of numbers, as (N,) or (N, width)."""
+    """Returns a copy of one of ufbx's lists of numbers, as (N,) or, with a width, (N, width)."""
     return list_view(values, dtype, width).copy()
 
 
 def list_view(values: Any, dtype: Any, width: int = 1) -> npt.NDArray[Any]:
-    """Returns a view of a list of numbers, as (N,) or (N, width). It is valid only while the scene exists."""
+    """Returns a view of one of ufbx's lists of numbers, as (N,) or, with a width, (N, width).
+
+    The view is valid only while the FbxScene exists.
+    """
     item = np.dtype(dtype).itemsize * width
     if not values.data or not values.count:
         return np.zeros((0, width) if width > 1 else 0, dtype)

@@ -78,7 +78,10 @@ def area_material(light: Any, name: str, world: F64, by_blender: bool) -> Materi
 
 
 def upright_square(light: Any, world: F64) -> F64:
-    """Returns the transform of the square -1..1 in x and y, facing +Z, that represents an area light."""
+    """Returns the transform of the square that represents an area light: -1..1 in x and y, emitting along +Z.
+
+    world: (4, 4) transform of the light's node.
+    """
     z = np.array(light.direction, np.float64)
     x = np.cross((0.0, 0.0, 1.0) if abs(z[2]) < 0.9 else (1.0, 0.0, 0.0), z)
     x /= max(float(np.linalg.norm(x)), 1e-12)

@@ -247,7 +247,7 @@ class Materials:
 
 
 class _MaterialValues:
-    """The properties of one material; records which of its textures were read."""
+    """The properties of one FBX material. Records which of the material's textures were read."""
 
     def __init__(self, source: Any, name: str, pictures: Pictures) -> None:
         self.source, self._name, self._pictures = source, name, pictures
@@ -257,7 +257,7 @@ class _MaterialValues:
         return bool(self.source.features[_FEATURES[name]])
 
     def has_value(self, name: str) -> bool:
-        """Returns True if a map has a texture or a value other than 0."""
+        """Returns True if the material property `name` has a texture or a value other than 0."""
         found = self.source.pbr[_PBR[name]]
         return bool(found.texture and found.texture_enabled) or bool(found.has_value and any(list(found.value)[:3]))
 

@@ -21,7 +21,7 @@ U32 = npt.NDArray[np.uint32]
 
 
 class Part(NamedTuple):
-    """The part of a mesh with one material: its vertices, and the file's point that each vertex comes from."""
+    """The part of a mesh that has one material: its vertices, and for each vertex the index of the file's point there."""
 
     slot: int  # index among the node's materials
     point: npt.NDArray[np.int64]  # (V,)
@@ -63,7 +63,10 @@ def parts_of(mesh: Any) -> tuple[list[Part], int]:
 
 
 def _by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any]]:
-    """Yields each material slot in use, with the indices (or a slice) of its triangles. face: (T,) the face of each triangle."""
+    """Yields each material slot in use, with the indices (or a slice) of the triangles that have the slot's material.
+
+    face: (T,) index of the polygon that each triangle belongs to.
+    """
     if not len(slots):
         yield 0, slice(None)
         return

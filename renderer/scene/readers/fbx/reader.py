@@ -91,7 +91,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
 
 
 class _Reader:
-    """Converts a scene of the library to a description."""
+    """Converts a scene parsed by ufbx to a scene description."""
 
     def __init__(
         self,
@@ -212,7 +212,10 @@ class _Reader:
     def _deformed_parts(
         self, node: Any, mesh: Any, parts: list[Part], skins: list[Any], world: npt.NDArray[np.float64]
     ) -> list[Mesh]:
-        """Returns the parts of a mesh deformed by its blend shapes and its skin: in world space if it has a skin."""
+        """Returns the parts of a mesh, deformed by the mesh's blend shapes and skin.
+
+        They are in world space if the mesh has a skin, otherwise in object space.
+        """
         rest = array(mesh.vertices, np.float64, 3)
         points, added = blended(mesh)
         made = []
@@ -234,7 +237,7 @@ class _Reader:
         return made
 
     def _deforms(self, mesh: Any, skins: list[Any], moves: bool) -> bool:
-        """Returns True if a mesh's vertices change over time. moves: whether its node moves."""
+        """Returns True if a mesh's vertices change over time. moves: whether the node with the mesh is animated."""
         channels = [
             c for blend in pointed(mesh.blends, layout.BlendDeformer) for c in pointed(blend.channels, layout.BlendChannel)
         ]

@@ -47,7 +47,7 @@ def blended(mesh: Any) -> tuple[F64, F64 | None]:
 def turned_with(part: Part, before: F64, after: F64) -> F32 | None:
     """Returns a part's normals after the mesh's points moved from `before` to `after`.
 
-    Each normal changes by as much as the smooth normal of the surface there.
+    To each normal is added the change of the smooth normal (see `_smooth`) at its vertex.
     """
     if part.normals is None or np.array_equal(before, after):
         return part.normals

@@ -26,7 +26,7 @@ _FILE, _LAYERED = 0, 1
 
 
 class Pictures:
-    """Maps each texture of the file to a texture of the description, with the UV set that the texture names."""
+    """Adds the file's textures to the scene description; each keeps the name of the UV set that it uses."""
 
     def __init__(self, scene: Any, main: str, files: SceneFiles, shelf: TextureShelf, by_blender: bool = False) -> None:
         self._main, self._files, self._shelf, self._by_blender = main, files, shelf, by_blender

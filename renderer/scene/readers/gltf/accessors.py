@@ -83,9 +83,9 @@ class Accessors:
         return values.reshape(-1)
 
     def count_empty_accessor(self, index: int) -> None:
-        """Adds the size of an accessor that has no data to the total of such elements. Called before a mesh uses the accessor.
+        """Adds an accessor's element count to the total for accessors without a buffer view.
 
-        Raises SceneError if the meshes of the file use too many such elements.
+        Called before a mesh uses the accessor. Raises SceneError if the total is too large.
         """
         accessor = self.accessors[index]
         if "bufferView" not in accessor:

@@ -33,7 +33,7 @@ _NAMED = 8  # properties that a warning names
 
 
 class Channel(NamedTuple):
-    """An animated place in the JSON, and its animation curve."""
+    """An animation channel: the path in the JSON of the value that it animates, and its curve."""
 
     path: Path
     kind: pointers.Kind
@@ -98,9 +98,10 @@ class Animations:
         return True
 
     def _has_weight(self, changed: Changed, path: Path) -> bool:
-        """Returns True if an animated morph weight exists. Extends the weights in `changed` to the number of morph targets.
+        """Returns True if the morph weight at `path`, which a channel animates, exists.
 
-        A node that uses its mesh's weights gets a list of its own. path: of the weight.
+        The list of weights in `changed` is extended to one weight per morph target. A node that uses its mesh's weights gets a
+        list of its own.
         """
         family, number, _, which = path
         source = mesh = Json(self._root.file, f"{family}[{number}]", changed.root[str(family)][number], self._root.faults)
@@ -137,7 +138,7 @@ class Animations:
             source.faults.add(fault)
 
     def _input(self, sampler: Json) -> npt.NDArray[np.float64]:
-        """Returns a sampler's key times, some of which may not be finite. Raises DamagedError if they do not ascend."""
+        """Returns a sampler's key times; they may include non-finite values. Raises DamagedError if they do not ascend."""
         at = sampler.integer("input", high=len(self._accessors.accessors))
         if at not in self._times:
             times = self._accessors.floats(at, 1, finite=False).reshape(-1).astype(np.float64)

@@ -61,7 +61,7 @@ class Json:
         self.faults.replace(self.file, self.path_of(key), what)
 
     def clamped(self, key: str, value: float, low: float, high: float) -> float:
-        """Returns a value clamped to low..high; counts a fault if it is outside by more than float32's precision."""
+        """Returns a value clamped to low..high. A value outside by more than float32's precision is counted as replaced."""
         if not low - _SLACK <= value <= high * (1 + _SLACK) + _SLACK:
             self.replace(key, Sentence("gltf-value-clamped", "out of range and clamped"))
         return min(max(value, low), high)

@@ -90,9 +90,10 @@ class Meshes:
         return found
 
     def skinned(self, index: int, node: Json, matrices: Matrix, moves: bool) -> list[int]:
-        """Adds a mesh's primitives, deformed by a skin, to the description in world space; returns their indices.
+        """Adds a mesh's primitives, deformed by a skin, to the description in world space; returns their indices there.
 
-        They are not shared between nodes. moves: whether joints are animated.
+        Primitives deformed for one node are not used for others. matrices: (J, 4, 4) of the joints; moves: whether joints are
+        animated.
         """
         placed = [(mesh, m) for mesh, (_, m) in zip(self.shapes(index, node, matrices), self._primitives(index), strict=True)]
         return self._add(placed, moves or self._moving.reshapes(index, node))
@@ -157,10 +158,7 @@ class Meshes:
         return list(range(first, len(self._meshes)))
 
     def _make_open_glass_thin(self, primitives: list[tuple[Mesh, int | None]]) -> None:
-        """Makes the materials of transmissive primitives thin, unless they enclose a volume.
-
-        Primitives may do so alone or with the mesh's other primitives.
-        """
+        """Makes transmissive primitives thin unless they enclose a volume, alone or together with the mesh's other ones."""
         transparent = [(mesh, m) for mesh, m in primitives if m is not None and self._materials.depends_on_mesh(m)]
         if not transparent or _bound_a_volume([mesh for mesh, _ in primitives]):
             return

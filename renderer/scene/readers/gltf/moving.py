@@ -59,11 +59,14 @@ class AnimatedParts:
         self._shaped = {self._where[index] for index in self.reshaped}
 
     def appears(self, node: Json) -> bool:
-        """Returns True if the visibility of a node is animated."""
+        """Returns True if a node's visibility is animated, so that the node appears or disappears."""
         return node.where in self._shown
 
     def unshared_shape_key(self, node: Json) -> str | None:
-        """Returns a key for a node with animated morph weights of its own, whose shape cannot be shared; None for other nodes."""
+        """Returns a key for a node with animated morph weights of its own; None for all other nodes.
+
+        The deformed mesh of such a node cannot be shared with other nodes.
+        """
         return node.where if node.where in self._shaped else None
 
     @property

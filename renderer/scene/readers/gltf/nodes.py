@@ -179,9 +179,10 @@ class Nodes:
             return [world]
 
     def _in_world(self, order: list[int], known_transforms: dict[int, Matrix]) -> dict[int, Matrix]:
-        """Returns the world transforms of nodes. In `order`, nodes follow their parents; other parents are in `known_transforms`.
+        """Returns the world transforms of the nodes in `order`, in which each node follows its parent.
 
-        Processes whole levels of the hierarchy at once, since files have tens of thousands of nodes.
+        known_transforms: world transforms of parents that are not in `order`. Whole levels of the hierarchy are processed at
+        once, since files have tens of thousands of nodes.
         """
         own = dict(zip(order, local([self._nodes[index] for index in order]), strict=True))
         below = {index: parent for index in order if (parent := self._parents[index]) is not None}
@@ -313,7 +314,10 @@ class Nodes:
         ]
 
     def _ray_visibility_material(self, node: Json, mesh: int) -> int | None:
-        """Returns the index of a material that replaces a mesh's own if camera or shadow rays ignore the node; otherwise None."""
+        """Returns the index of a material to use in place of a mesh's own; None if the mesh keeps its own.
+
+        A replacement is needed if camera rays or shadow rays ignore the node.
+        """
         rays = node.extension(RAYS)
         if rays is None:
             return None

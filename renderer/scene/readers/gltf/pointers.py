@@ -96,9 +96,9 @@ def template(pointer: str) -> str:
 
 
 def find(root: Any, pointer: str) -> Path | None:
-    """Returns the keys and indices that a pointer consists of; None if the pointer leads nowhere.
+    """Returns the path, as keys and indices, that a JSON pointer denotes; None if no such path exists in the file.
 
-    The value itself may be missing, and also the object that contains it if that is an extension.
+    The value at the path may be missing, and so may the object that contains it if that object is an extension.
     """
     path: list[str | int] = []
     at: Any = root

@@ -1,8 +1,8 @@
-"""Scattering inside glTF surfaces: two Khronos drafts, and Rayfarm's own extensions in files exported by Blender.
+"""Reads scattering inside glTF surfaces: two Khronos drafts, and Rayfarm's own extensions in files exported by Blender.
 
-KHR_materials_volume_scatter and KHR_materials_scatter split the attenuation of KHR_materials_volume into scattering and
-absorption. With diffuse transmission, the interior is dense and is rendered as subsurface scattering, as the former
-recommends.
+The drafts KHR_materials_volume_scatter and KHR_materials_scatter split the attenuation of KHR_materials_volume into scattering
+and absorption. A material that also has diffuse transmission has a dense interior, which is rendered as subsurface scattering,
+as KHR_materials_volume_scatter recommends.
 Source: KhronosGroup/glTF, pull requests 2453 and 2579, their READMEs as of June 2026.
 """
 
