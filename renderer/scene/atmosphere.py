@@ -40,7 +40,7 @@ _SUNS = np.radians([-90.0, -15, -12, -10, -8, -6, -5, -4, -3, -2, -1, 0, 1, 2, 3
 
 
 class Air(NamedTuple):
-    """Densities of the air's components, relative to a clear day."""
+    """Densities of molecules, dust and ozone in the air, as multiples of those on a clear day."""
 
     molecules: float
     dust: float
@@ -110,7 +110,10 @@ def _column(radius: np.ndarray, cosine: np.ndarray, steps: int = 16) -> np.ndarr
 
 
 def _thickness(air: Air, column: np.ndarray) -> np.ndarray:
-    """Returns the optical thickness at each wavelength, (..., 18), of the integrated densities of `_column`."""
+    """Returns the optical thickness of air at each wavelength, (..., 18).
+
+    column: integrated densities of molecules, dust and ozone, from `_column`.
+    """
     molecules, dust, ozone = (column[..., k, None] for k in range(3))
     return molecules * (air.molecules * _RAYLEIGH) + dust * (air.dust * _MIE_EXTINCTION) + ozone * (air.ozone * _OZONE)
 
@@ -125,12 +128,15 @@ def transmitted(air: Air, elevation: float) -> np.ndarray:
 
 
 def rayleigh_phase(cosine: np.ndarray) -> np.ndarray:
-    """Returns the Rayleigh phase function, per steradian. cosine: of the angle to the sun."""
+    """Returns the Rayleigh phase function, per steradian. cosine: of the angle between the viewing direction and the sun."""
     return 3 / (16 * np.pi) * (1 + cosine * cosine)
 
 
 def mie_phase(cosine: np.ndarray) -> np.ndarray:
-    """Returns the phase function of dust, per steradian (Cornette & Shanks 1992). cosine: of the angle to the sun."""
+    """Returns the phase function of dust, per steradian (Cornette & Shanks 1992).
+
+    cosine: of the angle between the viewing direction and the sun.
+    """
     g = _ASYMMETRY
     scale = 3 / (8 * np.pi) * (1 - g * g) / (2 + g * g)
     return scale * (1 + cosine * cosine) / (1 + g * g - 2 * g * cosine) ** 1.5
@@ -197,7 +203,10 @@ def _integration_steps(
 
 
 def _sunlight(air: Air, radius: np.ndarray, cosine: np.ndarray) -> np.ndarray:
-    """Returns the fraction of direct sunlight that arrives at a point, per wavelength, (..., 18): 0 in the earth's shadow."""
+    """Returns the fraction of direct sunlight that arrives at a point, per wavelength, (..., 18); 0 in the earth's shadow.
+
+    radius: the point's distance to the earth's centre; cosine: of the sun's zenith angle there.
+    """
     horizon = -np.sqrt(np.maximum(1 - (_EARTH / radius) ** 2, 0))
     risen = np.clip(0.5 + (np.arcsin(np.clip(cosine, -1, 1)) - np.arcsin(horizon)) / (2 * _SUN_RADIUS), 0, 1)
     return np.asarray(np.exp(-_thickness(air, _column(radius, np.maximum(cosine, horizon)))) * risen[..., None])
@@ -237,7 +246,10 @@ def _scattered_again(air: Air, ground: float, steps: int = 12) -> np.ndarray:
 
 
 def _interpolate_table(table: np.ndarray, height: np.ndarray, sun: np.ndarray) -> np.ndarray:
-    """Interpolates the table of `_scattered_again` bilinearly between heights and suns."""
+    """Interpolates the table of `_scattered_again` bilinearly.
+
+    height: of the points above the ground, in metres; sun: its elevation there, in radians.
+    """
     y = np.interp(height, _HEIGHTS, np.arange(len(_HEIGHTS)))
     x = np.interp(sun, _SUNS, np.arange(len(_SUNS)))
     i, j = np.minimum(y.astype(int), len(_HEIGHTS) - 2), np.minimum(x.astype(int), len(_SUNS) - 2)

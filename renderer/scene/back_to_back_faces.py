@@ -71,19 +71,22 @@ def _candidates_by_hash(position: F32, triangle: I32, begins: Sequence[int]) -> 
 
 
 def _number_by_corners(corners: npt.NDArray[np.float64], space: I64) -> I64:
-    """Returns (N,) numbers, equal for triangles of one space with the same corners in any order."""
+    """Returns (N,) group numbers of triangles: equal for triangles in one coordinate space with the same corners in any order."""
     order = np.lexsort(corners.transpose(2, 0, 1), axis=1)
     return _number_rows([np.take_along_axis(corners, order[..., None], axis=1).reshape(len(corners), 9), space])
 
 
 def _number_rows(columns: Sequence[npt.NDArray[np.generic]]) -> I64:
-    """Returns (N,) numbers, equal for elements that are equal in all columns."""
+    """Returns (N,) group numbers of a table's rows: equal for rows that are equal in all columns."""
     _, number = np.unique(np.column_stack(columns), axis=0, return_inverse=True)
     return number.reshape(-1)
 
 
 def _has_opposite_face(place: I64, normal: npt.NDArray[np.float64], appearance: I64) -> npt.NDArray[np.bool_]:
-    """Returns a mask (N,) of triangles that coincide with one of opposite orientation and a different look."""
+    """Returns a mask (N,) of triangles that coincide with another of opposite orientation and a different appearance.
+
+    place: (N,) group numbers, equal for coincident triangles; appearance: (N,), equal for triangles that look the same.
+    """
     count = int(place.max()) + 1
     first = np.full(count, len(place))
     np.minimum.at(first, place, np.arange(len(place)))

@@ -210,7 +210,7 @@ def _part_offsets(stood: PlacedGeometry, laid: AssembledBvh, environment: tuple[
 def _rows_to_check(
     stood: PlacedGeometry, laid: AssembledBvh, scene: CompiledScene, shot_cache: ShotCache
 ) -> dict[str, np.ndarray]:
-    """Returns the rows of the compiled arrays that were not checked for an earlier frame, by array name.
+    """Returns the rows of the compiled arrays that have yet to be checked: array name -> rows not checked for an earlier frame.
 
     Arrays that are not listed have to be checked in full.
     """
@@ -268,9 +268,10 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
 
 
 def summarise_again(description: SceneDescription, compiled: CompiledScene, before: dict[str, Any]) -> dict[str, Any]:
-    """Returns the summary of a frame of a shot in which only transforms and shapes change, from that of another frame.
+    """Returns the summary of another frame of a shot in which only transforms and shapes change.
 
-    before: the other frame's summary. Here the camera "auto" frames the bounds of the geometry, not its vertices.
+    before: the summary of the earlier frame, from which everything else is copied. The camera "auto" frames the bounds of the
+    geometry here, not its vertices.
     """
     low, high = _bounds(compiled)
     corners = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)], np.float64)
@@ -283,7 +284,7 @@ def summarise_again(description: SceneDescription, compiled: CompiledScene, befo
 
 
 def camera_names(description: SceneDescription) -> list[str]:
-    """Returns the names of the cameras in `summarise`."""
+    """Returns the names of the cameras that `summarise` lists, in the same order."""
     own = [c.name if c.name != AUTO_CAMERA else f"{AUTO_CAMERA} (of the file)" for c in description.cameras]
     return [*own, AUTO_CAMERA]
 
@@ -298,7 +299,7 @@ def camera_dicts(description: SceneDescription, bounds: np.ndarray, points: np.n
 
 
 def own_cameras(description: SceneDescription, compiled: CompiledScene) -> list[Camera]:
-    """Returns the cameras defined by the file, with the orbit targets used in `summarise`."""
+    """Returns the cameras of the scene file, with the same orbit targets as in `summarise`."""
     return _aimed_cameras(description, _bounds(compiled))
 
 
@@ -317,14 +318,18 @@ def _camera_dict(camera: Camera) -> dict[str, Any]:
 
 
 def _mask_by_flag(stood: PlacedGeometry, flag: int) -> np.ndarray:
-    """Returns a mask (T + S,): whether the material of each triangle and each sphere has the flag."""
+    """Returns a mask (T + S,) of the triangles, then the spheres, whose material has the flag."""
     is_of = stood.packed.material_flags & flag != 0
     geometry = stood.joined.geometry
     return np.concatenate([by_triangle(geometry, is_of[geometry.material]), is_of[stood.sphere_material]])
 
 
 def _suns(primitive: I32, kind: I32, bodies: int) -> I32:
-    """Returns the light indices of the suns."""
+    """Returns the indices of those lights that are suns.
+
+    primitive: of each light. kind: of each punctual light. bodies: number of triangles and spheres, after which punctual lights
+    are numbered.
+    """
     number = primitive.astype(np.int64) - bodies
     is_sun = np.isin(kind, (SUN, SUN_UNSEEN))
     return (
@@ -355,7 +360,7 @@ def _part_rows(geometry: Geometry, emitting: np.ndarray) -> I32:
 
 
 def _padding_triangles(compiled: CompiledScene) -> int:
-    """Returns the number of padding triangles, which only fill up memory pages."""
+    """Returns the number of padding triangles: they fill the arrays up to the next memory page and contain no geometry."""
     first = np.searchsorted(compiled.triangle[:, 3], np.arange(len(compiled.part) + 1))
     return int(np.diff(first)[compiled.part[:, PART_OBJECT] == NO_PLACEMENT].sum())
 

@@ -106,7 +106,7 @@ def _of_parts(path: Path, manifest: bytes, find: Find | None) -> CompiledScene:
 
 
 def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
-    """Returns the arrays in the mapped file, by name, after checking their types and shapes.
+    """Returns the arrays of the mapped file as views, by name, after checking their types and shapes.
 
     size: of the file in bytes. Raises SceneError if the file's header is damaged or was written by another version.
     """

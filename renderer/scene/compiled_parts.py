@@ -61,7 +61,7 @@ _CUT = ("bvh.node", "bvh.packet", "triangle", *_VERTICES)
 
 
 class Part(NamedTuple):
-    """A part: a file named by its hash."""
+    """A file that stores some of a scene's arrays: the SHA-256 of its content, which is also its name, and its size in bytes."""
 
     sha256: str
     size: int
@@ -77,7 +77,7 @@ class Saver:
     def save(self, scene: CompiledScene, cuts: PartOffsets, folder: Path | None = None) -> Path:
         """Writes the scene's manifest and those parts that are not written yet; returns the manifest's path.
 
-        folder: where to write; None: the Saver's folder.
+        cuts: where the scene's arrays are divided into parts. folder: where to write; None: the Saver's folder.
         """
         folder = folder or self._folder
         arrays = flat(scene)
@@ -103,7 +103,7 @@ class Saver:
         return _manifest(arrays, parts, pieces, folder)
 
     def prune(self, manifest: Path) -> None:
-        """Removes the files from the Saver's folder that neither this manifest nor a later frame needs."""
+        """Removes from the Saver's folder all files that are neither listed in this manifest nor reusable by a later frame."""
         kept = {manifest.name, *(part.sha256 for part in parts_of(manifest)), *(part.sha256 for _, part in self._known.values())}
         for path in self._folder.iterdir():
             if path.name not in kept:
@@ -174,9 +174,9 @@ def _are(cached: tuple[object, ...], heads: tuple[object, ...]) -> bool:
 
 
 def _slices(arrays: dict[str, Array], cuts: PartOffsets) -> dict[str, dict[str, Array]]:
-    """Divides the scene's arrays into parts. Returns part name -> array name -> rows of that array in the part.
+    """Divides the scene's arrays into parts: returns part name -> array name -> the rows stored in that part.
 
-    The part "top" contains the arrays that no other part contains.
+    The part "top" contains the top level of the BVH and all arrays that no other part contains.
     """
     parts: dict[str, dict[str, Array]] = {"top": {"bvh.node": arrays["bvh.node"][: cuts.node[1]]}}
     for i, name in enumerate(("still", "bodies", "loose")):
@@ -260,7 +260,7 @@ def _read(data: bytes) -> tuple[list[Part], dict[str, tuple[tuple[int, ...], lis
 
 
 def _map_pieces(pieces: list[tuple[int, int, int]], parts: list[Part], files: list[Path]) -> Any:
-    """Returns a read-only buffer in which the files' pieces are mapped consecutively."""
+    """Maps the pieces of an array consecutively into one address range, and returns that as a read-only buffer."""
     if not pieces:
         return bytes(8)
     if len(pieces) == 1 and _maps_over is not None:
@@ -300,9 +300,9 @@ _seen: dict[tuple[str, str, int, int], Array] = {}
 
 
 def _extremes_of(name: str, array: Array, parts: list[Part], pieces: list[tuple[int, int, int]]) -> Iterator[Array]:
-    """Yields, for each piece of an array, its rows with the smallest and largest indices.
+    """Yields rows with the smallest and largest indices of each piece of an array of indices, for checking their range.
 
-    If these are within range, all rows are. Computed once per piece and process.
+    If these rows are within range, all rows of the piece are. Computed once per piece and process.
     """
     begin = 0
     row = array[:1].nbytes

@@ -26,7 +26,10 @@ _ROW_BYTES = 4  # of the narrowest vertex or triangle array: rows that end at a 
 
 
 class Joined(NamedTuple):
-    """The concatenated geometry. first_vertex, first_triangle: the start index of each section, followed by the total number."""
+    """The geometry of all sections in one set of arrays.
+
+    first_vertex, first_triangle: the index at which each section starts, followed by the total number.
+    """
 
     geometry: Geometry
     triangle: I32  # (T, 4): each with its part
@@ -35,9 +38,10 @@ class Joined(NamedTuple):
 
 
 def join(sections: Sequence[Section], has_uvs: bool, shot_cache: ShotCache) -> Joined:
-    """Concatenates the sections. has_uvs: whether any material has a texture; otherwise UVs are omitted.
+    """Concatenates the geometry of the sections.
 
-    shot_cache: cache, in which all sections but the last are reused from frame to frame.
+    has_uvs: whether any material has a texture; otherwise UVs are omitted. shot_cache: keeps the concatenated arrays from frame
+    to frame; if all sections but the last are unchanged, only the last one's rows are written again.
     """
     parts = [section.geometry for section in sections]
     vertex, triangle = (_starts([len(getattr(p, name)) for p in parts]) for name in ("position", "triangle"))
@@ -76,7 +80,10 @@ def _starts(lengths: Sequence[int]) -> tuple[int, ...]:
 
 
 def _part_columns(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str, Any], list[int]]:
-    """Returns the columns first (triangle), material and object of all parts, and the index of each section's first part."""
+    """Returns the concatenated columns of all sections' parts, and the index of each section's first part.
+
+    The columns are `first` (the parts' first triangles), `material` and `object`; padding triangles are parts of their own.
+    """
     first, material, object, number = [], [], [], []
     count = 0
     for part, start, end in zip(parts, starts, starts[1:], strict=False):

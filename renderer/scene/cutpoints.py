@@ -1,4 +1,4 @@
-"""Start indices for inverting a cdf (a cutpoint table), used by `sample_cdf_row` of renderer/kernel/light/environment.py."""
+"""Computes cutpoint tables: start indices from which `sample_cdf_row` of renderer/kernel/light/environment.py searches a cdf."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _INTERVALS = 4  # cdf intervals per table entry: more entries make the table lar
 
 
 def cutpoints(cdf: F32) -> I32:
-    """Returns, for each of C equal parts of [0, 1), the cdf interval that contains the part's lower end.
+    """Divides [0, 1) into C equal parts, and returns for each the index of the cdf interval that contains the part's lower end.
 
-    cdf: (..., N + 1); result (..., C). C is a power of two, so that the part of a number is found without rounding.
+    cdf: (..., N + 1); result (..., C). C is a power of two, so that the part that contains a number is found without rounding.
     """
     count = cdf.shape[-1] - 1
     parts = 1 << max(0, (count - 1).bit_length() - (_INTERVALS - 1).bit_length())

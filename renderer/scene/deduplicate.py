@@ -1,4 +1,4 @@
-"""Finds equal rows of a table, and corners of faces that share a vertex."""
+"""Finds equal rows of a table, and merges corners of faces into shared vertices."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ I32 = npt.NDArray[np.int32]
 
 
 def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Returns the index of the first row of each distinct kind, (U,), and the kind of each row, (N,), of a table (N, K).
+    """Returns the distinct rows of a table (N, K): the index of the first occurrence of each, (U,), and each row's number, (N,).
 
-    Equivalent to numpy.unique along axis 0, in the same order, and about ten times as fast: it sorts by columns instead of
-    comparing rows.
+    Numbers refer to the distinct rows. Equivalent to numpy.unique along axis 0, in the same order, and about ten times as fast,
+    since it sorts by columns instead of comparing rows.
     """
     if len(table) == 0:
         return np.zeros(0, np.int64), np.zeros(0, np.int64)
@@ -33,9 +33,9 @@ def unique_rows(table: npt.NDArray[Any]) -> tuple[npt.NDArray[np.int64], npt.NDA
 
 
 def unique_threes(table: npt.NDArray[Any]) -> tuple[I32, I32]:
-    """Returns the same as `unique_rows` for (N, 3) 32-bit numbers, but faster.
+    """Returns the same as `unique_rows` for a table (N, 3) of 32-bit numbers, but faster.
 
-    Rows are compared by their bits; kinds are in order of first occurrence.
+    Rows are compared by their bits; distinct rows are in order of first occurrence.
     """
     bits = np.ascontiguousarray(table).view(np.uint32)
     slots = np.full(1 << max(2 * len(bits) - 1, 1).bit_length(), -1, np.int32)
@@ -64,7 +64,7 @@ def unique_corners(point: npt.NDArray[Any], points: int, values: list[npt.NDArra
 def used_among(numbers: npt.NDArray[Any], count: int) -> tuple[npt.NDArray[np.int64], npt.NDArray[Any]]:
     """Returns the distinct `numbers`, ascending, and the position of each element of `numbers` in that list.
 
-    All are in 0 ... count - 1. If they are few compared with count, the time depends on their number only.
+    All numbers are from 0 to count - 1. If there are few of them compared with `count`, the time does not depend on `count`.
     """
     if 8 * numbers.size < count:
         few, at = np.unique(numbers, return_inverse=True)

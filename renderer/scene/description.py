@@ -105,7 +105,10 @@ class Texture:
 
 @dataclass
 class Mesh:
-    """Triangles in the mesh's own space. normals None: flat shading. uvs None: (0, 0). One material per mesh."""
+    """A triangle mesh in its own coordinate space, of one material.
+
+    Without normals it is shaded flat; without UVs all are (0, 0).
+    """
 
     name: str
     positions: npt.NDArray[Any]  # (V, 3) float32; float64 where that is far from the origin (renderer/scene/origin.py)
@@ -269,14 +272,17 @@ class Camera:
 
 
 class SurfaceNote(Sentence):
-    """A warning about a material's look. It is dropped if the material is replaced by another one."""
+    """A warning about the appearance of a material, dropped if another material replaces that one."""
 
     __slots__ = ()
 
 
 @dataclass
 class SceneDescription:
-    """A whole scene. defaults: render settings that the file requests (width, height, spp, max_depth, integrator)."""
+    """A whole scene, as a reader returns it.
+
+    defaults: render settings that the file requests (width, height, spp, max_depth, integrator).
+    """
 
     name: str = "scene"
     meshes: list[Mesh] = field(default_factory=list)

@@ -73,7 +73,10 @@ class EarClipper:
 
 
 def flattened(place: F64) -> F64:
-    """Returns the corners, (n, 2), projected along the largest axis of the polygon's normal, in counter-clockwise order."""
+    """Returns the polygon's corners projected to 2D, (n, 2), in counter-clockwise order.
+
+    The projection is along the coordinate axis closest to the polygon's normal.
+    """
     ahead = np.roll(place, -1, axis=0)
     normal = np.cross(place - place[0], ahead - place[0]).sum(axis=0)
     axis = int(np.argmax(np.abs(normal)))

@@ -42,12 +42,15 @@ NO_EMISSION = EmissionTables(
 
 
 def maps_of(lights: Sequence[Light]) -> list[EmissionMap]:
-    """Returns each distinct map of the lights; lights that share a map share one object."""
+    """Returns the distinct emission maps of the lights, in order of first use.
+
+    Maps are compared by identity: lights with the same map must refer to the same object.
+    """
     return list({id(light.emission): light.emission for light in lights if light.emission is not None}.values())
 
 
 def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
-    """Concatenates the maps into tables. Raises SceneError if they are too large."""
+    """Concatenates the emission maps into the tables of a compiled scene. Raises SceneError if the tables are too large."""
     if not maps:
         return NO_EMISSION
     sizes = [each.values.shape[0] * each.values.shape[1] for each in maps]
@@ -70,9 +73,9 @@ def tabulate_emission(maps: Sequence[EmissionMap]) -> EmissionTables:
 
 
 def emission_frames(lights: Sequence[Light], maps: Sequence[EmissionMap]) -> F32:
-    """Returns (n, 4): for each light the vector to the right of its axis, and the index of its map or -1.
+    """Returns a row for each light, (n, 4): the vector to the right of its axis (3), and the index of its map in `maps`, or -1.
 
-    No rows without maps.
+    Returns no rows if there are no maps.
     """
     if not maps:
         return np.zeros((0, 4), np.float32)

@@ -18,7 +18,7 @@ _SPREAD = 0.05  # fraction of a mesh's light spread evenly over its triangles: a
 
 
 def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
-    """Returns the emitting triangles of a geometry and the luminance that each emits, including its texture."""
+    """Returns the emitting triangles of a geometry with the mean luminance that each emits, its texture included."""
     bright = np.flatnonzero((packed.emitted[geometry.material] > 0) & (geometry.object != NO_PLACEMENT))
     ranges = [np.arange(geometry.first[p], geometry.first[p + 1]) for p in bright]
     triangle = np.concatenate([np.zeros(0, np.int64), *ranges])

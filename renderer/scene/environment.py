@@ -36,7 +36,10 @@ _MAX_RADIANCE = 1e9  # float32 products of a few such values stay finite
 
 
 class EnvironmentTables(NamedTuple):
-    """The environment tables of CompiledScene without the selection probability, and values derived from the cdfs."""
+    """The environment tables of CompiledScene, and values computed with them: rotation, mean luminance, contrast and sun.
+
+    The probability of sampling the environment rather than a light is chosen later.
+    """
 
     radiance: F32  # (H, W, 3)
     marginal: F32  # (H + 1,)
@@ -47,7 +50,10 @@ class EnvironmentTables(NamedTuple):
     sun: np.ndarray  # (8,): direction 3, 1 - cos of the half angle, radiance 3, share of the samples; zeros without a sun
 
     def frame(self, chance: float) -> F32:
-        """Returns CompiledScene.environment_frame. chance: the probability of sampling the environment rather than a light."""
+        """Returns CompiledScene.environment_frame: rotation, mean luminance, `chance`, and the sun.
+
+        chance: the probability of sampling the environment rather than a light.
+        """
         sine, cosine = sin_cos(self.rotation)
         return np.array([cosine, sine, self.mean, chance, *self.sun], np.float32)
 
@@ -117,9 +123,10 @@ def _add_sun(tables: EnvironmentTables, sun: Sun, color: np.ndarray) -> Environm
 def with_environment_changed(
     scene: CompiledScene, color: tuple[float, float, float] | None, strength: float, rotation: float = 0.0
 ) -> CompiledScene:
-    """Returns the scene with its environment rotated by further degrees, in another colour (None: unchanged) and strength.
+    """Returns the scene with its environment multiplied by `strength` and rotated by `rotation` further degrees.
 
-    The scene's file is unchanged: only small arrays are replaced.
+    color: replaces the environment, its image and sun included, by a constant colour, unless None. The scene's file is not
+    modified: only small arrays are replaced.
     """
     if color is None and strength == 1 and rotation == 0:
         return scene
@@ -204,7 +211,10 @@ def choose_environment(environment: EnvironmentTables, lights_power: float, boun
 
 
 def are_accents(lights_power: float, bounds: F32) -> bool:
-    """Returns True if the lights have less than a twentieth of the power that a sky of radiance 1 would send into the scene."""
+    """Returns True if the scene's lights are too weak to light it: accents, such as a car's tail lights.
+
+    That is if their power is less than a twentieth of what a sky of radiance 1 would send into the scene.
+    """
     return lights_power < 0.05 * _sky_power(bounds)
 
 

@@ -85,14 +85,14 @@ class SceneFiles:
         return found
 
     def store(self, key: Hashable, value: Any) -> None:
-        """Caches a value, to be retrieved by `stored`."""
+        """Caches a value for this and later frames; `stored` returns it."""
         self._used.add(key)
         self._made[key] = value
 
     def stored(self, key: Hashable) -> Any:
-        """Returns the value cached under `key`, None if there is none.
+        """Returns the value that was cached under `key`; None if there is none.
 
-        A hit preserves all other cached values for the next frame.
+        If there is one, all other cached values are kept for the next frame too.
         """
         if key in self._made:
             self._used = set(self._made)
@@ -255,9 +255,9 @@ class SceneFiles:
         return str(here) if self._is_file(str(here)) else None
 
     def _names_in(self, name: str) -> dict[str, list[str]]:
-        """Returns the files of a folder: case-folded name -> names.
+        """Returns the files of one folder: case-folded name -> the names that fold to it.
 
-        A folder is listed once, since a file may refer to a hundred thousand textures.
+        The folder is listed once, since a scene may refer to a hundred thousand textures.
         """
         if name not in self._listed:
             found: dict[str, list[str]] = {}
@@ -274,7 +274,10 @@ class SceneFiles:
 
     @functools.cached_property
     def _by_name(self) -> dict[str, str]:
-        """Returns case-folded bare name -> first file of that name, among the first MAX_SEARCHED files of all folders."""
+        """Returns case-folded name without folders -> the first file of that name in any folder of the scene.
+
+        Only the first MAX_SEARCHED files are considered.
+        """
         found: dict[str, str] = {}
         seen = 0
         for folder, folders, files in os.walk(self._root):

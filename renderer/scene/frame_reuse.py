@@ -25,9 +25,9 @@ class _Entry(NamedTuple):
 
 
 class PartOffsets(NamedTuple):
-    """The offsets of a compiled scene's parts in its arrays.
+    """The offsets at which a compiled scene's arrays are divided into parts.
 
-    heads: part name -> the objects that the part was made from, for parts that the next frame may reuse. Parts made from
+    heads: for each part that the next frame may reuse, its name -> the objects it was computed from. Parts computed from
     identical objects have equal bytes.
     """
 
@@ -39,9 +39,9 @@ class PartOffsets(NamedTuple):
 
 
 class ShotCache:
-    """The cache of one shot's compiled parts. Its results depend on the requested key only, not on the order of requests.
+    """A cache of the compiled parts of one shot. What it returns depends on the requested key only, not on earlier requests.
 
-    Returned arrays are valid until the next frame is compiled, which overwrites their ends in place.
+    Returned arrays are valid until the next frame is compiled, which overwrites their last rows in place.
     """
 
     def __init__(self) -> None:
@@ -78,9 +78,9 @@ class ShotCache:
         return made
 
     def is_unchanged(self, what: str, heads: tuple[object, ...]) -> bool:
-        """Returns True if `heads` (cached objects and numbers) are the same as in the last call with this `what`; stores them.
+        """Returns True if `heads` are the same as in the last call with the same `what`; stores them for the next call.
 
-        what: name of the checked data.
+        what: name of the checked data. heads: the objects, compared by identity, and integers from which that data was computed.
         """
         known, self._heads[what] = self._heads.get(what), heads
         return known is not None and _hold_same_objects(known, heads)
@@ -88,9 +88,11 @@ class ShotCache:
     def array_for(
         self, name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]
     ) -> tuple[Array, bool]:
-        """Returns an array of `length` rows, and whether it already holds the data made from `heads`.
+        """Returns an array of `length` rows, reused from the last frame if possible, and whether it holds the data made from
+        `heads`.
 
-        heads: cached objects and numbers. If it does not hold the data, the caller must fill the array.
+        heads: the objects and integers that the array's first rows are computed from. If the array does not hold that data, the
+        caller must fill it.
         """
         buffer = self._buffers.get(name)
         known = self._heads.get(name, ())

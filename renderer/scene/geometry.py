@@ -52,10 +52,10 @@ F64 = npt.NDArray[np.float64]
 
 
 class Geometry(NamedTuple):
-    """Triangles, as in CompiledScene, in three sections: static ones in world space, those of shared BVHs, and per-frame ones.
+    """Triangles in three sections, as in CompiledScene: static ones in world space, those of shared BVHs, and per-frame ones.
 
-    Shared BVHs are stored once, in their own space (first those of static instances, then of moving ones). Each section starts
-    at a page boundary, so padding triangles and vertices may be in between (renderer/bvh/subtrees.py).
+    Those of shared BVHs are stored once, in the BVH's own space: first the BVHs of static instances, then those of moving ones.
+    Each section starts at a page boundary, so padding triangles and vertices may be in between (renderer/bvh/subtrees.py).
     """
 
     position: F32  # (V, 3)
@@ -72,12 +72,18 @@ class Geometry(NamedTuple):
 
 
 def by_triangle(geometry: Geometry, of_part: np.ndarray) -> np.ndarray:
-    """Returns (T,): the value of each triangle's part. of_part: (P,)."""
+    """Returns a value for each triangle, (T,): that of the part to which the triangle belongs.
+
+    of_part: the parts' values, (P,).
+    """
     return np.repeat(of_part, np.diff(geometry.first))
 
 
 class Placement(NamedTuple):
-    """The placements of all groups of meshes that are stored once; those of static instances come first."""
+    """The placed instances of all meshes that are stored once: the group of meshes, transform, material and object of each.
+
+    Static instances come first.
+    """
 
     group: I32  # (I,) of each instance
     still: int  # number of static instances
@@ -88,7 +94,7 @@ class Placement(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Consecutive triangles that were placed together: those of one material and object, or several such runs."""
+    """Consecutive triangles that were placed by one call, with the material, the object and the number of triangles of each mesh."""
 
     placed: Placed
     material: list[int]
@@ -146,7 +152,7 @@ def _section(world: list[_Part], trees: list[list[_Part]], team: Team, apart: bo
 
 
 def _corners_of(position: F32, triangle: I32, first: int, end: int, team: Team) -> F64:
-    """Returns the bounds of the triangles first ... end: minimum and maximum coordinates, (2, 3); (0, 3) if there are none."""
+    """Returns the minimum and maximum coordinates, (2, 3), of the triangles `first` to `end` - 1; (0, 3) if there are none."""
     parts = parts_of(first, end, PART)
     corner = np.empty((len(parts), 2, 3), np.float32)
     team.each(lambda job: find_corners(position, triangle, *job[0], job[1]), zip(parts, corner, strict=True))
@@ -169,7 +175,7 @@ def placement_of(description: SceneDescription, sharing: Sharing, objects: Seque
 
 
 def flatten(description: SceneDescription) -> Geometry:
-    """Copies every instance into world space."""
+    """Returns the description's geometry with every instance copied into world space."""
     objects = number_objects(description).instance
     team = Team(1)
     return _concatenated([_world_space_copy(description, n, number, team) for n, number in enumerate(objects)])
@@ -205,7 +211,10 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
 
 
 def _world_space_copy(description: SceneDescription, number: int, object: int, team: Team, whole: bool = False) -> _Part:
-    """Returns an instance's triangles in world space. number: index of the instance; whole: keeps triangles without area."""
+    """Returns the triangles of one instance, transformed into world space.
+
+    number: index of the instance. object: its object number. whole: keeps triangles without area.
+    """
     instance = description.instances[number]
     mesh = description.meshes[instance.mesh]
     material = mesh.material if instance.material is None else instance.material
@@ -217,7 +226,10 @@ def _as_part(found: Placed, material: int, object: int) -> _Part:
 
 
 def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequence[int], team: Team) -> list[_Part]:
-    """Returns the triangles of instances in world space; consecutive small instances are placed in one batch."""
+    """Returns the triangles of the instances `numbers`, transformed into world space.
+
+    Consecutive small instances are transformed in one batch.
+    """
     found: list[_Part] = []
     for is_small, run in groupby(numbers, lambda n: _is_small(description, n)):
         some = list(run)
@@ -246,9 +258,10 @@ def _copy_small_instances(description: SceneDescription, numbers: list[int], obj
 
 
 def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: list[_Part], team: Team) -> list[_Part]:
-    """Returns the parts with their vertices at the shutter's keys, if any of them moves while the shutter is open.
+    """Adds the vertices at the shutter's keys to the parts, if anything placed per frame moves while the shutter is open.
 
-    Rotating geometry uses all keys, since vertices move linearly between keys; geometry that only deforms uses few.
+    Otherwise returns the parts unchanged. Rotating geometry uses all keys, since vertices move linearly between keys; geometry
+    that only deforms uses few.
     """
     shown = [description.instances[n] for n in numbers]
     meshes = [description.meshes[instance.mesh] for instance in shown]
@@ -265,7 +278,7 @@ def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: 
 
 
 def keys_step(description: SceneDescription) -> int:
-    """Returns n, such that linearly interpolated vertices use every n-th key of the shutter."""
+    """Returns the step n of the shutter keys at which vertices are stored: every n-th key, with linear interpolation between."""
     straight = any(is_linearly_keyed(description, instance) for instance in description.instances)
     turns = straight or any(sphere.keys for sphere in description.spheres)
     few = (description.keys - 1) % (_FEW_KEYS - 1) == 0
@@ -273,7 +286,7 @@ def keys_step(description: SceneDescription) -> int:
 
 
 def _group(description: SceneDescription, group: Group, team: Team) -> list[_Part]:
-    """Builds the parts of a group of meshes that share one BVH, in the group's own space."""
+    """Returns the parts of a group of meshes that share one BVH, one part per mesh, in the group's own space."""
     parts = []
     own = [description.instances[n].material for n in group.instances]
     for m in group.meshes:
@@ -331,9 +344,9 @@ def _concatenated(parts: Sequence[_Part]) -> Geometry:
 
 
 def still_corners(still: Section, placement: Placement) -> list[F64]:
-    """Returns (n, 3) world-space points whose bounds contain all static geometry.
+    """Returns world-space points whose bounding box contains all static geometry: arrays (n, 3).
 
-    The bounds are tight, except for many instances of large groups, of which the transformed boxes are used.
+    The box is tight, except for groups of many vertices and instances: for those, the group's transformed bounding box is used.
     """
     points = [still.corners[0]]
     for g, (a, b) in enumerate(still.trees):
@@ -346,7 +359,10 @@ def still_corners(still: Section, placement: Placement) -> list[F64]:
 
 
 def moving_corners(still: Section, bodies: Section, loose: Section, placement: Placement) -> list[F64]:
-    """Returns (n, 3) world-space points whose bounds contain all moving geometry; for rigid bodies, their transformed bounds."""
+    """Returns world-space points whose bounding box contains all moving geometry: arrays (n, 3).
+
+    For rigid bodies, their transformed bounding boxes are used.
+    """
     points = [loose.corners[0]]
     for g in range(len(bodies.trees)):
         shown = placement.to_world[placement.still :][placement.group[placement.still :] == g + len(still.trees)]
@@ -360,7 +376,7 @@ def _box_corners(corners: F64) -> F64:
 
 
 def _transformed_bounds(shape: F64, points: F64) -> list[F64]:
-    """Returns the bounds (2, 3) of the points `shape` under all transforms `points` together; empty without points or transforms.
+    """Returns the joint bounds, (2, 3), of the points `shape` under all the transforms `points`; empty without points or transforms.
 
     Computed without BLAS, whose last bits depend on the processor.
     """

@@ -35,14 +35,17 @@ _CONDITION = 1e6  # transforms of a higher condition number are too imprecise fo
 
 
 class Group(NamedTuple):
-    """Meshes that are always placed together and so share one BVH, with their placements."""
+    """Meshes that are always placed together and so share one BVH, and the indices of the instances that place them."""
 
     meshes: list[int]
     instances: list[int]  # of the first mesh; those of the others are equal except for their mesh
 
 
 class Sharing(NamedTuple):
-    """How a scene's instances are stored. `copied` and `groups` are the same for all frames of a shot."""
+    """The decision how each instance of a scene is stored: copied into world space, instanced, or placed again for each frame.
+
+    `copied` and `groups` are the same for all frames of a shot.
+    """
 
     copied: list[int]  # the instances to place in world space one by one
     groups: list[Group]
@@ -51,7 +54,7 @@ class Sharing(NamedTuple):
 
 
 class StaticSharing(NamedTuple):
-    """How static instances are stored, and the indices of the moving ones."""
+    """The decision how each static instance is stored (copied or instanced), and the indices of the moving instances."""
 
     copied: list[int]
     groups: list[Group]
@@ -59,7 +62,10 @@ class StaticSharing(NamedTuple):
 
 
 def plan_instancing(description: SceneDescription) -> Sharing:
-    """Decides how each instance is stored. Emitting ones are always copied, since light sampling works in world space."""
+    """Decides for each instance whether it is copied, instanced or placed per frame.
+
+    Emitting instances are never instanced, since light sampling works in world space.
+    """
     standing = plan_static_instancing(description)
     return Sharing(standing.copied, standing.groups, *plan_moving_instances(description, standing.movers))
 
@@ -79,7 +85,10 @@ def plan_static_instancing(description: SceneDescription) -> StaticSharing:
 
 
 def plan_moving_instances(description: SceneDescription, movers: list[int]) -> tuple[list[Group], list[int]]:
-    """Divides moving instances into rigid bodies and indices of instances to be placed in world space for each frame."""
+    """Divides the moving instances into rigid bodies and those that are placed in world space for each frame.
+
+    movers: indices of the moving instances. Returns the bodies, and the indices of the others.
+    """
     instances = description.instances
     sane = _are_invertible([instances[n] for n in movers])
     bodily = [
@@ -116,7 +125,7 @@ def _is_placed_per_frame(description: SceneDescription, number: int) -> bool:
 
 
 def _group_repeated_meshes(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:
-    """Returns the groups of meshes whose static instances should share one stored copy, since that saves enough triangles."""
+    """Returns the groups of meshes whose static instances share one stored copy, since copying them would cost too many triangles."""
     placed: dict[int, list[int]] = {}
     for number in fit:
         placed.setdefault(description.instances[number].mesh, []).append(number)

@@ -14,7 +14,7 @@ __all__ = ["LightBounds", "LightTree", "build_light_tree"]
 
 
 class LightBounds(NamedTuple):
-    """The bounds of L lights: positions, emission directions and power."""
+    """The bounds of L lights, from which the light tree is built: positions, emission directions and intensity of each."""
 
     center: np.ndarray  # (L, 3); of a distant light, its axis
     radius: np.ndarray  # (L,) of a bounding sphere; -1: infinitely far
@@ -33,7 +33,7 @@ class LightTree(NamedTuple):
 
 
 def build_light_tree(bounds: LightBounds) -> LightTree:
-    """Builds the tree of at least one light; distant lights come first."""
+    """Builds the light tree over one or more lights; in its order of lights, the distant ones come first."""
     distant = bounds.radius < 0
     order = np.argsort(~distant, kind="stable").astype(np.int64)
     node = np.zeros((max(len(order) - 1, 1), LIGHT_ROWS, LIGHT_WIDTH), np.float32)

@@ -23,7 +23,7 @@ _SPREAD = 0.01  # fraction of the choices by power that are uniform over all lig
 
 
 class Emitters(NamedTuple):
-    """The emitting triangles of a geometry."""
+    """The emitting triangles of a geometry, with the material and the emitted luminance of each."""
 
     triangle: npt.NDArray[np.int64]  # (n,) ascending
     material: I32  # (n,)
@@ -115,7 +115,10 @@ def list_lights(
 
 
 class _AreaLights(NamedTuple):
-    """Emitting triangles. A pair that forms a parallelogram is represented by its first triangle."""
+    """The area lights among a scene's triangles: single emitting triangles, and pairs that form a parallelogram.
+
+    A pair is represented by its first triangle.
+    """
 
     emitters: Emitters
     corners: np.ndarray  # (K, n, 4, 3) at the keys of the shutter; a triangle's last one twice
@@ -139,7 +142,7 @@ def _lamps(emitters: Emitters, is_uniform: npt.NDArray[np.bool_], geometry: Geom
 
 
 def emitters_with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
-    """Returns the emitting triangles with non-zero area; deforming ones may have other areas in other frames."""
+    """Returns the emitting triangles whose area in this frame is not 0; triangles that deform may have none in some frames only."""
     a, b, c = (geometry.position[geometry.triangle[emitters.triangle, k]].astype(np.float64) for k in range(3))
     solid = np.cross(b - a, c - a).any(axis=1)
     return emitters if solid.all() else Emitters(emitters.triangle[solid], emitters.material[solid], emitters.emitted[solid])
@@ -200,9 +203,10 @@ def _spheres_over_the_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np
 
 
 def _triangle_bounds(corners: np.ndarray, intensity: np.ndarray, both: np.ndarray) -> LightBounds:
-    """Returns bounds of triangles or parallelograms over all keys: of positions, and of deviations from the first key's normal.
+    """Returns the light bounds of triangles or parallelograms, over all keys of the shutter.
 
-    corners: (K, n, 4, 3); the fourth corner of a triangle repeats its last. both: whether both sides emit.
+    The axis is the first key's normal, and `spread` is the greatest deviation from it. corners: (K, n, 4, 3); the fourth corner
+    of a triangle repeats its last. both: whether both sides emit.
     """
     center = (corners.min(axis=(0, 2)) + corners.max(axis=(0, 2))) / 2
     radius = np.linalg.norm(corners - center[:, None], axis=3).max(axis=(0, 2))
@@ -218,7 +222,7 @@ def _triangle_bounds(corners: np.ndarray, intensity: np.ndarray, both: np.ndarra
 
 
 def _sphere_bounds(balls: np.ndarray, intensity: np.ndarray) -> LightBounds:
-    """Returns bounds of spheres over all keys. balls: (K, n, 4) centres and radii."""
+    """Returns the light bounds of spheres, over all keys of the shutter. balls: (K, n, 4) centres and radii."""
     center, radius = balls[0, :, :3], balls[0, :, 3]
     if len(balls) > 1:
         center = (balls[:, :, :3].min(axis=0) + balls[:, :, :3].max(axis=0)) / 2

@@ -38,9 +38,9 @@ _REASONS = 3  # warnings, or meshes, that a sentence lists
 
 
 class Shot:
-    """An animated scene; reads data that is the same in all frames once. For the arguments, see `read`.
+    """An animated scene, read frame by frame; data that is the same in all frames is read once.
 
-    main may be a file name pattern such as smoke.####.obj, with one file per frame.
+    Its arguments are those of `read`; `main` may be a file name pattern such as smoke.####.obj, with one file per frame.
     """
 
     def __init__(
@@ -126,9 +126,9 @@ class Shot:
         self._check_attributes(main, description, known)
 
     def _check_attributes(self, main: str, description: SceneDescription, known: dict[int, F32]) -> None:
-        """Removes mesh attributes with non-finite values, and adds a warning with the number of meshes affected.
+        """Removes mesh attributes with non-finite values, and adds a warning with the number of affected meshes.
 
-        known: attributes that were checked before, by identity.
+        known: attributes that were checked for an earlier frame, compared by identity and not checked again.
         """
         left_out: dict[str, list[str]] = {}
         for mesh in description.meshes:
@@ -184,7 +184,7 @@ class Shot:
             return self.scene_at(moment)
 
     def _read_neighbouring_files(self, moment: Moment, frames: float) -> SceneDescription | None:
-        """Returns the scene at the moment, read from the files numbered `frames` frames later; None if these cannot be read."""
+        """Returns the scene at the moment, read from the files whose numbers are `frames` greater; None if these cannot be read."""
         if moment.frame + frames < 0:
             return None
         try:

@@ -28,7 +28,7 @@ _LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN
 class Packed(NamedTuple):
     """The material tables of CompiledScene, and the mean luminance that each material emits.
 
-    The luminance includes the texture, and both sides if both emit.
+    That luminance includes the emission texture, and is the sum of both sides if both emit.
     """
 
     material_kind: I32

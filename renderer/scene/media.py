@@ -18,7 +18,7 @@ _LEAST_COLOR = 1e-6  # minimum transmitted colour of volumes, so that absorption
 
 
 class Media(NamedTuple):
-    """The media tables of CompiledScene. If nothing scatters and only glass absorbs, the only row is the world's medium.
+    """The media tables of CompiledScene. If nothing scatters and only glass absorbs, they have one row: the medium of the world.
 
     Kernels compiled without media then compute the absorption in glass.
     """
@@ -101,7 +101,10 @@ def absorption(materials: list[Material]) -> np.ndarray:
 
 
 def _key(row: np.ndarray) -> bytes:
-    """Returns a key that is equal for equal media. Without scattering, g is ignored. row: of the media table."""
+    """Returns a key that is equal for equal media: the bytes of the table row, ignoring g if the medium does not scatter.
+
+    row: of the media table.
+    """
     return (row if row[rows.SIGMA_S : rows.SIGMA_S + 3].any() else row[: rows.SIGMA_S]).tobytes()
 
 

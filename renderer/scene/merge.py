@@ -11,10 +11,10 @@ __all__ = ["merge"]
 
 
 def merge(part: SceneDescription, target: SceneDescription, material: int | None = None) -> list[Instance]:
-    """Adds the meshes of `part` to `target`, with all that they refer to; returns instances that place them as in `part`.
+    """Adds the meshes of the description `part` to `target`, with the materials, textures and images that they refer to.
 
-    The instances are not added to `target`. material: index of a material of `target` that replaces the meshes' own. Lights,
-    cameras and environment of `part` are ignored.
+    Returns instances that place the meshes as in `part`; they are not yet added to `target`. material: index of a material of
+    `target` that replaces the meshes' own. Lights, cameras and environment of `part` are ignored.
     """
     images, textures, materials, meshes = (len(x) for x in (target.images, target.textures, target.materials, target.meshes))
     idle = SurfaceNote if material is not None else ()

@@ -25,7 +25,7 @@ _STANDS_STILL = np.zeros((0, KEY_COLUMNS))
 
 
 def instance_keys(description: SceneDescription, placement: Placement) -> list[F64]:
-    """Returns for each instance of the moving groups its keys, (K, KEY_COLUMNS); an empty list if no transform changes.
+    """Returns the transform keys of each moving instance, arrays (K, KEY_COLUMNS); an empty list if no transform changes.
 
     The array of an instance that does not move while the shutter is open has no rows.
     """
@@ -41,7 +41,7 @@ def instance_keys(description: SceneDescription, placement: Placement) -> list[F
 
 
 def scale_ranges(description: SceneDescription, placement: Placement) -> F64:
-    """Returns the maximum and minimum scale, (I, 2), of each instance's transform while the shutter is open."""
+    """Returns the maximum and minimum scale, (I, 2), of each placed instance's transform while the shutter is open."""
     found = scale_range(placement.to_world)
     for i, number in enumerate(placement.number):
         if keys := description.instances[number].keys:
@@ -51,7 +51,7 @@ def scale_ranges(description: SceneDescription, placement: Placement) -> F64:
 
 
 def sphere_keys(description: SceneDescription, numbers: Sequence[int]) -> F32:
-    """Returns centres and radii (K, Z, 4) of these spheres at linearly interpolated keys.
+    """Returns the centres and radii, (K, Z, 4), of the spheres `numbers` at the K keys that linear interpolation uses.
 
     Returns an empty array if neither spheres nor vertices move while the shutter is open.
     """
@@ -75,7 +75,7 @@ def emission_frame_keys(lights: Sequence[Light], maps: Sequence[EmissionMap]) ->
 
 
 def _lights_at_keys(lights: Sequence[Light]) -> list[Sequence[Light]]:
-    """Returns, for each light that emits, the light at all keys; the emission map is that of the middle of the shutter."""
+    """Returns each emitting light at all keys of the shutter, with the emission map of the middle of the shutter at each key."""
     lights = [light for light in lights if is_emitting(light)]
     keys = max((len(light.keys) for light in lights), default=0)
     return [[replace(each, emission=light.emission) for each in light.keys] or [light] * keys for light in lights]

@@ -10,7 +10,7 @@ __all__ = ["Objects", "number_objects"]
 
 
 class Objects(NamedTuple):
-    """The object numbers of the instances and of the spheres, with the objects' names.
+    """The numbers of a scene's objects: that of each instance and of each sphere, and each object's name.
 
     Objects are numbered in order of first appearance, instances before spheres.
     """

@@ -71,7 +71,7 @@ def origin_of(description: SceneDescription, shot_cache: ShotCache | None = None
 def _origin(points: F64) -> F64:
     """Returns the centre of the points if it is far from zero relative to their size, else zero.
 
-    Tests all points first, then those between the 10th and the 90th percentile, so that strays do not matter.
+    Tests all points first, then only those between the 10th and the 90th percentile, so that outliers do not matter.
     """
     finite = np.isfinite(points).all(axis=1)
     points = points if finite.all() else points[finite]

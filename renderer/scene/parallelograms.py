@@ -44,7 +44,7 @@ def pair(corners: np.ndarray, alike: npt.NDArray[np.bool_]) -> tuple[npt.NDArray
 
 
 def _alternate(found: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """Returns the indices of every other True in each run of True, starting with the run's first."""
+    """Returns the indices of every second True in each run of consecutive True values, starting with the run's first."""
     number = np.arange(len(found))
     start = np.maximum.accumulate(np.where(found, -1, number))  # the last False, before the run
     return np.flatnonzero(found & ((number - start) % 2 == 1))

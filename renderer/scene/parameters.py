@@ -42,11 +42,11 @@ _KEY = "parameter"
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter of a material.
+    """A declared material parameter: its range, its column in the material table, and its names in file formats.
 
     column, slot: index in `material` or `material_texture` (renderer/arrays/rows.py); None if packing does more than copy it.
     kinds: the material kinds that use it. in_file: its name in scene files. gltf: its path in a glTF material, through objects
-    and extensions, if the reader only copies it. mtl: its name in MTL files, likewise.
+    and extensions, if the reader only copies it. mtl: its name in MTL files, if the reader only copies it.
     """
 
     name: str
@@ -123,7 +123,10 @@ def number(
     form: Literal["number", "degrees"] = "number",
     **more: Any,
 ) -> Any:
-    """Declares a numeric parameter from low to high. Form `degrees`: stored in radians, written in degrees in scene files."""
+    """Declares a numeric parameter with the range `low` to `high`.
+
+    form: with `degrees`, the number is stored in radians and written in degrees in scene files.
+    """
     return _field(form, default, None, kinds, column=column, low=low, high=high, **more)
 
 
@@ -151,7 +154,10 @@ def color(
 
 
 def values(low: float, high: float, column: int, maximum: float, **more: Any) -> Any:
-    """Declares a parameter of two numbers between which a texture interpolates; each is from 0 to `maximum`."""
+    """Declares a parameter of two numbers between which a texture interpolates.
+
+    low, high: the default values of the two. maximum: the greatest valid value of either; the least is 0.
+    """
     return _field("pair", (low, high), None, PRINCIPLED, column=column, low=0.0, high=maximum, **more)
 
 

@@ -33,7 +33,7 @@ __all__ = ["PlacedGeometry", "place_geometry"]
 
 
 class PlacedGeometry(NamedTuple):
-    """All placed geometry of a scene, its materials and its bounds."""
+    """A scene's geometry as placed for one frame, with the packed materials and the bounds."""
 
     sections: tuple[Section, Section, Section]  # static, rigid moving bodies, loose
     joined: Joined

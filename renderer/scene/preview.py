@@ -38,7 +38,7 @@ class Preview(NamedTuple):
 
 
 class _Shape(NamedTuple):
-    """A mesh in its own space, decimated."""
+    """A decimated mesh in its own space, with the index of the original vertex of each of its vertices."""
 
     positions: F64
     normals: F32

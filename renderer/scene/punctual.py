@@ -53,7 +53,7 @@ class Punctual(NamedTuple):
 
 
 class _MapFlux(NamedTuple):
-    """The flux of a light's emission map, and the half angle of the cone into which it emits."""
+    """The flux of a light's emission map, and the half angle of the cone outside which the map is dark."""
 
     flux: np.ndarray  # (3,) for intensity 1
     reach: float  # radians from its axis, beyond which it is dark

@@ -56,7 +56,7 @@ def merge_over_shutter(read: Callable[[Moment], SceneDescription], moment: Momen
 
 
 def _merge_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) -> SceneDescription:
-    """Returns the description `middle` with the descriptions `found` as keys of its objects."""
+    """Returns the description `middle`, with the states of its objects in the descriptions `found` as their motion keys."""
     middle, found, changes = merge_moving_textures(middle, found)
     instances, meshes, changed = _merge_instances(middle, found)
     cameras = [
@@ -152,7 +152,10 @@ def _differs(part: str, found: Sequence[SceneDescription]) -> bool:
 
 
 def _merge_instances(middle: SceneDescription, found: Sequence[SceneDescription]) -> tuple[list[Instance], list[Mesh], list[str]]:
-    """Returns the instances and the meshes with their keys, and descriptions of meshes that change too much to have keys."""
+    """Merges the keys of instances and meshes.
+
+    Returns the instances and the meshes of `middle` with their keys, and a text for each mesh that changes too much to have keys.
+    """
     instances, meshes, changed = [], list(middle.meshes), []
     seen: set[int] = set()
     for instance, over in _matched(middle.instances, [each.instances for each in found], lambda i: i.name):
@@ -186,9 +189,9 @@ def _keys(values: Sequence[Any], middle: Any) -> tuple[Any, ...]:
 def _matched(
     objects: Sequence[_Thing], others: Sequence[Sequence[_Thing]], name: Callable[[_Thing], Hashable]
 ) -> list[tuple[_Thing, list[_Thing]]]:
-    """Returns each object with its counterparts in the other lists; without counterparts if one of the lists has none.
+    """Returns each object with its counterparts in the lists `others`, or with none if one of those lists lacks a counterpart.
 
-    Objects are matched by name and by the number of earlier objects of that name.
+    Objects are matched by name, and among objects of one name by their order.
     """
     told = _occurrence_keys(objects, name)
     found: list[list[_Thing]] = [[] for _ in objects]

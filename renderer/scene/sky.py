@@ -1,4 +1,4 @@
-"""Skies as environments: an image of scattered light over an illuminated ground, and the disk of the sun."""
+"""Computes skies as environments: an image of the sky above illuminated ground, and the sun as a disk."""
 
 from __future__ import annotations
 

@@ -81,7 +81,7 @@ def add_floor(description: SceneDescription, box: F64) -> None:
 
 
 def _floor_albedo() -> float:
-    """Returns the albedo with which an unshadowed floor has the radiance of the studio lighting's horizon."""
+    """Returns the floor's albedo for which its unshadowed parts have the radiance of the studio lighting at the horizon."""
     cosine = np.cos((np.arange(_HEIGHT // 2) + 0.5) * np.pi / _HEIGHT)
     weight = cosine * np.sqrt(1 - cosine**2)
     arriving = float((studio_image()[: _HEIGHT // 2, :, 0].mean(axis=1) * weight).sum() / weight.sum())  # irradiance / pi

@@ -27,7 +27,7 @@ def tangent_uv_set(description: SceneDescription, material: Material) -> int:
 
 
 def _handedness(uv: F32, triangle: I32) -> F64:
-    """Returns twice each triangle's signed area in texture space, (T,), positive where the image is mirrored.
+    """Returns twice the signed area of each triangle in texture space, (T,): positive if the image appears mirrored on the triangle.
 
     As in glTF, v points downwards.
     """

@@ -106,9 +106,9 @@ class Texels:
         return any(self._rows[r][UV_SET] != 0 for r in self._chain(row))
 
     def _append(self, texture: Texture, light: bool) -> float:
-        """Adds a table row for one texture without its layers; returns the factor of its texels.
+        """Adds a table row for one texture without its layers; returns the factor by which its texels must be multiplied.
 
-        light: whether it is for emission.
+        light: whether the texture is for emission.
         """
         image = self._description.images[texture.image]
         scaled = light and image.pixels.dtype == np.float32
@@ -123,9 +123,10 @@ class Texels:
         return scale
 
     def _arrays_of_stack(self, row: int) -> tuple[I32, F32, np.ndarray]:
-        """Returns the arrays of `arrays` for one texture with its layers alone.
+        """Returns the arrays of `arrays` reduced to one texture and its layers.
 
-        Contains its table rows, numbered from 0, and only the texels that these use. row: the texture's table row.
+        They contain the table rows of these only, numbered from 0, and only the texels that these use. row: the texture's table
+        row.
         """
         chain = list(self._chain(row))
         blocks = sorted({self._block_of_row[r] for r in chain})

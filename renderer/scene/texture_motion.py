@@ -48,7 +48,7 @@ def merge_moving_textures(
 
 
 class _MovingTextures:
-    """Collects textures with their keys, equal ones once."""
+    """Collects textures with motion keys for a description; equal ones are added once."""
 
     def __init__(self) -> None:
         self.textures: list[Texture] = []

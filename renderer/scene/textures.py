@@ -35,7 +35,7 @@ class TextureShelf:
         self._bytes = 0
 
     def warn_of_surface(self, sentence: str) -> None:
-        """Adds a warning about a material's look, unless the description already has it."""
+        """Adds a warning about a material's appearance, unless the description already has it."""
         self.warn(SurfaceNote.from_text(sentence))
 
     def warn(self, sentence: str) -> None:
@@ -54,10 +54,10 @@ class TextureShelf:
         return self._images[key]
 
     def environment_file(self, name: str, data: Callable[[], bytes] | None = None) -> int | None:
-        """Returns the index of an environment image, whose colours are unchanged and which is scaled down if too large.
+        """Adds the image of an environment and returns its index; None, with a warning, if the image is unreadable.
 
-        Returns None, with a warning, if it is unreadable. data: returns the image's bytes if they are not those of file `name`;
-        may raise SceneError.
+        Its colours are unchanged; it is scaled down if too large. data: returns the image's bytes if they are not those of the
+        file `name`; may raise SceneError.
         """
         key = (f"\0environment {name}", False)
         if key not in self._images:
@@ -194,9 +194,9 @@ class TextureShelf:
         )
 
     def image_and_transform(self, reference: str, beside: str, user: str, srgb: bool = True) -> tuple[int | None, UvTransform]:
-        """Returns the index of the image that scene file `beside` refers to, possibly UDIM tiles, and the UV transform to it.
+        """Returns the index of the image to which the scene file `beside` refers, and the UV transform into it.
 
-        If it is missing, the index is None and a warning names it and its `user`.
+        The image may be combined from UDIM tiles. If it is missing, the index is None and a warning names it and its `user`.
         """
         if not is_tiled(reference):
             name = self._files.find(reference, beside)

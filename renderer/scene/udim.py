@@ -59,7 +59,7 @@ def side_by_side(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> npt.NDArray[
 
 
 def atlas_transform(numbers: dict[int, Any]) -> UvTransform:
-    """Returns the UV transform into the image that `side_by_side` combines from these tiles. numbers: tile number -> any value.
+    """Returns the UV transform into the image that `side_by_side` combines from the tiles `numbers` (tile number -> any value).
 
     With v = 1 - t: u' = u / columns, t' = t / rows.
     """

@@ -1,4 +1,4 @@
-"""Animation clips of a scene file: their names, their times, and the sentence that lists them for users."""
+"""Animation clips of a scene file: their names, their times, and the sentence that lists a file's clips for users."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ _NAMED = 8
 
 @dataclass(frozen=True)
 class Clip:
-    """An animation clip: its name, and the times of its first and last key in seconds. Before and after them it is constant."""
+    """An animation clip: its name, and the times of its first and last key in seconds.
+
+    The animated values are constant before the first and after the last key.
+    """
 
     name: str
     start: float
@@ -22,7 +25,7 @@ class Clip:
 
 
 def others_of(file: str, clips: Sequence[Clip]) -> str:
-    """Returns the sentence for users that lists the clips of a file after its first one."""
+    """Returns the sentence for users that names the clip shown (the file's first) and lists its other clips."""
     others = [clip.name[:60] for clip in clips[1:]]
     shown, listed = repr(clips[0].name[:60]), others[:_NAMED]
     if len(others) <= _NAMED:

@@ -99,7 +99,10 @@ def _cubic(
 
 
 def slerp(begin: Sequence[float], end: Sequence[float], share: float) -> list[float]:
-    """Interpolates between two quaternions along the shorter arc, share 0 ... 1 (glTF 2.0, appendix C.4)."""
+    """Interpolates between two unit quaternions along the shorter arc (glTF 2.0, appendix C.4).
+
+    share: the fraction of the way, 0 at `begin` to 1 at `end`.
+    """
     begin, end = _unit(begin), _unit(end)
     if _dot(begin, end) < 0:
         end = [-b for b in end]

@@ -52,5 +52,5 @@ class Moment:
             )
 
     def seconds(self, own_fps: float = DEFAULT_FPS) -> float:
-        """Returns the time of the moment in seconds. own_fps: the file's frame rate, used if the moment has none."""
+        """Returns the time of the moment in seconds. own_fps: the file's frame rate, used if the moment specifies no rate."""
         return (self.frame + self.offset) / (own_fps if self.fps is None else self.fps)

@@ -1,4 +1,4 @@
-"""A turntable camera, which circles its target, also while the shutter is open."""
+"""Computes a turntable camera, which circles its target from frame to frame and also while the shutter is open."""
 
 from __future__ import annotations
 

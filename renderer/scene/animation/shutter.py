@@ -1,4 +1,4 @@
-"""The shutter: the interval of a frame's time during which it is open, and the number of keys of moving objects in it."""
+"""The shutter: the part of a frame's time during which it is open, and the number of motion keys in that interval."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ class Shutter:
 
     @classmethod
     def from_settings(cls, settings: Mapping[str, Any]) -> Shutter:
-        """Returns the shutter of the given settings (name -> value); settings that are missing have their defaults."""
+        """Returns the shutter described by render settings (name -> value); missing settings have their default values."""
         names = dict(zip(SHUTTER, ("length", "at", "keys"), strict=True))
         return cls(**{names[name]: settings[name] for name in SHUTTER if settings.get(name) is not None})
 
     def moment(self, moment: Moment, share: float) -> Moment:
-        """Returns the moment at a fraction of the frame's shutter interval: share 0 when the shutter opens, 1 when it closes.
+        """Returns the moment at a fraction of the shutter interval of the frame `moment`.
 
-        moment: the frame.
+        share: 0 when the shutter opens, 1 when it closes.
         """
         return replace(moment, offset=(share - BEFORE[self.at]) * self.length)
 
