@@ -37,7 +37,7 @@ RECORDED_S = 9.0  # a third turning, the rest converging
 
 
 def main() -> None:
-    """The command line."""
+    """Parses the command line, and takes the pictures that it requests."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     known = ", ".join([*TAKEN, RECORDING])
     parser.add_argument("names", nargs="*", metavar="name", help=f"{known}; all unless told; or {TOUR}")
@@ -134,7 +134,7 @@ def _scene(server: str, example: str) -> str:
 
 
 def _job_id(server: str, example: str, **request: Any) -> str:
-    """Returns the id of an example's job, created once."""
+    """Returns the id of a job that renders an example; creates the job at the first call."""
     scene = _scene(server, example)
     key = {"Idempotency-Key": f"page-pictures-{scene}-{json.dumps(request, sort_keys=True)}"}
     answer = httpx.post(f"{server}/api/jobs", json={"scene": scene, **request}, headers=key, timeout=60)
@@ -142,7 +142,10 @@ def _job_id(server: str, example: str, **request: Any) -> str:
 
 
 def _wait_for_samples(server: str, job: str, enough: float) -> None:
-    """Waits until enough of the job, or all of it, is rendered."""
+    """Waits until the job's progress is at least `enough` (0 to 1), or the job is finished.
+
+    Exits if the job fails or is cancelled.
+    """
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         told = httpx.get(f"{server}/api/jobs/{job}", timeout=60).raise_for_status().json()
@@ -155,7 +158,7 @@ def _wait_for_samples(server: str, job: str, enough: float) -> None:
 
 
 def _show_still(page: Page) -> None:
-    """Shows a job's still picture with the mouse over a pixel."""
+    """Waits for a job's still picture on the page, and moves the mouse over a pixel of it."""
     stage = page.locator("canvas.film")
     stage.wait_for()
     page.wait_for_timeout(SETTLE_MS)
@@ -164,7 +167,7 @@ def _show_still(page: Page) -> None:
 
 
 def _shot(page: Page) -> None:
-    """Plays the example shot, and stops it where the caterpillar looks at the top."""
+    """Plays the example animation on the page, and stops it at the frame in which the caterpillar looks at the spinning top."""
     page.get_by_role("button", name="Play", exact=True).click()
     page.locator(".loaded").filter(has_text="in memory").wait_for()
     page.wait_for_timeout(5 * SETTLE_MS)

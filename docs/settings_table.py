@@ -43,7 +43,10 @@ def schema_text(settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str
 
 
 def attribute_docs(path: Path, name: str) -> dict[str, str]:
-    """Returns the string below each attribute of a class, joined to one line."""
+    """Returns the strings below the attributes of a class, by attribute name, each joined to one line.
+
+    path: the Python file. name: the class.
+    """
     body = next(n.body for n in ast.parse(path.read_text()).body if isinstance(n, ast.ClassDef) and n.name == name)
     found = {}
     for field, words in pairwise(body):
@@ -68,7 +71,10 @@ def _filled(text: str, after: str, properties: Mapping[str, object]) -> str:
 
 
 def _replaced(text: str, after: str, name: str, part: object) -> str:
-    """Returns the text with the line of property `name`, in the definition that begins at `after`, replaced or added."""
+    """Returns the text with one property of a JSON definition replaced, or added if missing.
+
+    after: text with which the definition begins. name, part: the property's name and its new value.
+    """
     start = text.index(after)
     end = text.index("\n    }", start)
     section = text[start:end]

@@ -25,12 +25,15 @@ WAITS_FOR_BLENDER = Sentence(
 
 
 def is_blend(main: str) -> bool:
-    """Returns True if Blender has to open a scene, by the name of its main file."""
+    """Returns True if Blender has to open the scene, judged by the name `main` of its main file."""
     return PurePosixPath(main).suffix.lower() in BY_BLENDER
 
 
 def blender_queue(kind: str) -> str:
-    """Returns the Celery queue for preparing scenes that Blender has to open, for workers of this kind that have Blender."""
+    """Returns the Celery queue for preparing scenes that Blender has to open.
+
+    Only workers of this kind that have Blender serve it.
+    """
     return f"{prepare_queue(kind)}.{TAG}"
 
 

@@ -31,7 +31,7 @@ def card_queue(worker: str) -> str:
 
 @dataclass(frozen=True)
 class CardBatches:
-    """The batches of one message, for one graphics card. The worker may render them in any order."""
+    """Batches of one message to a worker, which one graphics card renders in any order."""
 
     batches: tuple[RenderBatch, ...]
 

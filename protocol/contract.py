@@ -98,7 +98,10 @@ def prepare_queue(kind: str) -> str:
 
 
 def own_prepare_queue(kind: str, worker: str) -> str:
-    """Returns the Celery queue for preparing on one particular worker, for work that other machines could not prepare."""
+    """Returns the Celery queue for preparing scenes on this worker only.
+
+    It is used after workers on other machines could not prepare the scene.
+    """
     return f"{prepare_queue(kind)}.of.{worker}"
 
 
@@ -216,7 +219,7 @@ class SceneInfo:
 
 @dataclass(frozen=True)
 class ScenePreview:
-    """The fields of SceneInfo that viewers can draw before the scene is compiled."""
+    """Preview of a scene: the fields of SceneInfo from which viewers can draw it before it is compiled."""
 
     preview: BlobRef
     cameras: list[dict[str, Any]]
@@ -226,7 +229,7 @@ class ScenePreview:
 
 @dataclass(frozen=True)
 class PrepareFrames:
-    """Request to prepare frames of a shot, in this order, with one answer per frame.
+    """Request to prepare frames of a shot in the given order. The worker sends one answer per frame.
 
     Frame numbers are in halves of a frame (renderer.frames.frame_key).
     """
@@ -252,7 +255,10 @@ class PrepareFrames:
 
 @dataclass(frozen=True)
 class FrameInfo:
-    """Result of preparing a frame. compiled: its compiled scene; None if it equals that of the shot's start."""
+    """Result of preparing a frame.
+
+    compiled: the frame's compiled scene; None if it equals the compiled scene of the shot's first moment.
+    """
 
     compiled: BlobRef | None
     view: dict[str, Any]
@@ -271,7 +277,10 @@ class FrameInfo:
 
 @dataclass(frozen=True)
 class RenderBatch:
-    """A batch, the unit of work: samples first ... first + count - 1 of every pixel of a tile of a frame (number in halves)."""
+    """A batch, the unit of work: samples first to first + count - 1 of every pixel of one tile of one frame.
+
+    The frame number is in halves of a frame.
+    """
 
     batch: str  # unique for every time it is handed out
     job: str
@@ -420,8 +429,8 @@ class WorkerReport:
 class Result:
     """One entry of the RESULTS stream: Redis fields `event` (JSON) and, for a rendered batch, `sums`.
 
-    The event's `type` and other keys are declared in events.py. Sentences are texts; `codes` contains their codes
-    (renderer.sentences.encoded), which other releases ignore.
+    The event's `type` and other keys are declared in events.py. Sentences in the event are sent as English text; `codes` contains
+    their translatable codes (renderer.sentences.encoded), which other releases ignore.
     """
 
     event: dict[str, Any]

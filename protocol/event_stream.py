@@ -17,7 +17,10 @@ KEEP_ALIVE = ": still here\n\n"  # a comment
 
 @dataclass(frozen=True)
 class ItemEvent:
-    """An item, as returned by its own GET request. item: None if it no longer exists; sent as {"id": id, "deleted": true}."""
+    """Base class of events about one object: a job, scene or worker.
+
+    item: the object, as returned by its own GET request; None if it no longer exists, sent as {"id": id, "deleted": true}.
+    """
 
     TYPE: ClassVar[str]
     id: str

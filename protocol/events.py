@@ -35,9 +35,9 @@ class BatchRendered(_Batch, _Rendered):
 
 
 class BatchesRendered(_Rendered):
-    """Consecutive batches of a tile were rendered and their sums added up (joint.py).
+    """Consecutive batches of a tile were rendered, and their sums added together (joint.py).
 
-    parts: (batch, first, count, seconds) of each, and at a site also the worker's name.
+    parts: (batch, first, count, seconds) of each batch; at a site, the name of the worker that rendered it follows.
     """
 
     batch: NotRequired[str]
@@ -73,20 +73,26 @@ class _Work(TypedDict):
 
 
 class WorkMade(_Work):
-    """Motion vectors, or the thumbnail of an environment, were made and stored as a blob."""
+    """A result other than a batch was computed and stored as a blob: motion vectors, or the thumbnail of an environment."""
 
     sha256: str
 
 
 class Denoised(WorkMade):
-    """A frame was denoised and stored as a blob. version, samples: of the means, as the service sent them."""
+    """A frame was denoised and stored as a blob.
+
+    version, samples: of the means that were denoised, repeated from the service's request.
+    """
 
     version: str
     samples: int
 
 
 class WorkFailed(_Work):
-    """An artifact (a denoised frame, motion vectors, a thumbnail) cannot be made. unfit: by this machine; another may succeed."""
+    """A result other than a batch cannot be computed: a denoised frame, motion vectors, or a thumbnail.
+
+    unfit: only this machine cannot compute it; another may succeed.
+    """
 
     error: str
     unfit: NotRequired[bool]
@@ -129,7 +135,7 @@ class PrepareFailed(PrepareStarted):
 class PrepareReturned(PrepareFailed):
     """A worker could not prepare a scene because of a fault of the worker; the scene is sent again.
 
-    unfit: the machine cannot do it, but another may. passing: only temporarily.
+    unfit: this machine cannot prepare the scene, but another may. passing: the fault is temporary.
     """
 
     unfit: NotRequired[bool]
@@ -158,9 +164,9 @@ class FrameFailed(_Frames):
 
 
 class FramesReturned(_Frames):
-    """A worker could not prepare frames because of a fault of the worker; the unanswered ones are sent again.
+    """A worker could not prepare some frames because of a fault of the worker.
 
-    unfit, passing: as in PrepareReturned.
+    The frames that it has not answered are sent again. unfit, passing: as in PrepareReturned.
     """
 
     error: str
@@ -169,7 +175,7 @@ class FramesReturned(_Frames):
 
 
 class Wake(TypedDict):
-    """Wakes the service's engine. Contains no data."""
+    """An event without data that only wakes the service's engine."""
 
 
 EVENTS: dict[str, Any] = {

@@ -27,7 +27,7 @@ ANSWER_TTL_S = 60
 
 
 def explained_key(message: str) -> str:
-    """Returns the Redis list for the answers to a message."""
+    """Returns the Redis list to which the worker appends its answers. message: id of the ExplainPixel message."""
     return f"rayfarm:explained:{message}"
 
 

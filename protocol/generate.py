@@ -1,7 +1,7 @@
-"""Generates the protocol code of the page and of Blender's add-on: `python -m protocol.generate`. A test checks it is current.
+"""Generates the protocol code of the page and of Blender's add-on: `python -m protocol.generate`.
 
-The page gets a decoder for each packet head. The add-on, which runs without Rayfarm's packages, gets copies of the modules that
-decode pictures, and of the messages that it uses.
+A test checks that the generated files are current. The page gets a decoder for each packet head. The add-on, which runs without
+Rayfarm's packages, gets copies of the modules that decode pictures, and of the messages that it uses.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ function check(view, at, version, kind, name) {
 
 
 def _decoder(layout: Layout[Any]) -> str:
-    """Returns JavaScript for a packet head: its type, its size, and the function that decodes it."""
+    """Returns JavaScript that declares the type and size of a packet head, and the function that decodes it."""
     row = layout.row.__name__
     about = (layout.row.__doc__ or "").splitlines()[0]
     lines = [

@@ -24,18 +24,19 @@ def local_now() -> datetime:
 
 @dataclass(frozen=True)
 class Hours:
-    """Intervals of the week: the days on which each begins (0: Monday), and its first and last minute of the day.
+    """Working hours: intervals that repeat every week.
 
-    An interval whose end is not after its start continues into the next day.
+    Each has the days on which it begins (0: Monday), and its first and last minute of the day. If the last is not after the
+    first, it continues into the next day.
     """
 
     parts: tuple[tuple[frozenset[int], int, int], ...]
 
     @classmethod
     def parse(cls, text: str) -> Hours:
-        """Parses comma-separated intervals: days, hours, or both. Days alone mean the whole day; hours alone mean every day.
+        """Parses comma-separated intervals, such as "Mon-Fri 19:00-07:00, Sat-Sun".
 
-        Raises ValueError with a sentence.
+        An interval of days alone means the whole day; one of hours alone means every day. Raises ValueError with a sentence.
         """
         pieces = text.lower().split(",")
         if len(pieces) > MAX_PERIODS:

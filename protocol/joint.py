@@ -26,12 +26,15 @@ HELP_QUEUES = "rayfarm.help."
 
 
 def help_queue(worker: str) -> str:
-    """Returns the Celery queue for help requests among a worker's slots. It contains no work, so its loss is harmless."""
+    """Returns the Celery queue in which a worker's slots request each other's help.
+
+    Its messages contain no work, so losing one is harmless.
+    """
     return f"{HELP_QUEUES}{worker}"
 
 
 class Piece(NamedTuple):
-    """A piece of a joint batch: its batch id and its range of samples."""
+    """The part of a joint batch that one slot renders: its batch id, and its range of samples."""
 
     batch: str
     first: int
@@ -39,7 +42,10 @@ class Piece(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Samples of a tile that the machines of one site render, in several messages. The site's reducer adds up their sums."""
+    """Consecutive samples of a tile that the machines of one site render, sent to them in several messages.
+
+    The site's reducer adds up the sums of all samples first to first + count - 1.
+    """
 
     site: str
     first: int
@@ -48,7 +54,7 @@ class Run(NamedTuple):
 
     @classmethod
     def of(cls, data: Any) -> Run | None:
-        """Parses a message's run. None if it is malformed; then sums are added up per machine only."""
+        """Parses the run of a message. None if it is malformed; then the sums are added up only within each machine."""
         try:
             site, first, count, hold_s = data
             run = cls(str(site), int(first), int(count), float(hold_s))
@@ -59,7 +65,10 @@ class Run(NamedTuple):
 
 @dataclass(frozen=True)
 class JointBatch:
-    """Samples of a tile for the slots of one machine, one piece per slot. Their sums are added up before they are sent."""
+    """Samples of a tile that the slots of one machine render, one piece per slot.
+
+    The machine adds up the sums of the pieces before it sends them.
+    """
 
     whole: RenderBatch  # the samples of all pieces; its `batch` is the message's id
     pieces: tuple[Piece, ...]
@@ -84,6 +93,6 @@ class JointBatch:
         return cls(RenderBatch.from_json(data["whole"]), pieces, float(data["hold_s"]), queue, run)
 
     def batch(self, number: int) -> RenderBatch:
-        """Returns one of the pieces as a separate batch."""
+        """Returns the piece with this index as a batch of its own."""
         piece = self.pieces[number]
         return replace(self.whole, batch=piece.batch, first=piece.first, count=piece.count)

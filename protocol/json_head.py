@@ -13,7 +13,7 @@ __all__ = ["decode", "encode"]
 
 
 class Head(NamedTuple):
-    """The head of the message. The JSON object follows, then the bytes."""
+    """Binary head of a message. The JSON object, of the length given here, follows; then the bytes."""
 
     length: Annotated[int, U32, "bytes of the JSON object"]
 

@@ -16,12 +16,18 @@ __all__ = ["connected", "lifeline"]
 
 
 def lifeline(worker: str) -> str:
-    """Returns the name of a worker's Redis connection. Redis does not allow spaces in it."""
+    """Returns the name of the Redis connection on which a worker sends its heartbeat.
+
+    The name contains a hash of the worker's name, since Redis allows no spaces in it.
+    """
     return f"rayfarm-worker-{hashlib.sha256(worker.encode()).hexdigest()[:24]}"
 
 
 def connected(store: redis.Redis, workers: Iterable[str]) -> set[str]:
-    """Returns those of the workers whose connection is open; empty if Redis cannot list connections. Raises redis.RedisError."""
+    """Returns the names of those workers whose heartbeat connection to Redis is open.
+
+    Empty if Redis cannot list its connections. Raises redis.RedisError.
+    """
     names = {lifeline(worker): worker for worker in workers}
     clients: Any = []
     with contextlib.suppress(redis.ResponseError):

@@ -31,7 +31,10 @@ class WatchFrame(FromClient):
 
 @dataclass(frozen=True)
 class Have(FromClient):
-    """Client message: samples per pixel of every tile that it has, {"have": [...]}. Tiles that differ are sent."""
+    """Client message {"have": [...]}: the samples per pixel of the client's copy of every tile.
+
+    The service then sends the tiles that differ.
+    """
 
     KEY: ClassVar[str] = "have"
     samples: list[Any]
@@ -52,7 +55,7 @@ class JobState(FromService):
 
 @dataclass(frozen=True)
 class Frames(FromService):
-    """Service message: the changed frames of a shot, as in GET /api/jobs/{id}/frames."""
+    """Service message: those frames of a shot that have changed, as in GET /api/jobs/{id}/frames."""
 
     TYPE: ClassVar[str] = "frames"
     frames: list[dict[str, Any]]

@@ -33,9 +33,9 @@ MESH = Layout("preview mesh", MeshHead, version=1, kind=4)
 
 
 class Mesh(NamedTuple):
-    """Triangles in world space: V vertices, T triangles.
+    """A preview mesh in world space, with V vertices and T triangles.
 
-    normals: unit vectors, or 0 for flat shading. colors: sRGB and a fourth value: 255, or 0 for vertices drawn unshaded.
+    normals: unit vectors, or 0 for flat shading. colors: sRGB, and a fourth value: 255, or 0 for vertices drawn unshaded.
     """
 
     positions: npt.NDArray[np.float64]  # (V, 3)

@@ -1,7 +1,7 @@
-"""Redis over TLS: rediss:// addresses, and the certificate authority to trust if the machine does not trust Redis's certificate.
+"""Redis over TLS: rediss:// addresses, and the certificate authority to trust.
 
-The authority's file has a different path on every machine, so it is not part of the address that a farm sends to its workers. The
-service and each worker read it from RAYFARM_REDIS_CA.
+An authority is needed if the machine does not trust Redis's certificate. Its file has a different path on every machine, so the
+path is not part of the address that a farm sends to its workers. The service and each worker read it from RAYFARM_REDIS_CA.
 """
 
 from __future__ import annotations
@@ -21,7 +21,10 @@ LOCAL_FILE_OPTIONS = (
 
 
 def with_certificate_authority(url: str) -> str:
-    """Returns the address with this machine's certificate authority; unchanged without TLS or if it already has an authority."""
+    """Returns the Redis address with the option for this machine's certificate authority file added.
+
+    Returns it unchanged if it does not use TLS or already names such a file.
+    """
     ca, parts = os.environ.get(CA_VARIABLE, ""), urlsplit(url)
     query = dict(parse_qsl(parts.query))
     if parts.scheme != "rediss":

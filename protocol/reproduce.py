@@ -29,7 +29,10 @@ def sample_command(settings: RenderSettings, x: int, y: int, sample: int, scene_
 
 
 def _options(settings: RenderSettings) -> list[str]:
-    """Returns all settings as explicit options, so that no default of the scene file replaces one."""
+    """Returns command-line options for all settings, even those with default values.
+
+    A default in the scene file therefore cannot replace one of them.
+    """
     view = dict(vars(settings.view))
     if view["focus"] is None:
         view["focus"] = math.dist(settings.view.eye, settings.view.target)

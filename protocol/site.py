@@ -56,7 +56,7 @@ def secret_key(name: str) -> str:
 
 
 def signature(secret: bytes, body: bytes) -> str:
-    """Returns the signature that proves that a body was sent unchanged by a worker of the farm."""
+    """Returns the signature of a message's body, which proves that a worker of the farm sent it and that it is unchanged."""
     return hmac.digest(secret, body, "sha256").hex()
 
 

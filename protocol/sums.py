@@ -38,7 +38,7 @@ class Start(NamedTuple):
 
 
 class PlaneHead(NamedTuple):
-    """The head of one plane."""
+    """The head of one plane: how its pixels are stored."""
 
     code: Annotated[int, U8, "ALIKE, COPY, or the bytes per pixel"]
     value: Annotated[int, I64, "the value of all pixels, the number of the plane that is equal, or the size of the body"]
@@ -124,7 +124,7 @@ def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes:
 
 
 def check_sums(data: bytes, tile: Tile) -> None:
-    """Raises ValueError if `unpack_sums` would, but is faster."""
+    """Raises ValueError if `unpack_sums` would. Faster than unpacking, since it does not return the sums."""
     for code, _, body in dict(_planes(data, tile, False)).values():
         if code in WIDTHS:
             _checked_bytes(body, code, tile)

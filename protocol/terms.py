@@ -31,7 +31,7 @@ TAG = re.compile(r"[a-z0-9][a-z0-9._:-]{0,62}")
 
 @dataclass(frozen=True)
 class Terms:
-    """Run-time settings of a worker. None: the value with which the worker was started."""
+    """Run-time settings of a worker. A value of None means that the worker keeps the value with which it was started."""
 
     hours: str | None = None  # hours.py; empty: always
     idle_minutes: float | None = None  # works only after this much user inactivity; 0: always
@@ -88,7 +88,7 @@ class Terms:
         return self
 
     def with_defaults(self, own: Terms) -> Terms:
-        """Returns these terms with values that are None replaced by those of `own`, the worker's start values."""
+        """Returns a copy of these terms in which the worker's start values, `own`, replace values that are None."""
         said = {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
         return replace(own, **said)
 

@@ -54,7 +54,7 @@ def view_key(watch: str) -> str:
 
 @dataclass(frozen=True)
 class Part:
-    """One part of a view: samples first ... first + count - 1 of every pixel of a rectangle."""
+    """The unit of work of a view: samples first to first + count - 1 of every pixel of one rectangle."""
 
     number: int
     tile: Tile
@@ -92,7 +92,10 @@ class ViewParts:
 
 @dataclass(frozen=True)
 class ViewFrame:
-    """Request to prepare frames of an animated scene for a view, as PrepareFrames, whose `job` is the session's id."""
+    """Request to prepare frames of an animated scene for an interactive view.
+
+    work: the frames to prepare; its `job` is the id of the view's session.
+    """
 
     message: str
     watch: str

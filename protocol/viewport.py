@@ -53,7 +53,7 @@ class Pick(FromClient):
 
 @dataclass(frozen=True)
 class Pause(FromClient):
-    """Client message: whether the page is hidden, {"paused": true}."""
+    """Client message {"paused": true}: the page is hidden, so no pictures are needed; false: it is visible again."""
 
     KEY: ClassVar[str] = "paused"
     paused: bool

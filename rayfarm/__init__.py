@@ -79,7 +79,7 @@ _LATER = {
 
 
 def _widget_of(answer: Any, farm: Any) -> Any:
-    """Returns the notebook widget of an answer (a Job or Scene); None if anywidget is not installed."""
+    """Returns the notebook widget that shows an answer of the farm (a Job or Scene); None if anywidget is not installed."""
     from rayfarm.library.notebook_widget import has_widgets, show
 
     return show(answer, farm=farm) if has_widgets() else None

@@ -43,9 +43,10 @@ NEITHER = (
 
 
 def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) -> str | None:
-    """Returns the path of the program with which a worker opens .blend files; None if Blender is not requested.
+    """Returns the path of the program with which a worker opens .blend files; None if no Blender is requested.
 
-    say: called with a sentence before a slow step. Raises CommandError if a requested Blender is not available.
+    is_wanted: Blender is requested. named: the path or name of the program, if given. say: called with a sentence before a slow
+    step. Raises CommandError if a requested Blender is not available.
     """
     if not is_wanted and named is None:
         return None

@@ -59,7 +59,7 @@ HELP = """A render farm that starts with one command.
 
 
 def _program(commands: Iterable[str]) -> typer.Typer:
-    """Returns the program with these commands."""
+    """Returns the Typer program that consists of these commands."""
     app = typer.Typer(
         name="rayfarm",
         no_args_is_help=True,

@@ -61,7 +61,7 @@ class ClientError(RayfarmError):
 
 
 class NotAFarm(ClientError):  # noqa: N818 - it is what was found
-    """Raised if a server other than a farm's service responds at the address."""
+    """Raised if the server at the address responds, but is not a farm's service."""
 
 
 @dataclass(frozen=True)
@@ -224,7 +224,10 @@ class Client:
         return self._read(Job, self._send("PATCH", f"/api/jobs/{_id(job)}", json=fields))
 
     def wait(self, job: str, timeout_s: float | None = None, watch: Callable[[Job], None] | None = None) -> Job:
-        """Waits until the job is finished, failed or cancelled, and returns it. Continues to wait while the service restarts."""
+        """Waits until the job has ended (is finished, failed or cancelled), and returns it.
+
+        Continues to wait while the service restarts.
+        """
         for found in self._poll(lambda: self.job(job), timeout_s):
             if watch:
                 watch(found)

@@ -37,7 +37,7 @@ Picture = np.ndarray
 
 
 class Example:
-    """A scene of scenes/ with its settings, and its rendered pictures."""
+    """An example scene from scenes/, with the settings of its file; renders pictures of it."""
 
     def __init__(self, name: str, width: int) -> None:
         description = read(SCENES, f"{name}.yaml")
@@ -49,16 +49,22 @@ class Example:
         self.settings = RenderSettings(width, height, description.cameras[0].view, **own)
 
     def sums(self, spp: int | None = None, **changed: Any) -> Picture:
-        """Returns the film's sums of samples, at this many samples per pixel."""
+        """Returns the sums of samples that a frame's film contains.
+
+        spp: samples per pixel; None: the example's own number. changed: render settings that replace the example's.
+        """
         return render_frame(self.scene, replace(self.settings, **changed), spp or self.spp)
 
     def picture(self, spp: int | None = None, **changed: Any) -> Picture:
-        """Returns the example's picture at this many samples per pixel, as linear radiance (h, w, 3)."""
+        """Returns a picture of the example, as linear radiance (h, w, 3). Parameters: as in `sums`."""
         return mean(self.sums(spp, **changed), self.settings.film_exponent)
 
 
 def strip(name: str, pictures: dict[str, Picture], columns: int, exposure: float = 0.0, curve: str = "srgb") -> None:
-    """Writes pictures side by side with their labels, as one JPEG."""
+    """Writes several pictures as one labelled contact sheet, a JPEG.
+
+    pictures: the pictures by label. columns: pictures per line. exposure, curve: of the tone mapping.
+    """
     font = ImageFont.load_default(size=15)
     height, width = next(iter(pictures.values())).shape[:2]
     rows = -(-len(pictures) // columns)
@@ -164,9 +170,9 @@ def strategies() -> None:
 
 
 def shiny() -> None:
-    """Renders glossy spheres with each light sampling strategy, and prints the variances, also for MIS by the balance heuristic.
+    """Renders glossy spheres with each light sampling strategy, and prints the variances.
 
-    Each strategy without MIS fails somewhere.
+    Each strategy without MIS fails on some of the spheres. The variance of MIS with the balance heuristic is printed too.
     """
     balls = Example("spheres", 420)
     strip("strategies-shiny", {f"{s}, 16 samples": balls.picture(16, sampling=s) for s in STRATEGIES}, 2)
@@ -177,7 +183,7 @@ def shiny() -> None:
 
 
 def light_choices() -> None:
-    """Prints the variance of a pixel for each way to choose one light of many: by contribution, by power, and uniformly."""
+    """Prints the variance of a pixel for three ways to choose one light of many: by contribution, by power, and uniformly."""
     evening = Example("christmas/christmas", 160)
     evening.settings = replace(evening.settings, sampler="independent")
     ways = {choice: {"light_choice": choice} for choice in LIGHT_CHOICES}
@@ -195,7 +201,7 @@ def _variance(example: Example, spp: int, changed: dict[str, Any]) -> float:
 
 
 def attenuation() -> None:
-    """Renders a wrong picture, whose radiance is divided once more by the squared distance, beside the correct one."""
+    """Renders the correct picture, and beside it a wrong one whose radiance is divided once more by the squared distance."""
     box = Example("cornell-box", 300)
     right, wrong = box.picture(128), box.picture(128, mistake="attenuation")
     brightened = wrong * (right.mean() / wrong.mean())
@@ -205,7 +211,7 @@ def attenuation() -> None:
 
 
 def roulette() -> None:
-    """Compares Russian roulette of constant probability with truncation: means and variances."""
+    """Compares truncation of paths with Russian roulette of constant probability: prints means and variances."""
     box = Example("games101-7", 128)
     box.settings = replace(box.settings, sampler="independent")
     rows = {
@@ -226,7 +232,10 @@ def roulette() -> None:
 
 
 def christmas() -> None:
-    """Renders the evening scene, and a detail of its brightest pixels with channels clipped and with colours scaled to fit."""
+    """Renders the Christmas scene, and the detail around its brightest pixels twice.
+
+    In one detail each channel is clipped by itself; in the other, colours are scaled down until no channel exceeds 1.
+    """
     scene = Example("christmas/christmas", 960)
     picture = scene.picture(256)
     strip("christmas", {"256 samples": picture}, 1, curve="neutral")
@@ -236,7 +245,10 @@ def christmas() -> None:
 
 
 def rest_of_your_life() -> None:
-    """Compares the book's mixture densities, with and without the glass ball as a target, to light sampling by MIS."""
+    """Renders the box of the book "Ray Tracing: The Rest of Your Life" with three samplers.
+
+    They are BSDF sampling, the book's mixture density (its targets: the light and the glass ball), and MIS.
+    """
     box = Example("rest-of-your-life", 360)
     strip("rest-of-your-life", {
         "bsdf alone, 64 samples": box.picture(64, sampling="bsdf"),
