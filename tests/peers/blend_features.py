@@ -22,7 +22,10 @@ SHADER = "Principled BSDF"
 
 
 def stage(scene: Any, power: float = 300.0, **values: Any) -> tuple[Any, Any]:
-    """Adds a ball on a floor, and a lamp; returns the ball and its material's node tree."""
+    """Builds a ball on a floor with a lamp and a camera; returns (ball, the material's node tree).
+
+    power: of the lamp in watts; 0: no lamp. values: inputs of the ball's principled material.
+    """
     add("plane", principled("floor", Base_Color=(0.5, 0.45, 0.4, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
     if power:
         lamp("AREA", power, (2.5, -3.0, 4), size=3.0)
@@ -35,7 +38,7 @@ def stage(scene: Any, power: float = 300.0, **values: Any) -> tuple[Any, Any]:
 
 
 def stripes(tree: Any, space: str) -> Any:
-    """Returns an image texture node with a striped image. space: the image's colour space."""
+    """Returns a new image texture node with an image of stripes, read without filtering. space: the image's colour space."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.interpolation = "Closest"
     node.image = painted(
@@ -45,7 +48,7 @@ def stripes(tree: Any, space: str) -> Any:
 
 
 def grey(tree: Any) -> Any:
-    """Returns an image texture node with grey data in an image that is marked as colour, as new images of Blender are."""
+    """Returns a new image texture node whose image holds grey data, but is marked as sRGB colour, Blender's default."""
     node = tree.nodes.new("ShaderNodeTexImage")
     node.interpolation = "Closest"
     node.image = painted("numbers", 16, 16, lambda x, y: (0.2 + 0.5 * (int(x * 8) % 2),) * 3)
@@ -75,7 +78,7 @@ def spaces(scene: Any) -> None:
 
 
 def mask(scene: Any) -> None:
-    """Connects the colour output of an image to an opacity input."""
+    """Connects an image's colour output, instead of its alpha, to the opacity of the ball's material."""
     _, tree = stage(scene)
     tree.links.new(stripes(tree, "Non-Color").outputs[0], tree.nodes[SHADER].inputs["Alpha"])
 
@@ -108,13 +111,13 @@ def brushed_glossy(scene: Any) -> None:
 
 
 def plain(scene: Any) -> None:
-    """Adds an object without a material."""
+    """Builds the stage with a ball that has no material."""
     ball, _ = stage(scene)
     ball.data.materials.clear()
 
 
 def of_each(scene: Any) -> None:
-    """Adds objects that share a mesh and have different object colours, which the material uses as base colour."""
+    """Adds copies of the ball, which share its mesh and have their own object colours, used by the material as base colour."""
     ball, tree = stage(scene, Roughness=0.8)
     node = tree.nodes.new("ShaderNodeObjectInfo")
     tree.links.new(node.outputs["Color"], tree.nodes[SHADER].inputs["Base Color"])
@@ -126,7 +129,7 @@ def of_each(scene: Any) -> None:
 
 
 def lamps(scene: Any) -> None:
-    """Adds lamps: one not rendered, one instanced twice, a portal, one with power per square metre, one with nodes."""
+    """Adds lamps of five kinds: not rendered, instanced twice, a portal, with power per square metre, and with shader nodes."""
     stage(scene, power=0.0)
     lamp("POINT", 500.0, (0, -2, 3)).hide_render = True
     lamp("AREA", 500.0, (0, -2, 3)).data.cycles.is_portal = True
@@ -187,7 +190,7 @@ def slides(scene: Any) -> None:
 
 
 def sky(scene: Any) -> None:
-    """Sets a procedural sky with a sun disk of half a degree."""
+    """Gives the world a procedural sky, whose sun has an angular size of half a degree."""
     stage(scene, power=0.0, Roughness=0.7)
     node = world_node(scene, "ShaderNodeTexSky")
     node.sky_type, node.sun_elevation, node.sun_rotation = "NISHITA", 0.6, 0.8
@@ -211,7 +214,7 @@ def smoke(scene: Any) -> None:
 
 
 def ink(scene: Any) -> None:
-    """Sets a material with an absorbing volume beneath a clear surface."""
+    """Gives the ball a clear surface, and an absorbing volume below the surface."""
     _, tree = stage(scene)
     shader(tree, "ShaderNodeBsdfTransparent", "Surface")
     shader(tree, "ShaderNodeVolumeAbsorption", "Volume", Color=(0.8, 0.4, 0.1, 1), Density=1.5)
@@ -225,7 +228,7 @@ def juice(scene: Any) -> None:
 
 
 def fog(scene: Any) -> None:
-    """Sets a world volume, which hides what is behind it."""
+    """Gives the world a volume, which hides the background."""
     stage(scene, Roughness=0.7)
     tree = scene.world.node_tree
     node = tree.nodes.new("ShaderNodeVolumeScatter")
@@ -253,7 +256,7 @@ def marble(scene: Any) -> None:
 
 
 def dents(scene: Any) -> None:
-    """Sets displacement that Cycles renders as bump mapping only, on a scaled object."""
+    """Scales the ball, and gives its material displacement, which Cycles renders as bump mapping only."""
     ball, tree = stage(scene, Roughness=0.5)
     node = tree.nodes.new("ShaderNodeTexImage")
 

@@ -1,8 +1,9 @@
-"""Writes .blend files with one habit of artists each. Run by a Python that has bpy:
+"""Writes .blend files, each with one habit of artists (such as linked libraries). Run by a Python that has bpy:
 
     python blend_habits.py FOLDER [NAME ...]
 
-told.json has, by file and frame, the world bounding box and triangle count of each mesh in Blender's dependency graph.
+It also writes told.json, which has, by file and frame, the world bounding box and triangle count of each mesh in Blender's
+dependency graph.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ LONG = "长" * 20 + "abc"  # 63 bytes, the maximum length of a name
 
 
 def thing(name: str, at=(0, 0, 0), size: float = 1.0, collection: Any = None) -> Any:
-    """Returns a cube with its own mesh."""
+    """Adds a cube with a mesh of its own to `collection`, and returns the object."""
     h = size / 2
     mesh = bpy.data.meshes.new(name)
     corners = [(x, y, z) for x in (-h, h) for y in (-h, h) for z in (-h, h)]
@@ -35,7 +36,7 @@ def thing(name: str, at=(0, 0, 0), size: float = 1.0, collection: Any = None) ->
 
 
 def collection(name: str, *children: Any) -> Any:
-    """Returns a collection of cubes that no scene links."""
+    """Returns a new collection of cubes, which is in no scene and is shown only by instances."""
     made = bpy.data.collections.new(name)
     for i in range(2):
         each = thing(f"{name} {i}", (0.5 * i, 0, 1.0 * i), 0.6, made)
@@ -52,14 +53,17 @@ def collection_instance(name: str, what: Any, at=(0, 0, 0), into: Any = None) ->
 
 
 def move(each: Any, path: str, *keys: tuple[float, Any]) -> None:
-    """Adds keyframes (frame, value) of an object's property."""
+    """Animates a property of `each` by keyframes. path: name of the property. keys: (frame, value)."""
     for frame, value in keys:
         setattr(each, path, value)
         each.keyframe_insert(path, frame=frame)
 
 
 def libraries() -> None:
-    """Links a collection of another file, which instances a collection of a third file; also an object and a material."""
+    """Links a collection from another file, in which it instances a collection linked from a third file.
+
+    An object and a material are linked too.
+    """
     for name, below in (("leaf", None), ("tree", "leaf")):
         bpy.ops.wm.read_factory_settings(use_empty=True)
         made = collection(name)
@@ -99,7 +103,7 @@ def instances() -> None:
 
 
 def nodes() -> None:
-    """Adds geometry nodes: a collection instanced on points, rotated and scaled, realised and not."""
+    """Adds geometry nodes that instance a collection on points, rotated and scaled; a second object realises the instances."""
     scattered = collection("scattered")
     for i, is_real in enumerate((False, True)):
         owner = thing(f"field {i}", (0, 4 * i, 0), 2.0)
@@ -133,7 +137,7 @@ def _tree(name: str) -> Any:
 
 
 def growing() -> None:
-    """Adds geometry nodes instances that move with the frame."""
+    """Adds geometry nodes whose instances rotate with the scene's time."""
     owner = thing("clock", (0, 0, 0), 1.0)
     tree = _tree("clock")
     line = tree.nodes.new("GeometryNodeMeshLine")
@@ -149,7 +153,7 @@ def growing() -> None:
 
 
 def modifiers() -> None:
-    """Adds a modifier stack with a cutter that is not rendered, a curve modifier, a text and a metaball."""
+    """Adds objects with stacks of modifiers, a boolean cutter that is not rendered, a curve modifier, a text and a metaball."""
     block = thing("block", (0, 0, 0), 1.0)
     array = block.modifiers.new("array", "ARRAY")
     array.count, array.relative_offset_displace = 3, (1.2, 0, 0)
@@ -172,7 +176,7 @@ def modifiers() -> None:
 
 
 def keys() -> None:
-    """Adds shape keys: animated, driven by arithmetic, absolute, above 1, and muted."""
+    """Adds shape keys: animated ones, one driven by arithmetic, absolute ones, one with a value above 1, and a muted one."""
     soft = thing("soft")
     soft.shape_key_add(name="Basis")
     for i, name in enumerate(("wide", "tall", "muted")):
@@ -245,7 +249,7 @@ def layers() -> None:
 
 
 def textures() -> None:
-    """Adds packed, missing, tiled and sequence textures, on two UV sets."""
+    """Adds image textures: packed, missing, tiled and image sequences, mapped by two UV sets."""
     picture = np.ones((8, 8, 4), np.float32)
     picture[..., 0] = np.linspace(0, 1, 8)
 
@@ -290,7 +294,7 @@ def textures() -> None:
 
 
 def colors() -> None:
-    """Adds point and corner colour attributes, in bytes and in floats."""
+    """Adds meshes with colour attributes per point and per corner, stored as bytes and as floats."""
     for i, (domain, kind) in enumerate((d, k) for d in ("POINT", "CORNER") for k in ("BYTE_COLOR", "FLOAT_COLOR")):
         each = thing(f"{domain} {kind}", (2 * i, 0, 0))
         layer = each.data.color_attributes.new("tint", kind, domain)
@@ -307,7 +311,7 @@ def colors() -> None:
 
 
 def units() -> None:
-    """Sets centimetres as the scene's unit, and adds an object as large as a country and one as small as a grain."""
+    """Sets the scene's unit to centimetres, and adds two objects of extreme size: a country's and a grain's."""
     settings = bpy.context.scene.unit_settings
     settings.system, settings.scale_length = "METRIC", 0.01
     thing("country", (0, 0, -6e5), 1e6)
@@ -316,7 +320,10 @@ def units() -> None:
 
 
 def names() -> None:
-    """Adds objects whose names have maximum length, other scripts, other case, separators, or equal beginnings."""
+    """Adds objects with difficult names.
+
+    They have maximum length, other scripts, other case, separators, or equal beginnings.
+    """
     for i, name in enumerate(
         (LONG, LONG[:-1] + "d", "Ünïcödé/with\\slashes", "cube", "Cube", "a: [b] {c} #d 'e' \"f\"", "\n", "🫖")
     ):
@@ -330,7 +337,10 @@ def names() -> None:
 
 
 def large() -> None:
-    """Adds a smooth mesh too large for Blender's exporter, with sharp edges, two UV sets, and two of three materials used."""
+    """Adds a smooth mesh that exceeds the limits of Blender's exporter, with sharp edges and two UV sets.
+
+    The mesh uses two of its three materials.
+    """
     bpy.ops.mesh.primitive_grid_add(x_subdivisions=180, y_subdivisions=120, size=4)
     grid = bpy.context.object
     grid.name = "wavy"

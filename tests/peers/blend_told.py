@@ -1,4 +1,4 @@
-"""Lists the objects that Blender's dependency graph renders. Run by a Python that has bpy."""
+"""Lists the meshes that are rendered according to Blender's dependency graph. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ SHOWN = ("MESH", "CURVE", "SURFACE", "META", "FONT")
 
 
 def told(frame: int) -> list[list[Any]]:
-    """Returns name, bounds and triangle count of each mesh rendered at a frame."""
+    """Returns (name, bounds, triangle count) of each mesh that Blender renders at this frame."""
     scene = bpy.context.scene
     for each in bpy.data.collections:
         each.hide_viewport = False  # makes the viewport's graph contain what is rendered

@@ -95,7 +95,7 @@ def paint():
 
 
 def surface(material):
-    """Returns the parameters of a principled BSDF."""
+    """Returns the inputs of the material's principled BSDF, by socket name."""
     return next(node for node in material.node_tree.nodes if node.type == "BSDF_PRINCIPLED").inputs
 
 
@@ -151,7 +151,7 @@ def bent():
 
 
 def bent_alone():
-    """Deletes all objects but the tube and its floor, and adds a static camera and lamp."""
+    """Deletes all bodies but the tube and its floor, and makes the camera and the lamp static."""
     bpy.data.objects["tube"].data.shape_keys.key_blocks["long"].driver_remove("value")
     for name in ("mast", "yard", "flag"):
         bpy.data.objects.remove(bpy.data.objects[name])
@@ -163,7 +163,7 @@ def bent_alone():
 
 
 def seen():
-    """Returns all transforms, vertices and animated numbers at the current frame."""
+    """Returns the transforms and vertices of all objects, and all animated numbers, at the current frame."""
     graph = bpy.context.evaluated_depsgraph_get()
     matrices, vertices = {}, {}
     for thing in bpy.context.scene.objects:

@@ -1,4 +1,4 @@
-"""Statistical comparison of two renderers' batches of a picture."""
+"""Statistical test that two renderers' pictures are equal, each given as batches of independent samples."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _BLOCK = 8
 
 
 def _p_values(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Returns p values of Welch's test of equal means over the first axis, the batches."""
+    """Returns the p values of Welch's test that `a` and `b` have equal means. The first axis of both counts the batches."""
     mean_a, mean_b = a.mean(0), b.mean(0)
     variance_a, variance_b = a.var(0, ddof=1) / len(a), b.var(0, ddof=1) / len(b)
     variance = variance_a + variance_b

@@ -74,7 +74,7 @@ def render(
 
 
 def open_shutter(length: float) -> None:
-    """Enables motion blur with this shutter time in frames, and nine motion keys for each object."""
+    """Enables motion blur in Cycles, with nine motion steps for each object. length: shutter time in frames."""
     scene = bpy.context.scene
     scene.render.use_motion_blur = True
     scene.render.motion_blur_shutter = length
@@ -85,7 +85,7 @@ def open_shutter(length: float) -> None:
 
 
 def prepare(glb: str, size: int, max_depth: int, sky: list[float]) -> None:
-    """Loads the file as Blender's scene, viewed by its camera, with the Cycles settings that we support."""
+    """Loads the GLB file into Blender, and sets its camera and the Cycles settings that Rayfarm supports too."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.import_scene.gltf(filepath=glb)
     for material in bpy.data.materials:
@@ -100,7 +100,7 @@ def prepare(glb: str, size: int, max_depth: int, sky: list[float]) -> None:
 
 
 def as_we_have_it(scene: bpy.types.Scene, size: int, max_depth: int) -> None:
-    """Sets Cycles' options to what we support: a square picture, and unclamped samples."""
+    """Sets Cycles' options to values that Rayfarm supports: a square picture without clamping of samples."""
     scene.render.engine = "CYCLES"
     scene.render.resolution_x = scene.render.resolution_y = size
     scene.render.resolution_percentage = 100

@@ -21,7 +21,7 @@ MATERIALS: dict[str, Callable[[Any], None]] = {}
 
 
 def material(build: Callable[[Any], None]) -> Callable[[Any], None]:
-    """Registers a material: a function that modifies the material of a ball, which is initially a plain principled one."""
+    """Registers a material of the test. `build` modifies the ball's material, which is initially a plain principled BSDF."""
     MATERIALS[build.__name__] = build
     return build
 
@@ -52,7 +52,7 @@ def stage() -> Any:
 
 
 def set_to(ball: Any, **values: Any) -> Any:
-    """Sets values of the ball's principled BSDF by socket name, with _ for spaces; returns its node tree."""
+    """Sets inputs of the ball's principled BSDF (keywords: socket names, with _ for spaces); returns the material's node tree."""
     tree = ball.data.materials[0].node_tree
     for key, value in values.items():
         tree.nodes[SHADER].inputs[key.replace("_", " ")].default_value = value
@@ -60,7 +60,7 @@ def set_to(ball: Any, **values: Any) -> Any:
 
 
 def squares(name: str, seed: int, space: str, columns: int = 8, rows: int = 4, alpha: bool = False) -> Any:
-    """Returns an image of large squares of random colours."""
+    """Returns an image of `columns` by `rows` squares of random colours. space: colour space."""
     codes = np.random.default_rng(seed).integers(20, 250, (rows, columns, 4)) / 255
     image = bpy.data.images.new(name, columns * 16, rows * 16, alpha=alpha)
     image.colorspace_settings.name = space
@@ -155,7 +155,10 @@ def rough_glass(ball: Any) -> None:
 
 @material
 def absorbing_glass(ball: Any) -> None:
-    """Sets absorption by the exporter's parameters: the colour that remains of white light after a distance."""
+    """Sets a glass with an absorbing volume.
+
+    Blender's exporter writes the absorption as the colour that white light has after a distance.
+    """
     tree = set_to(ball, Base_Color=WHITE, Roughness=0.0, Transmission_Weight=1.0, IOR=1.5)
     thick(ball, 1.0)
     volume = tree.nodes.new("ShaderNodeVolumeAbsorption")
@@ -164,7 +167,7 @@ def absorbing_glass(ball: Any) -> None:
 
 
 def thick(ball: Any, depth: float) -> None:
-    """Adds the node group by which Blender's exporter recognises a solid mesh, with this thickness."""
+    """Adds the node group from which Blender's exporter takes a mesh's thickness. depth: the thickness."""
     group = bpy.data.node_groups.new("glTF Material Output", "ShaderNodeTree")
     for name in ("Occlusion", "Thickness"):
         group.interface.new_socket(name, in_out="INPUT", socket_type="NodeSocketFloat")
@@ -258,7 +261,7 @@ def texture_transform(ball: Any) -> None:
 
 @material
 def texture_mirrored(ball: Any) -> None:
-    """Sets an image as base colour that is mirrored at each repetition, with nearest-texel lookup."""
+    """Sets the base colour to an image that is mirrored at each repetition, and is read without filtering."""
     tree = set_to(ball, Roughness=0.7)
     node = image_node(tree, squares("mirrored", 10, "sRGB", 3, 3), extension="MIRROR", interpolation="Closest")
     mapping, at = tree.nodes.new("ShaderNodeMapping"), tree.nodes.new("ShaderNodeTexCoord")
@@ -284,7 +287,7 @@ def normal_map(ball: Any) -> None:
 
 @material
 def two_sets(ball: Any) -> None:
-    """Sets an image by the second UV set as base colour, and one by the first UV set as roughness."""
+    """Sets the base colour to an image mapped by the second UV set, and the roughness to one mapped by the first."""
     first, second = ball.data.uv_layers[0], ball.data.uv_layers.new(name="second")
     for one, other in zip(first.data, second.data, strict=True):
         other.uv = (one.uv[1] * 2, one.uv[0])

@@ -1,7 +1,7 @@
-"""A random walk of light between the facets of a rough dielectric, as a reference for multiple scattering.
+"""Random walk of light between the facets of a rough dielectric surface; a reference for multiple scattering.
 
-Source: Heitz, Hanika, d'Eon and Dachsbacher 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model". Slopes are
-distributed as GGX, heights uniformly.
+Source: Heitz, Hanika, d'Eon and Dachsbacher 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model". The slopes of the
+surface have a GGX distribution, the heights a uniform one.
 """
 
 from __future__ import annotations
@@ -16,7 +16,11 @@ _MOST = 30  # maximum number of facet hits
 
 
 def walked(alpha: float, degrees: float, ior: float, paths: int = 400_000) -> tuple[F64, F64]:
-    """Returns the reflected and the transmitted fraction of light incident at an angle, by number of facets hit."""
+    """Walks paths of light between facets; returns the fractions of them that are (reflected, transmitted).
+
+    Element n of both arrays counts the paths that hit n facets. degrees: angle of incidence. alpha: roughness. ior: refractive
+    index.
+    """
     random = np.random.default_rng(1)
     w = np.tile((-np.sin(np.radians(degrees)), 0.0, -np.cos(np.radians(degrees))), (paths, 1))
     height, side = np.ones(paths), np.ones(paths)  # 1 outside, -1 inside
@@ -42,7 +46,10 @@ def walked(alpha: float, degrees: float, ior: float, paths: int = 400_000) -> tu
 
 
 def _next_height(random: np.random.Generator, up: F64, height: F64, alpha: float) -> F64:
-    """Returns the height at which each ray hits the next facet; infinity if the ray leaves the surface."""
+    """Returns the height at which each ray hits the next facet; infinity if it hits none and leaves the surface.
+
+    up: the ray direction's component along the surface normal. height: where the ray starts.
+    """
     u = random.random(len(up))
     z = np.clip(up, -0.99999, 0.99999)
     z = np.where(np.abs(z) < 1e-5, 1e-5, z)
@@ -56,7 +63,10 @@ def _next_height(random: np.random.Generator, up: F64, height: F64, alpha: float
 
 
 def _visible(random: np.random.Generator, w: F64, alpha: float) -> F64:
-    """Returns a facet normal for each direction w, on either side, sampled by visibility from w (Dupuy and Benyoub 2023)."""
+    """Samples, for each direction w, the normal of a facet that is visible from w (Dupuy and Benyoub 2023).
+
+    w may point to either side of the surface.
+    """
     stretch = np.array([alpha, alpha, 1.0])
     seen = w * stretch
     seen /= np.linalg.norm(seen, axis=1)[:, None]
@@ -68,9 +78,9 @@ def _visible(random: np.random.Generator, w: F64, alpha: float) -> F64:
 
 
 def _fresnel(cosine: F64, eta: F64) -> tuple[F64, F64]:
-    """Returns (Fresnel reflectance, cosine of the refracted angle).
+    """Returns (Fresnel reflectance, cosine of the angle of refraction) of a smooth dielectric facet.
 
-    eta: refractive index on the incident side divided by that on the other.
+    eta: refractive index on the incident side divided by that on the other side.
     """
     below = np.sqrt(np.clip(1 - eta**2 * (1 - cosine**2), 0, 1))
     s, p = (eta * cosine - below) / (eta * cosine + below), (cosine - eta * below) / (cosine + eta * below)

@@ -1,6 +1,6 @@
-"""Writes tests/data/fbx by Blender's own FBX exporter, and Blender's values of the scene. Run by a Python that has bpy.
+"""Writes the FBX files of tests/data/fbx with Blender's own exporter, and the values that Blender has for the same scene.
 
-python tests/peers/fbx_kit.py FOLDER
+Run by a Python that has bpy: python tests/peers/fbx_kit.py FOLDER
 """
 
 import json
@@ -151,7 +151,7 @@ def build(folder):
 
 
 def said():
-    """Returns Blender's values of each object at each frame: world vertices, camera position, light."""
+    """Returns the values that Blender evaluates for each object at each frame: world vertices, camera position, light."""
     found = {}
     for frame in FRAMES:
         bpy.context.scene.frame_set(frame)

@@ -25,7 +25,10 @@ PLAIN = False  # only diffuse surfaces: Blender's Collada lacks roughness and sp
 
 
 def build(folder: Path, name: str) -> None:
-    """Builds the scene, limited to what the format can store: a wavy checkered floor, four bodies with materials, four lights."""
+    """Builds the scene from those features that the format `name` can store.
+
+    The scene is a wavy checkered floor with four bodies, each with a material, and four lights.
+    """
     global PLAIN, SAYS_ALL
     PLAIN, SAYS_ALL = name == "dae", name in ("blend", "fbx", "usdc")
     bpy.ops.wm.read_factory_settings(use_empty=True)
@@ -83,7 +86,10 @@ def light_up(scene: bpy.types.Scene) -> None:
 
 
 def surface(name, point, across, along):
-    """Returns a smooth mesh with UVs over 0..1 x 0..1; its vertices are point(u, v)."""
+    """Adds a smooth mesh with vertices point(u, v), whose UVs cover the unit square; returns it.
+
+    across, along: number of quads in u and in v.
+    """
     vertices = [point(i / across, j / along) for j in range(along + 1) for i in range(across + 1)]
     row = across + 1
     faces = [
@@ -112,7 +118,7 @@ def torus(large, small):
 
 
 def sphere(radius, power=2):
-    """Returns a superquadric: a ball for power 2, more like a block for larger powers."""
+    """Returns the function point(u, v) of a superquadric: a ball for power 2, closer to a block for larger powers."""
 
     def point(u, v):
         x, y = math.cos(2 * math.pi * u), math.sin(2 * math.pi * u)
@@ -200,7 +206,7 @@ def picture(path: Path, size: int, samples: int, max_depth: int) -> None:
 
 
 def lights_and_materials() -> dict[str, object]:
-    """Returns Blender's values of lights and materials, which show what an exporter or importer loses."""
+    """Returns the values of all lights and materials in Blender, to show what an exporter or importer loses."""
     lights = {
         thing.name: [thing.data.type, thing.data.energy, list(thing.data.color), getattr(thing.data, "shadow_soft_size", 0)]
         for thing in bpy.context.scene.objects

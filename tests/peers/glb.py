@@ -18,7 +18,7 @@ _TYPE = {1: "SCALAR", 2: "VEC2", 3: "VEC3", 4: "VEC4"}
 
 
 class Glb:
-    """A GLB file under construction; every `add_...` returns an index."""
+    """Builder of a GLB file. Every `add_...` method returns the index of the new element."""
 
     def __init__(self) -> None:
         self.root: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": []}]}

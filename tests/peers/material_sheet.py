@@ -1,6 +1,6 @@
-"""The material sheet: one GLB per material, extension or light, of which Blender and our renderer must make the same picture.
+"""The material sheet: a set of GLB files, each showing one material, glTF extension or light.
 
-A ball is on a floor, under a square light and a uniform sky.
+Blender and our renderer must make the same picture of each. Each shows a ball on a floor, under a square light and a uniform sky.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ _RINGS, _SEGMENTS = 96, 192
 
 
 def _ball() -> tuple[dict[str, np.ndarray], np.ndarray]:
-    """Returns the attributes and triangles of a sphere of radius 1, so fine that handling of smooth normals does not matter."""
+    """Returns (attributes, triangles) of a sphere of radius 1.
+
+    It is so finely divided that differences in how renderers treat smooth normals do not matter.
+    """
     theta = np.arange(_RINGS + 1) * (math.pi / _RINGS)
     phi = np.arange(_SEGMENTS + 1) * (2 * math.pi / _SEGMENTS)
     t, p = np.meshgrid(theta, phi, indexing="ij")
@@ -55,7 +58,10 @@ def _turn(x: float, y: float) -> list[float]:
 
 
 def _stage(lamp: float = 8.0, camera: Json | None = None) -> Glb:
-    """Returns a GLB with floor, square light and camera, without the ball."""
+    """Returns a GLB of everything in a picture except the ball: floor, square light and camera.
+
+    lamp: radiance of the light. camera: glTF camera; None: the default one.
+    """
     glb = Glb()
     gray = {"pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.5, 0.5, 1], "metallicFactor": 0, "roughnessFactor": 1}}
     # Without specular reflection the floor looks the same on both sides, whatever the ball is.
@@ -95,7 +101,7 @@ def _extension(glb: Glb, **extensions: Json) -> Json:
 def _sheet_of(
     name: str, color: tuple[float, ...] = (0.8, 0.8, 0.8), metallic: float = 0.0, roughness: float = 0.5, **extensions: Json
 ) -> None:
-    """Adds to the sheet a picture of a ball of one colour. extensions: the material's glTF extensions."""
+    """Registers in SHEET a GLB of a ball with a material of uniform colour. extensions: glTF extensions of the material."""
 
     def build() -> Glb:
         glb = _stage()
@@ -154,7 +160,10 @@ def _textured(glb: Glb, material: Json, **factors: Any) -> Glb:
 
 
 def _squares(columns: int, rows: int, seed: int, channels: int = 3, size: int = 16) -> np.ndarray:
-    """Returns an image of squares of random colours, of many texels each, so that filtering differs only at their edges."""
+    """Returns an image of squares of random colours.
+
+    Each square has many texels, so that the renderers' texture filtering differs only at edges of squares.
+    """
     codes = np.random.default_rng(seed).integers(20, 250, (rows, columns, channels)).astype(np.uint8)
     return codes.repeat(size, 0).repeat(size, 1)
 

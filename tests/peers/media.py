@@ -32,8 +32,9 @@ def fog_in_a_box() -> Case:
 
 
 def milk_in_glass() -> Case:
-    """Returns a glass ball filled with milk under a bright sky; without a lamp, which paths from inside the glass hit only by
-    chance.
+    """Returns a glass ball filled with milk, under a bright sky.
+
+    There is no lamp, since paths from inside the glass would hit it only by chance.
     """
     milk = Material(kind="glass", base_color=gray(1.0), ior=1.33, sigma_s=(2.0, 2.5, 3.5), sigma_a=(0.01, 0.05, 0.2), g=0.5)
     return _case(

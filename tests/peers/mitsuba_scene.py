@@ -80,7 +80,10 @@ def _is_filled(material: Material) -> bool:
 
 
 def _medium(medium: Material | Medium) -> dict[str, Any]:
-    """Returns the medium as Mitsuba's dictionary, in which colours are at most 1 and multiplied by a scale."""
+    """Returns the medium as Mitsuba's dictionary.
+
+    Mitsuba limits colours to 1, so the extinction is divided by its largest component, which becomes the `scale`.
+    """
     scattered = np.array(medium.sigma_s, float)
     total = scattered + np.array(medium.sigma_a, float)
     return {
@@ -149,7 +152,11 @@ def _shape(mi: Any, description: SceneDescription, bsdfs: list[Any], path: Path,
 
 
 def _emitter(mi: Any, description: SceneDescription, material: Material) -> dict[str, Any]:
-    """Returns the entries of a shape's dictionary other than its BSDF: an emitter, or the medium that the shape bounds."""
+    """Returns the part of a shape's Mitsuba dictionary that follows from the material but is no BSDF.
+
+    This is the emitter, or the medium inside the shape; it is empty for other materials. Raises ValueError for two-sided
+    emitters.
+    """
     if _is_filled(material):
         return {"interior": _medium(material)}
     if max(material.emission) <= 0:
@@ -163,7 +170,7 @@ def _emitter(mi: Any, description: SceneDescription, material: Material) -> dict
 
 
 def _linear(image: Image) -> np.ndarray:
-    """Returns the image's linear values (h, w, 3)."""
+    """Returns the image's colours (h, w, 3) as linear values, without their transfer function."""
     if image.pixels.dtype != np.uint8:
         return np.asarray(image.pixels[..., :3], np.float32)
     level = image.pixels[..., :3] / 255.0

@@ -46,7 +46,7 @@ def _ceiling(material: int, side: float = 0.8, height: float = 3.5) -> Mesh:
 
 
 def _on_the_floor(*tested: Material) -> SceneDescription:
-    """Returns one sphere of each material on a floor, with a square light and a dim sky."""
+    """Returns a scene of spheres in a row on a floor, one for each of the given materials, with a square light and a dim sky."""
     x = [0.0] if len(tested) == 1 else [-1.1, 1.1]
     radius = 0.9
     return _scene(
@@ -171,7 +171,10 @@ def point_spot_and_directional_light() -> Case:
 
 @_case
 def metals_of_measured_index() -> Case:
-    """Returns spheres of gold and copper, which is only as rough as both renderers agree on multiple scattering."""
+    """Returns spheres of gold and copper by their measured refractive indices.
+
+    Their roughness is low, since the renderers differ in multiple scattering on rougher metals.
+    """
     gold = Material(kind="conductor", eta=(0.143, 0.375, 1.442), k=(3.983, 2.386, 1.603), roughness=0.0)
     copper = Material(kind="conductor", eta=(0.200, 0.924, 1.102), k=(3.912, 2.452, 2.142), roughness=0.1)
     return _on_the_floor(gold, copper), _settings(_view())
@@ -192,7 +195,10 @@ def white_rough_metal() -> Case:
 
 @_case
 def normal_map() -> Case:
-    """Returns normal maps on a rotated wall and, with exchanged axes, on a slope, which reveal any swapped or flipped axis."""
+    """Returns two normal maps, one on a rotated wall and one, with axes exchanged, on a slope.
+
+    The picture shows if an axis of the maps is swapped or flipped.
+    """
     y, x = np.meshgrid(np.arange(32) / 32 * 2 * math.pi, np.arange(32) / 32 * 2 * math.pi, indexing="ij")
     n = np.stack([0.08 * np.cos(x), 0.06 * np.cos(2 * y), np.ones_like(x)], -1)
     n /= np.linalg.norm(n, axis=-1, keepdims=True)

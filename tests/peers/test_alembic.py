@@ -1,4 +1,4 @@
-"""Tests that Alembic files and deformed meshes of .blend files have every vertex where Blender has it.
+"""Tests that vertices have Blender's positions, in Alembic files and in meshes of .blend files that modifiers deform.
 
 Needs a Python with bpy, which `python3 farm.py peers` installs.
 """
@@ -23,7 +23,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(600)]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Yields the folder written by alembic_kit.py; the same Blender reads .blend files."""
+    """Yields the folder written by alembic_kit.py; meanwhile, our reader opens .blend files with the Blender that wrote them."""
     with written_by("alembic_kit.py", tmp_path_factory.mktemp("alembic")) as folder:
         yield folder
 

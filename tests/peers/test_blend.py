@@ -30,13 +30,13 @@ NEAR = 1e-4
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Yields the folder written by blend_kit.py; the same Blender reads .blend files."""
+    """Yields the folder written by blend_kit.py; meanwhile, our reader opens .blend files with the Blender that wrote them."""
     with written_by("blend_kit.py", tmp_path_factory.mktemp("blend")) as folder:
         yield folder
 
 
 def upload(made: Path, tmp_path: Path, *names: str) -> Path:
-    """Returns a new folder with only the named files of `made`."""
+    """Copies only the named files of the folder `made` to a new folder, and returns it."""
     folder = tmp_path / "upload"
     folder.mkdir()
     for name in names:
@@ -75,7 +75,10 @@ def test_what_came_along_is_found_wherever_it_lay(made: Path, tmp_path: Path) ->
 
 
 def test_a_process_that_is_confined_can_neither_read_write_nor_connect(made: Path, tmp_path: Path, monkeypatch: Any) -> None:
-    """The confined process cannot read, write or connect, even if a file exploits a bug in Blender."""
+    """The process that opens a .blend file cannot read other files, write, or connect.
+
+    This holds even if a file exploits a bug in Blender.
+    """
     script = tmp_path / "inside" / "export.py"
     script.parent.mkdir()
     script.write_text(
@@ -144,7 +147,7 @@ def test_what_is_not_taken_over_is_named(shot: Shot) -> None:
 
 
 def test_what_nodes_make_is_baked(shot: Shot) -> None:
-    """Procedural node textures are baked by Cycles to an image, on UVs created for this image."""
+    """Procedural textures made by shader nodes are baked to an image by Cycles; the mesh gets UVs for this image."""
     found = shot.scene_at(Moment(1))
     odd = next(material for material in found.materials if material.name == "odd")
     assert odd.base_color_texture is not None
@@ -158,9 +161,9 @@ def test_what_nodes_make_is_baked(shot: Shot) -> None:
 
 
 def test_the_world_is_a_picture_of_what_cycles_sees(shot: Shot) -> None:
-    """The world becomes an environment image as Cycles renders it.
+    """The world's shader is converted to an environment image, and each direction has the colour that Cycles renders.
 
-    In blend_kit.py's world, a direction's colour is its coordinates.
+    In the world of blend_kit.py, the colour of a direction is its coordinates.
     """
     environment = shot.scene_at(Moment(1)).environment
     assert environment is not None

@@ -1,6 +1,6 @@
-"""Tests that .blend files with one feature each match Cycles' pictures within 3 % by blocks, without warnings.
+"""Tests that our pictures of .blend files, each with one feature, differ from Cycles' by at most 3 % in each block of pixels.
 
-Needs a Python with bpy, which `python3 farm.py peers` installs.
+Reading them must not yield warnings. Needs a Python with bpy, which `python3 farm.py peers` installs.
 """
 
 from __future__ import annotations
@@ -32,7 +32,10 @@ BLOCK, MOST, BRIGHTEST, SAMPLES = 8, 0.03, 4.0, 128
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Yields the folder written by blend_features.py; the same Blender reads .blend files."""
+    """Yields the folder written by blend_features.py.
+
+    Meanwhile, our reader opens .blend files with the Blender that wrote them.
+    """
     with written_by("blend_features.py", tmp_path_factory.mktemp("features")) as folder:
         yield folder
 

@@ -36,7 +36,7 @@ SAID = {
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
-    """Yields the folder written by blend_habits.py; the same Blender reads .blend files."""
+    """Yields the folder written by blend_habits.py; meanwhile, our reader opens .blend files with the Blender that wrote them."""
     with written_by("blend_habits.py", tmp_path_factory.mktemp("habits")) as folder:
         yield folder
 
@@ -72,7 +72,10 @@ def bodies(found: SceneDescription) -> list[tuple[str, Any, int]]:
 
 
 def test_colours_of_points_and_corners_are_those_of_blender(made: Path) -> None:
-    """Colours at points and at corners equal Blender's, in bytes and in floats: red rises, green is 0.25 and blue 0.5."""
+    """Colour attributes per point and per corner, stored as bytes or floats, have Blender's values.
+
+    In the four test meshes, red rises over the mesh, green is 0.25 and blue 0.5.
+    """
     found = Shot(made, "colors.blend").scene_at(Moment(1))
     colors = [mesh.colors for mesh in found.meshes if mesh.colors is not None]
     assert len(colors) == 4
@@ -93,7 +96,10 @@ def test_pictures_that_came_along_are_there_whatever_their_kind(made: Path) -> N
 
 
 def test_what_goes_past_the_exporter_has_its_materials_and_uvs(made: Path) -> None:
-    """A mesh too large for the exporter has its materials and both UV sets: one covers the unit square, one is a point."""
+    """A mesh too large for Blender's exporter keeps its materials and both UV sets.
+
+    One UV set covers the unit square; in the other, all coordinates are the same point.
+    """
     found = Shot(made, "large.blend").scene_at(Moment(1))
     parts = [mesh for mesh in found.meshes if len(mesh.triangles) > 1000]
     assert sorted(found.materials[mesh.material].name for mesh in parts) == ["left", "right"]

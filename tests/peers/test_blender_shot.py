@@ -56,7 +56,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def shot(folder: Path) -> tuple[Shot, dict[str, Any]]:
-    """Returns the shot as we open it, and Blender's values of each of its frames."""
+    """Returns the shot, opened by our reader, and Blender's values at each frame."""
     return Shot(folder, "shot.glb"), json.loads((folder / "shot.json").read_text())
 
 
@@ -100,7 +100,10 @@ def test_what_blender_writes_as_pointers_is_what_it_shows(shot: tuple[Shot, dict
 
 @pytest.mark.parametrize("frame", [7, 24, 40])
 def test_the_picture_of_cycles(shot: tuple[Shot, dict[str, Any]], folder: Path, frame: int) -> None:
-    """The picture's mean difference from Cycles', over blocks of 4 x 4 pixels and relative to the picture's mean, is small."""
+    """Our picture of a frame matches Cycles' picture.
+
+    Measured is the mean difference of blocks of 4 x 4 pixels, relative to the picture's mean.
+    """
     job = {"glb": str(folder / "shot-plain.glb"), "exr": str(folder / f"{frame}.exr"), "frame": frame}
     job |= {"size": SIZE, "samples": SPP, "max_depth": DEPTH, "sky": SKY}
     (folder / "jobs.json").write_text(json.dumps([job]))
@@ -122,10 +125,9 @@ BLURRED = [("plain", 13, 0.5), ("plain", 8, 6.0), ("plain", 20, 8.0), ("bent", 1
 def test_the_motion_blur_of_cycles(
     shot: tuple[Shot, dict[str, Any]], folder: Path, kind: str, frame: int, shutter: float
 ) -> None:
-    """Motion blur equals Cycles', for rotating, moving and deforming bodies with a moving camera, and for bones and shape keys
-    alone.
+    """Motion blur matches that of Cycles, for the whole shot, and for a tube deformed by bones and shape keys alone.
 
-    Lamps are static in Cycles.
+    The whole shot has rotating, moving and deforming bodies and a moving camera. Lamps do not move in Cycles.
     """
     file, name = f"shot-{kind}.glb", f"blur-{kind}-{frame}.exr"
     job = {"glb": str(folder / file), "exr": str(folder / name), "frame": frame, "shutter": shutter}
@@ -154,7 +156,7 @@ def blocks(picture: np.ndarray) -> np.ndarray:
 
 
 def test_it_moves(shot: tuple[Shot, dict[str, Any]]) -> None:
-    """The shot moves; otherwise the tests of this module would compare static pictures."""
+    """Every body of the shot moves; otherwise the tests of this module would only compare static pictures."""
     places = [shot[1][str(frame)]["vertices"] for frame in (0, 13, 40)]
     for name in ("mast", "yard", "flag", "tube"):
         for a, b in ((0, 1), (1, 2)):

@@ -32,7 +32,7 @@ OPENED = {"CENTER": "centred", "START": "leading", "END": "trailing"}
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Returns the folder with the files and Cycles' pictures of them."""
+    """Returns the folder with the shot in every format, and Cycles' pictures of each file."""
     python = python_with_bpy()
     if python is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")

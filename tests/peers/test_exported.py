@@ -84,8 +84,9 @@ def _blocks(picture: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", NAMES)
 def test_the_picture_of_cycles(name: str, kind: str, made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The picture's difference from Cycles', averaged over blocks of 8 x 8 pixels, and the difference of the pictures' means are
-    small.
+    """Our picture of an exported file matches Cycles' picture.
+
+    Two differences must be small: the mean difference of blocks of 8 x 8 pixels, and the difference of the pictures' means.
     """
     if (name, kind) in NOBODY:
         pytest.skip(NOBODY[name, kind])

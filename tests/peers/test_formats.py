@@ -51,7 +51,10 @@ def _blocks(pictures: np.ndarray) -> np.ndarray:
 
 @pytest.mark.parametrize("name", ["blend", "glb", "fbx", "usdc", "dae"])
 def test_the_picture_of_cycles(name: str, made: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The picture's mean difference from Cycles', over blocks of 8 x 8 pixels and relative to its mean, is below MOST."""
+    """Our picture of a file matches Cycles' picture of what Blender reads from it.
+
+    The mean difference of blocks of 8 x 8 pixels, relative to the picture's mean, must be below MOST.
+    """
     monkeypatch.setenv(NAMED, str(python_with_bpy()))
     if not (made / f"scene.{name}").exists():
         pytest.skip(f"this Blender does not write .{name} any more")

@@ -1,7 +1,7 @@
-"""Tests that the scene that our reader makes from a Mitsuba file is the scene that Mitsuba renders from it.
+"""Tests that our reader makes from a Mitsuba file the scene that Mitsuba itself renders.
 
-Mitsuba renders both the file and the scene that our reader made from it. Where the renderers' models differ (multiple scattering
-of rough metals, smooth normals at the edge of shadow), our picture may differ by 3 %.
+Mitsuba renders both the file and our reader's scene. Our own picture may differ by 3 % where the renderers' models differ:
+multiple scattering of rough metals, and smooth normals at the edge of shadow.
 """
 
 from __future__ import annotations

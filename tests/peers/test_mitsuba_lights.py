@@ -52,7 +52,7 @@ LIGHTS = {
 
 @grid("name", LIGHTS, ordinary=("spot",))
 def test_the_same_light_is_thrown(name: str, tmp_path: Path) -> None:
-    """An image without symmetry, wider than high, is projected equally by both renderers."""
+    """Both renderers project the image of a light equally onto a wall; the image has no symmetry, and is wider than high."""
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
     y, x = np.mgrid[0:24, 0:40]

@@ -76,7 +76,7 @@ SCENES = {
 
 
 def blocks(batches: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the block means of pictures (B, h, w, 3), and their standard errors."""
+    """Returns, for each block of pixels, the mean of the batches and its standard error. batches: (count, h, w, 3)."""
     count, h, w, _ = batches.shape
     each = batches.reshape(count, h // BLOCK, BLOCK, w // BLOCK, BLOCK, 3).mean((2, 4))
     return each.mean(axis=0), each.std(axis=0, ddof=1) / np.sqrt(count)

@@ -46,9 +46,10 @@ def mean_colors(
 
 
 def scattered_once(degrees: float, alpha: float) -> float:
-    """Returns the fraction of uniform light that a white rough metal reflects if light that hits a second facet is lost.
+    """Returns the fraction of uniform light that a white rough metal reflects after exactly one facet hit.
 
-    degrees: angle of the view to the normal. Masking is Smith's, for GGX.
+    Light that hits a second facet counts as lost, by Smith's masking function for GGX. degrees: angle from the view direction to
+    the surface normal.
     """
     random = np.random.default_rng(2)
     view = np.array([np.sin(np.radians(degrees)), 0.0, np.cos(np.radians(degrees))])
@@ -79,9 +80,10 @@ def test_white_metal_is_white_here_and_has_in_mitsuba_what_one_bounce_leaves(
 def test_rough_glass_is_what_a_random_walk_between_facets_gives_and_in_mitsuba_the_first_of_them(
     alpha: float, degrees: float, tmp_path: Path
 ) -> None:
-    """Rough glass in uniform light of radiance 1 shows the reflected light plus 1/2.25 of the transmitted light.
+    """Rough glass in uniform light matches a random walk of light between its facets (facets.py).
 
-    Our picture equals a random walk between facets, Mitsuba's only the first facet of this walk.
+    Its radiance is the reflected fraction plus the transmitted one divided by 1.5^2, the squared refractive index. Our picture
+    includes all facets of the walk; Mitsuba's includes only paths that hit a single facet.
     """
     reflected, through = walked(alpha, degrees, 1.5)
     assert reflected.sum() + through.sum() == pytest.approx(1, abs=1e-4)
@@ -107,9 +109,10 @@ LAMP = """<emitter type="directional"><vector name="direction" value="0 -1 -1"/>
 
 
 def walked_on_a_ramp(slope: float, paths: int = 400_000) -> tuple[float, float]:
-    """Returns the radiance of a diffuse ramp that faces away from a lamp, seen from above: after one reflection, and in total.
+    """Returns the radiance of a bump-mapped diffuse ramp, seen from above: (after one reflection, after all reflections).
 
-    Directions that enter the facet hit it again. The normal is bent until the mirror direction leaves (consistent_normals.py).
+    The ramp faces away from the lamp. A direction that leads into the surface hits the same facet again, whose normal is then
+    bent until the mirror direction leaves the surface (consistent_normals.py).
     """
     random = np.random.default_rng(3)
     lamp, up = np.array([0, 1, 1]) / np.sqrt(2), np.array([0.0, 0.0, 1.0])
@@ -151,7 +154,7 @@ def test_a_ramp_of_heights_has_what_its_facet_scatters_again_and_in_mitsuba_the_
 
 
 def test_what_shines_is_black_where_it_names_no_material(tmp_path: Path) -> None:
-    """An emitter without a material is black: in uniform light only its own radiance is seen."""
+    """A Mitsuba emitter without a BSDF is black: in uniform light, only the radiance that it emits itself is seen."""
     wall = '<shape type="rectangle"><emitter type="area"><rgb name="radiance" value="0.5 0.25 0.125"/></emitter></shape>'
     ours, theirs = mean_colors(tmp_path, WHITE + wall)
     np.testing.assert_allclose(ours, (0.5, 0.25, 0.125), rtol=1e-4)

@@ -21,9 +21,9 @@ NEAR = 1e-4  # relative to the value or to the farthest coordinate
 
 
 def meshes_apart(found: SceneDescription, told: dict[str, Any], turn: Any = TO_Y_UP) -> Iterator[str]:
-    """Compares meshes by their world-space corners, pairing each mesh of Blender with one of ours.
+    """Compares meshes by the positions of their vertices in world space, pairing each mesh of Blender with one of ours.
 
-    told: Blender's values. turn: rotation from Blender's axes to the file's.
+    told: values by values_kit.py. turn: rotation matrix from Blender's axes to the file's.
     """
     left = [_corners(found, i) for i in range(len(found.instances)) if not _is_lamp(found, i)]
     for name, count, vertices in told["meshes"]:
@@ -41,7 +41,7 @@ def meshes_apart(found: SceneDescription, told: dict[str, Any], turn: Any = TO_Y
 
 
 def soup_apart(found: SceneDescription, told: dict[str, Any], turn: Any) -> Iterator[str]:
-    """Compares all triangles as one mesh, for formats without objects."""
+    """Compares the vertices of all meshes together, for formats that do not store separate objects."""
     ours = [_corners(found, i) for i in range(len(found.instances))]
     points, count = np.concatenate([each for each, _ in ours]), sum(triangles for _, triangles in ours)
     wanted = np.concatenate([np.array(vertices) for _, _, vertices in told["meshes"]]) @ turn.T
@@ -64,13 +64,13 @@ def _is_lamp(found: SceneDescription, number: int) -> bool:
 
 
 def _far(a: Any, b: Any) -> float:
-    """Returns the largest distance of a point of either cloud to the other cloud, relative to the largest coordinate."""
+    """Returns the Hausdorff distance of two point clouds, divided by the largest coordinate of `b` if that is above 1."""
     apart = max(cKDTree(a).query(b)[0].max(), cKDTree(b).query(a)[0].max())
     return float(apart / max(1.0, np.abs(b).max()))
 
 
 def cameras_apart(found: SceneDescription, told: dict[str, Any]) -> Iterator[str]:
-    """Compares each camera's position, direction, and the four corners of its picture."""
+    """Compares the position, direction, clipping, shift, picture height and depth of field of each camera."""
     ours = {each.name: each.view for each in found.cameras}
     for name, said in told["cameras"].items():
         view = ours.get(name)
@@ -100,7 +100,7 @@ def cameras_apart(found: SceneDescription, told: dict[str, Any]) -> Iterator[str
 
 
 def lights_apart(found: SceneDescription, told: dict[str, Any]) -> Iterator[str]:
-    """Compares each light's position and direction, watts by colour, size and cone."""
+    """Compares the position, direction, size and cone of each light, and its power in watts per colour channel."""
     for name, said in told["lights"].items():
         shining = _shining(found, name)
         if shining is None:
@@ -129,9 +129,9 @@ def lights_apart(found: SceneDescription, told: dict[str, Any]) -> Iterator[str]
 
 
 def _shining(found: SceneDescription, name: str) -> tuple[Any, Light | Sphere | None] | None:
-    """Returns (watts by colour, light) of the light with this name; None if there is none.
+    """Returns (watts per colour channel, light) of our light with this name; None if there is none.
 
-    For a sun the watts are per square metre. The light is None for an emissive mesh.
+    For a sun, the watts are per square metre. If the light is an emissive mesh, the second element is None.
     """
     names = {name, name.replace(" ", "_")}
     for light in found.lights:
@@ -151,7 +151,10 @@ def _shining(found: SceneDescription, name: str) -> tuple[Any, Light | Sphere | 
 
 
 def materials_apart(found: SceneDescription, told: dict[str, Any], known: tuple[str, ...]) -> Iterator[str]:
-    """Compares the values of principled surfaces. known: parameters that the format can store, by their names here."""
+    """Compares materials with Blender's principled BSDFs.
+
+    told: values of the BSDF's inputs, by material name. known: names of our parameters that the file format can store.
+    """
     ours = {each.name.split("/")[-1].removesuffix("-material"): each for each in found.materials}
     for name, said in told.items():
         if name not in ours:

@@ -50,7 +50,7 @@ def wedge(name: str) -> Any:
 
 
 def moved(owner: Any, path: str, *values: Any) -> None:
-    """Animates a property with a value at each of FRAMES."""
+    """Animates a property of `owner`, with one value for each of FRAMES. path: name of the property."""
     for frame, value in zip(FRAMES, values, strict=True):
         setattr(owner, path, value)
         owner.keyframe_insert(path, frame=frame)
@@ -58,8 +58,9 @@ def moved(owner: Any, path: str, *values: Any) -> None:
 
 @scene
 def hierarchy() -> None:
-    """Adds objects whose parents are scaled non-uniformly, mirrored, rotated in every mode or moved; also parent inverses and
-    deltas.
+    """Adds objects whose parents are scaled non-uniformly, mirrored, rotated in every rotation mode, or moving.
+
+    Some have parent inverse matrices and delta transforms.
     """
     root = placed("root", None, location=(1, 2, 0.5), rotation_euler=(0.3, -0.2, 0.9), scale=(1, 2, 0.5))
     moved(root, "location", (1, 2, 0.5), (2, 2, 1), (3, 1, 1))
@@ -176,7 +177,7 @@ def bound(thing: Any, arm: Any, weights: dict[str, Callable[[Any], float]]) -> N
 
 @scene
 def instances() -> None:
-    """Adds nested collection instances, placed, mirrored and moved; and objects that share a mesh."""
+    """Adds objects that share a mesh, and nested collection instances: translated, mirrored and moving."""
     inner = bpy.data.collections.new("inner")
     for i in range(2):
         each = placed(f"leaf {i}", wedge(f"leaf {i}"), location=(i, 0.5 * i, 1), rotation_euler=(0.3 * i, 0.2, 0))
@@ -201,7 +202,7 @@ def instances() -> None:
 
 @scene
 def seen() -> None:
-    """Adds cameras of every sensor fit and lens, below parents; and lights of every kind."""
+    """Adds cameras of every sensor fit and lens type, each with a parent, and lights of every kind."""
     placed("wedge", wedge("wedge"))
     carrier = placed("crane", None, location=(0, -3, 1), rotation_euler=(0.2, 0.1, 0.6), scale=(2, 2, 2))
     moved(carrier, "location", (0, -3, 1), (1, -3, 1), (1, -4, 2))
