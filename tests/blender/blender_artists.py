@@ -1,4 +1,4 @@
-"""Scenes with artists' features beyond plain surfaces and lamps, built in Blender. Run by a Python that has bpy."""
+"""Scenes with features that artists use, beyond plain surfaces and lamps. Run by a Python that has bpy."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ PRINCIPLED = "Principled BSDF"
 
 
 def _front(scene: bpy.types.Scene) -> None:
-    """Adds a floor, a lamp, and a camera facing a row of objects."""
+    """Adds a floor, a lamp, and a camera, in front of which objects are placed in rows."""
     add("plane", principled("floor", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
     lamp("AREA", 400, (2.5, -3.5, 5), size=2.5)
     background(scene).inputs["Strength"].default_value = 0.6
@@ -26,7 +26,10 @@ def _row(materials: list[bpy.types.Material], y: float) -> None:
 
 
 def _mix(name: str, first: tuple[str, dict], second: tuple[str, dict], share: float = 0.5):
-    """Returns (a material that mixes two shaders, its mix node). share: mix factor."""
+    """Returns (a material that mixes two shaders, its Mix Shader node). first, second: (node type, inputs).
+
+    share: weight of `second`.
+    """
     material = bpy.data.materials.new(name)
     material.use_nodes = True
     tree = material.node_tree
@@ -42,7 +45,10 @@ def _mix(name: str, first: tuple[str, dict], second: tuple[str, dict], share: fl
 
 
 def _behind(name: str, build, image: bpy.types.Image, socket: str = "Base Color", **values) -> bpy.types.Material:
-    """Returns a principled material with one socket connected to the nodes that `build` makes from an image."""
+    """Returns a principled material with one input taken from an image through other nodes.
+
+    build: function of (node tree, the image's colour output) that adds these nodes and returns their output.
+    """
     material = principled(name, Roughness=0.8, **values)
     tree = material.node_tree
     node = tree.nodes.new("ShaderNodeTexImage")
@@ -62,7 +68,7 @@ def _new(tree: bpy.types.NodeTree, kind: str, values: dict, source, into, output
 
 
 def shaders() -> bpy.types.Scene:
-    """Returns a scene with mixed shaders in the upper row of objects, and image nodes in the lower one."""
+    """Returns a scene with two rows of balls: mixed shaders in the upper row, and images through nodes in the lower one."""
     scene = empty()
     _front(scene)
     diffuse, glossy = "ShaderNodeBsdfDiffuse", "ShaderNodeBsdfGlossy"
@@ -110,7 +116,10 @@ def shaders() -> bpy.types.Scene:
 
 
 def suns() -> bpy.types.Scene:
-    """Returns a scene with a sun of non-zero size over mirrors and glass, and point lights of both kinds close to surfaces."""
+    """Returns a scene with a sun of non-zero size, mirrors and glossy balls, and two point lights close to surfaces.
+
+    One of the point lights has soft falloff, the other has not.
+    """
     scene = empty()
     _front(scene)
     bpy.data.objects["area"].hide_render = True
@@ -126,7 +135,7 @@ def suns() -> bpy.types.Scene:
 
 
 def rays() -> bpy.types.Scene:
-    """Returns a scene with objects hidden from camera or shadow rays, and a collection seen only in a mirror."""
+    """Returns a scene with objects hidden from camera rays or from shadow rays, and a collection seen only in a mirror."""
     scene = empty()
     _front(scene)
     matt = {"Roughness": 0.8, "Specular_IOR_Level": 0.0}
@@ -145,7 +154,10 @@ def rays() -> bpy.types.Scene:
 
 
 def bumps() -> bpy.types.Scene:
-    """Returns a scene with bump maps of several strengths and distances, one inverted, above, and normal maps below."""
+    """Returns a scene with two rows of balls: bump maps in the upper row, and normal maps in the lower one.
+
+    The bump maps have several strengths and distances, and one is inverted.
+    """
     scene = empty()
     add("plane", principled("floor", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), size=14)
     background(scene).inputs["Strength"].default_value = 0.1
@@ -181,14 +193,14 @@ def bumps() -> bpy.types.Scene:
 
 
 def _leaning(x: float, y: float) -> tuple[float, float, float]:
-    """Returns the colour of a normal map at x, y, whose normals lean to alternating sides."""
+    """Returns the colour at x, y of a test normal map, whose normals are tilted to alternating sides."""
     a, b = 0.5 * math.sin(20 * math.pi * x), 0.4 * math.cos(14 * math.pi * y)
     length = math.sqrt(a * a + b * b + 1)
     return 0.5 + 0.5 * a / length, 0.5 + 0.5 * b / length, 0.5 + 0.5 / length
 
 
 def surroundings() -> bpy.types.Scene:
-    """Returns a scene whose world has a rotated image, with objects with textures, alpha and bumps."""
+    """Returns a scene under a rotated environment image, whose objects have textures, alpha and bump maps."""
     scene = empty()
     node = world_node(scene, "ShaderNodeTexEnvironment")
     node.image = painted("sky", 64, 32, lambda x, y: (0.2 + 2 * (0.1 < x < 0.35) * y, 0.3 + y, 0.4 + 0.8 * (x > 0.6)), True)
@@ -216,7 +228,7 @@ def surroundings() -> bpy.types.Scene:
 
 
 def moving() -> bpy.types.Scene:
-    """Returns a scene with motion blur of transforms, a shape key, and the camera."""
+    """Returns a scene with motion blur of objects' transforms, of a shape key, and of the camera."""
     scene = empty()
     table(scene)
     lamp("AREA", 400.0, (2, -3, 5), size=2.0)

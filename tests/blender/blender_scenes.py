@@ -22,7 +22,10 @@ def principled(name: str, **values) -> bpy.types.Material:
 
 
 def add(primitive: str, material: bpy.types.Material, number: int = 0, smooth: bool = True, **where) -> bpy.types.Object:
-    """Adds a mesh primitive of Blender (primitive_NAME_add) with a material; returns the object."""
+    """Adds one of Blender's mesh primitives to the scene, and returns the object.
+
+    primitive: NAME of the operator primitive_NAME_add. number: pass index.
+    """
     getattr(bpy.ops.mesh, f"primitive_{primitive}_add")(**where)
     thing = bpy.context.object
     thing.data.materials.append(material)
@@ -46,7 +49,7 @@ def lamp(kind: str, energy: float, location, **values) -> bpy.types.Object:
 
 
 def look(thing: bpy.types.Object, at=(0, 0, 0.6)) -> None:
-    """Rotates an object so that its -Z points at a location."""
+    """Rotates an object, such as a camera or lamp, so that its -Z axis points at a location."""
     thing.rotation_euler = (mathutils.Vector(at) - thing.location).to_track_quat("-Z", "Y").to_euler()
 
 
@@ -112,7 +115,7 @@ def painted(name: str, width: int, height: int, paint, is_float: bool = False, s
 
 
 def blank_images() -> list[str]:
-    """Returns the names of blank images: without pixels, or of a single colour."""
+    """Returns the names of used images that have no pixels or a single colour."""
     found = []
     for image in bpy.data.images:
         if image.source == "VIEWER" or not image.users:
@@ -126,7 +129,10 @@ def blank_images() -> list[str]:
 
 
 def textured(material: bpy.types.Material, image: bpy.types.Image, socket: str, scale: float | None = 2.0) -> None:
-    """Connects an image to a socket, through a Mapping node if it is scaled."""
+    """Connects an image to the input `socket` of the material's principled BSDF.
+
+    scale: factor of a Mapping node in between, which also rotates and shifts; None: no Mapping node.
+    """
     tree = material.node_tree
     node = tree.nodes.new("ShaderNodeTexImage")
     node.image = image
@@ -141,7 +147,7 @@ def textured(material: bpy.types.Material, image: bpy.types.Image, socket: str, 
 
 
 def leaves(scene: bpy.types.Scene) -> None:
-    """Adds a collection with many instances at different transforms."""
+    """Adds 14 instances of a collection that contains a cone, each with its own transform."""
     stem = bpy.data.collections.new("stem")
     bpy.ops.mesh.primitive_cone_add(radius1=0.12, depth=0.5)
     thing = bpy.context.object
@@ -159,7 +165,7 @@ def leaves(scene: bpy.types.Scene) -> None:
 
 
 def smoke_filled(tree: Any, surface: str) -> None:
-    """Connects a smoke volume to the material output, alone or inside a glass surface."""
+    """Fills the material with smoke, a volume. surface: "glass" for smoke inside glass; otherwise the material has no surface."""
     shader = tree.nodes["Principled BSDF"]
     if surface == "glass":
         _set(shader, Base_Color=(1, 1, 1, 1), Transmission_Weight=1.0, Roughness=0.3, IOR=1.3)
@@ -171,7 +177,7 @@ def smoke_filled(tree: Any, surface: str) -> None:
 
 
 def waxen(tree: Any, method: str) -> None:
-    """Sets subsurface scattering."""
+    """Sets subsurface scattering in the material's principled BSDF. method: Blender's name of the subsurface method."""
     shader = tree.nodes["Principled BSDF"]
     shader.subsurface_method = method
     _set(shader, Subsurface_Weight=1.0, Subsurface_Radius=(1.0, 0.5, 0.3), Subsurface_Scale=0.3)

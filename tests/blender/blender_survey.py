@@ -27,7 +27,10 @@ def _sky(kind: str) -> Callable[[bpy.types.Scene], None]:
 
 
 def _things() -> None:
-    """Adds objects on a diffuse floor, none so glossy that a lamp's reflection covers single pixels."""
+    """Adds the objects of every surveyed scene, on a diffuse floor.
+
+    None is so glossy that a lamp's reflection covers only single pixels.
+    """
     add("plane", principled("floor", Base_Color=(0.6, 0.55, 0.5, 1), Roughness=0.9, Specular_IOR_Level=0.0), 1, size=12)
     red = principled("red", Base_Color=(0.7, 0.08, 0.05, 1), Roughness=0.6)
     blue = principled("blue", Base_Color=(0.05, 0.2, 0.5, 1), Roughness=0.7)
@@ -79,7 +82,7 @@ def _thing(**values) -> Callable[[bpy.types.Scene], None]:
 
 
 def _cycles(**values) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that sets Cycles settings to other than default values."""
+    """Returns a scene builder that sets properties of Cycles. values: by property name, different from the defaults."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -90,7 +93,7 @@ def _cycles(**values) -> Callable[[bpy.types.Scene], None]:
 
 
 def _blurred(position: str) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that adds a cube that moves while the shutter is open. position: Blender's shutter position."""
+    """Returns a scene builder that adds a cube moving while the shutter is open. position: Blender's shutter position."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -119,19 +122,19 @@ def _layered(**values) -> Callable[[bpy.types.Scene], None]:
 
 
 def _shutter_of_layer(scene: bpy.types.Scene) -> None:
-    """Enables motion blur in the scene, and disables it in the view layer."""
+    """Enables motion blur in the scene's settings, and disables it in those of the view layer."""
     _blurred("CENTER")(scene)
     bpy.context.view_layer.use_motion_blur = False
 
 
 def _still(scene: bpy.types.Scene) -> None:
-    """Adds a moving object for which motion blur is disabled."""
+    """Adds a moving cube, and disables motion blur for this object."""
     _blurred("CENTER")(scene)
     bpy.data.objects["Cube"].cycles.use_motion_blur = False
 
 
 def _panes(scene: bpy.types.Scene) -> None:
-    """Adds a transparent object whose shadow is opaque."""
+    """Adds a transparent ball whose shadow is nevertheless opaque."""
     _plain(scene)
     ghost = principled("ghost", Base_Color=(0.8, 0.3, 0.1, 1), Roughness=1.0, Alpha=0.4)
     ghost.use_transparent_shadow = False
@@ -148,7 +151,7 @@ def _culled(scene: bpy.types.Scene) -> None:
 
 
 def _normals(space: str) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that adds a tilted plane with a normal map in object or world space."""
+    """Returns a scene builder that adds a tilted plane with a normal map. space: Blender's name of object or world space."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -174,7 +177,7 @@ def _normals(space: str) -> Callable[[bpy.types.Scene], None]:
 
 
 def _bright(entry: str) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that connects a Noise texture, scaled to values above 1, to the input `entry` of the ball's material."""
+    """Returns a scene builder that connects a Noise texture, scaled above 1, to the input `entry` of the ball's material."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -196,7 +199,7 @@ def _film(scene: bpy.types.Scene) -> None:
 
 
 def _view(scene: bpy.types.Scene) -> None:
-    """Sets view transforms, which do not affect an EXR's pixels."""
+    """Sets a view transform and an exposure, which must not affect the pixels of an EXR."""
     _plain(scene)
     scene.view_settings.view_transform, scene.view_settings.exposure = "AgX", 1.5
 
@@ -207,7 +210,7 @@ def _scaled_camera(scene: bpy.types.Scene) -> None:
 
 
 def _held(scene: bpy.types.Scene) -> None:
-    """Makes an object a holdout, by its collection's setting in the view layer."""
+    """Makes an object a holdout, through the view layer's setting for the object's collection."""
     _plain(scene)
     aside = bpy.data.collections.new("aside")
     scene.collection.children.link(aside)
@@ -232,7 +235,7 @@ def _far(scene: bpy.types.Scene) -> None:
 
 
 def _dark_world(scene: bpy.types.Scene) -> None:
-    """Makes the world invisible to the camera; it still emits light."""
+    """Makes the world invisible to the camera, although it still lights the scene."""
     _plain(scene)
     scene.camera.rotation_euler[0] += 0.25
     scene.world.cycles_visibility.camera = False
@@ -247,7 +250,7 @@ def _foggy(scene: bpy.types.Scene) -> None:
 
 
 def _changed(change: Callable[..., None], **values) -> Callable[[bpy.types.Scene], None]:
-    """Returns a function that changes the ball's material by `change`."""
+    """Returns a scene builder that calls `change` with the node tree of the ball's material, and with `values`."""
 
     def build(scene: bpy.types.Scene) -> None:
         _plain(scene)
@@ -258,13 +261,13 @@ def _changed(change: Callable[..., None], **values) -> Callable[[bpy.types.Scene
 
 
 def _overridden(scene: bpy.types.Scene) -> None:
-    """Sets a material override in the view layer."""
+    """Overrides the material of all objects, by the view layer's setting."""
     _plain(scene)
     bpy.context.view_layer.material_override = principled("clay", Base_Color=(0.8, 0.3, 0.1, 1), Roughness=1.0)
 
 
 def _mirrored(scene: bpy.types.Scene) -> None:
-    """Adds an object with negative scale and one sheared by its parent."""
+    """Mirrors the ball by a negative scale, and shears the cube by a rotated, scaled parent."""
     _plain(scene)
     parent = bpy.data.objects.new("parent", None)
     parent.scale, parent.rotation_euler = (1.5, 0.7, 1.0), (0, 0, 0.5)
@@ -274,7 +277,7 @@ def _mirrored(scene: bpy.types.Scene) -> None:
 
 
 def _simplified(scene: bpy.types.Scene) -> None:
-    """Sets a simplify limit on subdivision."""
+    """Limits subdivision to one level by the scene's Simplify setting, for a cube with four levels."""
     _plain(scene)
     scene.render.use_simplify, scene.render.simplify_subdivision, scene.render.simplify_subdivision_render = True, 0, 1
     smooth = bpy.data.objects["Cube"].modifiers.new("smooth", "SUBSURF")
@@ -282,7 +285,7 @@ def _simplified(scene: bpy.types.Scene) -> None:
 
 
 def _hidden(scene: bpy.types.Scene) -> None:
-    """Adds objects with ray visibility and pass indices."""
+    """Adds balls that are invisible to the camera or cast no shadows, with numbers for the index passes."""
     _plain(scene)
     for i, (name, flag) in enumerate((("unseen", "visible_camera"), ("shadeless", "visible_shadow"))):
         colored = principled(name, Base_Color=(0.2, 0.6, 0.2, 1), Roughness=0.8)
@@ -384,7 +387,7 @@ SURVEY: dict[str, Survey] = {
 
 
 def made(name: str) -> bpy.types.Scene:
-    """Returns the surveyed scene with this name."""
+    """Builds and returns the scene with this name in SURVEY."""
     scene = empty()
     SURVEY[name][0](scene)
     if scene.camera.data.type != "PANO" and name not in ("camera-scaled", "world-unseen"):

@@ -7,7 +7,7 @@ from blender_scenes import SIZE
 
 
 class Region:
-    """A substitute for a window region that looks through the scene's camera."""
+    """Substitute for a region of Blender's window, a 3D viewport that looks through the scene's camera."""
 
     def __init__(self, scene: bpy.types.Scene) -> None:
         self.width, self.height = SIZE
@@ -25,7 +25,7 @@ class Region:
 
 
 class Engine:
-    """A substitute for Blender's render engine, with the methods that a viewport uses."""
+    """Substitute for Blender's RenderEngine object, with the methods that a viewport render calls."""
 
     redraws = 0
 

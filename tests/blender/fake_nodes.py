@@ -1,4 +1,4 @@
-"""Substitutes for Blender's nodes, as far as the add-on uses them, that can be linked without Blender."""
+"""Substitutes for Blender's shader nodes, with which the add-on's node reader is tested without Blender."""
 
 from __future__ import annotations
 
@@ -25,7 +25,10 @@ def socket(name: str, value: Any = None) -> SimpleNamespace:
 
 
 class Node:
-    """A substitute node. inputs: input values by socket name. more: node properties."""
+    """Substitute for a shader node. kind: Blender's node type. inputs: values by socket name.
+
+    more: further properties of the node.
+    """
 
     def __init__(self, kind: str, inputs: dict[str, Any], outputs: tuple[str, ...] = ("Color",), **more: Any) -> None:
         self.type, self.bl_label, self.mute, self.name = kind, kind.title(), False, kind
@@ -44,7 +47,7 @@ def linked(source: Node, into: Node, name: str | int, output: str | int = 0) -> 
 
 
 def at(source: Node, output: str | int = 0) -> SocketInGroups:
-    """Connects an output of `source` to the input of a new node, and returns this input socket as the add-on sees it."""
+    """Returns an input socket that an output of `source` is connected to, in the form in which the add-on reads sockets."""
     end = linked(source, Node("END", {"in": 0.0}), "in", output)
     return SocketInGroups(end.inputs[0])
 
@@ -60,7 +63,7 @@ def ramp(*stops: tuple[float, tuple[float, float, float]]) -> Any:
 
 
 class Image:
-    """A substitute image with (h, w, 3) encoded pixels, whose rows begin at the top."""
+    """Substitute for a Blender image. pixels: encoded values (h, w, 3), top row first."""
 
     is_float, is_dirty, source, file_format, packed_file, channels = False, False, "GENERATED", "PNG", None, 4
 

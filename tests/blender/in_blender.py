@@ -1,8 +1,9 @@
-"""Tasks of tests/blender/test_in_blender.py inside Blender. Run by a Python that has bpy; of our code it imports only the add-on.
+"""Tasks that test_in_blender.py runs inside Blender. Run by a Python that has bpy; of our code it imports only the add-on.
 
     python in_blender.py FOLDER URL TASK,TASK:SCENE [TOKEN]
 
-FOLDER has the add-on's package, and receives the tasks' output. The last line printed is JSON.
+FOLDER contains the add-on's package, and receives the tasks' output. URL is the farm's. The last line printed is JSON: the
+results of the tasks by name.
 """
 
 from __future__ import annotations
@@ -35,7 +36,7 @@ TOKEN = sys.argv[4] if len(sys.argv) > 4 else ""
 
 
 def use(engine: str, scene: bpy.types.Scene, samples: int) -> None:
-    """Selects a render engine, with settings for which Cycles and the farm are comparable."""
+    """Selects a render engine, with settings that make the pictures of Cycles and of the farm comparable."""
     scene.render.engine = engine
     if engine == "RAYFARM":
         scene.rayfarm.samples, scene.rayfarm.depth, scene.rayfarm.filter = samples, 14, "box"
@@ -59,7 +60,7 @@ def picture(name: str, scene: bpy.types.Scene, engine: str, samples: int = 256, 
 
 
 def both(name: str, scene: bpy.types.Scene, samples: int = 256) -> list[str]:
-    """Renders the scene with Cycles and with the farm; returns the add-on's messages."""
+    """Renders the scene to two files, with Cycles and with the farm; returns the add-on's messages about the second render."""
     from rayfarm_addon.ui import connection
 
     lost = blank_images()
@@ -70,7 +71,7 @@ def both(name: str, scene: bpy.types.Scene, samples: int = 256) -> list[str]:
 
 
 def lamps() -> list[str]:
-    """Renders each kind of light alone with both engines; returns the add-on's messages."""
+    """Renders a scene under each kind of light with Cycles and with the farm; returns the pictures' names."""
     kinds = {
         "sun": ("SUN", 3.0, {"angle": 0.2}),
         "point": ("POINT", 400.0, {"shadow_soft_size": 0.3, "color": (1, 0.8, 0.6)}),
@@ -88,7 +89,10 @@ def lamps() -> list[str]:
 
 
 def hidden() -> list[str]:
-    """Renders hidden lamps seen directly and in a mirror; the sun has size 0, since Cycles' mirrors show suns."""
+    """Renders two scenes with a mirror, in one of which the lamps are hidden from the camera; returns the pictures' names.
+
+    The sun has size 0, since it would be visible in Cycles' mirrors otherwise.
+    """
     for name, is_seen in (("hidden", False), ("shown", True)):
         scene = empty()
         table(scene)
@@ -103,7 +107,10 @@ def hidden() -> list[str]:
 
 
 def survey(*names: str) -> dict[str, list[str]]:
-    """Renders scenes of SURVEY with both engines, and saves the .blend files; returns the messages by scene."""
+    """Renders the scenes of SURVEY with Cycles and with the farm, and saves each as a .blend file.
+
+    Returns the add-on's messages by scene. names: of the scenes; default: all.
+    """
     said = {}
     for name in names or SURVEY:
         scene = made(name)
@@ -114,7 +121,7 @@ def survey(*names: str) -> dict[str, list[str]]:
 
 
 def indices() -> dict:
-    """Renders the index passes of objects with ray visibility, with both engines."""
+    """Renders the object and material index passes of the scene "hidden" with Cycles and with the farm."""
     scene = made("hidden")
     layer = bpy.context.view_layer
     layer.use_pass_object_index = layer.use_pass_material_index = True
@@ -124,7 +131,7 @@ def indices() -> dict:
 
 
 def artists() -> list[str]:
-    """Renders the scenes of blender_artists.py with both engines; returns the add-on's messages."""
+    """Renders four scenes of blender_artists.py with Cycles and with the farm; returns the pictures' names."""
     names = ("shaders", "suns", "rays", "bumps")
     for name in names:
         both(f"artists-{name}", getattr(blender_artists, name)())
@@ -132,13 +139,16 @@ def artists() -> list[str]:
 
 
 def surroundings() -> list[str]:
-    """Renders the surroundings of blender_artists.py with both engines; returns the add-on's messages."""
+    """Renders the scene `surroundings` of blender_artists.py with Cycles and with the farm; returns the picture's name."""
     both("surroundings", blender_artists.surroundings())
     return ["surroundings"]
 
 
 def cameras() -> list[str]:
-    """Renders depth of field, a shifted lens, a border and an orthographic camera, with many instances."""
+    """Renders a scene with many instances through four cameras, with Cycles and with the farm; returns the pictures' names.
+
+    The cameras have depth of field, a shifted lens, a border, and an orthographic projection.
+    """
     names = []
     for name in ("field", "shift", "border", "flat"):
         scene = empty()
@@ -162,7 +172,7 @@ def cameras() -> list[str]:
 
 
 def moving() -> list[str]:
-    """Renders motion blur of blender_artists.py at two shutter positions."""
+    """Renders the scene `moving` of blender_artists.py with motion blur at two shutter positions; returns the pictures' names."""
     scene = blender_artists.moving()
     names = []
     for at in ("CENTER", "END"):
@@ -198,10 +208,9 @@ def sent_bytes() -> int:
 
 
 def changes() -> dict:
-    """Returns the bytes sent by successive renders.
+    """Renders one scene five times, and returns the bytes that each render sends to the farm.
 
-    They are the first render, an unchanged one, one after a small object moved, one after a large mesh changed, and the next
-    shot's.
+    Between the renders: no change, the camera moves, a small object moves, and a vertex of a large mesh moves.
     """
     scene = empty()
     table(scene)
@@ -245,7 +254,7 @@ def animation() -> list[str]:
 
 
 def refused() -> dict:
-    """Returns Blender's errors for an unreachable farm and for a wrong token."""
+    """Returns the error messages that Blender shows for an unreachable farm and for a wrong token."""
     scene = empty()
     table(scene)
     use("RAYFARM", scene, 1)
@@ -269,7 +278,7 @@ def refused() -> dict:
 
 
 def cancelled() -> dict:
-    """Cancels a render while tiles arrive, by the engine's `test_break`."""
+    """Starts a render, and cancels it through the engine's `test_break` while tiles arrive."""
     scene = empty()
     table(scene)
     use("RAYFARM", scene, 1 << 16)
@@ -342,7 +351,10 @@ def viewport() -> dict:
 
 
 def large() -> dict:
-    """Returns the CPU seconds to export a million triangles with normals and UVs."""
+    """Exports a mesh of a million triangles with normals and UVs, without sending it.
+
+    Returns the triangle count, the processor seconds to read Blender's data and to write the files, and the files' bytes.
+    """
     from rayfarm_addon.scene.files import digest_of, scene_files
     from rayfarm_addon.scene.gather import export_scene
 

@@ -1,4 +1,7 @@
-"""Tests of the add-on's client against substitute farms that refuse, hang, lose jobs or are no farm, and of repeated uploads."""
+"""Tests of the add-on's client against substitute farms that refuse requests, hang, lose jobs, or are other servers.
+
+Repeated uploads are tested too.
+"""
 
 from __future__ import annotations
 
@@ -162,7 +165,7 @@ def test_a_scene_that_somebody_deleted_is_sent_anew(server: Answering) -> None:
 
 
 def test_without_a_live_channel_the_job_is_asked_for(server: Answering) -> None:
-    """Without a live channel, as behind some proxies, the job is polled, and a failed job's message is reported."""
+    """Without a live channel, as behind some proxies, the client polls the job, and reports the error message of a failed job."""
     job = {"id": "j", "state": "failed", "error": "it is too dark", "progress": 0.0, "frames": [{"number": 0}]}
     server.answers["POST /api/scenes"] = 201, {"id": "one"}
     server.answers["GET /api/scenes/one"] = 200, {"id": "one", "status": "ready", "warnings": []}

@@ -1,4 +1,4 @@
-"""Tests that unsupported Cycles settings are reported exactly if they change the picture."""
+"""Tests that the add-on reports an unsupported Cycles setting if, and only if, it changes the picture."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ KINDS = ("preview_", "denoising_", "debug_", "use_guiding", "guiding_", "use_pre
 
 
 def scene(**changed: Any) -> tuple[Any, Any]:
-    """Returns a scene and its view layer with default settings."""
+    """Returns (scene, view layer) with Blender's default settings. changed: settings with other values, by name."""
     straight = SimpleNamespace(curves=[SimpleNamespace(points=[SimpleNamespace(location=(x, 1.0)) for x in (0.0, 1.0)])])
     render = {
         "engine": "CYCLES",
@@ -114,7 +114,7 @@ def test_what_changes_the_picture_is_named_once(changed: dict[str, Any], word: s
 
 
 def test_bounces_are_limited_as_in_cycles() -> None:
-    """Our limits are one more than Cycles', which counts bounces and still lights the last hit."""
+    """Our depth limits are one more than Cycles' bounce limits, since Cycles lights the surface after the last bounce too."""
 
     def depths(**changed: Any) -> dict[str, int]:
         return cycles.depths_of(scene(**changed)[0])

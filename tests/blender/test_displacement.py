@@ -1,4 +1,7 @@
-"""Tests that displacement becomes bumps: heights in object space, on surfaces stretched differently in u and v."""
+"""Tests that displacement is exported as a bump map.
+
+Its heights are in object space, and the surface is stretched differently in u and in v.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +21,7 @@ RISING = np.repeat(np.arange(8, dtype=np.float32)[None, :, None] / 8, 3, axis=2)
 
 
 class Density:
-    """A substitute for UV density: the surface has 4 by 2 units per unit of UVs, on an object scaled by 2."""
+    """Substitute for the density of a mesh's UVs: a unit of u is 4 units long, a unit of v 2, on an object scaled by 2."""
 
     scale = 2.0
 
@@ -60,7 +63,10 @@ def test_what_of_displacement_is_otherwise_is_named() -> None:
 
 
 def test_how_long_a_surface_is_each_way() -> None:
-    """The lengths of a surface per unit of u and v are right, for two triangles of 6 by 2 over half of the UV square."""
+    """The lengths of a surface per unit of u and per unit of v are 12 and 2.
+
+    The surface is a rectangle of 6 by 2, rotated at random, whose UVs cover the left half of the unit square.
+    """
     corners, uvs = np.array([(0, 0), (1, 0), (1, 1), (0, 1)], float), np.array([(0, 0), (0.5, 0), (0.5, 1), (0, 1)])
     turn = np.linalg.qr(np.random.default_rng(1).normal(size=(3, 3)))[0]
     at = np.column_stack([corners * (6, 2), np.zeros(4)]) @ turn

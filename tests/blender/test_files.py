@@ -79,7 +79,10 @@ def test_what_moves_is_where_it_was_at_each_key(tmp_path) -> None:
 
 
 def test_a_texture_lies_as_blender_has_it(tmp_path) -> None:
-    """Mapping nodes compute p' = R (S p) + T with v upwards, while in the file v is downwards."""
+    """A texture with scale, rotation and shift has in our reader the UVs that a Mapping node of Blender computes.
+
+    Blender computes p' = R (S p) + T with v upwards, while v points downwards in the written file.
+    """
     from blender.rayfarm_addon.scene.images import add_pixels
 
     angle, scale, shift = 0.7, (2.0, 3.0), (0.2, -0.4)
@@ -120,7 +123,10 @@ def test_decomposed_is_composed_again() -> None:
 
 
 def projected(shift: tuple[float, float]) -> np.ndarray:
-    """Returns a perspective matrix of 50 mm on 36 mm, 300 x 200, in Blender's convention."""
+    """Returns Blender's perspective matrix of a lens of 50 mm on a sensor of 36 mm, for a picture of 300 x 200.
+
+    shift: of the lens.
+    """
     slope = 18 / 50
     found = np.zeros((4, 4))
     found[0, 0], found[1, 1] = 1 / slope, 1.5 / slope
@@ -152,8 +158,9 @@ def test_a_pixel_looks_where_the_projection_says(shift, border) -> None:
 
 
 def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
-    """Pass indices equal the numbers that the farm assigns, also for objects with ray visibility, which have separate materials
-    there.
+    """Index passes have Blender's pass indices, which the add-on looks up by the farm's numbers of objects and materials.
+
+    This holds also for objects with ray visibility flags, which have materials of their own on the farm.
     """
     scene = Scene(meshes={"a": mesh("a")}, materials={"red": Material("red", number=11), "blue": Material("blue", number=12)})
     flags = ({}, {"unseen": True}, {"shadeless": True}, {"shadeless": True}, {"unseen": True, "shadeless": True}, {})
@@ -177,7 +184,10 @@ def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
     ("kind", "has_sun", "strength"), [("NISHITA", True, 4.9), ("HOSEK_WILKIE", False, 0.085), ("PREETHAM", False, 0.65)]
 )
 def test_a_sky_is_the_scene_files_own(kind: str, has_sun: bool, strength: float, tmp_path) -> None:
-    """A sky is stored in the scene file, since job requests have no sun size; it is 49 times as bright as our sky with a sun."""
+    """A sky of Blender is stored in the scene file, since a job's request cannot have a sun size.
+
+    The expected strength is 49 times Blender's for a sky model that has a sun.
+    """
     node = Sky("TEX_SKY", {"Vector": None}, ("Color",), sky_type=kind, sun_direction=(0.0, 0.5, 0.75**0.5))
     node.sun_elevation, node.sun_rotation, node.sun_size, node.sun_disc = np.radians(60), np.radians(30), np.radians(2), True
     node.air_density, node.dust_density, node.ozone_density = 1.0, 2.0, 3.0

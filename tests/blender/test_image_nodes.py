@@ -1,4 +1,4 @@
-"""Tests that baked image nodes match Blender's formulas, evaluated for single texels."""
+"""Tests that images baked from nodes have the values that Blender's formulas yield for each texel."""
 
 from __future__ import annotations
 
@@ -68,7 +68,10 @@ def test_no_share_of_a_blend_is_the_first(how: str) -> None:
 
 
 def test_a_mix_and_arithmetic_behind_it() -> None:
-    """An overlay of an image and a colour is baked, with a power of another image's channel as the mix factor."""
+    """A Mix node is baked to the blend of its inputs: an image overlaid with a colour.
+
+    The mix factor is the square of another image's green channel.
+    """
     mix = Node("MIX_RGB", {"Fac": 0.5, "Color1": None, "Color2": (0.9, 0.3, 0.2, 1)}, blend_type="OVERLAY", use_clamp=False)
     power = Node("MATH", {"a": 0.5, "b": 2.0, "c": 0.0}, ("Value",), operation="POWER", use_clamp=False)
     linked(linked(spots(), Node("SEPARATE_COLOR", {"Color": None}, ("Red", "Green", "Blue"), mode="RGB"), 0), power, 0, "Green")
@@ -119,7 +122,10 @@ def test_a_blend_of_looks_is_painted() -> None:
 
 
 def test_heights_become_slopes() -> None:
-    """A height map that rises by 1 over 8 texels and 4 units has the slope 1/8 per texel of half a unit, times the distance."""
+    """A height map is exported as a normal map with the slope of the heights.
+
+    The heights rise by 1/8 per texel, a texel is half a unit wide, and the bump distance is 0.5: the slope is 1/8.
+    """
     rising = np.repeat(np.arange(8, dtype=np.float32)[None, :, None] / 8, 3, axis=2).repeat(4, axis=0)
     bump = Node("BUMP", {"Strength": 1.0, "Distance": 0.5, "Height": None, "Normal": None}, ("Normal",), invert=False)
     linked(image_node(Image("rising", rising, "Non-Color")), bump, "Height")
@@ -135,7 +141,7 @@ def test_heights_become_slopes() -> None:
 
 
 def test_a_colour_that_is_asked_for_a_number_is_its_luminance() -> None:
-    """A colour connected to a number socket becomes its luminance, not alpha or green."""
+    """A colour connected to a number input is converted to its luminance, not to its alpha or its green channel."""
     scene = Scene()
     found, _ = read(spots("Non-Color"), 1.0)
     picture = Pictures(scene, "paint").packed([(found, 3)], found, True)

@@ -55,7 +55,7 @@ def own_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 
 
 def blender(folder: Path, url: str, tasks: str) -> Any:
-    """Runs tasks of in_blender.py in a separate Blender; returns their results."""
+    """Runs tasks of in_blender.py in a new Blender process; returns their results as decoded JSON."""
     (folder / "rayfarm_addon").symlink_to(ROOT / "blender" / "rayfarm_addon")
     script = Path(__file__).with_name("in_blender.py")
     done = subprocess.run([python_with_bpy(), script, folder, url, tasks], capture_output=True, text=True, check=False)
@@ -66,7 +66,10 @@ def blender(folder: Path, url: str, tasks: str) -> Any:
 
 @pytest.mark.parametrize("end", ["pass", "raise SystemExit(3)", "raise ValueError('of a script')"])
 def test_a_script_ends_with_the_add_on_registered(tmp_path: Path, end: str) -> None:
-    """A script ends although the add-on is registered: classes left registered would keep Python from exiting."""
+    """A script that leaves the add-on registered still ends.
+
+    Without the add-on's cleanup, its registered classes would keep Python from exiting.
+    """
     if python_with_bpy() is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
     script = tmp_path / "script.py"
@@ -83,7 +86,7 @@ def pictures(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 
 def blocks(picture: np.ndarray) -> np.ndarray:
-    """Returns the means of 4 x 4 pixels, which average out most of the noise."""
+    """Returns the means of blocks of 4 x 4 pixels, in which most of the noise is averaged out."""
     h, w = picture.shape[0] // BLOCK, picture.shape[1] // BLOCK
     return picture.astype(float).reshape(h, BLOCK, w, BLOCK, -1).mean((1, 3))
 
@@ -113,7 +116,7 @@ def surveyed(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[
 
 
 def judged(name: str, ours: np.ndarray, theirs: np.ndarray) -> None:
-    """Asserts that our picture matches that of Cycles. name: of the scene, for messages."""
+    """Asserts that two pictures, ours and Cycles', differ by less than MOST on average over blocks. name: of the scene."""
     both = [blocks(np.minimum(each, BRIGHTEST)) for each in (ours, theirs)]
     difference = float(np.abs(both[0] - both[1]).mean() / both[1].mean())
     print(f"{name}: differs by {difference:.2%}")
@@ -126,7 +129,10 @@ def assert_said(word: str, said: list[str]) -> None:
 
 
 def survey_table() -> list[tuple[str, str, str]]:
-    """Returns (scene, add-on's message, reader's message) for each row of blender_survey.py's table, read without Blender."""
+    """Returns (scene, message of the add-on, message of the .blend reader) for each entry of SURVEY in blender_survey.py.
+
+    The file is parsed, not imported, since importing it needs Blender.
+    """
     tree = ast.parse(Path(__file__).with_name("blender_survey.py").read_text())
     table = next(n.value for n in tree.body if isinstance(n, ast.AnnAssign) and getattr(n.target, "id", "") == "SURVEY")
     assert isinstance(table, ast.Dict)
@@ -172,7 +178,7 @@ def test_things_that_some_rays_pass_by_have_their_indices(own_farm: Farm, tmp_pa
 
 
 def layers(path: Path) -> dict[str, np.ndarray]:
-    """Returns the channels of a multilayer EXR, by their names after the view layer's."""
+    """Returns the channels of a multilayer EXR by name, without the view layer's prefix."""
     picture = oiio.ImageBuf(str(path))
     planes = np.moveaxis(picture.get_pixels(oiio.FLOAT), -1, 0)
     return {name.partition(".")[2]: plane for name, plane in zip(picture.spec().channelnames, planes, strict=True)}

@@ -42,7 +42,7 @@ def test_a_point_is_a_ball_or_a_disk_that_faces(is_soft: bool) -> None:
 
 
 def test_the_power_of_a_square_metre() -> None:
-    """With "Normalize" off, power is per square metre."""
+    """If a light's "Normalize" option is off, its power is per square metre of the light."""
     area = lamp("AREA", normalize=False).lamp_materials["lamp"]["emission"][0]
     assert area == pytest.approx(10 / math.pi)
     point = lamp("POINT", normalize=False).lamp_materials["lamp"]["emission"][0]
@@ -69,7 +69,10 @@ def test_what_lamps_cannot_be_told_is_named() -> None:
 
 
 def test_numbers_behind_a_lamp_are_worked_out() -> None:
-    """Node inputs of a lamp are evaluated: a black body's colour, and a product as strength; quadratic falloff is the default."""
+    """Nodes connected to a lamp's colour and strength are evaluated: a black body, and a product.
+
+    Without a Light Falloff node, the falloff is quadratic.
+    """
     body = Node("BLACKBODY", {"Temperature": 3000.0})
     falls = Node("LIGHT_FALLOFF", {"Strength": 2.0, "Smooth": 0.0}, ("Quadratic", "Linear"))
     for output, wanted in (("Quadratic", [2 * c for c in blackbody(3000.0)]), ("Linear", None)):

@@ -1,4 +1,4 @@
-"""Tests that each of Blender's shaders, and their mixes, is exported as a single principled BSDF."""
+"""Tests that each shader node of Blender, and each mix of shaders, is exported as a single principled BSDF."""
 
 from __future__ import annotations
 
@@ -99,7 +99,7 @@ def test_a_reflection_by_fresnel_lies_on_what_is_matt() -> None:
 
 
 def test_glass_that_casts_no_shadow_is_glass() -> None:
-    """Glass mixed with transparency for shadow rays is exported as plain glass."""
+    """A glass shader that is mixed with a transparent one for shadow rays only is exported as plain glass."""
     glass = Node("BSDF_GLASS", {"Color": (1.0, 1.0, 1.0, 1.0), "Roughness": 0.0, "IOR": 1.5, "Normal": None}, OUT)
     ray = Node("LIGHT_PATH", {}, ("Is Camera Ray", "Is Shadow Ray"))
     mix = mixed(glass, clear())
@@ -129,7 +129,10 @@ def test_what_shines_and_is_added() -> None:
 
 
 def test_a_glossy_shader_is_narrow_along_its_tangent() -> None:
-    """Alpha is roughness^2 * (1 - anisotropy) along the tangent and roughness^2 / (1 - anisotropy) across it, as in Cycles."""
+    """A Glossy node's anisotropy is converted so that the two roughness values equal those of Cycles.
+
+    Cycles' alpha is roughness^2 * (1 - anisotropy) along the tangent and roughness^2 / (1 - anisotropy) across it.
+    """
     for strength, turned in ((0.5, 0.35), (-0.5, 0.1)):
         node = Node("BSDF_GLOSSY", {"Color": (1, 1, 1, 1), "Roughness": 0.4, "Anisotropy": strength, "Rotation": 0.1}, OUT)
         told, _ = principled_constants(node)

@@ -1,4 +1,4 @@
-"""Tests of the exported interior of materials: volumes by Cycles' formulas, and subsurface scattering by its radii."""
+"""Tests of the exported interior of materials: volumes by Cycles' formulas, and subsurface scattering from its radii."""
 
 from __future__ import annotations
 
@@ -152,7 +152,10 @@ def test_a_radius_is_four_pi_mean_free_paths() -> None:
 
 
 def test_skins_radius_is_what_light_diffuses_by() -> None:
-    """The Skin shader's radius is a diffusion length (Jensen et al. 2001), and the albedo reproduces the half-space's colour."""
+    """For the subsurface method Skin, the radius is exported as a diffusion length (Jensen et al. 2001).
+
+    With the exported mean free path and the albedo that follows from it, a half-space has the given colour.
+    """
     found = material(beneath(method="RANDOM_WALK_SKIN"))[0]["extensions"][SUBSURFACE]
     inner = -1.44 / 1.4**2 + 0.71 / 1.4 + 0.668 + 0.0636 * 1.4
     for color, radius, path in zip((0.8, 0.5, 0.2), (0.5, 0.1, 0.05), found["subsurfaceRadius"], strict=True):
@@ -180,7 +183,7 @@ def test_the_node_of_subsurface_scattering_alone() -> None:
 
 
 def test_hair_has_its_colour() -> None:
-    """Hair absorption reproduces the given colour (Chiang et al. 2016)."""
+    """A hair shader is exported with the colour that hair of its absorption has (Chiang et al. 2016)."""
     said = {"Color": (0.1, 0.1, 0.1, 1.0), "Melanin": 0.0, "Melanin Redness": 0.5, "Tint": (0.6, 0.3, 0.1, 1.0)}
     said |= {"Radial Roughness": 0.3, "Absorption Coefficient": (0.0, 0.0, 0.0)}
 

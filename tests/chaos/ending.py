@@ -14,7 +14,11 @@ __all__ = ["ends_by"]
 
 
 def ends_by(farm: Farm, signals: Sequence[signal.Signals], seconds: float, slots: int) -> None:
-    """Sends signals to the farm, and checks that all its processes end within `seconds`."""
+    """Sends signals to the farm's main process, and asserts that all processes of the farm end within `seconds`.
+
+    After signals other than SIGKILL, the farm must also exit with 0 and log that nothing is left. slots: expected number of
+    slots.
+    """
     family = farm.family()
     assert len(family) >= (4 + slots if slots else 3), f"up, redis, service, and with slots a worker: {family}"
     begun = time.monotonic()

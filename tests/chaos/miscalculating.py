@@ -16,7 +16,7 @@ _exact = render.render_batch
 
 
 def spoiled(scene: Any, settings: Any, tile: Any, first: int, count: int) -> Any:
-    """Returns the result of `render_batch` with simulated memory errors."""
+    """Renders a batch as `render_batch` does, and flips one bit in the sums of every fifth batch."""
     found = _exact(scene, settings, tile, first, count)
     spoiled.made += 1  # type: ignore[attr-defined]
     if spoiled.made % EVERY:  # type: ignore[attr-defined]

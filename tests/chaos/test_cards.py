@@ -1,6 +1,6 @@
-"""Tests of a worker with a graphics card and one with CPU slots in a real farm: one digest, also if the card or its worker fails.
+"""Tests of a farm with two workers, one on a graphics card and one on CPU slots: a job has the same digest in all cases.
 
-The graphics card is simulated on the CPU by the driver of tests/renderer/cuda.
+The graphics card or its worker may fail meanwhile. The card is simulated on the CPU by the driver of tests/renderer/cuda.
 """
 
 from __future__ import annotations

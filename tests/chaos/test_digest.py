@@ -26,7 +26,7 @@ VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
 
 
 def digest_without_farm(spp: int) -> str:
-    """Returns the digest of the same frame, rendered in this process without a farm."""
+    """Renders the test's frame in this process, without a farm, and returns its digest."""
     scene = compile_scene(read(ROOT / "scenes", "cornell-box.yaml"))
     settings = RenderSettings(WIDTH, HEIGHT, VIEW, max_depth=DEPTH)
     return digest(render_frame(scene, settings, spp, threads=2))
@@ -39,7 +39,7 @@ def expected() -> str:
 
 @pytest.fixture(scope="module")
 def soon() -> str:
-    """Returns the digest of the frame at a fifth of the samples, for tests without disturbances."""
+    """Returns the expected digest of the frame with a fifth of the samples, for tests that kill no process."""
     return digest_without_farm(SPP // 5)
 
 
@@ -116,14 +116,14 @@ FEW = 48  # samples per pixel in tests without disturbances
 
 @pytest.fixture(scope="module")
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Returns the folder of a scene whose triangle moves to the right, so that each frame has its own compiled scene."""
+    """Returns the path of a GLB file whose triangle moves, so that the compiled scene differs between frames."""
     path = tmp_path_factory.mktemp("shot") / "shot.glb"
     path.write_bytes(turning().glb())
     return path
 
 
 def stills_of(shot: Path, spp: int) -> dict[float, str]:
-    """Returns the frames' digests, each rendered in this process as a still."""
+    """Renders each of FRAMES in this process as a still; returns the digests by frame number, which must all differ."""
     found: dict[float, str] = {}
     for frame in FRAMES:
         compiled, summary = OpenScene(Shot(shot.parent, shot.name)).scene_at(Moment(frame))
@@ -196,5 +196,5 @@ def test_where_noise_is_evened_out_the_digests_depend_on_the_request_alone(farm:
 
 
 def test_ctrl_c_leaves_nothing_of_it(farm: Farm) -> None:
-    """Ctrl-C ends the farm without leaving processes; runs last, since all tests share the farm."""
+    """Ctrl-C ends the farm and all its processes. Runs last, since all tests of this module share the farm."""
     ends_by(farm, [signal.SIGINT], 10, 2)

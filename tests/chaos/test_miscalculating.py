@@ -23,7 +23,7 @@ SPP = 160
 
 
 def join(farm: Farm, ends: ExitStack, module: str, name: str) -> None:
-    """Starts a worker process with one slot, which ends with the test."""
+    """Starts a worker with one slot, which is ended at the end of the test. module: Python module of the worker's program."""
     command = [sys.executable, "-m", module, "--service", farm.url, "--slots", "1", "--name", name]
     log = ends.enter_context((farm.data.parent / f"{name}.log").open("ab"))
     environment = {**os.environ, "RAYFARM_TOKEN": farm.token}

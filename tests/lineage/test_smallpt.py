@@ -23,7 +23,7 @@ OUR_SPP, SEEDS = 48, 12
 
 
 def ours() -> tuple[np.ndarray, np.ndarray]:
-    """Returns (mean, variance of the mean) of independent renders, each (h, w, 3)."""
+    """Renders the scene several times with different seeds; returns (mean, variance of the mean), each (h, w, 3)."""
     description = read(SCENES, "smallpt.yaml")
     scene = compile_scene(description)
     plain = RenderSettings(WIDTH, HEIGHT, description.cameras[0].view, max_depth=200, filter="box", sampler="independent")
@@ -36,9 +36,10 @@ def ours() -> tuple[np.ndarray, np.ndarray]:
 @pytest.mark.long
 @pytest.mark.parametrize("reference_spp", [400, pytest.param(1500, marks=pytest.mark.long)])
 def test_every_pixel_agrees_with_the_plain_evaluation(reference_spp):
-    """Our picture agrees with the plain NumPy evaluation.
+    """Our picture of smallpt's scene agrees with the plain NumPy picture.
 
-    99.75 % of all pixels pass a Z-test at alpha 0.01 with Sidak's correction, as in Mitsuba's tests, and the means agree.
+    The means of the pictures agree, and 99.75 % of all pixels pass a Z-test at alpha 0.01 with Sidak's correction, as in
+    Mitsuba's tests.
     """
     expected, their_variance = smallpt_reference.render(WIDTH, HEIGHT, reference_spp)
     actual, our_variance = ours()
@@ -53,7 +54,10 @@ def test_every_pixel_agrees_with_the_plain_evaluation(reference_spp):
 @pytest.mark.long
 @pytest.mark.parametrize("target", [(1, 40, 110), (99, 45, 120), (50, 0, 130), (50, 45, 0)])
 def test_huge_walls_do_not_shadow_themselves(target):
-    """Rays from a wall hit nothing for 15 units; self-intersections of huge spheres would show as rings of shadow."""
+    """Rays that start on a wall hit nothing within 15 units.
+
+    smallpt's walls are huge spheres; if they intersected themselves, rings of shadow would be visible.
+    """
     description = read(SCENES, "smallpt.yaml")
     view = View((50.0, 40.0, 100.0), target, fov=8.0, up=(0.0, 0.3, 1.0))
     settings = RenderSettings(32, 32, view, integrator="ao", ao_distance=15.0)

@@ -1,4 +1,7 @@
-"""Tests of light sampling strategies, Russian roulette, and Whitted against path tracing: equal means, and known noise."""
+"""Tests that different sampling strategies yield the same mean picture, with the expected noise.
+
+Compared are strategies of light sampling, Russian roulette, and Whitted's integrator with path tracing.
+"""
 
 from __future__ import annotations
 
@@ -22,9 +25,9 @@ SEEDS = 8
 
 @pytest.fixture(scope="module")
 def room() -> CompiledScene:
-    """Returns a floor and a wall under a square light and a bright ball, with a ball of rough metal.
+    """Returns a scene whose light all four sampling strategies can find completely.
 
-    All four strategies can find all of its light.
+    It has a floor, a wall, a square light, a bright ball, and a ball of rough metal.
     """
     materials = [
         Material(base_color=gray(0.7)),
@@ -46,18 +49,22 @@ def look(**more: object) -> RenderSettings:
 
 
 def means(made: CompiledScene, how: RenderSettings, spp: int, seeds: int = SEEDS) -> np.ndarray:
-    """Returns the frame's mean for each of `seeds` seeds. how: changed render settings."""
+    """Renders the scene with seeds 0 to seeds - 1; returns the mean over all pixels of each picture. how: render settings."""
     return np.array([render_frame(made, replace(how, seed=s), spp)[COLOR].mean() / spp * 2.0**-24 for s in range(seeds)])
 
 
 def variance(made: CompiledScene, how: RenderSettings, spp: int) -> float:
-    """Returns the mean variance of a pixel, from pairs of seeds."""
+    """Renders the scene with four seeds; returns the variance of a pixel between them, averaged over all pixels."""
     pictures = np.array([mean(render_frame(made, replace(how, seed=s), spp), 24) for s in range(4)], np.float64)
     return float(pictures.var(0, ddof=1).mean())
 
 
 def assert_same(samples: dict[str, np.ndarray]) -> None:
-    """Asserts that all means equal the least noisy one within three standard errors, corrected for the number of means."""
+    """Asserts that all strategies have the same mean, each compared with the strategy of the lowest noise.
+
+    Differences may be three standard errors, increased for the number of strategies. samples: means of several seeds, by
+    strategy.
+    """
     best = min(samples, key=lambda name: samples[name].std())
     for name, values in samples.items():
         if name == best:
@@ -113,7 +120,7 @@ def test_a_flat_quad_is_hit_from_both_sides(side):
 
 
 def test_a_box_without_thickness_is_still_a_box():
-    """Lights and walls of zero extent along an axis have bounding boxes without volume, which rays must not miss."""
+    """Rays hit a scene of zero extent along an axis, although its bounding box has no volume."""
     flat = square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0)
     made = scene([emitter(1.0, double_sided=True)], (flat,))
     assert np.ptp(made.bounds[:, 2]) == 0

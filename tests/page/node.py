@@ -13,7 +13,7 @@ __all__ = ["Node"]
 
 
 class Node:
-    """A Node.js process with the page's modules, which exists for the duration of a `with` block."""
+    """Runs the page's modules in a Node.js process; a context manager, at whose end the process ends."""
 
     def __init__(self, program: str, locale: str) -> None:
         script = Path(__file__).with_name("modules.mjs")
@@ -28,7 +28,11 @@ class Node:
             self._process.kill()
 
     def call(self, module: str, body: str, argument: Any = None) -> Any:
-        """Runs a function body with a module `m` of the page and an argument `a`; `read(path)` imports a further module."""
+        """Runs JavaScript in the Node.js process, and returns its result.
+
+        body: of an async function, in which `m` is the page's module `module`, `a` is `argument`, and `read(path)` imports a
+        further module.
+        """
         assert self._process.stdin and self._process.stdout
         self._process.stdin.write(json.dumps({"module": module, "body": body, "argument": argument}).encode() + b"\n")
         self._process.stdin.flush()

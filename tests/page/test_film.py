@@ -1,4 +1,7 @@
-"""Tests of the page's computations on a film: RGB9E5 words, measured areas, pinned pixels, histogram, and lines of paths."""
+"""Tests of what the page computes from a film.
+
+These are RGB9E5 decoding, statistics of selected areas, pinned pixels, the histogram, and the lines drawn for light paths.
+"""
 
 from __future__ import annotations
 
@@ -112,7 +115,7 @@ def test_the_histogram_counts_the_films_pixels(node: Node) -> None:
 
 
 def test_lines_end_at_the_edge_and_behind_the_eye(node: Node) -> None:
-    """A line to a point behind the eye is clipped to its visible part."""
+    """A line from a visible point to a point behind the eye is drawn up to the edge of the picture only."""
     room = {"left": 0, "top": 0, "right": 100, "bottom": 100}
 
     def line(a: list[float], b: list[float]) -> dict | None:

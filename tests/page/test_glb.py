@@ -1,4 +1,4 @@
-"""Tests of GLB files that the browser reads for its first preview, against the service's reader."""
+"""Tests of the page's own GLB reader, which makes the first preview in the browser: its meshes equal those of the service."""
 
 from __future__ import annotations
 
@@ -96,7 +96,10 @@ def test_a_damaged_file_is_left_to_the_service(node: Node, model: bytes, length:
 
 
 def test_a_compressed_file_is_left_to_the_service(node: Node, model: bytes) -> None:
-    """A file with compressed buffer views (EXT_meshopt_compression), whose bytes are no coordinates, is left to the service."""
+    """The page's reader does not read a file with compressed buffer views (EXT_meshopt_compression).
+
+    The bytes of such views are no coordinates, so the preview is left to the service.
+    """
     plain = b'"buffer":0'
     assert plain in model
     assert read_in_page(node, model.replace(plain, b'"buffer":1')) is None

@@ -1,4 +1,4 @@
-"""Tests of which entries the command palette finds for a search text."""
+"""Tests of the command palette's search: which entries match a text."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the preview mesh on the page: its packet, its camera, and the displayed steps of preparing a scene."""
+"""Tests of the page's preview mesh: decoding its packet, projecting it, and showing the steps of preparing a scene."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def test_a_mesh_is_decoded_as_python_encodes_it(node: Node) -> None:
 
 
 def projected(node: Node, view: dict[str, Any], point: list[float], aspect: float = 1.5) -> np.ndarray:
-    """Returns the normalised device coordinates of a point, as the preview of a view projects it."""
+    """Returns the normalised device coordinates at which the preview shows a point. aspect: width / height of the picture."""
     call = "return [...m.clipMatrix(a.view, a.aspect, a.low, a.high)];"
     columns = node.call("scene/mesh-camera", call, {"view": view, "aspect": aspect, "low": LOW, "high": HIGH})
     clip = np.array(columns).reshape(4, 4).T @ [*(np.array(point) - (np.array(LOW) + HIGH) / 2), 1]
@@ -39,9 +39,10 @@ def projected(node: Node, view: dict[str, Any], point: list[float], aspect: floa
 
 
 def test_the_mesh_is_seen_as_the_path_tracer_sees_it(node: Node) -> None:
-    """The view's target projects to the picture's centre.
+    """The preview projects points as the path tracer does.
 
-    A point half the view's height above the target, at the same distance, projects to the upper edge.
+    The view's target is in the picture's centre; a point half the view's height above it, at the same distance, is at the upper
+    edge. Lens shifts and orthographic views are tested too.
     """
     np.testing.assert_allclose(projected(node, VIEW, VIEW["target"])[:2], 0, atol=1e-6)
     eye, target = np.array(VIEW["eye"], float), np.array(VIEW["target"], float)

@@ -1,4 +1,4 @@
-"""Tests of progress on the page: which description of a job is the latest, the remaining time, and a stopped job's state."""
+"""Tests of a job's progress on the page: the latest of several descriptions, the remaining time, a stopped job's state."""
 
 from __future__ import annotations
 
@@ -10,7 +10,10 @@ JOB = {"id": "j", "created": 1, "state": "running", "name": "n", "priority": 0, 
 
 
 def test_an_older_description_of_a_job_is_dropped(node: Node) -> None:
-    """An older description of a job is dropped, since events and the job's socket deliver in no common order."""
+    """The page ignores a description of a job that is older than the one it has.
+
+    Events and the job's socket deliver descriptions in no common order.
+    """
     body = """
         m.jobs.set([]);
         for (const [samples, as_of] of a.steps) m.putJob({ ...a.job, samples, as_of });
@@ -21,7 +24,11 @@ def test_an_older_description_of_a_job_is_dropped(node: Node) -> None:
 
 
 def test_the_remaining_time_is_smoothed(node: Node) -> None:
-    """A forecast that changes by a factor of three for some seconds changes the shown time by a fraction of that."""
+    """The displayed remaining time hardly follows a short disturbance.
+
+    A forecast that is three times as long for five seconds adds at most a fifth of the difference; after two minutes it is
+    adopted.
+    """
     body = """
         const end = new m.SmoothedEnd();
         const shown = [];

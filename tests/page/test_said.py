@@ -1,4 +1,4 @@
-"""Tests of the service's sentences on the page: translated by code, or in English without a code."""
+"""Tests of how the page shows the service's sentences: translated by their code, or in English if they have none."""
 
 from __future__ import annotations
 

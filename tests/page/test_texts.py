@@ -17,7 +17,7 @@ def test_files_that_are_refused_are_spoken_of_in_the_plural(node: Node) -> None:
 
 
 def test_how_long_an_upload_still_takes(node: Node) -> None:
-    """The estimated time of an upload uses only the last seconds, although it was faster at first."""
+    """The estimated time of an upload follows from its speed in the last seconds, although it was faster before."""
     body = """
         const pace = new m.Pace(1_000_000);
         return a.map(([sent, at]) => { pace.put(sent, at); return pace.now; });"""

@@ -34,7 +34,10 @@ def test_turning_keeps_the_target_and_its_distance(node: Node) -> None:
 
 
 def test_orbiting_from_a_files_camera_keeps_the_horizon_level(node: Node) -> None:
-    """Orbiting keeps the horizon level: files store the camera's tilted Y axis, which is kept only if it has a roll."""
+    """Orbiting keeps the horizon level even if the file's camera has a tilted up vector.
+
+    Files store the camera's own Y axis as the up vector. Only a camera with a roll keeps this vector.
+    """
     forward = vector(VIEW, "target") - vector(VIEW, "eye")
     right = np.cross(forward, [0, 1, 0])
     above = np.cross(right, forward)
@@ -48,7 +51,10 @@ def test_orbiting_from_a_files_camera_keeps_the_horizon_level(node: Node) -> Non
 
 
 def test_what_is_dragged_follows_the_hand(node: Node) -> None:
-    """A dragged point follows the pointer: after panning by half a picture height to the right and down, the target is there."""
+    """A dragged point follows the pointer.
+
+    After panning by half a picture height to the right and a quarter down, the view's target is displaced by these distances.
+    """
     moved = node.call("scene/orbit", "return m.pan(a, 0.5, 0.25);", VIEW)
     forward = vector(moved, "target") - vector(moved, "eye")
     distance = np.linalg.norm(forward)
@@ -162,9 +168,9 @@ def test_the_sun_is_where_its_highlight_meets_the_eye(node: Node) -> None:
 
 
 def test_a_view_follows_the_scenes_centre_when_another_axis_is_up(node: Node) -> None:
-    """When another axis becomes up, the view keeps its direction and distance about the centre of the rotated scene.
+    """When another axis of the scene becomes the up axis, the view follows the centre of the rotated scene.
 
-    The rotations are those of the reader.
+    The view keeps its direction and distance. The rotations are those of the scene reader.
     """
     bounds = np.array([[-1.0, 0.0, 2.0], [3.0, 5.0, 4.0]])
     centre = bounds.mean(axis=0)
