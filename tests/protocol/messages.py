@@ -49,12 +49,12 @@ MORE = ("WORKER_KEYS", "VERSION_HEADER", "SAMPLES_HEADER")
 
 
 def _blank(message: dict[str, Any]) -> dict[str, Any]:
-    """Returns the message with empty settings, since each release adds fields to these."""
+    """Returns the message with its settings replaced by a constant, since each release adds fields to the settings."""
     return {name: "SETTINGS" if name == "settings" else value for name, value in message.items()}
 
 
 def encoded() -> dict[str, Any]:
-    """Returns the messages of service and workers by name; bytes are hexadecimal."""
+    """Returns one encoded message of each kind that the service and workers exchange, by name; bytes are in hexadecimal."""
     settings = RenderSettings(8, 6, View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)))
     blob = BlobRef("a/b.obj", "0" * 64, 12, (("1" * 64, 3),))
     batch = RenderBatch("b1", "j1", 3, "c" * 64, Tile(0, 0, 8, 6), 16, 4, settings, 2)

@@ -38,7 +38,7 @@ def program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> str:
 
 @pytest.fixture
 def options(monkeypatch: pytest.MonkeyPatch) -> Callable[..., argparse.Namespace]:
-    """Returns a function that parses arguments of the command."""
+    """Returns a function that parses the given command-line arguments of `rayfarm worker`."""
 
     def make(*words: str) -> argparse.Namespace:
         monkeypatch.setattr("sys.argv", ["worker", "--service", "http://farm.invalid", *words])

@@ -68,7 +68,10 @@ print(round((before - local_now()).total_seconds() / 3600))
 
 
 def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
-    """A changed time zone of the machine takes effect; tested in a mount namespace, so that this machine's zone stays."""
+    """A changed time zone of the machine takes effect without a restart.
+
+    The zone is changed in a mount namespace, so that the zone of the machine that runs the test stays unchanged.
+    """
     zones = [Path("/usr/share/zoneinfo", name) for name in ("Asia/Tokyo", "America/Lima")]
     if not all(zone.exists() for zone in zones) or not Path("/etc/localtime").exists() or shutil.which("unshare") is None:
         pytest.skip("this machine has no zones")
@@ -87,7 +90,10 @@ def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
 def test_a_night_in_which_the_clocks_are_changed_is_worked_from_its_begin_to_its_end(
     evening: str, hours: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """On nights of clock changes, work lasts from begin to end without interruption, one hour less or more."""
+    """On a night of a clock change, a worker renders from the beginning to the end of its hours without interruption.
+
+    The night is one hour shorter or longer than others.
+    """
     with monkeypatch.context() as here:
         here.setenv("TZ", "CET-1CEST,M3.5.0,M10.5.0/3")
         time.tzset()

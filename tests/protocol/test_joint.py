@@ -1,4 +1,4 @@
-"""Tests of the encoding of joint batches."""
+"""Tests that joint batches are decoded as they were encoded, and that invalid ones are refused."""
 
 from __future__ import annotations
 

@@ -15,7 +15,10 @@ TILE = Tile(0, 0, 7, 5)
 
 
 def sums_of(seed: int, bits: list[int]) -> Sums:
-    """Returns sums whose planes have values of these numbers of bits; 0: all values are equal."""
+    """Returns random sums (channels, 5, 7); the values of plane i fit into bits[i] bits.
+
+    If bits[i] is 0, all values of the plane are equal.
+    """
     random = np.random.default_rng(seed)
     planes = [
         random.integers(-(1 << b - 1), (1 << b - 1) - 1, (5, 7), endpoint=True) if b else np.full((5, 7), seed) for b in bits

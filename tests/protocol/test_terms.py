@@ -21,7 +21,7 @@ def offer(bench: Bench) -> Offer:  # noqa: F811
 
 
 def ask(bench: Bench, terms: Terms) -> Offer:  # noqa: F811
-    """Sends terms to the worker; returns its offer once the worker applies the terms."""
+    """Sends settings ("terms") to the worker, and waits until the worker applies them; returns its report of them."""
     bench.store.set(terms_key(bench.report().name), terms.to_bytes())  # type: ignore
     wait_until(lambda: offer(bench).keeps == terms.digest, 20, "it keeps what is asked")
     return offer(bench)

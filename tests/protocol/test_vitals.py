@@ -1,4 +1,4 @@
-"""Tests of a worker's report about its machine."""
+"""Tests of a worker's report about its machine: memory is as the system states it, and invalid values are refused."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""An OpenTelemetry collector on loopback: receives spans over HTTP, decoded with OpenTelemetry's own messages."""
+"""A substitute for an OpenTelemetry collector, on loopback.
+
+It receives spans over HTTP, and decodes them with OpenTelemetry's own protobuf messages.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +34,7 @@ class Span:
 
 
 class Receiver:
-    """The collector, as a context manager."""
+    """A substitute collector that stores the received spans; it runs in the `with` block."""
 
     def __init__(self) -> None:
         self.spans: list[Span] = []

@@ -220,7 +220,10 @@ def test_the_results_types_are_there_by_name() -> None:
 
 
 def farm_that(state: str, picture: bytes = b"", uploads: list[bytes] | None = None) -> Callable[[bytes], bytes]:
-    """Returns the responses, by request, of a service of release 0.1.0 whose job is in this state."""
+    """Returns a function that answers HTTP requests like a service of release 0.1.0 with one job, which is in `state`.
+
+    picture: the bytes of the job's picture. uploads: if given, requests that upload scenes are appended to it.
+    """
 
     def answer(request: bytes) -> bytes:
         if b"/api/scenes" in request:

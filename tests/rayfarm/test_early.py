@@ -1,4 +1,7 @@
-"""Tests of the worker that `rayfarm up` starts before its own imports: it waits for its options, and ends with `rayfarm up`."""
+"""Tests of the worker process that `rayfarm up` starts before its own imports.
+
+The process waits until it receives its options, and ends when `rayfarm up` ends.
+"""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ Run = Callable[..., "subprocess.CompletedProcess[str]"]
 
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[Run]:
-    """Yields a function that runs a command on the same data folder as a service that always requires a login."""
+    """Yields a function that runs a command on the data folder of a running service, which always requires a login."""
     folder = tmp_path_factory.mktemp("container")
     service = Service(folder / "data", redis_server, login="always")
     (folder / "bin").mkdir()

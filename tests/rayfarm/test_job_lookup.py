@@ -18,7 +18,7 @@ class Listed:
 
 
 class FarmWith:
-    """A substitute farm that finds jobs by their full id, or by a search that also matches names."""
+    """A substitute farm with jobs of the given ids: finds a job by its full id, or searches for jobs whose id contains a text."""
 
     def __init__(self, *ids: str) -> None:
         self.ids = ids

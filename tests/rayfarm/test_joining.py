@@ -1,4 +1,4 @@
-"""Tests of the error messages with which `rayfarm worker` and `rayfarm site` end."""
+"""Tests that `rayfarm worker` and `rayfarm site` end with the reason as the last line, after the output of libraries."""
 
 from __future__ import annotations
 

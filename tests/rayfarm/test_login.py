@@ -1,4 +1,4 @@
-"""Tests of which credentials a command uses on the farm's own machine."""
+"""Tests of which token a command uses on the service's own machine: the owner's token as configured, or the stored one."""
 
 from __future__ import annotations
 

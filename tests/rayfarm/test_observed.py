@@ -19,7 +19,7 @@ CALLER = "00-" + "ab" * 16 + "-" + "cd" * 8 + "-01"
 
 @pytest.fixture(scope="module")
 def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, Receiver, str, str]]:
-    """Yields (farm, collector, job, scene) of a farm that rendered with JSON logs and tracing, and was then stopped."""
+    """Yields (farm, collector, job id, scene id) of a farm that was stopped after a job rendered with JSON logs and tracing."""
     settings = {"RAYFARM_LOG_FORMAT": "json", "RAYFARM_LOG_LEVEL": "debug"}
     with Receiver() as receiver:
         settings |= {"OTEL_EXPORTER_OTLP_ENDPOINT": receiver.url, "OTEL_BSP_SCHEDULE_DELAY": "200"}
@@ -42,7 +42,7 @@ def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, R
 
 
 def is_said_of_a_killed_slot(farm: Farm, job: str) -> bool:
-    """Returns whether Celery has logged a killed slot; if not, kills the slot that rendered last."""
+    """Returns whether Celery has logged that a slot was killed; if not, kills the slot that rendered the job's last batch."""
     said = [
         json.loads(line)
         for line in (farm.data / "logs" / "worker.log").read_text().splitlines(keepends=True)

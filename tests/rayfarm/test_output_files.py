@@ -1,4 +1,4 @@
-"""Tests of writing pictures to disk."""
+"""Tests of writing pictures: an older file is replaced, links and permissions are kept, and paths are checked before rendering."""
 
 from __future__ import annotations
 

@@ -11,7 +11,10 @@ from renderer.settings import RenderSettings, View
 
 @pytest.mark.parametrize(("side", "spp", "ends"), [(1, 1024, 512), (2, 1024, 128), (8, 1024, 16), (2, 5, 5)])
 def test_noise_ends_no_frame_before_each_pixel_has_enough_samples(monkeypatch, side, spp, ends) -> None:
-    """No frame ends before each pixel has enough samples, however low its noise estimate, since few samples agree by chance."""
+    """A noise target ends no frame before each pixel has enough samples, since a few samples can agree by chance.
+
+    The noise estimate is replaced by 0. Frames of 1, 2 and 8 pixels a side end after 512, 128 and 16 samples per pixel.
+    """
     settings = RenderSettings(side, side, View((0, 0, 1), (0, 0, 0)))
     monkeypatch.setattr(render, "_prepared", lambda scene, settings: scene)
 

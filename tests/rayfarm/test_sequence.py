@@ -188,7 +188,10 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
 @pytest.mark.long
 @pytest.mark.parametrize("camera_alone", [False, True])
 def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, camera_alone: bool) -> None:
-    """Motion vectors are layers of the file and leave its picture unchanged; objects move by 2 units per second at distance 5."""
+    """Motion vectors are stored as layers of the EXR file, and its colours equal those of a picture without motion vectors.
+
+    Either the triangle or the camera moves by 2 units per second, at a distance of 5 units.
+    """
     path = tmp_path / "shot.glb"
     path.write_bytes(turning(camera_alone).glb())
     asked = ["--frames", "0-1", "--aov=depth,motion", *SMALL]

@@ -24,9 +24,10 @@ def ball(g, levels=2, offset=(0, 0, 0), **more):
 
 
 def everything(shines=False, shows=False):
-    """Builds a static ball, a rotating arm with a ball and a light, a morphing and a skinned ball, and a moving camera.
+    """Builds an animated glTF scene with every kind of motion.
 
-    shines: whether the ball on the arm is a lamp. shows: whether a further ball is visible at some times only.
+    It has a static ball, a rotating arm with a ball and a light, a morphing ball, a skinned ball, and a moving camera.
+    shines: whether the ball on the arm emits light. shows: whether a further ball is visible at some times only.
     """
     g = Gltf()
     g.material()

@@ -1,4 +1,4 @@
-"""Tests that a supervisor restarts a farm's parts, stops them in order, and leaves no processes behind."""
+"""Tests that the supervisor restarts the processes ("parts") of a farm, stops them in order, and leaves none behind."""
 
 from __future__ import annotations
 
@@ -102,7 +102,10 @@ def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor
 def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
     supervisor: Supervisor, reports: list[str], tmp_path: Path
 ) -> None:
-    """A part that fails before it is ready, such as a worker while it compiles kernels, waits longer before each restart."""
+    """A process that fails before it is ready is restarted after an increasing delay: 0.2, 1 and 2 s.
+
+    An example is a worker that fails while it compiles kernels. After a run longer than `steady_s`, the delay is 0.2 s again.
+    """
     part = Part("slow", [sys.executable, "-c", "import time; time.sleep(100)"], tmp_path / "log", steady_s=90.0)
     supervisor.start(part)
     for lived, pause in ((30.0, "0.2"), (30.0, "1"), (30.0, "2"), (120.0, "0.2")):
@@ -118,7 +121,10 @@ def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
 
 
 def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
-    """A part that had served is restarted at once, whatever ended it; one that never served waits longer before each restart."""
+    """A process that has served is restarted after 0.2 s, whatever signal ended it.
+
+    For a process that has never served, the delay increases with each restart.
+    """
     serves = [True]
     part = Part("server", SLEEPER, tmp_path / "log", steady_s=90.0, serves=lambda: serves[0])
     supervisor.start(part)
@@ -188,9 +194,9 @@ def test_one_that_waits_takes_the_place_of_one_that_died(
 def test_a_part_that_was_killed_before_it_had_a_spare_gets_one_as_soon_as_it_serves(
     supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A part killed before it had a spare process gets one as soon as it serves, without waiting for the other parts.
+    """A process killed before it had a spare gets one as soon as it serves, even while other processes of the farm start.
 
-    The same fault may recur while they start.
+    Otherwise it would have no spare if the same fault recurred while they start.
     """
     monkeypatch.setattr(supervision, "SPARE_AFTER_S", 1000.0)
     part = Part("server", WAITS, tmp_path / "log", serves=lambda: True, has_spare=True, arguments=[], at_peace=lambda: False)

@@ -9,7 +9,11 @@ from tests.renderer.test_temporal_denoise import frame as made
 
 
 def run(frames: list[float], missing: list[float], fails: tuple[float, ...] = ()) -> tuple[list[float], list[str], dict]:
-    """Denoises a sequence; returns the rendered frames, the sequence of events, and the pictures."""
+    """Denoises a sequence; returns (planned frames, log, denoised picture by frame).
+
+    The log has "N" for each rendered frame N, and "wN" when frame N is written. missing: the frames to write. fails: frames that
+    cannot be rendered.
+    """
     steadying, log, pictures = TemporalDenoiser(frames, missing), [], {}
     for frame in steadying.plan:
         if frame not in fails:

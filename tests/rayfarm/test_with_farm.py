@@ -176,7 +176,7 @@ def moving_scene() -> Gltf:
 
 
 def digest_here(scene: Path, frame: float, picture: Picture, turntable: float | None) -> str:
-    """Returns the digest of the frame rendered by `rayfarm render --frame`."""
+    """Returns the digest of the film that `rayfarm render --frame` computes for this frame on this machine."""
     moment = Moment(frame)
     with open_stage(scene, picture.environment(), shutter=picture.shutter()) as stage:
         compiled, summary = stage.scene_at(moment)

@@ -166,9 +166,9 @@ def test_cards_beside_cores_are_a_worker_of_their_own(
 def test_processes_of_a_command_end_together_with_the_sentence_of_the_one_that_failed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """If one process of a command fails, the others end too, and the command prints the failed process's error message.
+    """If one process of a command fails, the others are ended, and the command prints the failed process's error message.
 
-    The first process waits; the second ends with an exit code after which a restart does not help.
+    In the test, the first process waits for ever, and the second ends with an exit code for which the command tries no restart.
     """
     monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path))
     program = """

@@ -1,4 +1,4 @@
-"""A real worker in a separate process with a fake service, controlled by a test."""
+"""Runs a real worker in a separate process for tests, with a fake service that the test controls."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ __all__ = ["Bench", "FakeService", "a_worker", "busiest", "slots_of", "used"]
 
 
 class FakeService(BaseHTTPRequestHandler):
-    """A fake service with the few responses that a worker needs."""
+    """A fake service with only the HTTP responses that a worker needs."""
 
     blobs: dict[str, bytes]
     manifests: dict[str, Manifest]
@@ -94,7 +94,7 @@ class FakeService(BaseHTTPRequestHandler):
 
 @dataclass
 class Bench:
-    """A running worker, with access to its queue, its stream and its files."""
+    """A running worker, with the fake service, the Redis server and the Celery application through which a test controls it."""
 
     url: str
     service: type[FakeService]
@@ -196,7 +196,7 @@ def a_worker(redis_url: str, folder: Path, slots: int, options: Sequence[str] = 
 
 
 def slots_of(parent: int) -> list[psutil.Process]:
-    """Returns the processes of a worker's slots, without the process that uploads kernels."""
+    """Returns the slot processes of the worker with process id `parent`, without the process that uploads kernels."""
     found = []
     for child in psutil.Process(parent).children():
         with suppress(psutil.NoSuchProcess):
@@ -214,7 +214,7 @@ def used(slot: psutil.Process) -> float:
 
 
 def busiest(parent: int) -> psutil.Process:
-    """Returns the process of the slot that is rendering, not one that uses processor time because it starts."""
+    """Returns the slot process of the worker `parent` that is rendering, not one that uses processor time for its start."""
     before = {slot: used(slot) for slot in slots_of(parent)}
     wait_until(lambda: any(used(slot) - then > 0.4 for slot, then in before.items()), 30, "a slot uses its core")
     return max(before, key=lambda slot: used(slot) - before[slot])

@@ -1,7 +1,7 @@
-"""Prints the results of reading damaged USD files, a JSON line per suffix: `python -m tests.worker.damaged_stages FOLDER TRIES`.
+"""Reads damaged USD files, and prints the error messages: `python -m tests.worker.damaged_stages FOLDER TRIES`.
 
-Runs as a single-threaded process like a worker's slot. Tests that write stages have threads of the USD library, which do not
-survive a fork; the forked process would wait for them for ever.
+Prints one JSON line per file suffix. This is a separate, single-threaded program, like a worker's slot: in a process that
+writes stages, the USD library has threads, which do not survive a fork, and the forked process would wait for them for ever.
 """
 
 from __future__ import annotations
@@ -65,7 +65,10 @@ def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
 
 
 def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
-    """Returns the error message of reading a file in a bounded child process; "" if it was read."""
+    """Runs `work`, which reads a file, in a child process with limits of 2 GiB and 60 s; returns the error message, or "".
+
+    subject: the name of the file in error messages.
+    """
     try:
         run_bounded(work, lambda message: None, 2 << 30, 60.0, (SceneError,), subject)
     except WorkError as error:
@@ -74,7 +77,7 @@ def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
 
 
 def error_messages(folder: Path, suffix: str, tries: int) -> list[str]:
-    """Reads the file of this suffix with `tries` different damages, and returns the error messages."""
+    """Reads `tries` damaged copies of the file with this suffix, and returns the error messages."""
     rng = random.Random(7)
     whole = (folder / f"a.{suffix}").read_bytes()
     tried = folder / suffix

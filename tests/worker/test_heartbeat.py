@@ -64,7 +64,10 @@ def test_what_is_told_and_asked_at_a_beat_is_one_message(redis_url: str, store: 
 
 
 def test_nobody_waits_for_an_answer_that_is_late(redis_url: str, store: redis.Redis) -> None:
-    """A report does not wait for late replies of Redis: a few at one second each would take longer than the report's TTL."""
+    """A worker's report does not wait for late replies of Redis.
+
+    A few replies that take one second each would take longer than the time after which the report expires.
+    """
     with held_up(redis_url, 0.4) as url:
         telling, mine = HeartbeatConnection(url), report("slow", 1)
         telling.send(mine, None, [])

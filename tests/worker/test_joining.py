@@ -27,7 +27,7 @@ def report(name: str, pid: int, host: str = "here") -> WorkerReport:
 
 
 class Service(Link):
-    """A substitute service with prepared responses, used one after the other."""
+    """A substitute for the link to the service: `join` returns or raises the given answers in turn, and repeats the last one."""
 
     def __init__(self, *answers: FarmAnswer | Exception) -> None:
         super().__init__("http://service.invalid", "token")

@@ -1,4 +1,4 @@
-"""Tests that Redis lists workers as connected, even those that send no reports."""
+"""Tests that a worker counts as connected exactly while Redis lists its connection, even if it sends no reports."""
 
 from __future__ import annotations
 

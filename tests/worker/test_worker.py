@@ -344,9 +344,9 @@ def kill_the_slot_with(bench: Bench, count: int) -> None:
 
 
 def kill_whoever_has(bench: Bench, name: str) -> None:
-    """Kills the busy slot of the worker again and again until the worker has answered a batch.
+    """Kills each slot of the worker that is busy, until the worker has sent a result for the batch `name`.
 
-    Three kills may not suffice: a slot that has just started also counts as busy.
+    At least three kills are required, and more may be needed: a slot that has just started also counts as busy.
     """
     deadline = time.monotonic() + 90
     before: dict[psutil.Process, float] = {}

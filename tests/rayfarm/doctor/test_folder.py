@@ -28,7 +28,7 @@ def faults(data: Path, deep: bool = False) -> list[str]:
 
 @pytest.fixture
 def stored(service: Service) -> Path:
-    """Returns the folder of a finished job, of a service that does not check films."""
+    """Returns the data folder of a service with one finished job; the service's periodic check of films is disabled."""
     with service.worker():
         service.wait_for(service.submit(service.ready_scene()), "finished")
     service.options["film_check_days"] = 0

@@ -58,7 +58,7 @@ class Seen:
         return ["".join(row).rstrip() for row in self.text]
 
     def blocks(self) -> np.ndarray:
-        """Returns the pixels (h, w, 3) of the part of the screen filled by half blocks."""
+        """Returns the pixels (h, w, 3) of the picture drawn with half blocks."""
         rows, columns = np.nonzero(self.text == "▀")
         if not len(rows):
             return np.zeros((0, 0, 3), np.uint8)

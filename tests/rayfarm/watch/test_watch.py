@@ -28,7 +28,7 @@ def png(service: Service, job: str, **query: float | str) -> np.ndarray:
 
 
 def alike(a: np.ndarray, b: np.ndarray) -> bool:
-    """Returns whether two pictures are equal, apart from RGB9E5 rounding."""
+    """Returns whether two pictures have the same shape, and values that differ by at most 2, which allows for RGB9E5 rounding."""
     return a.shape == b.shape and bool(np.abs(a.astype(int) - b).max() <= 2)
 
 

@@ -19,7 +19,10 @@ ELSEWHERE = FarmAnswer("redis://", "instance-1", "")
 
 
 class CountingLink(Link):
-    """A link to a service that is a dict; counts requests."""
+    """A substitute for the link to the service: blobs come from a dict, and the digests of fetched blobs are recorded.
+
+    A blob that starts with b"broken" raises LinkError after its first 3 bytes.
+    """
 
     def __init__(self, blobs: dict[str, bytes]) -> None:
         super().__init__("http://service.invalid", "token")
@@ -168,7 +171,7 @@ def test_a_file_that_has_suffered_is_fetched_anew(tmp_path: Path) -> None:
 
 
 class FullLink(CountingLink):
-    """A link whose disk is full after one stored blob."""
+    """A link whose transfers fail with the error of a full disk if the cache folder holds more than `room` blobs."""
 
     def __init__(self, blobs: dict[str, bytes], folder: Path) -> None:
         super().__init__(blobs)

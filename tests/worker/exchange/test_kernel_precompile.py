@@ -28,7 +28,10 @@ def token(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], subprocess.Popen[bytes]]]:
-    """Returns the list of started commands, each of which is replaced by a process that prints its priority."""
+    """Returns a list to which started processes are added, as (command, process).
+
+    Instead of the command, each process runs a program that prints its priority (nice value).
+    """
     found: list[tuple[list[str], subprocess.Popen[bytes]]] = []
     popen = subprocess.Popen
 

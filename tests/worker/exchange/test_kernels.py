@@ -1,4 +1,4 @@
-"""Tests that a separate process uploads kernels, and leaves nothing behind."""
+"""Tests that the separate process that uploads kernels is waited for, so that it leaves no zombie behind."""
 
 from __future__ import annotations
 

@@ -32,7 +32,7 @@ def test_a_worker_that_waits_is_healthy_and_not_ready(state: WorkerState, file: 
     ("state", "why"), [(WorkerState.WORKING, "last seen"), (WorkerState.AWAY, ""), (WorkerState.STARTING, "")]
 )
 def test_only_an_event_loop_can_hang(state: WorkerState, why: str, file: Path) -> None:
-    """Waiting for the service or Redis, for any time, does not count as hanging; a blocked event loop does."""
+    """A worker that waits for the service or Redis is healthy, however old its health file; one whose event loop hangs is not."""
     health_file.write_state(state)
     os.utime(file, (1.0, 1.0))
     assert (why in healthy.unhealthy_reason(str(file)), bool(healthy.unhealthy_reason(str(file)))) == (True, bool(why))

@@ -73,7 +73,10 @@ if [ "$1" = list-sessions ]; then echo "  3 1000 anna seat0 tty2"; echo " c1 120
 
 
 def test_a_desktop_says_by_itself_that_nobody_is_there(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A desktop session's idle hint is used; a script prints loginctl's output of systemd 252, since tests run without logind."""
+    """The idle hint of a desktop session tells whether its user is present.
+
+    A script prints the output of systemd 252's loginctl, since the tests run without systemd-logind.
+    """
     program = machine / "loginctl"
     program.write_text(LOGINCTL.format(folder=machine))
     program.chmod(0o755)

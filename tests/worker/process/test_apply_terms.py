@@ -27,7 +27,7 @@ MONDAY_NOON = datetime(2026, 3, 2, 12, 0)
 
 
 class Queues:
-    """A substitute for Celery's consumer, with the operations that a heartbeat uses."""
+    """A substitute for Celery's consumer: lists the queues that are read, and counts the messages that may be fetched ahead."""
 
     def __init__(self, slots: int) -> None:
         self.taken = ["render", "prepare"]

@@ -131,7 +131,10 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
 
 
 def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Slow senders are limited in number per address and in time, and do not use up other senders' connections."""
+    """Clients that send slowly are disconnected after a time limit, and do not use up the connections of other clients.
+
+    Each address may have only a limited number of connections.
+    """
     monkeypatch.setattr(reducer_module, "PATIENCE_S", 0.5)
     monkeypatch.setattr(reducer_module, "MOST_OF_ONE", 4)
     server = reducer_module._Server(("127.0.0.1", 0), reducer_module._Handler)

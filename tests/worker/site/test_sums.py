@@ -1,4 +1,7 @@
-"""Tests of a reducer's sums of a run: they are sent once, when complete or after a timeout, also by a succeeding reducer."""
+"""Tests of the sums that a site's reducer collects for a run of batches.
+
+The sums are sent once, when the run is complete or after a timeout. If the reducer is killed, its successor sends them.
+"""
 
 from __future__ import annotations
 

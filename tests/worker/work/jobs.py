@@ -1,4 +1,4 @@
-"""Tasks that the worker's tests run in confined readers."""
+"""Functions that the worker's tests run in sandboxed reader processes."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ __all__ = ["crash_at_frame_1", "full", "link_out", "say"]
 
 
 def crash_at_frame_1(*given: Any) -> dict[str, Any]:
-    """Prepares frames, and crashes at frame 1 by reading address 0."""
+    """Prepares frames like the real reader process, but crashes at frame 1, by reading memory address 0."""
     at = frames.OpenScene.frame_message
 
     def crashing(stage: frames.OpenScene, moment: Moment) -> dict[str, Any]:
@@ -33,12 +33,15 @@ def say(answer: dict[str, Any], link: Link) -> dict[str, Any]:
 
 
 def full(link: Link) -> dict[str, Any]:
-    """Raises the error of a full disk."""
+    """Raises the OSError of a full disk."""
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "compiled")
 
 
 def link_out(scene: bytes, out: bytes, link: Link) -> dict[str, Any]:
-    """Tries to link a file from outside into `out`; returns the methods that succeeded."""
+    """Tries to place a file of the scene's folder into `out` by symbolic link, hard link and move.
+
+    Returns {"made": names of the ways that succeeded}.
+    """
     source, made = Path(os.fsdecode(scene)) / "a", []
     for name, way in (("symbolic", os.symlink), ("hard", os.link), ("moved", os.rename)):
         with contextlib.suppress(OSError):

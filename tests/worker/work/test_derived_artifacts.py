@@ -1,4 +1,7 @@
-"""Tests of a slot's work for clients (denoised pictures, vectors, ...): every error is answered, and the slot becomes free."""
+"""Tests of the files that a slot makes for clients, such as denoised pictures and motion vectors.
+
+After any error, the slot sends an answer and becomes free.
+"""
 
 from __future__ import annotations
 

@@ -55,7 +55,7 @@ def moving(camera: bool, thing: bool) -> Gltf:
 
 
 class Bench:
-    """A scene's base as the service stores it, and a worker's results for its frames."""
+    """A scene and its compiled base, from which frames are prepared both as by a worker and as by `rayfarm render`."""
 
     def __init__(self, folder: Path, scene: Gltf, **asked: Any) -> None:
         self.scene = folder / "scene"
@@ -72,7 +72,11 @@ class Bench:
         return Shot(self.scene, "shot.glb")
 
     def said(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
-        """Returns for each frame the digest of its own compiled scene, and its views while the shutter is open."""
+        """Prepares frames in the given order as a worker does; returns (digest, views) by frame.
+
+        The digest is that of the frame's own compiled scene, or None if the base serves. The views are those while the shutter is
+        open.
+        """
         out = Path(tempfile.mkdtemp(dir=self.out))
         stage = reading.OpenScene(self.shot(), self.asked, self.base, out)
         found = {}
@@ -87,7 +91,10 @@ class Bench:
         return hashlib.sha256((self.out / "whole").read_bytes()).hexdigest()
 
     def rendered(self, frame: float) -> tuple[str | None, list[dict[str, Any]]]:
-        """Returns the same values for a frame as computed by `rayfarm render --frame`."""
+        """Returns (digest, views) of a frame as `rayfarm render --frame` computes them.
+
+        The digest is None if the frame's compiled scene equals the base.
+        """
         moment = Moment(frame, self.asked.fps, self.asked.clip)
         camera = None if self.asked.camera is None else str(self.asked.camera)
         compiled, summary = OpenScene(self.shot(), camera, shutter=self.asked.shutter).scene_at(moment)

@@ -34,7 +34,7 @@ SUMMARY: dict[str, Any] = {
 
 
 class Service(Link):
-    """A link to a service that has one file, and is unreachable for the first requests."""
+    """A substitute for the link to the service: has one file, and fails to store blobs for the next `away` calls."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")
@@ -57,7 +57,7 @@ class Service(Link):
 
 @pytest.fixture
 def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Returns a worker whose reader accepts the scene only as it was uploaded."""
+    """Returns a worker whose scene reader is replaced by one that accepts only the exact bytes that were uploaded."""
     service = Service()
     reads: list[bytes] = []
 

@@ -68,7 +68,10 @@ def test_a_reader_makes_no_links_out_of_its_room() -> None:
 
 
 def test_a_part_under_another_files_name_does_not_get_into_the_cache(tmp_path: Path) -> None:
-    """A part stored under a wrong digest is refused, since it would affect all scenes that share it."""
+    """A part of a compiled scene whose bytes do not match its digest is refused.
+
+    In the cache, the part would affect all scenes that share it.
+    """
     cache = BlobCache(Link("http://service.invalid", "token"), FarmAnswer("", "", ""), tmp_path / "cache")
     sha256 = hashlib.sha256(b"another scene's part").hexdigest()
     (tmp_path / sha256).write_bytes(b"forged")

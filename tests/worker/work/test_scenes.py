@@ -24,7 +24,7 @@ from worker.work.scenes import discard_damaged, open_scene, store_scene
 
 
 class Service(Link):
-    """A link to a substitute service that is a dict; counts sent and fetched blobs."""
+    """A substitute for the link to the service: blobs are in a dict, and the digests of sent and fetched blobs are recorded."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")
@@ -55,7 +55,7 @@ def worker(service: Service, folder: Path) -> Any:
 
 @pytest.fixture
 def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
-    """Returns the service and the blobs of three frames, stored by one worker."""
+    """Returns a service, and references to the compiled scenes of three frames that one worker stored there."""
     service, kept = Service(), ShotCache()
     out = tmp_path / "out"
     out.mkdir()

@@ -32,7 +32,7 @@ def batch(number: int, tile: Tile, **more: Any) -> RenderBatch:
 
 
 def sums_of(tile: Tile, first: int, count: int) -> Any:
-    """Returns sums that differ by pixel, as if every sample were finite."""
+    """Returns sums (channels, h, w) of `count` samples from `first`: 1000 y + x + first in each channel, with no invalid samples."""
     y, x = np.mgrid[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w]
     sums = np.broadcast_to(1000 * y + x + first, (CHANNELS, tile.h, tile.w)).astype(np.int64)
     sums[SAMPLES] = count
@@ -40,7 +40,11 @@ def sums_of(tile: Tile, first: int, count: int) -> Any:
 
 
 class Renderer:
-    """A substitute for a graphics card's renderer that records loaded scenes; `Renderer.answer` replaces render_batch."""
+    """A substitute for a graphics card's renderer, which records the loaded kernels.
+
+    `Renderer.answer`, if not None, is the function that the tests call in place of render_batch, or the exception that they
+    raise.
+    """
 
     answer: Any = None
 
@@ -83,7 +87,10 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def render(worker: Any, *batches: RenderBatch) -> list[tuple[Tile, bool]]:
-    """Renders a message of batches on the card; returns (tile, whether a kernel is being compiled) as shown for each block."""
+    """Renders batches as one message on the graphics card; returns (tile, is_compiling) of each status display.
+
+    is_compiling: whether the worker is shown as compiling a kernel for the tile.
+    """
     shown: list[tuple[Tile, bool]] = []
     worker.speed = slot_card.render_on_card(
         worker, CardBatches(batches or (BATCH,)), lambda block, is_compiling: shown.append((block.tile, is_compiling))
