@@ -1,4 +1,7 @@
-"""Tests of writing pictures: an older file is replaced, links and permissions are kept, and paths are checked before rendering."""
+"""Tests of writing pictures to disk.
+
+An older file is replaced, links and permissions are kept, and the path is checked before rendering.
+"""
 
 from __future__ import annotations
 

@@ -54,7 +54,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
 
 @functools.cache
 def _quick_hasher() -> PasswordHasher:
-    """Returns a password hasher with 1/1000 of the usual work."""
+    """Returns a password hasher with about 1/1000 of the usual work, so that tests spend no time on hashing."""
     from argon2 import PasswordHasher
 
     return PasswordHasher(time_cost=1, memory_cost=256, parallelism=1)
@@ -68,7 +68,10 @@ redis.utils.get_lib_version = functools.cache(redis.utils.get_lib_version)
 
 
 class _Compiled(dict[Any, Any]):
-    """A cache of compiled SQL statements, shared by all databases of one kind; SQLAlchemy's own cache is per dialect object."""
+    """A cache of compiled SQL statements that all databases of one kind share.
+
+    SQLAlchemy compiles the statements again for each database, since its cache depends on the dialect object.
+    """
 
     def get(self, key: Any, default: Any = None) -> Any:
         return super().get((key[0].name, *key[1:]), default)
@@ -86,9 +89,9 @@ def _keep_what_is_compiled(connection: Connection) -> None:
 
 
 class Service:
-    """The service in a thread, with a Redis that is empty at first.
+    """A real service in a thread of the test process. Redis is emptied before its first start.
 
-    `restart` starts the service again with the same data folder.
+    `restart` stops the service, and starts it again with the same data folder.
     """
 
     def __init__(self, data: Path, redis_server: running_redis, **settings: Any) -> None:
@@ -174,7 +177,7 @@ def _made_database() -> bytes:
 
 
 def place_database(data: Path) -> None:
-    """Puts a database into a new data folder, copied to save the time of the migrations."""
+    """Copies an SQLite database with a farm's empty tables into a new data folder, which is faster than the migrations."""
     path = data / "rayfarm.sqlite"
     if not path.exists():
         data.mkdir(parents=True, exist_ok=True)
@@ -190,10 +193,10 @@ def new_sqlite(folder: Path) -> str:
 def until(
     true: Callable[[], bool], what: str, timeout: float = 20.0, say: Callable[[], Any] = lambda: "", rarely: float = 0.1
 ) -> None:
-    """Waits until the function `true` returns a true value; raises with `what` after `timeout` seconds.
+    """Waits until the function `true` returns a true value; after `timeout` seconds, raises AssertionError.
 
-    Conditions mostly use HTTP, and checks took a fifth of the processor time of such tests, so after a while they are checked
-    only every `rarely` seconds. say: returns more information for the error.
+    what: describes the condition in the error. say: returns further text for the error. rarely: the longest time between two
+    checks in seconds; checks become rarer, since most of them use HTTP and took a fifth of the processor time of such tests.
     """
     deadline = time.monotonic() + timeout
     pause = 0.02
@@ -212,13 +215,16 @@ def redis_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[running_r
 
 
 def _empty(server: running_redis) -> None:
-    """Deletes from Redis what earlier tests left there, such as a pause of a worker whose name is used again."""
+    """Deletes all keys from Redis, such as a stored pause of a worker whose name a later test uses again."""
     with redis.Redis.from_url(server.url) as client:
         client.flushall()
 
 
 class Databases:
-    """The source of databases for the tests of this process, by name: `sqlite` or `postgresql`."""
+    """Creates databases for the tests of this process, on the database system named `sqlite` or `postgresql`.
+
+    If RAYFARM_TEST_DATABASE_URL is set, all tests use the database at this URL instead.
+    """
 
     def __init__(self) -> None:
         self.given = os.environ.get("RAYFARM_TEST_DATABASE_URL", "")  # a database that may be cleared; if set, all tests use it
@@ -235,7 +241,10 @@ class Databases:
 
     @contextmanager
     def new(self, name: str) -> Iterator[str]:
-        """Yields the URL of an empty farm database, for the duration of the block; '' for SQLite in the data folder."""
+        """Yields the URL of an empty farm database, and deletes the database at the end of the `with` block.
+
+        name: `sqlite` or `postgresql`. The URL is '' for SQLite: the service then creates the database in its data folder.
+        """
         if self.given:
             empty_database(self.given)
             yield self.given
@@ -270,7 +279,10 @@ def databases() -> Iterator[Databases]:
 
 @pytest.fixture
 def database(request: pytest.FixtureRequest, databases: Databases) -> Iterator[str]:
-    """Yields a database for one test: SQLite, or for the files in ON_BOTH each kind in turn."""
+    """Yields the URL of a database for one test; '' for SQLite in the data folder.
+
+    Tests of the files in ON_BOTH run twice, with SQLite and with PostgreSQL.
+    """
     with databases.new(getattr(request, "param", "sqlite")) as url:
         yield url
 

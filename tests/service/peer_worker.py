@@ -74,9 +74,10 @@ def expected_digest(width: int = 64, height: int = 48, spp: int = 8, seed: int =
 
 
 class PeerWorker:
-    """A worker with one slot, in a thread. `on_batch` may delay, drop (return False) or fail (raise) a batch.
+    """A fake worker in a thread, which handles one message at a time; functions such as `on_batch` may change its answers.
 
-    Its capabilities are arguments of the constructor, since the service acts on the first report that it receives.
+    `on_batch` may delay a batch, drop it (return False) or fail it (raise). The worker's capabilities are arguments of the
+    constructor, since the service acts on the first report that it receives.
     """
 
     def __init__(
@@ -97,7 +98,10 @@ class PeerWorker:
         tags: tuple[str, ...] | None = None,
         memory: int = 8 << 30,
     ) -> None:
-        """Starts the worker. tags: None for a release without tags, which gets no requests for them."""
+        """Starts the worker. The bool arguments are capabilities that it reports.
+
+        tags: None stands for an older release, which publishes no tags and applies no settings from the service.
+        """
         self.redis = redis.Redis.from_url(redis_url)
         self.http = httpx.Client(base_url=service, headers={"Authorization": f"Bearer {token}"}, timeout=60, verify=False)
         self.name = name
@@ -255,7 +259,7 @@ class PeerWorker:
             self.redis.rpush(explained_key(work.message), json.dumps({"worker": self.name, **answer}))
 
     def _cannot(self, type: str, about: dict[str, Any]) -> bool:
-        """Returns whether the test declared this machine unfit for such work; if so, sends that as the answer."""
+        """Returns True if the test declared this worker's machine unfit for such work, and sends that as the answer."""
         if self.unfit is not None:
             self.send({"type": type, **about, "error": self.unfit, "unfit": True})
         return self.unfit is not None
@@ -293,7 +297,7 @@ class PeerWorker:
         self.send({"type": "environment-shown", **about, "sha256": sha256})
 
     def _point(self, work: FrameVectors) -> None:
-        """Answers a request for motion vectors: each pixel has column, row, frame (in halves), and minus the column."""
+        """Answers a request for motion vectors: the vector of each pixel is (column, row, 2 * frame, -column)."""
         about = {"work": work.work, "worker": self.name}
         if self._cannot("vectors-failed", about):
             return

@@ -1,4 +1,4 @@
-"""Tests of the Redis users of workers with their own tokens: address, permissions and revocation."""
+"""Tests of the Redis user that each worker with its own token gets: its address, its permissions and its revocation."""
 
 from __future__ import annotations
 

@@ -42,7 +42,7 @@ def no_tries_yet(service: Service) -> None:
 
 @pytest.fixture(scope="module")
 def owner(service: Service) -> Iterator[httpx.Client]:
-    """Yields a client with the owner's token from the data folder."""
+    """Yields a client that authenticates with the owner's token, which is stored in the data folder."""
     path = service.options["data"] / "owner-token"
     assert path.stat().st_mode & 0o777 == 0o600
     with caller(service, path.read_text().strip()) as client:
@@ -83,7 +83,10 @@ def shape(need: Need) -> str:
 
 
 def ask(client: httpx.Client, method: str, pattern: str) -> int:
-    """Requests a route pattern with example ids; returns the response's status without waiting for its body."""
+    """Sends a request to a route, with example ids in place of the pattern's parameters; returns the response's status.
+
+    Does not wait for the response's body. method: an HTTP method, or WS for a WebSocket, whose status is 101 if it is accepted.
+    """
     if method == "WS":
         url = f"{str(client.base_url).replace('http', 'ws', 1).rstrip('/')}{example_of(pattern)}"
         try:

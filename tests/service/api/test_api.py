@@ -62,7 +62,10 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
 
 @pytest.mark.long
 def test_a_still_says_its_noise(service: Service, scene: str) -> None:
-    """The noise of a still, by which a loop in docs/python.md ends, equals the history's last value, and is stored."""
+    """The noise of a still in the API equals the last noise value of its history, and is stored in the database.
+
+    A loop in docs/python.md uses this noise to decide when to stop.
+    """
     job = service.submit(scene, spp=16)
     service.wait_for(job, "finished")
     noise = service.job(job)["frames"][0]["noise"]

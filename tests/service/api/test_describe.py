@@ -1,4 +1,4 @@
-"""Tests of database rows that this release cannot interpret: they are listed with an error, and the list still works."""
+"""Tests of lists with a database row that this release cannot interpret: the row is listed with an error, others as usual."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the checks made before any route is called: caller, host name, origin, method."""
+"""Tests of the checks of a request before its route is called: the caller, the host name, the origin and the method."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tests of GET /api/jobs/{id}/explain: the request to a worker, the validated answer, and errors without a capable worker."""
+"""Tests of GET /api/jobs/{id}/explain, which asks a worker for the light paths of a pixel.
+
+The worker's answer is validated. Without a worker that can explain pixels, the response is an error.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ PATH = {"chosen": ["first"], "sample": 0, "value": [1, 1, 1], "end": "depth", "t
 
 
 def explained(work: ExplainPixel) -> list[dict[str, Any]]:
-    """Returns the answer of a worker whose samples equal those of the film."""
+    """Returns a worker's answer to a request to explain a pixel, with the same samples as the film."""
     sums = expected_sums(Tile(work.x, work.y, 1, 1), 0, work.count, work.settings.seed)[:, 0, 0]
     told = {"samples": work.count, "sums": [int(v) for v in sums[COLOR]], "finite": int(sums[SAMPLES]), "paths": [PATH]}
     return [{"type": "begun"}, {"type": "done", "explained": told}]

@@ -1,4 +1,7 @@
-"""Tests of a standby that forwards requests to the owner, with two real servers: one that echoes, and a standby before it."""
+"""Tests of a standby service that forwards requests to the owner of the farm.
+
+Two real servers run: one echoes requests in place of the owner, and a standby forwards to it.
+"""
 
 from __future__ import annotations
 

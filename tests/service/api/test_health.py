@@ -1,4 +1,4 @@
-"""Tests of health checks, which respond while all threads are busy, and of 503 with Retry-After for excess picture requests."""
+"""Tests of requests while all threads are busy: health checks respond, and excess picture requests get 503 with Retry-After."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that a flood of messages on one socket leaves time for other tasks."""
+"""Tests that a client that sends a flood of messages over one WebSocket leaves processor time for other tasks."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ MOST = 200_000
 
 
 class Flood:
-    """A socket whose next message is always available."""
+    """A substitute for a WebSocket whose next message never has to be waited for."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -26,9 +26,9 @@ class Flood:
 
 
 def heard_while_others_work(text: str) -> float:
-    """Returns the number of messages accepted from a flood while another task sleeps, divided by the limit.
+    """Returns the number of messages read from a flood in 0.2 s, relative to the number that the rate limit allows.
 
-    text: the repeated message.
+    text: the message that the flood repeats.
     """
 
     async def both() -> float:

@@ -39,7 +39,7 @@ def service(
 
 @contextmanager
 def statements(service: Service) -> Iterator[list[str]]:
-    """Records the database queries made in the `with` block."""
+    """Yields a list to which each SQL statement that the service executes for a request is added, in the `with` block."""
     said: list[str] = []
 
     def note(_: Any, __: Any, statement: str, *___: Any) -> None:

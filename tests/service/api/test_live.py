@@ -23,7 +23,7 @@ from tests.service.peer_worker import PeerWorker, expected_sums
 
 
 class Watcher:
-    """Reads a job's live messages, and acknowledges them on demand."""
+    """Reads the messages of a job's live WebSocket; acknowledges each only if a test requests it."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
@@ -192,7 +192,7 @@ def test_events_tell_of_scenes_jobs_and_workers(service: Service, worker: PeerWo
 
 
 def film_of(service: Service, job: str, **headers: str) -> tuple[list[int], np.ndarray, int]:
-    """Returns the whole film from one response: sample counts of its tiles, RGB9E5 words (h, w), side of a tile."""
+    """Requests a frame's whole film; returns (samples per pixel of each tile, RGB9E5 words (h, w), side of a tile in pixels)."""
     answer = service.http.get(f"/api/jobs/{job}/frames/0/film", headers=headers).raise_for_status()
     version, kind, frame, width, height, side = struct.unpack_from("<BBHHHI", answer.content)
     assert (version, kind, frame) == (1, 2, 0)

@@ -1,4 +1,4 @@
-"""Tests that one table holds the access requirements of all routes, and that these are enforced."""
+"""Tests that one table states who may call each route, that it has every route, and that the service enforces it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of login through an OpenID provider: a real one, oidc-provider-mock, on loopback."""
+"""Tests of login through an OpenID provider: oidc-provider-mock, a real provider, runs on loopback."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ async def _pieces() -> AsyncIterator[bytes]:
 
 
 async def answer(request: Request) -> Response:
-    """Returns a response with the kind of content that the request's path names."""
+    """Returns a response of the kind that the request's path names, such as `long` (JSON), `picture` or `pieces` (a stream)."""
     kinds: dict[str, Response] = {
         "long": JSONResponse(LONG),
         "short": JSONResponse({}),

@@ -33,7 +33,10 @@ ROLE = {"anna": "submit", "ben": "submit"}
 
 @dataclass
 class People:
-    """Clients with tokens. anna: member of the project; ben: member of no project; chief: administrator."""
+    """HTTP clients of three users, each with a token.
+
+    anna is a member of the project, ben is a member of no project, and chief is an administrator.
+    """
 
     anna: httpx.Client
     ben: httpx.Client
@@ -73,7 +76,10 @@ def made(answer: httpx.Response, status: int) -> dict[str, Any]:
 
 
 def fill(anna: httpx.Client) -> dict[str, str]:
-    """Returns one item of each kind in the project, all with the same word in their names."""
+    """Creates one item of each kind in the project as anna; returns their ids by kind.
+
+    All items have the same word in their names.
+    """
     into = {"project": "film"}
     scene = made(anna.post("/api/scenes", params=into, files={"files": (f"{HIDDEN}.obj", OBJ)}), 201)
     assert scene["project"] == "film"

@@ -1,4 +1,4 @@
-"""Tests of quotas: what they limit, and the errors, with remedies, beyond the limits."""
+"""Tests of quotas: requests beyond a limit get an error that states the limit and what to do."""
 
 from __future__ import annotations
 

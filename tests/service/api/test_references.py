@@ -1,4 +1,7 @@
-"""Tests of reference pictures: decoded in a child process, stored once, returned as films, refused with error messages."""
+"""Tests of uploaded reference pictures: decoded in a child process, stored once, and returned as films.
+
+Invalid ones are refused with error messages.
+"""
 
 from __future__ import annotations
 

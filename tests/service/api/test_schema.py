@@ -39,7 +39,7 @@ def _nobody(*wish: Any) -> Any:
 
 
 class Alive:
-    """A service with scenes and jobs in every state."""
+    """A running service with scenes and jobs in every state, and their ids."""
 
     def __init__(self, service: Service, worker: PeerWorker) -> None:
         self.service = service
@@ -104,14 +104,20 @@ def ids(path: str, alive: Alive) -> list[str]:
 
 
 def spare(path: str, alive: Alive) -> str:
-    """Returns the path with the id of a scene or job that may be changed and deleted, so that the others keep their states."""
+    """Returns the id of a new scene or job, depending on `path`, for a request that may change or delete it.
+
+    The scenes and jobs of `alive` thus keep their states.
+    """
     if "/scenes/" in path:
         return alive.service.upload(OBJ + f"# {time.monotonic_ns()}".encode())
     return alive.service.submit(alive.scenes["ready"], width=32, height=32, priority=-100)
 
 
 def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> dict[int, int]:
-    """Calls an operation with many generated requests; returns the number of responses by status."""
+    """Sends `examples` generated requests to one operation; returns the number of responses by status.
+
+    Each response is checked against the OpenAPI document.
+    """
     from schemathesis import GenerationMode
 
     seen: dict[int, int] = {}
@@ -166,7 +172,7 @@ def judge(case: Any, response: Any) -> None:
 
 
 def operations(alive: Alive, share: int) -> list[tuple[str, str]]:
-    """Returns the path and method of every eighth operation."""
+    """Returns (path, method) of every eighth operation of the OpenAPI document, from the operation with index `share`."""
     paths = alive.service.http.get("/openapi.json").json()["paths"]
     return [(path, method.upper()) for path, methods in paths.items() for method in methods if path != ENDLESS][share::8]
 

@@ -20,7 +20,7 @@ pytestmark = pytest.mark.usefixtures("people")
 
 
 def new_link(client: httpx.Client, job: str, **asked: Any) -> tuple[str, dict[str, Any]]:
-    """Returns a new link's secret, and the link."""
+    """Creates a share link to a job; returns (the link's secret, the link as the API describes it)."""
     link = made(client.post(f"/api/jobs/{job}/links", json=asked), 201)
     page, _, secret = link["path"].partition("#")
     assert page == "shared/"

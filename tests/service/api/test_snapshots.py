@@ -22,7 +22,7 @@ EXPONENT = 24
 
 
 def light(samples: int) -> np.ndarray:
-    """Returns the picture as RGB9E5 words (h, w) after this number of samples of every pixel."""
+    """Returns the expected picture as RGB9E5 words (h, w), with `samples` samples in every pixel."""
     sums = expected_sums(Tile(0, 0, WIDTH, HEIGHT), 0, samples, 0)
     return rgbe9995.pack(film_math.mean(sums, EXPONENT))
 
@@ -32,9 +32,9 @@ def snapshot_samples(service: Service, job: str) -> list[int]:
 
 
 def in_step(service: Service, worker: PeerWorker) -> list[str]:
-    """Makes the worker wait, at each power of two of samples, until the job's snapshot is stored.
+    """Makes the worker wait, before it renders on from 1 or 8 samples per pixel, until a snapshot of these is stored.
 
-    Returns a list, to which tests add the ids of their jobs.
+    Returns an empty list, to which a test adds the id of its job.
     """
     jobs: list[str] = []
 

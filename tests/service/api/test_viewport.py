@@ -22,7 +22,7 @@ from tests.service.viewer import look
 
 
 def left_behind(service: Service) -> list[str]:
-    """Returns what closed views left behind: their keys in Redis, film files, and jobs."""
+    """Returns what closed views failed to remove: Redis keys, film files, and ids of jobs."""
     redis = service.farm.views._redis
     keys = [key.decode() for key in redis.scan_iter("rayfarm*view*")]
     films = [str(path) for path in (service.options["data"] / "films").iterdir()]

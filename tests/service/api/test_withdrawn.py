@@ -1,4 +1,4 @@
-"""Tests of uploads whose permission is revoked, or whose project is deleted, while they arrive: nothing is stored."""
+"""Tests of uploads whose token is revoked, or whose project is deleted, during the transfer: nothing is stored."""
 
 from __future__ import annotations
 
@@ -38,7 +38,10 @@ def token_of(service: Service, owner: httpx.Client, name: str) -> str:
 
 
 def sent(service: Service, token: str, meanwhile: Callable[[], object], path: str, field: bytes = b"files") -> tuple[int, bytes]:
-    """Sends an upload and calls `meanwhile` in its middle; returns the status and the body."""
+    """Sends an upload to `path`, and calls `meanwhile` after the first part of it; returns (status, response).
+
+    field: the name of the form's field with the file.
+    """
     name = b"a.obj" if field == b"files" else b"a.png"
     body = BOUNDARY % (field, name) + OBJ + path.encode() + b"#" * 9000 + b"\r\n--b--\r\n"
     head = f"POST {path} HTTP/1.1\r\nHost: localhost\r\nAuthorization: Bearer {token}\r\nContent-Length: {len(body)}\r\n"

@@ -1,4 +1,7 @@
-"""Tests that hooks receive the end of each job once, with a real server that gives chosen responses, and a real program."""
+"""Tests that webhooks and hook programs are notified of the end of each job exactly once.
+
+A real HTTP server receives the webhooks and gives chosen responses; the program is a real one too.
+"""
 
 from __future__ import annotations
 
@@ -240,7 +243,10 @@ def test_a_program_may_leave_another_running(tmp_path: Path, monkeypatch: pytest
 
 
 def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A hook program that hangs is killed with its child processes; with retries, eight of these would remain per job."""
+    """A hook program that hangs is killed together with its child processes.
+
+    Otherwise up to eight of these programs would remain for each job, because of retries.
+    """
     monkeypatch.setattr(deliver, "RUN_TIMEOUT_S", 1.0)
     program = tmp_path / "hook"
     program.write_text(f"#!/bin/sh\nsleep 300 &\necho $! > {tmp_path}/waited-for\nwait\n")
@@ -277,9 +283,9 @@ def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receive
 def test_more_ends_than_are_looked_at_at_once_are_told_beside_what_is_late(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """If more jobs end than one round reads, all ends are delivered, although a job that had ended before was late.
+    """If more jobs end than one poll reads, the ends of all are delivered.
 
-    The late job's time must not hide the other ends.
+    One of the jobs also became late for its deadline, with a later time; this time must not hide the ends of the others.
     """
     monkeypatch.setattr(outbox, "AT_A_TIME", 2)
     jobs = [told.submit(told.upload()) for _ in range(6)]

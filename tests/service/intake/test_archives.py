@@ -32,7 +32,7 @@ def zipped(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes
 
 
 def unpack(store: BlobFolder, content: bytes, max_files: int = 10, max_bytes: int = 50 << 20) -> dict[str, bytes]:
-    """Returns the files extracted from a zip, and deletes their blobs."""
+    """Extracts a zip into blobs, reads these and deletes them; returns the files' contents by name."""
     found: dict[str, bytes] = {}
     for name, writer in extract_archive(
         io.BytesIO(content), "pack.zip", store, max_files, max_bytes, 100.0, lambda size: None, []

@@ -1,6 +1,6 @@
-"""Tests of lighting given in a job's request: it creates no scene in the lists, but one compiled scene per lighting.
+"""Tests of jobs whose request gives the lighting.
 
-This scene is deleted when no job uses it.
+Each lighting has one compiled scene, which is in no list of scenes, and is deleted when no job uses it.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Tests of resolving a request and a scene's defaults to the settings that determine every sample."""
+"""Tests that a request and a scene's defaults are resolved to complete settings, which determine the value of every sample."""
 
 from __future__ import annotations
 
@@ -62,7 +62,10 @@ def test_a_camera_is_meant_by_its_name_or_its_number(camera: str | int | None, n
 
 @pytest.mark.parametrize("camera", ["²", "9" * 5000, "1234567", "-1", " 1", "side", "", 2, "2", 10**30])
 def test_a_camera_that_is_not_there_is_answered_with_a_sentence(camera: str | int) -> None:
-    """A missing camera raises SettingsError; any other error would be repeated for each waiting job, and stop all jobs."""
+    """A request for a missing camera raises SettingsError, which fails only this job.
+
+    Any other error would be raised again for each waiting job, and stop all jobs.
+    """
     with pytest.raises(SettingsError, match=r"^camera is .*(0: front, 1: 7|the scene has 2)") as caught:
         resolved(camera=camera)
     assert len(str(caught.value)) < 200

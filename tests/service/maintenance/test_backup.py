@@ -1,4 +1,4 @@
-"""Tests that a backup of a running farm can be started as a farm, which continues its jobs with the same bits."""
+"""Tests that a backup of a running farm can be started as a farm, whose jobs continue and end with bit-identical films."""
 
 from __future__ import annotations
 
@@ -154,7 +154,7 @@ def test_what_is_no_backup_or_no_place_for_one_is_refused(tmp_path: Path) -> Non
 
 
 def small(folder: Path) -> Path:
-    """Creates a farm with only a database, and backs it up."""
+    """Creates a data folder with only a database, and backs it up; returns the backup's folder."""
     (folder / "data").mkdir()
     with closing(sqlite3.connect(folder / "data" / "rayfarm.sqlite")) as database, database:
         database.execute("PRAGMA user_version")

@@ -1,4 +1,4 @@
-"""Tests that no data that cannot be restored is deleted because a clock was set forward by mistake."""
+"""Tests that a clock set forward by mistake causes no deletion of data that cannot be restored."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tests of retention rules: deleted data that can be rendered again has the same bits then, needed or pinned data is kept."""
+"""Tests of retention rules: pinned data, and data that is still in use, is kept.
+
+Deleted data that can be rendered again then has the same bits.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ from tests.service.conftest import OBJ, Service, until
 
 
 def aged(service: Service, **days: float) -> None:
-    """Sets the age in days of jobs and scenes, given by id."""
+    """Sets the creation and end times of jobs and scenes, so that they have the given ages in days, by id."""
     for id, age in days.items():
         then = time.time() - age * DAY_S
         with service.farm.sessions.begin() as session:

@@ -1,4 +1,7 @@
-"""Tests of jobs that reuse another job's samples: never too many samples, never different bits, and independent goals."""
+"""Tests of jobs that reuse the samples of another job's film.
+
+A job never has more samples than requested, nor different bits; the jobs' noise goals do not affect each other.
+"""
 
 from __future__ import annotations
 
@@ -125,13 +128,13 @@ SHOT = {"width": 32, "height": 24, "tile_size": 16, "spp": 4}
 
 
 def frame_digests(service: Service, job: str, frames: str) -> list[str]:
-    """Returns the digests of these frames, in order."""
+    """Returns the digests of a job's frames, in the order of `frames`, which is a list in text form such as 0-3."""
     urls = [f"/api/jobs/{job}/frames/{number}/digest" for number in parse_frames(frames)]
     return [service.http.get(url).raise_for_status().json()["digest"] for url in urls]
 
 
 def expected_frames(frames: str, spp: int = 4) -> list[str]:
-    """Returns the expected digests of a shot SHOT at these frames."""
+    """Returns the expected digests of the given frames of a job with the request SHOT, with `spp` samples per pixel."""
     return [expected_digest(32, 24, spp, round(2000 * number)) for number in parse_frames(frames)]
 
 

@@ -1,4 +1,7 @@
-"""Tests that an owner counts as dead only after a request, enough checks, and enough time without an answer."""
+"""Tests of when a standby declares the owner dead.
+
+It must have sent a request, checked often enough, and waited long enough without an answer.
+"""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Tests of two services of one farm: the second stands by, and takes over when the first is killed or hangs.
+"""Tests of two services of one farm: one stands by, and takes over when the owner is killed or hangs.
 
-Later writes of the first are refused. The film has each sample once, whenever the takeover happens.
+Later writes of the former owner are refused. The film has each sample exactly once, whenever the takeover happens.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def watched(service: Started, job: str) -> Iterator[ClientConnection]:
 
 
 def code_of(watcher: ClientConnection) -> int:
-    """Reads the remaining messages of a connection, and returns its close code."""
+    """Reads a WebSocket until it is closed, and returns its close code."""
     with pytest.raises(ConnectionClosed) as closed:
         while True:
             watcher.recv(timeout=30)
@@ -80,9 +80,9 @@ def begun(service: Started, worker: PeerWorker) -> str:
 def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
     pair: tuple[Started, Started], redis_server: running_redis
 ) -> None:
-    """The farm moves from a suspended service to the other one, and back when that is killed; a job renders throughout.
+    """The farm moves from a suspended service to the standby, and back when the new owner is killed.
 
-    The first service, once resumed, stands by until the second is killed.
+    The first service, once resumed, stands by until then. A job renders throughout.
     """
     first, second = pair
     assert second.says("/healthz") == "stands by"

@@ -6,7 +6,7 @@ __all__ = ["FakeClock"]
 
 
 class FakeClock:
-    """Simulated wall time and processor time of this thread, which is always busy."""
+    """A simulated clock: wall time, and processor time of this thread, which counts as always busy."""
 
     def __init__(self) -> None:
         self.now = 100.0

@@ -32,7 +32,10 @@ def batch(number: int, tile: Tile, **more: Any) -> RenderBatch:
 
 
 def sums_of(tile: Tile, first: int, count: int) -> Any:
-    """Returns sums (channels, h, w) of `count` samples from `first`: 1000 y + x + first in each channel, with no invalid samples."""
+    """Returns sums (channels, h, w) of `count` samples from number `first`, all of which are valid.
+
+    Each channel of a pixel is 1000 y + x + first.
+    """
     y, x = np.mgrid[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w]
     sums = np.broadcast_to(1000 * y + x + first, (CHANNELS, tile.h, tile.w)).astype(np.int64)
     sums[SAMPLES] = count

@@ -1,4 +1,7 @@
-"""Tests of leases: a batch without a holder is lost only after all results that may contain its answer were read."""
+"""Tests of leases of batches: a batch that no worker holds is declared lost only once its answer can no longer arrive.
+
+Until then, the service reads all results that may contain the answer.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,10 @@ from service.scheduling.jobs.plan import Range
 
 
 def test_an_answer_may_have_come_at_the_last_of_the_looks() -> None:
-    """The end of the result stream at the last poll counts, since a slot may take a batch and answer it between two polls."""
+    """A batch is lost only after all results that the stream had at the last poll were read.
+
+    A slot may take a batch and answer it between two polls.
+    """
     lease = Lease("job", "kind", Range(0, 0, 1), 30.0)
     for look in range(1, MAX_UNSEEN_POLLS + 1):
         lease.record_poll(False, lambda look=look: (look, 0))  # type: ignore[misc]

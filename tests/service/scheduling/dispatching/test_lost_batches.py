@@ -1,4 +1,4 @@
-"""Tests of lost and late batches, and of batches on an overloaded machine, which are neither lost nor late."""
+"""Tests of which batches count as lost or late; those of a merely overloaded machine count as neither."""
 
 from __future__ import annotations
 
@@ -152,7 +152,10 @@ def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World,
 
 
 def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
-    """Rendered batches that wait for the other batches of their run occupy no slot, so that the machine is not idle meanwhile."""
+    """Rendered batches whose results wait for other batches of the same run are not counted as occupying slots.
+
+    Otherwise the machine would get too few new batches, and be idle meanwhile.
+    """
     first, second = (
         Lease("job", "kind", Range(0, n, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True) for n in range(2)
     )

@@ -112,7 +112,10 @@ def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: FakeClock) ->
 
 
 def test_batches_take_as_long_as_their_results_travel(clock: FakeClock) -> None:
-    """Batches take at least as long as the transfer of their results, so that slots on slow connections do not mostly send."""
+    """The target duration of batches is at least the transfer time of their results.
+
+    Otherwise slots on slow connections would spend most of their time on sending.
+    """
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for seconds in (30.0, 30.0, 0.0, 0.0, 0.1, 0.0, 30.0, 0.0, 0.0):
         of.record_transit(seconds)

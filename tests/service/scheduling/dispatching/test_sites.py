@@ -1,4 +1,7 @@
-"""Tests of sites, with a real reducer and real messages: sums are added up, and each sample is in the film once."""
+"""Tests of a site, whose reducer adds up its workers' sums before they are sent: each sample is in the film once.
+
+The reducer and the messages are real, the slots simulated.
+"""
 
 from __future__ import annotations
 
@@ -27,7 +30,7 @@ SUMS = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0))
 
 @contextmanager
 def machines(service: Service, site: str) -> Iterator[Slots]:
-    """Yields eight machines with eight slots each."""
+    """Yields the simulated slots of eight machines at a site, eight on each."""
     made = Slots(service.options["redis_url"], service.url, TOKEN, 64, SUMS, 0.01, True, site, 8)
     made.report()
     thread = threading.Thread(target=made.run, args=(200.0,))

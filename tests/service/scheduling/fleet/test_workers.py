@@ -1,4 +1,4 @@
-"""Tests of workers that a user pauses, and of the suspicion against a worker, which increases and is cleared."""
+"""Tests of pausing workers, and of the suspicion count of a worker that fails, which rises and is reset."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tests of forecasts of when jobs end; for concurrent jobs the closed form is compared with a simulation of fair sharing."""
+"""Tests of forecasts of when jobs end.
+
+For concurrent jobs, the closed-form forecast is compared with a simulation of fair sharing.
+"""
 
 from __future__ import annotations
 
@@ -131,7 +134,10 @@ def test_weights_and_limits_of_shares() -> None:
 
 
 def test_one_that_is_late_is_foretold_as_if_it_were_not() -> None:
-    """A late job's forecast ignores the priority that it gets for being late; otherwise the job would alternate in being late."""
+    """The forecast of a late job ignores the priority that it gets for being late.
+
+    Otherwise the job would alternately count as late and not late.
+    """
     other = Job("other", 1000)
     assert expected(Job(), other) == expected(Job(urgency=5.0), other)
 
@@ -149,7 +155,7 @@ def test_it_is_what_the_rule_comes_to(seed: int) -> None:
 
 
 def played(jobs: list[Job], slots: int, terms: Mapping[str, Terms]) -> dict[str, float]:
-    """Returns the completion time of each job, simulated with the scheduler's rule and batches of half a second."""
+    """Returns the completion time of each job by id, simulated with the scheduler's sharing rule and batches of 0.5 s."""
     step, left, ended = 0.5, {job.id: job.work for job in jobs}, dict[str, float]()
     shares, now, turn = Shares(), 0.0, 0
     shares.terms = terms

@@ -1,4 +1,4 @@
-"""Tests of the order of a shot's frames, and of the distribution of a sample budget over frames of different noise."""
+"""Tests of the order in which a shot's frames are rendered, and of dividing its samples among frames of different noise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from service.scheduling.jobs.agenda import PILOT_SAMPLES, FrameOrder, goals_of_f
 
 
 class Frame:
-    """A simulated frame whose noise falls as 1 / sqrt(samples), and that gets its samples at once."""
+    """A simulated frame: its noise is proportional to 1 / sqrt(samples), and requested samples are rendered at once."""
 
     def __init__(self, key: int, grain: float = 1.0, spp: int = 1 << 20) -> None:
         self.key, self.grain, self.spp = key, grain, spp
@@ -51,7 +51,7 @@ def agenda(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> An
 
 
 def laid_out(frames: list[Frame], spp: int) -> Any:
-    """Renders a shot to its end, noisiest frame first, and returns the agenda."""
+    """Renders all frames to their end, in the order `noisiest-first` with a mean of `spp` samples; returns the agenda."""
     plan = agenda("noisiest-first", frames, spp)
     rounds = 0
     while not all(frame.is_over for frame in frames):

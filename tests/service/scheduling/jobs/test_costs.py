@@ -10,7 +10,10 @@ TILES = {0: 1.0, 1: 4.0, 2: 0.5, 3: 2.0, 4: 1.0, 5: 8.0, 6: 1.5, 7: 1.0}  # seco
 
 
 def rendered(costs: Costs, pace: float, rounds: int = 1) -> list[float]:
-    """Returns the ratio of measured to expected time of each batch, in rounds over all tiles."""
+    """Records the batches of one or more rounds over all tiles; returns measured time / expected time of each batch.
+
+    pace: the factor by which the machine is slower than the costs in TILES.
+    """
     ratios = []
     for _ in range(rounds):
         for tile, cost in TILES.items():
