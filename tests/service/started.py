@@ -22,7 +22,7 @@ LEASE_S = 1.0
 
 
 class Started:
-    """A service in a separate process."""
+    """A service in a separate process, with its URL, its log file and an HTTP client."""
 
     def __init__(self, data: Path, name: str, **settings: Any) -> None:
         port = free_port("127.0.0.1")
@@ -46,7 +46,7 @@ class Started:
         self.http = httpx.Client(base_url=self.url, timeout=20)
 
     def says(self, path: str = "/readyz") -> str:
-        """Returns `ready`, or the sentence with which the readiness probe at `path` responds."""
+        """Returns `ready`, or the message of the readiness probe at `path`, or the error of an unanswered request."""
         try:
             answer = self.http.get(path).json()
         except httpx.HTTPError as error:

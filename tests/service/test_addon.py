@@ -1,4 +1,7 @@
-"""Tests of the add-on's archive: it meets Blender's requirements, and service and command make the same bytes."""
+"""Tests of the add-on's zip archive: it meets Blender's requirements.
+
+The service and the command line make the same bytes.
+"""
 
 from __future__ import annotations
 

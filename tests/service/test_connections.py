@@ -38,7 +38,7 @@ async def _echo(scope: Any, receive: Any, send: Any) -> None:
 
 
 class Server:
-    """A server without an application: only the code between the socket and the application."""
+    """A server that answers with the length of each body, to test the code between the socket and the application."""
 
     def __init__(self) -> None:
         self.port = free_port("127.0.0.1")

@@ -1,4 +1,4 @@
-"""Tests of the guides as the service shows them."""
+"""Tests of the guides that the service serves as HTML: titles, links, anchors, caching, and no other files."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ NAMES = [name for names in GROUPS.values() for name in names]
 
 
 class Client:
-    """Sends requests to the guides of a folder."""
+    """Sends requests to an application that serves the guides of one folder."""
 
     def __init__(self, folder: Path) -> None:
         self.app = Starlette(routes=[Mount("/docs/guides", Guides(folder, DOCS / "guide.html"))])

@@ -18,7 +18,7 @@ from tests.helpers import wait_until
 
 
 class Served:
-    """A health port, and an event loop that can be blocked."""
+    """A running health port, and the event loop that it watches, which tests can block."""
 
     def __init__(self) -> None:
         self.is_engine_alive = True

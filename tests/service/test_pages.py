@@ -1,4 +1,7 @@
-"""Tests of the page's files: cached permanently under a versioned address, compressed, and never of two versions at once."""
+"""Tests of the web page's files: cached permanently under an address with their version, and compressed.
+
+A page never gets files of two versions.
+"""
 
 from __future__ import annotations
 

@@ -16,9 +16,9 @@ from service.settings import Settings
 
 
 def test_a_service_that_starts_while_the_database_is_away_waits_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A service that starts while the database is unreachable waits for it.
+    """A service that starts while the database is unreachable waits for it instead of ending.
 
-    The owner may be suspended during a write; if the standby ended, none would be left to take over.
+    The database may be locked because the owner is suspended during a write; if the standby ended, none could take over.
     """
     answers: list[Any] = [Unavailable("The database does not answer.")] * 2
     owned: list[object] = []

@@ -68,7 +68,10 @@ def test_it_listens_where_its_settings_say(
 
 
 def test_another_machine_is_none_of_loopback_whatever_it_says(tmp_path: Path, redis_server: running_redis) -> None:
-    """A remote client is not treated as local, even if the settings do not know the address on which the server listens."""
+    """A client on another machine is not treated as local.
+
+    This holds even if the settings do not name the address on which the server listens.
+    """
     service = Service(tmp_path / "data", redis_server)
 
     async def status(address: str) -> int:

@@ -24,7 +24,7 @@ SIZE = {"width": 96, "height": 64}
 
 
 class Viewer:
-    """Receives messages of a view, and assembles the picture as the page does."""
+    """A client of a live view: receives its messages, and assembles the picture from tiles as the page does."""
 
     def __init__(self, connection: ClientConnection) -> None:
         self.connection = connection
@@ -45,7 +45,7 @@ class Viewer:
         self.say(id=id, **{**SIZE, **view})
 
     def begin_again(self) -> None:
-        """Resets the picture, since the service may restart it."""
+        """Resets the picture, since the service may start it again from no samples."""
         self.words = np.zeros((0, 0), np.uint32)
 
     def read(self, seconds: float = 0.05) -> None:
@@ -92,13 +92,16 @@ class Viewer:
 
 
 def body_of(message: bytes) -> np.ndarray:
-    """Returns the bytes after the tile headers."""
+    """Returns the decompressed bytes that follow a message's tile headers."""
     (count,) = struct.unpack_from("<H", message, 2)
     return np.frombuffer(zlib.decompress(message[HEADER.size + count * TILE.size :], -15), np.uint8)
 
 
 def unpacked(heads: list[tuple[int, int, int, int, int]], body: np.ndarray) -> list[np.ndarray]:
-    """Returns the RGB9E5 words of each tile."""
+    """Returns the pixels of each tile as RGB9E5 words (h, w), decoded from a message's body.
+
+    heads: (x, y, w, h, flags) of each tile; tiles without the flag EXACT are encoded with reduced precision.
+    """
     rough = [(w, h) for _, _, w, h, told in heads if not told & EXACT]
     exact = [(w, h) for _, _, w, h, told in heads if told & EXACT]
     pixels, fours = sum(w * h for w, h in rough), sum(-(-w // 2) * -(-h // 2) for w, h in rough)

@@ -1,4 +1,7 @@
-"""Tests of scenes that require Blender: which workers get them, the message if none has Blender, and what is stored."""
+"""Tests of scenes that require Blender.
+
+Only workers with Blender get them, a message says if there is none, and the result of Blender's export is stored.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +20,7 @@ SHA256 = hashlib.sha256(WRITTEN).hexdigest()
 
 
 def with_blender(service: Service, **options: Any) -> PeerWorker:
-    """A worker that converts every file to the same result."""
+    """Returns a worker with Blender, which exports the same result for every .blend file."""
     worker = service.worker(name="blender", tags=("blender",), **options)
     worker.more = [blender_queue(worker.kind)]
 

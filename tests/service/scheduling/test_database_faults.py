@@ -115,7 +115,7 @@ def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
 
 
 def answers_of(worker: PeerWorker, job: str) -> bool:
-    """Returns whether the stream contains results of a job."""
+    """Returns whether the result stream contains a result for this job."""
     return any(json.loads(fields[b"event"]).get("job") == job for _, fields in worker.redis.xrange(RESULTS))
 
 

@@ -43,7 +43,10 @@ def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerW
     had: Counter[str] = Counter()
 
     def of_batches() -> float:
-        """Returns the slot-seconds of batches, as reported, since the time at which every job had its first samples."""
+        """Stores the reported duration of each user's batches in `had`, in slot-seconds; returns the sum over both users.
+
+        Counts from 100 batches after the moment at which every job had its first batch.
+        """
         had.clear()
         batches = list(worker.batches)
         begun = max(next((i for i, batch in enumerate(batches) if batch.job == job), 1 << 30) for job in (anna, *bens))
@@ -66,7 +69,10 @@ def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Serv
     with service.worker(slots=8) as worker:
 
         def look(batch: RenderBatch) -> None:
-            """Records the number of waiting messages. Without the limit there would be sixteen, two for each of eight slots."""
+            """Records the number of messages that wait in the queue when a batch is rendered.
+
+            Without a limit on the slots of a job there would be 16: two for each of the worker's 8 slots.
+            """
             waiting.append(worker.redis.llen(render_queue(worker.kind)))  # type: ignore[arg-type]
 
         scene = service.ready_scene()

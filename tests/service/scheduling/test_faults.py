@@ -44,7 +44,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def under_way(service: Service, worker: PeerWorker, **request: Any) -> str:
-    """Returns the id of a job with some samples that is still being rendered."""
+    """Submits a job; returns its id once it has some samples, while it is still being rendered."""
     job = service.submit(service.ready_scene(), **{"spp": 30, **request})
     until(lambda: service.job(job)["samples"] > 0, "the job is under way")
     return job
@@ -197,7 +197,10 @@ def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
 
 
 def failing_at_first(method: Any, error: Callable[[], Exception], applies: Callable[..., bool], failed: Counter[str]) -> Any:
-    """Returns a function that replaces `method` and fails at its first and third call for which `applies` is true."""
+    """Returns a replacement for `method` that raises `error()` at the first and third call for which `applies` returns True.
+
+    failed: counts the raised errors by the method's name.
+    """
     calls = Counter[str]()
 
     def instead(self: Any, *arguments: Any, **named: Any) -> Any:

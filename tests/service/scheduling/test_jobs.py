@@ -265,7 +265,10 @@ def test_deleting_a_job_removes_its_film(service: Service, worker: PeerWorker) -
 
 @pytest.mark.long
 def test_a_rectangle_is_rendered_first_and_changes_no_bit(service: Service, worker: PeerWorker) -> None:
-    """The crop rectangle survives a restart of the service, and the final digest equals that of a job without it."""
+    """A job whose crop rectangle is rendered first ends with the same digest as a job without one.
+
+    The rectangle survives a restart of the service.
+    """
     worker.on_batch = lambda batch: time.sleep(0.02)
     scene = service.ready_scene()
     plain = service.submit(scene, spp=40)

@@ -28,7 +28,10 @@ Run = list[tuple[Any, float]]
 
 
 class Machines(Slots):
-    """Two simulated machines with 32 slots each. `troubled` may replace the sending of sums."""
+    """Two simulated machines with 32 slots each, which record the number of batches in each result.
+
+    `troubled` may return True for a result, which then is not sent.
+    """
 
     def __init__(self, service: Service, adds: bool = True) -> None:
         super().__init__(service.options["redis_url"], service.url, TOKEN, 64, SUMS, 0.01, adds)

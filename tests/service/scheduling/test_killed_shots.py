@@ -1,4 +1,4 @@
-"""Tests of shots with very many frames: a real service is killed during changes, and several clients change them at once."""
+"""Tests of shots with very many frames while the service is killed during changes, or several clients make changes at once."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 
 class Looked:
-    """Reads the service's database as another program."""
+    """Reads the service's database through a connection of its own, without the service."""
 
     def __init__(self, data: Path, url: str) -> None:
         self._engine = create_engine(url or sqlite_url(data / "rayfarm.sqlite"))
@@ -52,7 +52,7 @@ class Looked:
         return int(self.one("SELECT count(*) FROM frames WHERE job = :job", job=job))
 
     def targets(self, job: str) -> dict[int, int]:
-        """Returns the number of the job's frames for each target, in samples per pixel."""
+        """Returns the number of frames of a job by their target in samples per pixel."""
         rows = self.all("SELECT target, count(*) FROM frames WHERE job = :job GROUP BY target", job=job)
         return {target // PIXELS: count for target, count in rows}
 
@@ -87,7 +87,10 @@ class Mortal:
         return self.service.http.post("/api/jobs", json=body, headers={"Idempotency-Key": key} if key else {})
 
     def killed_during(self, request: Callable[[], Any], is_time: Callable[[], bool]) -> bool:
-        """Kills and restarts the service during a request; returns whether the request was still in progress."""
+        """Kills the service once `is_time` returns True during a request, and restarts it.
+
+        Returns whether the request was still without a response when the service was killed.
+        """
         answered: list[int] = []
 
         def ask() -> None:
@@ -129,7 +132,7 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) 
     in_the_midst = 0
 
     def done(job: str | None, share: float) -> bool:
-        """Returns whether at least this fraction of a change was carried out."""
+        """Returns whether a change of a job (None: of any job) has been carried out for at least this share of all frames."""
         row = looked.all("SELECT job, done FROM frame_changes")
         return any((job is None or id == job) and count >= share * FRAMES for id, count in row)
 
@@ -168,7 +171,10 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) 
 
 
 def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
-    """Clients concurrently request more samples, frames anew, priorities, cancellation, resumption and deletion of two shots."""
+    """Concurrent changes by several clients leave both shots in a consistent state.
+
+    The clients request more samples, render frames anew, set priorities, cancel, resume and delete.
+    """
     farm = mortal
     scene, looked = farm.scene(), farm.looked
     kept, gone = (farm.shoot(scene).raise_for_status().json()["id"] for _ in range(2))
@@ -177,7 +183,10 @@ def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
     answers: list[tuple[str, int]] = []
 
     def is_deleted(http: httpx.Client) -> bool:
-        """Returns whether the deletion was accepted; while others hold the rows, the service may ask for a retry."""
+        """Requests a deletion; returns whether it was accepted.
+
+        If other clients' changes hold the rows, the service may ask for a retry.
+        """
         status = http.delete(f"/api/jobs/{gone}").status_code
         answers.append(("delete", status))
         return status != 503

@@ -44,7 +44,7 @@ EXPECTED = {200, 201, 204, 304, 404, 409, 422, 429, 503}  # statuses of conflict
 
 
 class Crowd:
-    """All clients and workers, and the responses that they received."""
+    """The clients and workers of the test, a count of the responses by status, and the faults found."""
 
     def __init__(self, service: Service, chief: httpx.Client, scene: str) -> None:
         self.service = service
@@ -57,7 +57,7 @@ class Crowd:
         self._made = 0
 
     def hire(self) -> None:
-        """Starts a worker that sometimes loses a batch; every second one has the tag gpu."""
+        """Starts one more worker, which sometimes loses a batch; every second worker has the tag `gpu`."""
         draw = random.Random(self._made)
         options = self.service.options
         worker = PeerWorker(
@@ -84,7 +84,7 @@ class Crowd:
         return answer
 
     def person(self, secret: str, seed: int) -> None:
-        """Creates, changes, views and deletes a user's own jobs, until the test ends."""
+        """Acts as one user, who creates, changes, views and deletes own jobs until the test ends."""
         draw, mine = random.Random(seed), list[str]()
         with caller(self.service, secret) as http:
             while not self.over.is_set():
@@ -110,7 +110,7 @@ class Crowd:
                 time.sleep(0.1 * draw.random())
 
     def administrator(self, seed: int) -> None:
-        """Changes quotas and workers' settings; starts and stops workers."""
+        """Acts as the administrator, who changes quotas and workers' settings, and starts and stops workers."""
         draw = random.Random(seed)
         while not self.over.is_set():
             deed, who = draw.random(), draw.choice(PEOPLE)
@@ -211,7 +211,7 @@ def _let_all_end(crowd: Crowd) -> None:
 
 
 def _look(crowd: Crowd, job: dict[str, Any]) -> int:
-    """Compares some frames of a job with the expected samples; returns their number."""
+    """Asserts that some frames of a job are finished and have the expected samples; returns the number of compared frames."""
     path = f"/api/jobs/{job['id']}/frames"
     frames = crowd.chief.get(path).raise_for_status().json()
     some = random.Random(1).sample(frames, min(len(frames), LOOKED_AT))

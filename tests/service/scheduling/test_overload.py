@@ -1,4 +1,7 @@
-"""Tests of more slots than the service can merge results of: it hands out fewer and longer batches, and none twice."""
+"""Tests of a service that merges results more slowly than the slots render them.
+
+It hands out fewer and longer batches, and none of them twice.
+"""
 
 from __future__ import annotations
 

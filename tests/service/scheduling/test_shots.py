@@ -37,7 +37,7 @@ def expected(frame: float, spp: int = 4) -> str:
 
 
 def begun(batches: list[RenderBatch]) -> list[float]:
-    """Returns the frames of these batches, each once, in the order of their first batches."""
+    """Returns the frames of these batches, each once, ordered by their first batch."""
     return list(dict.fromkeys(batch.frame / 2 for batch in batches))
 
 
@@ -234,9 +234,9 @@ def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker
 def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A service that stops between two rounds of a shot's samples starts the next round after a restart.
+    """A service that stops between two rounds of a shot's samples starts the next round after its restart.
 
-    All frames have the samples of their round, so no returning batch would start the next round.
+    When it stops, all frames have the samples of the round, so that no further result could start the next one.
     """
     request = {"spp": 64, "order": "noisiest-first"}
     whole = shoot(service, service.ready_scene(), "0-3", **request)

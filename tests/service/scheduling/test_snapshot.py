@@ -1,4 +1,4 @@
-"""Tests of the engine's state as copied for other threads, and of when these threads are notified."""
+"""Tests of the copies of the engine's state that other threads read, and of when these threads are notified of a new copy."""
 
 from __future__ import annotations
 

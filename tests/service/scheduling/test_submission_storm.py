@@ -1,4 +1,4 @@
-"""Tests of many submissions at once: each write of the engine waits for at most one of their transactions."""
+"""Tests of many jobs submitted at once: each database write of the engine waits for at most one submission's transaction."""
 
 from __future__ import annotations
 

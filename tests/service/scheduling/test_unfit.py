@@ -1,4 +1,4 @@
-"""Tests of machines that cannot prepare scenes or frames: other workers get the scenes, which do not fail."""
+"""Tests of workers whose machine cannot prepare a scene or frame: another worker prepares it, and the scene does not fail."""
 
 from __future__ import annotations
 
@@ -72,7 +72,10 @@ def test_a_workers_own_queue_is_one_of_its_kinds() -> None:
 
 
 def test_another_worker_makes_what_clients_ask_for_where_one_machine_cannot(service: Service) -> None:
-    """If one machine cannot, another worker makes denoised pictures, motion vectors, thumbnails and explained pixels."""
+    """Derived files are made by another worker if one worker's machine cannot make them.
+
+    These are denoised pictures, motion vectors, thumbnails of environments and explained pixels.
+    """
     with service.worker(name="small", slots=1, denoises=True) as small:
         scene = service.ready_scene()
         job = service.submit(scene)

@@ -25,16 +25,19 @@ QUICK = ("fsync=off", "synchronous_commit=off", "full_page_writes=off", "autovac
 
 
 def find_postgres() -> Path | None:
-    """Returns the folder of PostgreSQL's server programs, which Debian does not put on the PATH; None if there is none."""
+    """Returns the folder of PostgreSQL's server programs, or None if PostgreSQL is not installed.
+
+    Debian does not put this folder on the PATH.
+    """
     if found := shutil.which("pg_ctl"):
         return Path(found).parent
     return next((path.parent for path in sorted(Path("/usr/lib/postgresql").glob("*/bin/pg_ctl"), reverse=True)), None)
 
 
 class PostgresServer:
-    """A PostgreSQL server on a socket in its own folder, so that no ports can conflict.
+    """A PostgreSQL server that listens on a Unix socket in its own folder, so that no ports can conflict.
 
-    Since PostgreSQL refuses to run as root, it then runs as the user nobody. It always ends with this process.
+    PostgreSQL refuses to run as root; if the tests do, the server runs as the user `nobody`. It always ends with this process.
     """
 
     def __init__(self, binaries: Path) -> None:

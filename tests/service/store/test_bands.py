@@ -1,4 +1,7 @@
-"""Tests of frames read in bands: they equal the whole frame, and the digest equals that of renderer.film."""
+"""Tests of reading a frame's film in horizontal bands: together they equal the whole frame.
+
+The digest computed from bands equals that of renderer.film.
+"""
 
 from __future__ import annotations
 

@@ -189,7 +189,7 @@ def test_what_the_service_keeps_is_its_users_alone(tmp_path: Path, redis_server:
 
 
 def test_many_are_put_at_once(tmp_path: Path) -> None:
-    """Many files are committed in parallel, since each waits for the disk: 4,000 files in sequence took 48 seconds."""
+    """Many files are committed in parallel, since each commit waits for the disk; in sequence, 4,000 files took 48 s."""
     staging, together = Staging(tmp_path), threading.Barrier(4)
 
     def put(writer: BlobWriter) -> None:

@@ -1,4 +1,4 @@
-"""Tests that a film accepts each sample once, also if both joined sums and one of their batches arrive."""
+"""Tests that a film accepts each sample once, even if a batch arrives both by itself and within sums of several batches."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ from tests.service.store.test_films import make, part, rows_of
 
 
 def right(film: Film, tile: int, samples: int) -> None:
-    """Asserts which samples of a tile the film has, by its index and by another Film object that reads the file."""
+    """Asserts that a film has exactly the first `samples` samples of a tile, with the expected sums.
+
+    This is asserted for the given Film object, and for another one that reads the same file.
+    """
     again = make(film._path)
     for each in (film, again):
         np.testing.assert_array_equal(each.tile_sums(0, tile), expected_sums(film.tiles[tile], 0, samples, 0))

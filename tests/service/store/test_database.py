@@ -1,4 +1,4 @@
-"""Tests of parsing JSON columns."""
+"""Tests of JSON columns with damaged values, of closed databases, and of data folders with special characters in their names."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that a film detects damage to its file by the disk, and keeps intact rows of sums."""
+"""Tests that a film notices damage to its file, and keeps the rows of sums that are intact."""
 
 from __future__ import annotations
 
@@ -26,7 +26,10 @@ SPP = 3
 
 
 def filled(folder: Path) -> FilmFolder:
-    """Returns a folder with a film that has three rows of one sample per tile; the rows of tile 1 are folded into one."""
+    """Returns a folder with one film: each tile has three rows of one sample each.
+
+    Tile 1 has more rows, which are folded into one.
+    """
     films = FilmFolder(folder, 1 << 20)
     film = films.open("job", SETTINGS, TILE, pin=True)
     for tile in range(len(film.tiles)):
@@ -38,7 +41,7 @@ def filled(folder: Path) -> FilmFolder:
 
 
 def flip(path: Path, tile: int, first: int) -> None:
-    """Flips one bit in the last plane of the sums of a film's row, which can still be unpacked."""
+    """Flips one bit in the stored sums of the film's row at (tile, first), which can still be decompressed afterwards."""
     database = sqlite3.connect(path)
     (sums,) = database.execute("SELECT sums FROM part WHERE tile = ? AND first = ?", (tile, first)).fetchone()
     turned = bytearray(sums)
@@ -49,7 +52,7 @@ def flip(path: Path, tile: int, first: int) -> None:
 
 
 def holds(film: Film, missing: set[tuple[int, int]]) -> None:
-    """Asserts that a film has the original samples of all tiles, except `missing` ones, given as (tile, sample)."""
+    """Asserts that a film has the expected samples of all tiles, except those in `missing`: pairs (tile, sample number)."""
     for tile, area in enumerate(film.tiles):
         samples = [s for s in range(MAX_ROWS_UNFOLDED if tile == 1 else SPP) if (tile, s) not in missing]
         assert film.coverage(0, tile).total == len(samples)

@@ -1,4 +1,7 @@
-"""Tests of faults of a film's file: temporary ones raise FilmUnavailable, permanent ones FilmLost; the index stays correct."""
+"""Tests of faults of a film's file: temporary ones raise FilmUnavailable, permanent ones FilmLost.
+
+After either, the film's index still equals the contents of the file.
+"""
 
 from __future__ import annotations
 
@@ -202,7 +205,7 @@ def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: py
 
 
 def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path: Path) -> None:
-    """Folding rows of a film, which writes cached sums, leaves rows alone that another process wrote."""
+    """Folding a tile's rows into one keeps rows that another process wrote, although they are not in the cached sums."""
     sneaked = part(film, 0, 2 + MAX_ROWS_UNFOLDED, 1)
     sql_rows = sqlite3.connect(tmp_path / "job.sqlite")
     sql_rows.execute("INSERT INTO part VALUES (0, 0, ?, 1, 0, ?, NULL, NULL, NULL)", (sneaked.first, sneaked.sums))

@@ -70,9 +70,9 @@ def test_few_of_many_films_that_are_rendered_have_open_files(
 
 
 def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFolder) -> None:
-    """A film held by a viewer stays the object that is rendered into, even if other films evict it from the store.
+    """A film that a viewer holds is also the object that rendering merges into, even after other films evict it from the store.
 
-    With two objects for one job, each would fold from an outdated index.
+    With two objects for one job, each would fold rows by an outdated index.
     """
     watched = pinned(films)
     watched.merge([part(watched, 0, first, 1) for first in range(MAX_ROWS_UNFOLDED - 1)])

@@ -26,7 +26,7 @@ DISK = 48 << 20
 
 @pytest.fixture(params=["a small disk", "a database without room"])
 def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path | None]:
-    """Yields a small disk, or None, for which `full` makes the database report a full disk."""
+    """Yields the folder of a small mounted disk, or None in the case in which `full` makes the database report a full disk."""
     if request.param == "a database without room":
         yield None
         return
@@ -44,7 +44,7 @@ def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path 
 
 
 def fill(path: Path) -> None:
-    """Fills the disk completely."""
+    """Writes a file at `path` until the disk is completely full."""
     with path.open("wb", buffering=0) as file:
         for size in (1 << 20, 4096, 1):
             try:

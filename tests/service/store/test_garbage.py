@@ -1,4 +1,4 @@
-"""Tests that no acknowledged upload is lost with simultaneous uploads and deletions of the same files."""
+"""Tests that no acknowledged upload is lost if the same files are uploaded and deleted at the same time."""
 
 from __future__ import annotations
 
@@ -44,7 +44,10 @@ def at_once(*actions: Callable[[], None]) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("shared", [pytest.param(False, marks=pytest.mark.long), True])
 def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared: bool) -> None:
-    """An upload succeeds during a deletion of the same files. shared: whether another scene has one of the files."""
+    """An upload succeeds while a scene with the same files is deleted.
+
+    shared: whether a further scene has one of these files.
+    """
     codes: list[tuple[str, int]] = []
     for turn in range(ROUNDS):
         texture = ("files", ("wood.png", b"wood %d" % turn))
@@ -127,7 +130,10 @@ def test_a_pinned_blob_of_which_a_scene_was_made_stays(garbage: tuple[Garbage, B
 
 
 def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, BlobFolder]) -> None:
-    """A worker's blob is kept until it is reported, while another scene, compiled to the same bytes, is deleted."""
+    """A blob that a worker has stored is kept until the worker reports it, or until the report counts as lost.
+
+    Another scene that was compiled to the same bytes may be deleted meanwhile.
+    """
     collector, blobs = garbage
     sha256 = put(blobs, b"compiled")
     collector.pin_until_recorded(sha256)
@@ -139,7 +145,10 @@ def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, B
 
 
 def test_a_workers_question_for_a_blob_keeps_it(service: Service) -> None:
-    """A blob about which a worker asks is kept: the worker does not send an existing blob again, and refers to it later."""
+    """A blob is kept after a worker has asked whether it exists.
+
+    The worker does not send an existing blob again, and refers to it in a later report.
+    """
     content = b"what stands still"
     url = f"/api/farm/blobs/{hashlib.sha256(content).hexdigest()}"
     headers = {"Authorization": f"Bearer {TOKEN}"}
@@ -184,9 +193,9 @@ def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolde
 
 
 def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_path: Path) -> None:
-    """A service that loses the farm during a deletion deletes no blob.
+    """A service that loses the farm in the middle of a deletion deletes no blob.
 
-    It was suspended after deleting the rows; then the same file was uploaded to the service that took over.
+    In the test it is suspended after deleting the rows; then the same file is uploaded to the service that has taken over.
     """
     engine, sessions = connect(new_sqlite(tmp_path))
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
@@ -245,9 +254,9 @@ def test_many_blobs_that_go_keep_nobody_else_waiting(
 
 
 def test_a_life_inherits_what_the_last_one_was_about_to_delete(service: Service) -> None:
-    """A service killed after deleting a scene but before deleting its files deletes them after the restart.
+    """A restarted service deletes the files of a scene that the killed service had deleted only in the database.
 
-    Blobs stored by a worker in between stay pinned.
+    Blobs that a worker stored in between stay pinned.
     """
     service.stop()
     blobs = BlobFolder(service.options["data"] / "blobs", service.options["data"] / "tmp")

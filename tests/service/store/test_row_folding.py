@@ -1,4 +1,4 @@
-"""Tests of which rows of a tile's sums are folded into one, and of the resulting row."""
+"""Tests of choosing which stored rows of a tile's sums are folded into one row, and of that row."""
 
 from __future__ import annotations
 
@@ -12,7 +12,10 @@ from service.store.senders import senders_of
 
 
 def rows(count: int, workers: int = 1, step: int = 4) -> list[Head]:
-    """Returns heads of rows with 4 samples each, whose first samples are `step` apart."""
+    """Returns heads (all columns but the sums) of `count` rows with 4 samples each, whose first samples are `step` apart.
+
+    The rows come from `workers` workers in turn.
+    """
     return [Head(0, 3, step * n, 4, 1, json.dumps([f"worker {n % workers}"]), None) for n in range(count)]
 
 

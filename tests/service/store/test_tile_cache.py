@@ -1,4 +1,7 @@
-"""Tests of the cache of tile sums: least recently used sums are dropped, its size is limited, additions are made on reading."""
+"""Tests of the cache of tile sums: its size is limited, and the least recently used sums are dropped.
+
+Sums are added up only when they are read.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the queue of writers to the database."""
+"""Tests of the queue of database writers: first come, first served, except that urgent writers come before all others."""
 
 from __future__ import annotations
 

@@ -16,7 +16,10 @@ from tests.service.peer_worker import expected_sums
 
 
 def filled(canvas: Canvas, samples: int) -> list[int]:
-    """Adds samples in pieces; returns the sample counts at which the first tile is due to be shown."""
+    """Adds samples to a canvas until it has `samples` per pixel; returns the counts at which the first tile is due to be shown.
+
+    Asserts that the mean of the last tile is then as expected.
+    """
     level, shown = canvas.level, []
     for pieces in iter(Passes([Level(level.width, level.height, samples, level.tiles)], 1e-5).next_message, []):
         for piece in pieces:

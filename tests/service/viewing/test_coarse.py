@@ -1,4 +1,4 @@
-"""Tests of the accuracy of the pictures that a live view sends with reduced precision."""
+"""Tests of the accuracy of tiles that a live view sends with reduced precision to save bandwidth."""
 
 from __future__ import annotations
 

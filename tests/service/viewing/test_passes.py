@@ -1,4 +1,7 @@
-"""Tests of the pieces (tiles and sample ranges) in which a live view is rendered."""
+"""Tests of dividing a live view into pieces, each a tile and a range of samples.
+
+Every sample is in one piece, the first picture is within its time limit, and lost pieces come next.
+"""
 
 from __future__ import annotations
 

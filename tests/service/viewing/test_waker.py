@@ -1,4 +1,4 @@
-"""Tests of waking the scheduler of live views."""
+"""Tests that waking the scheduler of live views does not wait for Redis, even if Redis hangs."""
 
 from __future__ import annotations
 

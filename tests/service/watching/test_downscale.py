@@ -1,4 +1,4 @@
-"""Tests that each pixel of a reduced copy is the mean of a square of pixels, for any division of the picture into bands."""
+"""Tests that each pixel of a downscaled picture is the mean of a square of pixels, however the picture is divided into bands."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that picture files are readable by any number of clients, and leave no files behind."""
+"""Tests that any number of clients can read a picture file at the same time, and that none is left on the disk afterwards."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tests that pictures made in bands equal those of the whole frame, and use no more memory than estimated."""
+"""Tests of pictures made from a film in horizontal bands: they equal those made from the whole frame.
+
+Making them uses no more memory than estimated.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,10 @@ def film(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
 
 @pytest.fixture(scope="module")
 def small(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Film]:
-    """Yields a small film with as many bands as the large one, for comparisons value by value."""
+    """Yields a film with 1/4 of the large film's width, height and tile size, and with as many bands.
+
+    It is small enough to compare every value.
+    """
     film = rendered(tmp_path_factory.mktemp("film"), WIDTH // 4, HEIGHT // 4, TILE // 4)
     yield film
     film.close()

@@ -15,7 +15,7 @@ from service.watching.pool import Pool
 
 
 class Work:
-    """A task that runs until the test ends it."""
+    """A task for the picture pool that runs until the test ends it; records its keys and how many run at once."""
 
     def __init__(self) -> None:
         self.begun: list[object] = []
@@ -37,7 +37,7 @@ class Work:
 
 
 def run(test: Coroutine[Any, Any, None]) -> None:
-    """Runs a coroutine in a separate thread: with browser tests in the same process, its main thread already has a loop."""
+    """Runs a coroutine in a separate thread, since the main thread may already have a running event loop from browser tests."""
     with ThreadPoolExecutor(1) as thread:
         thread.submit(asyncio.run, asyncio.wait_for(test, 30)).result()
 

@@ -23,13 +23,13 @@ from tests.service.peer_worker import expected_sums
 
 
 def run(test: Coroutine[Any, Any, None]) -> None:
-    """Runs a coroutine in a separate thread: with browser tests in the same process, its main thread already has a loop."""
+    """Runs a coroutine in a separate thread, since the main thread may already have a running event loop from browser tests."""
     with ThreadPoolExecutor(1) as thread:
         thread.submit(asyncio.run, asyncio.wait_for(test, 30)).result()
 
 
 class Packing:
-    """Counts which tiles are packed, and can block the packing of one."""
+    """Replaces the function that packs a film's tiles: records which tiles are packed, and can block it or make it fail."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.tiles: list[int] = []

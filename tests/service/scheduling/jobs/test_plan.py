@@ -21,7 +21,10 @@ T = TypeVar("T")
 
 
 class Bench:
-    """A plan with simulated coverage instead of a film; noise falls with a tile's samples and differs by tile."""
+    """A frame's plan of batches, with simulated sample counts instead of a film.
+
+    The simulated noise of a tile is proportional to 1 / sqrt(samples), with a factor of 1 to 5 that depends on the tile.
+    """
 
     def __init__(self, spp: int, noise: float | None, size: int = 16) -> None:
         self.tiles = tiles_of(50, 40, size)
@@ -43,7 +46,7 @@ class Bench:
             raise FilmUnavailable("The film is locked.")
 
     def again(self, call: Callable[[], T]) -> T:
-        """Repeats a call while it raises that the film is locked, as the scheduler does."""
+        """Calls a function again, as the scheduler does, until it no longer raises FilmUnavailable; returns its result."""
         while True:
             try:
                 return call()
@@ -56,7 +59,11 @@ class Bench:
         self.again(lambda: self.plan.update_from_film(batch))
 
     def finish(self, seed: int, wanted: int = 8, loss: float = 0.0, restart: float = 0.0, waits: bool = False) -> list[Range]:
-        """Runs a plan to its end; returns the batches handed out. waits: the film is locked from time to time."""
+        """Simulates a farm until the plan is done; returns the batches handed out, in order.
+
+        wanted: largest size of a batch in samples per pixel. loss: probability that a batch is lost. restart: probability of a
+        restart of the service at each step. waits: whether the film is sometimes locked.
+        """
         dice = random.Random(seed)
         self._faults = random.Random(seed) if waits else None
         of_a_tile = 1 + seed % 4
@@ -214,7 +221,10 @@ def test_noise_of_a_tile_of_few_pixels_is_estimated_later():
 
 
 def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
-    """Returns the mean of a one-tile picture whose noise goal ends it; 1 sample in 50 is 50, the others 0. Expected: 1.0."""
+    """Renders a picture of one tile until its noise target of 0.2 is reached, and returns the picture's mean.
+
+    A sample is 50 with probability 1/50 and otherwise 0, so that the expected mean is 1.0.
+    """
     tiles = tiles_of(side, side, 16)
     coverage = Coverage()
     sums = np.zeros((2, side, side))
@@ -239,7 +249,10 @@ def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
 
 @grid("side", [1, 2, 4], ordinary=(2,))
 def test_noise_ends_tiny_pictures_without_bias(side):
-    """Regression: a single pixel was 28 % too dark when its noise was first estimated at 32 samples."""
+    """Pictures of few pixels that end by their noise target have the right mean.
+
+    Regression: a single pixel was 28 % too dark when its noise was first estimated at 32 samples.
+    """
     dice = np.random.default_rng(7)
     ends = [_mean_at_the_end(side, dice) for _ in range(160)]
     error = np.std(ends) / len(ends) ** 0.5

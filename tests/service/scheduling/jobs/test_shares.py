@@ -34,12 +34,12 @@ class Claim:
 
 
 class Farm:
-    """Simulated slots, with two outstanding messages each, as in the service."""
+    """A simulated farm that divides its slots among jobs; each slot has two outstanding messages, as in the service."""
 
     def __init__(
         self, slots: int, jobs: list[Claim], terms: dict[str, Terms] | None = None, guess_s: float | None = None
     ) -> None:
-        """Creates the farm. guess_s: a wrong estimate of the batches' duration."""
+        """Creates the farm. guess_s: the duration of batches that the scheduler assumes, if it differs from the true one."""
         self.shares = Shares()
         self.shares.terms = terms or {}
         self.slots, self.jobs, self.guess_s = slots, jobs, guess_s

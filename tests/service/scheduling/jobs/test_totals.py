@@ -1,4 +1,7 @@
-"""Tests that a job's totals equal the sums over its frames after any changes, and that only changed frames are read again."""
+"""Tests that a job's totals equal the sums over its frames after any changes.
+
+Only the numbers of changed frames are read again.
+"""
 
 from __future__ import annotations
 

@@ -18,7 +18,10 @@ LONG_S = 120.0
 
 
 def liar(worker: PeerWorker, lies: Callable[[RenderBatch], bool]) -> list[RenderBatch]:
-    """Makes a worker flip one bit in its sums; returns the list of affected batches."""
+    """Makes a worker flip one bit in the sums of each batch for which `lies` returns True.
+
+    Returns a list to which these batches are added.
+    """
     lied: list[RenderBatch] = []
 
     def answer(batch: RenderBatch) -> bool | None:
