@@ -95,7 +95,7 @@ def _lines(text: str) -> Iterator[tuple[str, str]]:
 
 
 class _Statements:
-    """The statements of one material, as the rest of each line by its keyword in lower case. Records which are used."""
+    """The statements of one material: a dict from keyword, in lower case, to the rest of the line. Records which are used."""
 
     def __init__(self, name: str, file: str, shelf: TextureShelf, files: SceneFiles) -> None:
         self.name, self.file, self.shelf, self._files = name, file, shelf, files
@@ -143,7 +143,7 @@ class _Statements:
         return unit_color(values[:3] if len(values) >= 3 else values[:1] * 3, high)
 
     def map(self, *keywords: str) -> Map | None:
-        """Returns the first of these map statements that names a file; None if none does."""
+        """Returns the first map statement, among those with the given keywords, that names a file; None if there is none."""
         self._asked |= {*keywords}
         maps = (parse_map(self.values[k], self._is_file) for k in keywords if k in self.values)
         return next((m for m in maps if m is not None), None)
@@ -160,11 +160,11 @@ class _Statements:
         )
 
     def unread_maps(self) -> list[str]:
-        """Returns the keywords of map statements that no parameter uses, except those that have no effect here."""
+        """Returns the keywords of map statements that were not read; those without effect in this renderer are omitted."""
         return [keyword for keyword in self._unread_keywords() if _is_map(keyword)]
 
     def unused(self) -> list[str]:
-        """Returns the keywords of statements other than maps that no parameter uses and whose values are not neutral."""
+        """Returns the keywords of other statements that were not read and whose values would change the material."""
         return [
             k for k in self._unread_keywords() if not _is_map(k) and without_comment(self.values[k]).split() not in _neutral(k)
         ]
@@ -228,7 +228,7 @@ def _material(statements: _Statements, shade: Callable[[_Statements, Material], 
 
 
 def _set_nearest_surface(statements: _Statements, material: Material) -> None:
-    """Sets the physically based surface nearest to the Phong parameters, or the one given by the physically based extension."""
+    """Sets the material's surface: the physically based parameters in the file or, for absent ones, those nearest to Phong's."""
     specular, shininess = statements.color("ks", (0.0, 0.0, 0.0)), max(statements.number("ns", 0.0), 0.0)
     # Phong's exponent to GGX roughness: alpha^2 = 2 / (n + 2), roughness = sqrt(alpha). Source: Walter et al. 2007, Karis 2013.
     roughness = unit(statements.number("pr", (2 / (shininess + 2)) ** 0.25))
@@ -238,9 +238,10 @@ def _set_nearest_surface(statements: _Statements, material: Material) -> None:
 
 
 def _set_blender_surface(statements: _Statements, material: Material) -> None:
-    """Sets the surface of an MTL file written by Blender, as Blender's own importer does.
+    """Sets the surface of a material that Blender wrote, as Blender's own importer does.
 
-    Ns is the roughness, Ka the metalness if illum is 3, d the opacity. Tf is the transmission if the extension is present.
+    Ns is read as the roughness, d as the opacity, and Ka as the metalness if illum is 3. Tf is read as the transmission if the
+    file uses the extension for physically based shading.
     """
     material.double_sided = True  # Blender's surfaces emit on both sides
     material.kind, is_extended = "metallic_roughness", any(keyword in statements.values for keyword in _PHYSICAL)

@@ -59,9 +59,9 @@ class Map(NamedTuple):
     unread: tuple[str, ...] = ()  # options that affect the image but are unsupported
 
     def find(self, shelf: TextureShelf, beside: str, user: str, srgb: bool = False) -> int | None:
-        """Returns the texture of the map; None, with a warning, if the file is missing.
+        """Returns the index of the map's texture, with its options applied; None, with a warning, if the image is missing.
 
-        beside: the MTL file; user: for warnings.
+        beside: name of the MTL file; user: the material named in warnings; srgb: whether the image is sRGB-encoded.
         """
         found = shelf.find(self.file, beside, user, srgb, self.wrap, self.transform)
         if self.unread:
@@ -108,7 +108,7 @@ def parse_map(value: str, is_file: Callable[[str], bool] = lambda _: True) -> Ma
 
 
 class _Options:
-    """Parses the options of a map statement."""
+    """The options of a map statement, parsed from its words."""
 
     def __init__(self) -> None:
         self.scale, self.offset = [1.0, 1.0], [0.0, 0.0]

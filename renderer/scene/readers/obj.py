@@ -224,9 +224,10 @@ def _faces_by_material(statements: Statements) -> dict[str | None, npt.NDArray[n
 def _groups(
     statements: Statements, cut: Triangulation, stretches: list[npt.NDArray[np.int64]]
 ) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
-    """Divides each of S sets of faces into two groups: triangles with normals, and triangles without.
+    """Divides each of S sets of faces into two groups of triangles: those with normals at all corners, and the others.
 
-    stretches: S arrays of face indices. Returns (T,) triangles sorted by group, and (2 S + 1,) the start of each group.
+    stretches: S arrays of face indices. Returns the triangle indices sorted by group, and (2 S + 1,) the start of each group
+    there.
     """
     begins = np.searchsorted(cut.face, np.arange(len(statements.starts)))
     faces = np.concatenate(stretches)
@@ -270,7 +271,7 @@ def _meshes(
 
 
 def _rows_at(table: F32, indices: I32) -> F32:
-    """Returns the rows of a table at indices; zeros for the index -1."""
+    """Returns the rows of an array at the given indices; for the index -1, a row of zeros."""
     if not len(table):
         return np.zeros((len(indices), table.shape[1]), np.float32)
     return np.where(indices[:, None] >= 0, table[np.maximum(indices, 0)], np.float32(0))

@@ -222,7 +222,7 @@ def _count(text: Bytes) -> Offsets:
 
 @device
 def _is_word_of_no_number(text: Bytes, i: int) -> bool:
-    """Returns True if nan, inf or infinity begins at `i`, with or without a sign."""
+    """Returns True if a non-finite number (nan, inf or infinity, with or without a sign) begins at index `i` of the text."""
     if i < len(text) and (text[i] == _PLUS or text[i] == _MINUS):
         i += 1
     if i + 2 >= len(text):
@@ -271,9 +271,9 @@ def _integer(text: Bytes, i: int) -> tuple[int, int]:
 def _fill(
     text: Bytes, positions: F64, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
 ) -> tuple[int, int, int, int, bool]:
-    """Fills the arrays from the text.
+    """Fills the arrays with the contents of a file, in a second pass over its text.
 
-    Returns (error code, index of the error, its value, count, whether any vertex has a colour).
+    Returns (error code, index of the error in the text, value of the error, count, whether any vertex has a colour).
     """
     row = np.zeros(6)
     known = np.zeros(3, np.int64)  # positions, uvs, normals so far

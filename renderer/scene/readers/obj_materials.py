@@ -100,9 +100,9 @@ class Materials:
         return beside[0] if any(without_comment(name) in has for _, name in statements.materials) else None
 
     def number(self, name: str | None, meshes: list[Mesh]) -> int:
-        """Returns the index, in the scene description, of a material; adds the material.
+        """Adds a material to the scene description at its first use; returns its index there.
 
-        meshes: those with the material. Glass becomes thin on meshes that are not closed: see docs/scene-format.md.
+        meshes: the meshes that use the material. Glass becomes thin on meshes that are not closed (docs/scene-format.md).
         """
         material = self._found.get(name or "") or self._found.get(without_comment(name or ""))
         if material is None and name and self._found:
@@ -128,9 +128,9 @@ class Materials:
         return len(self._description.materials) - 1
 
     def _in_another_encoding(self, name: str) -> Material | None:
-        """Returns the material whose name matches in another encoding; None if there is none.
+        """Returns the material whose name equals this one when decoded with another encoding; None if there is none.
 
-        Searched only if one of the two files, OBJ and MTL, is in UTF-8 and the other is not.
+        Such a name is possible only if just one of the OBJ and MTL files is in UTF-8.
         """
         if not is_readable(name):
             return next((self._found[text] for _, text in possible_decodings(name) if text in self._found), None)

@@ -158,9 +158,10 @@ def _faces(lines: list[str], count: int, main: str) -> _Faces:
 
 
 def _fractions(rows: list[list[str]]) -> F32:
-    """Returns colours in 0..1.
+    """Returns (N, 3 or 4) colours in 0..1 from rows of words.
 
-    Rows of integers are divided by 255 if any integer of these rows exceeds 1; all others are converted by `fractions`.
+    If any integer in a row of integers exceeds 1, all rows of integers are divided by 255. The other rows are converted by
+    `fractions`.
     """
     whole = np.array([all(word.lstrip("+").isdigit() for word in row) for row in rows])
     values = np.array(rows, np.float64)

@@ -196,7 +196,10 @@ class Bsdfs:
         return replace(made, name=source.id or source.type)
 
     def _is_inside_out(self, source: Element) -> bool:
-        """Returns True if a BSDF is glass with a lower index inside than outside, such as a bubble in water."""
+        """Returns True if a BSDF is glass whose index of refraction is lower inside than outside, as for a bubble in water.
+
+        Wrappers around the glass (mask, normalmap) are looked through.
+        """
         if source.type in ("dielectric", "roughdielectric"):
             return self._ior(source, "int_ior", "bk7") < self._ior(source, "ext_ior", "air")
         inner = source.children_of("bsdf")
@@ -357,7 +360,10 @@ class Bsdfs:
         return replace(material, normal_texture=found.texture, normal_scale=found.strength)
 
     def _rough(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
-        """Returns the microfacet distribution and roughness as material fields. brushes: whether the BSDF supports anisotropy."""
+        """Returns the material fields of a BSDF's microfacet distribution, roughness and anisotropy.
+
+        default: the default of alpha. brushes: whether anisotropy is supported for this BSDF; if not, it is ignored with a note.
+        """
         named = str(source.get("distribution", "beckmann"))
         if named not in ("ggx", "beckmann"):
             self._document.ignore(
@@ -402,7 +408,7 @@ class Bsdfs:
 
 
 def _bumps_within(source: Element) -> Element | None:
-    """Returns the bump map among the wrappers of a BSDF; None if there is none."""
+    """Returns the bumpmap element that is a BSDF, or that the BSDF's wrappers contain; None if there is none."""
     found: Element | None = source
     for _ in range(_MAX_NESTED):
         if found is None or found.type == "bumpmap" or found.type not in _WRAPPERS:

@@ -49,7 +49,10 @@ MAX_DEPTH = 60
 
 @dataclass(eq=False)
 class Element:
-    """An object of the scene. tag: shape, bsdf and so on; type: its plugin; name: its role in its parent."""
+    """An object of the scene.
+
+    tag: its XML tag, such as shape or bsdf; type: its plugin; name: the parameter of its parent that it sets.
+    """
 
     tag: str
     type: str
@@ -70,9 +73,9 @@ class Element:
         return self.values.get(name, default)
 
     def number(self, name: str, default: float) -> float:
-        """Returns a property as a number, whatever its type in the file; the mean of a colour.
+        """Returns a property as a number, whatever its type in the file; for a colour, the mean of its channels.
 
-        Raises SceneError for other text.
+        Raises SceneError for text that is not a number.
         """
         found = self.get(name, default)
         if isinstance(found, np.ndarray):
@@ -103,7 +106,7 @@ class Element:
         return found if isinstance(found, np.ndarray) and found.shape == (4, 4) else np.eye(4)
 
     def children_of(self, *tags: str) -> list[Element]:
-        """Returns the child objects with any of these tags."""
+        """Returns the child objects whose tag is among `tags`."""
         return [child for child in self.children if child.tag in tags]
 
     def child(self, name: str) -> Element | None:
@@ -135,7 +138,10 @@ class _Attributes(dict[str, str]):
 
 
 def _is_object(part: ElementTree.Element) -> bool:
-    """Returns True if an XML element is an object, not a value. A spectrum is an object if it names a plugin."""
+    """Returns True if an XML element represents an object rather than a value.
+
+    A spectrum is an object only if it names a plugin.
+    """
     return bool(part.get("type")) if part.tag == "spectrum" else _OLD_NAMES.get(part.tag, part.tag) in _OBJECTS
 
 
@@ -171,7 +177,7 @@ class Document:
         self._warned.add(sentence)
 
     def ignore(self, what: str) -> None:
-        """Counts an occurrence of unsupported content. what: the sentence to warn with."""
+        """Counts an occurrence of unsupported content. what: the sentence of the warning about it."""
         self._ignored[what] += 1
 
     @property
@@ -180,7 +186,7 @@ class Document:
         return list(self._ignored)
 
     def say_ignored(self) -> None:
-        """Adds a warning for each kind of unsupported content, with its count."""
+        """Adds a warning for each kind of unsupported content that was counted, with the number of occurrences."""
         for what, count in self._ignored.items():
             self.warn(with_count(what, count))
 
@@ -378,7 +384,7 @@ class Document:
         return self.files.read(found).decode("utf-8", "replace")
 
     def _text(self, source: ElementTree.Element, key: str, file: str) -> str:
-        """Returns an attribute with $names replaced by their default values."""
+        """Returns an XML attribute in which each $name, a parameter of the scene, is replaced by its default value."""
         text = source.get(key, "")
         if "$" not in text:
             return text

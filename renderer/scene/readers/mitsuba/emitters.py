@@ -60,7 +60,10 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
 
 
 def _in_world(light: Light, world: np.ndarray) -> Light:
-    """Returns the light with its position and axes in world space: it emits along +Z, with +Y up."""
+    """Returns a light, defined in its own space, with position and axes in world space.
+
+    In its own space the light emits along +Z, with +Y up. world: (4, 4) transform to world space.
+    """
     return replace(light, position=_vec(world[:3, 3]), direction=_vec(_unit(world[:3, 2])), up=_vec(_unit(world[:3, 1])))
 
 
@@ -101,7 +104,7 @@ def _projector(source: Element, name: str, document: Document, shelf: TextureShe
 
 
 def _handedness_sign(source: Element) -> float:
-    """Returns 1 if +X is to the right when looking along +Z, as in a mirrored space; otherwise -1."""
+    """Returns -1 for a right-handed emitter space, in which +X is to the left when looking along +Z; 1 for a mirrored one."""
     return 1.0 if np.linalg.det(source.matrix()[:3, :3]) < 0 else -1.0
 
 

@@ -31,9 +31,10 @@ class Media:
         self._unsaid = False  # whether any glass names no medium
 
     def inside(self, shape: Element, is_inside_out: bool) -> Medium | None:
-        """Returns the medium inside a shape; None if the shape has no media.
+        """Returns the medium that fills a shape; None if the shape has no medium. A shape with only an exterior medium is empty
+        inside.
 
-        is_inside_out: whether the shape's exterior is the filled side. A shape with only an exterior medium is empty inside.
+        is_inside_out: whether the exterior medium fills the shape, since its glass is inside out.
         """
         media = {child.name: child for child in shape.children_of("medium")}
         if not media:
@@ -48,9 +49,9 @@ class Media:
         return found
 
     def fill(self, material: Material, found: Medium | None, shape: Element) -> Material:
-        """Returns a shape's material filled with the medium inside the shape.
+        """Returns a shape's material with its interior filled by a medium, if the material lets light through.
 
-        found: that medium, None if the shape names none.
+        found: the medium inside the shape, from `inside`; None if the shape has no medium.
         """
         lets_through = material.kind in ("glass", "interface") or material.transmission > 0
         if found is None:
@@ -176,7 +177,7 @@ class Media:
         return rgb(constant)
 
     def _direction(self, source: Element) -> float:
-        """Returns the mean cosine of the medium's phase function."""
+        """Returns the mean cosine of the scattering angle of a medium's phase function."""
         phase = next(iter(source.children_of("phase")), None)
         if phase is not None:
             phase.mark_used()
@@ -196,7 +197,7 @@ class Media:
 
 
 def constant_volume(source: Element) -> object | None:
-    """Returns the value of a constant volume or texture; None if it varies."""
+    """Returns the value of a volume or texture that is constant in space; None for one that varies in space."""
     if source.type == "constvolume":
         inner = source.child("value")
         return source.get("value", 1.0) if inner is None else constant_of(inner)

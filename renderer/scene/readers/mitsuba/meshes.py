@@ -95,7 +95,7 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
 
 
 def _as_written(colors: np.ndarray) -> np.ndarray:
-    """Returns colours encoded as sRGB again, as in the file, since Mitsuba reads the file's values as linear."""
+    """Returns mesh colours converted back to the file's sRGB values, which Mitsuba uses as if they were linear."""
     return np.column_stack([encode_srgb(colors[:, :3]), colors[:, 3]]).astype(np.float32)
 
 
@@ -107,9 +107,10 @@ def _flip(part: SceneDescription) -> None:
 
 
 def _with_mitsuba_normals(mesh: Mesh, shape: Element, has_normals: bool) -> Mesh:
-    """Returns the mesh with the normals that Mitsuba would use.
+    """Returns the mesh with the normals that Mitsuba would use, of the first kind that applies.
 
-    These are face normals if the shape requests them, otherwise the file's; without these, normals smooth over all edges.
+    These are: face normals if the shape requests them; the file's normals; otherwise vertex normals that are smooth over all
+    edges.
     """
     if shape.boolean("face_normals", False):
         return replace(mesh, normals=None)

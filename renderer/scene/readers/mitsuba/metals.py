@@ -1,8 +1,8 @@
-"""Conductors by Mitsuba's names: indices eta + i k at red, green and blue, as in its RGB mode.
+"""Conductors by Mitsuba's names: complex indices eta + i k at red, green and blue, as in Mitsuba's RGB mode.
 
-Mitsuba converts measured eta and k to linear sRGB as if they were light, so they differ from those of
-`renderer/scene/readers/metals.py`, which are normalised to white. Read from Mitsuba 3.9's parameters;
-tests/peers/test_mitsuba_files.py compares them with these.
+Mitsuba converts measured eta and k to linear sRGB as if they were the spectra of lights. Its values therefore differ from those
+in `readers/metals.py`, where white is normalised. The values here were read from Mitsuba 3.9's parameters;
+tests/peers/test_mitsuba_files.py compares them with Mitsuba.
 """
 
 from __future__ import annotations

@@ -81,7 +81,7 @@ def sphere(name: str) -> Mesh:
 
 
 def _upright(mesh: Mesh) -> Mesh:
-    """Returns a mesh about the Y axis rotated to the Z axis, with u starting at +X."""
+    """Returns a mesh that is symmetric about the Y axis, rotated so that its axis is Z and u starts at +X."""
     assert mesh.uvs is not None
     normals = None if mesh.normals is None else np.ascontiguousarray(mesh.normals @ _Y_TO_Z.T)
     uvs = (mesh.uvs - np.array([0.25, 0], np.float32)).astype(np.float32)
@@ -89,5 +89,5 @@ def _upright(mesh: Mesh) -> Mesh:
 
 
 def _with_tangents(mesh: Mesh, along: npt.NDArray[np.float32]) -> Mesh:
-    """Returns the mesh with the tangents `along`, which with the normals form right-handed frames."""
+    """Returns the mesh with the tangents `along`, signed so that normal, tangent and bitangent form right-handed frames."""
     return replace(mesh, tangents=np.column_stack([along, np.ones(len(along))]).astype(np.float32))

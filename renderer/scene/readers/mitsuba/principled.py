@@ -80,7 +80,7 @@ def principled(source: Element, textures: Textures, document: Document) -> Mater
 
 
 def _rough(material: Material, source: Element, textures: Textures) -> Material:
-    """Returns the material with roughness, anisotropy and metalness set."""
+    """Returns the material with the BSDF's roughness, anisotropy and metalness."""
     strength = unit(textures.number(source, "anisotropic", 0.0))
     metal, metal_texture = textures.amount(source, "metallic", 0.0)
     material = replace(material, metallic=unit(metal))

@@ -39,9 +39,10 @@ class Shapes:
         check_expansion(self._document.scene, _contained_shapes, self._document.main)
 
     def add(self, shape: Element, place: Matrix | None = None, depth: int = 0) -> None:
-        """Adds a shape. place: (4, 4) transform of the group that contains it.
+        """Adds a shape to the description.
 
-        Raises SceneError if it is invalid or nested too deeply.
+        place: (4, 4) transform of the shape group that contains the shape; depth: nesting level of the shape.
+        Raises SceneError if the shape is invalid or nested too deeply.
         """
         if depth > _MAX_NESTED:
             raise SceneError(

@@ -25,7 +25,7 @@ _LUMINANCE = np.array([0.212671, 0.715160, 0.072169], np.float32)
 
 
 class Textures:
-    """Looks up colour and number properties that may be textured."""
+    """Reads properties of plugins that may be a constant colour or number, or a texture."""
 
     def __init__(self, document: Document, shelf: TextureShelf) -> None:
         self._document, self.shelf = document, shelf
@@ -82,7 +82,10 @@ class Textures:
         return float(linear(self.shelf.image_of(image)).mean())
 
     def amount(self, owner: Element, name: str, default: float, power: float = 1.0) -> tuple[float, int | None]:
-        """Returns a number raised to a power, and the index of the grey texture that multiplies it or None."""
+        """Returns a number, raised to a power, and the index of a grey texture that multiplies it; None without a texture.
+
+        power: exponent, also applied to the texture's values.
+        """
         texture = owner.child(name)
         if texture is None or constant_of(texture) is not None:
             return max(self.number(owner, name, default), 0.0) ** power, None
@@ -107,7 +110,7 @@ class Textures:
         return WHITE, self.shelf.derived_texture(texture, f"under a coat of {inner} by {color}", coat)
 
     def scaled(self, color: Vec3, texture: int | None, factor: float) -> tuple[Vec3, int | None]:
-        """Returns a colour and its texture (or None) with their product multiplied by a factor and clamped to 1."""
+        """Returns a colour and its texture, one of which is multiplied by a factor, with the product clamped to 1."""
         if texture is None:
             r, g, b = (unit(v * factor) for v in color)
             return (r, g, b), None
@@ -137,7 +140,7 @@ class Textures:
         return with_opacity(self.shelf, color, opacity if grey is None else grey)
 
     def _grey(self, texture: int | None, power: float = 1.0) -> int | None:
-        """Returns a grey texture with another texture's brightness raised to a power."""
+        """Returns the index of a grey texture: the luminance of another texture, raised to a power."""
 
         def to_grey(image: Image) -> Image:
             bright = np.clip(linear(image) @ _LUMINANCE, 0, 1) ** power
@@ -238,7 +241,10 @@ def _uv(matrix: Any) -> UvTransform:
 
 
 def constant_of(source: Element) -> Any:
-    """Returns the constant value or spectrum of a plugin; None if it varies. Raises SceneError if a spectrum is malformed."""
+    """Returns the value or Spectrum of a texture plugin that is constant in space; None for other plugins.
+
+    Raises SceneError if a spectrum is malformed.
+    """
     if source.type == "uniform":
         return Spectrum.constant(source.number("value", 1.0))
     if source.type in ("srgb", "rawconstant"):

@@ -35,9 +35,9 @@ _SHOWN = ("shape", "emitter", "sensor", "integrator")  # rendered children of a 
 
 
 def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
-    """Yields a sentence for each unread property or object.
+    """Yields a sentence for each property or object of the scene that was never read.
 
-    sentences: those already issued; the objects that they are about are skipped.
+    sentences: warnings issued before; objects that one of them is about are skipped.
     """
     noted = [each for each in sentences if isinstance(each, Sentence) and "what" in each.params]
     said = {str(each.params["what"]) for each in noted if each.startswith(str(each.params["what"]))}

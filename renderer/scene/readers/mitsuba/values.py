@@ -42,10 +42,10 @@ class Spectrum:
         self.wavelengths, self.values = np.array(wavelengths, float)[order], np.array(values, float)[order]
 
     def rgb(self, is_light: bool) -> Vec3:
-        """Returns the colour of the spectrum in linear Rec.709.
+        """Returns the spectrum's colour in linear Rec.709, with negative channels set to 0.
 
-        is_light: whether the spectrum is a radiance, normalised so that equal-energy light of 1 has a luminance of 1; otherwise
-        it is a reflectance in 0..1, relative to white.
+        is_light: True for a radiance, which is scaled so that an equal-energy spectrum of value 1 has luminance 1; False for a
+        reflectance in 0..1, which is scaled so that a constant spectrum is grey.
         """
         if not is_light and (self.values == self.values[0]).all():
             return (float(self.values[0]),) * 3
@@ -63,7 +63,10 @@ class Spectrum:
 
     @classmethod
     def constant(cls, value: float) -> Spectrum:
-        """Returns a spectrum that is constant over wavelengths: grey as a reflectance, warmer than Rec.709's white as a light."""
+        """Returns a spectrum with the same value at all wavelengths.
+
+        As a reflectance it is grey; as a light it is warmer than Rec.709's white.
+        """
         return cls((300.0, 900.0), (value, value))
 
 
@@ -117,9 +120,12 @@ def rgb(found: Any, is_light: bool = False) -> Vec3:
 
 
 def value(tag: str, written: Mapping[str, str], steps: Sequence[Step], curve: Callable[[str], str]) -> Any:
-    """Returns the value of an XML element. steps: the elements of a transform; curve: returns the text of a spectrum's file.
+    """Returns the value of an XML element.
 
     Raises ValueError, whose message continues a sentence about the element, if the value is malformed.
+
+    tag: the element's tag; written: its attributes; steps: for a transform, its child elements; curve: function that returns the
+    text of a spectrum's file.
     """
     text = written.get("value", "").strip()
     if tag in ("float", "integer"):

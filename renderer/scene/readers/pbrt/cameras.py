@@ -285,7 +285,10 @@ def add_camera(
 
 
 def _window(source: Parameters, ratio: float, notes: Notes) -> tuple[float, float, float, float]:
-    """Returns the screen window as (left, right, bottom, top). ratio: the image's width / height."""
+    """Returns the camera's screen window as (left, right, bottom, top); by default that of pbrt for the frame's aspect ratio.
+
+    ratio: the image's width / height.
+    """
     frame = source.number("frameaspectratio", ratio)
     if not frame > 0:
         raise source.place.error(

@@ -55,12 +55,12 @@ def _matched(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
 
 
 def of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:
-    """Returns eta = 1 and the k with which a conductor has this reflectance at normal incidence, as pbrt does."""
+    """Returns the index of a metal with a given reflectance at normal incidence, as pbrt chooses it: eta = 1 and a matching k."""
     return (1.0, 1.0, 1.0), _vec(absorbing(np.array(rgb)))
 
 
 def absorbing(reflectance: npt.NDArray[Any]) -> F64:
-    """Returns the k of a metal with eta = 1 and this reflectance at normal incidence."""
+    """Returns the k with which a metal of eta = 1 has the given reflectance at normal incidence."""
     values = np.clip(np.asarray(reflectance, np.float64), 0.0, _BRIGHTEST)
     return np.asarray(2 * np.sqrt(values) / np.sqrt(1 - values))
 

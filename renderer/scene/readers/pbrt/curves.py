@@ -50,7 +50,10 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
 
 
 def _cubic(points: F64, basis: str) -> F64:
-    """Returns the control points of the cubic Bezier curves that equal quadratic curves. basis: of the quadratic ones."""
+    """Returns the control points of cubic Bezier curves that are equal to quadratic curves.
+
+    basis: basis of the quadratic curves.
+    """
     if basis == "bspline":
         ends = (points[:-1] + points[1:]) / 2
         points = np.insert(ends, np.arange(1, len(ends)), points[1:-1], axis=0)

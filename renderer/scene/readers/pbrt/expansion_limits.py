@@ -25,6 +25,9 @@ class TriangleBudget:
         self._made += triangles
 
     def coarser(self) -> int:
-        """Counts a quadric; returns the divisor of its number of segments: 1 for the first quadrics, then 2, then 8."""
+        """Counts a quadric, and returns the divisor for its number of segments.
+
+        The divisor is 1 for the first quadrics of a scene, then 2, then 8.
+        """
         self._shapes += 1
         return next((by for count, by in _DETAILS if self._shapes <= count), 8)

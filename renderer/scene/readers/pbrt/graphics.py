@@ -37,7 +37,7 @@ _ATTRIBUTES = ("shape", "light", "material", "medium", "texture")
 
 @dataclass
 class _State:
-    """The graphics state that AttributeBegin saves."""
+    """The part of the graphics state that AttributeBegin saves and AttributeEnd restores."""
 
     ctm: Ctm = field(default_factory=lambda: (np.eye(4),) * 2)
     active: tuple[bool, bool] = (True, True)
@@ -152,7 +152,7 @@ class Graphics:
         return numbers
 
     def _apply(self, matrix: Matrix, replaces: bool = False) -> None:
-        """Multiplies the active transformations by a matrix or, with `replaces`, sets them to it."""
+        """Changes the active transformations: multiplies each by a matrix or, if `replaces` is true, sets it to the matrix."""
         old = self._state.ctm
         first, last = (
             (matrix if replaces else product(each, matrix)) if active else each
@@ -483,7 +483,7 @@ class Graphics:
         return found
 
     def _deferred_parameters(self, statement: Statement, what: str) -> Parameters:
-        """Returns the parameters of a statement that are read later; those still unused at the end of the scene get a note."""
+        """Returns the parameters of a statement that are read only when used; those unused at the end of the scene get a note."""
         found = self._parameters(statement, what)
         self._all.append((found, 0))
         return found

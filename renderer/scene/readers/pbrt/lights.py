@@ -77,9 +77,9 @@ class Lights:
             )
 
     def surface_emission(self, source: Parameters, areas: np.ndarray) -> Emission:
-        """Returns the emission of an area light's surface.
+        """Returns the emission of an area light's surface; none, with a note, for unsupported types.
 
-        areas: (n,) areas of the parts that pbrt treats as separate lights, needed to convert a power to a radiance.
+        areas: (n,) areas of those parts of the surface that pbrt treats as separate lights; they convert a power to a radiance.
         """
         if source.type != "diffuse":
             self._notes.add(
@@ -294,7 +294,7 @@ def _square(pixels: np.ndarray) -> np.ndarray:
 
 
 def _rotation(matrix: Matrix) -> Matrix:
-    """Returns a (3, 3) transformation with its columns normalised: a rotation, or a reflection if the transformation mirrors."""
+    """Returns a (3, 3) matrix with its columns scaled to length 1: a rotation, or a reflection if the matrix mirrors."""
     lengths = np.sqrt((matrix * matrix).sum(axis=0))
     return np.asarray(matrix / np.maximum(lengths, 1e-300))
 

@@ -49,7 +49,10 @@ def _subdivide_once(points: F64, triangles: I64) -> tuple[F64, I64]:
 
 
 def _average_with_neighbours(points: F64, mesh: _Mesh, share: F64) -> F64:
-    """Returns each point mixed with its neighbours, each neighbour with the weight `share`; isolated points are unchanged."""
+    """Returns weighted means of each point and its neighbours; isolated points are unchanged.
+
+    share: weight of each neighbour. The point itself has the remaining weight.
+    """
     count = np.where(mesh.on_border, 2, mesh.valence)
     alone = (mesh.valence == 0)[:, None]
     return np.where(alone, points, (1 - count * share)[:, None] * points + share[:, None] * mesh.around)

@@ -88,9 +88,10 @@ def mapped(mesh: Mesh, mapping: Mapping, ctm: Matrix) -> Mesh:
 
 
 def _split_at_seam(mesh: Mesh, found: F64, around: int) -> tuple[Mesh, F64]:
-    """Separates the vertices of triangles that cross the wrap line, and lets their coordinates exceed 1 there.
+    """Duplicates vertices of triangles that cross the line where a coordinate wraps around; there, that coordinate may exceed 1.
 
-    Returns the mesh and the (V, 2) coordinates of its vertices. around: index of the coordinate that wraps around.
+    found: (V, 2) coordinates of the mesh's vertices; around: index of the coordinate that wraps around. Returns the mesh and the
+    coordinates of its vertices.
     """
     turns = found[mesh.triangles, around]
     across = np.flatnonzero(np.ptp(turns, axis=1) > 0.5)

@@ -47,7 +47,7 @@ class Emission:
 
 
 def is_nothing(source: Parameters | None) -> bool:
-    """Returns True if a material is an invisible boundary of a medium."""
+    """Returns True if a material is pbrt's invisible boundary of a medium, which does not refract."""
     return source is not None and source.type in ("interface", "", "none")
 
 
@@ -180,7 +180,10 @@ class Materials:
         return min(max(self._textures.one_number(source, "thickness", 0.01), 0.0), 100.0)
 
     def _mean_alpha(self, rough: dict[str, Any]) -> float:
-        """Returns the mean microfacet alpha of a coat, over its texture and both axes."""
+        """Returns the mean microfacet alpha of a coat: over its roughness texture, and over both axes if it is anisotropic.
+
+        rough: the coat's roughness and anisotropy, as material fields.
+        """
         least: float = rough["roughness"] ** 2
         texture = rough.get("metallic_roughness_texture")
         if texture is not None:
@@ -342,7 +345,11 @@ class Materials:
         return made
 
     def _substitute(self, source: Parameters) -> Material:
-        """Returns the substitute for an unsupported material: an invisible boundary, or grey diffuse with a note."""
+        """Returns the material that replaces an unsupported one: an invisible boundary for pbrt's `interface`, otherwise grey
+        diffuse.
+
+        Adds a note in the latter case.
+        """
         if is_nothing(source):
             return Material(kind="interface")
         self._notes.add(

@@ -146,7 +146,7 @@ class Media:
 
 
 def coefficients(source: Parameters, name: str, default: Vec3, textures: Textures) -> Vec3:
-    """Returns three non-negative coefficients; the mean for a texture."""
+    """Returns the parameter `name` as three non-negative coefficients; for a texture, its mean."""
     found = textures.index(source, name)
     if found is None:
         return default
@@ -155,7 +155,7 @@ def coefficients(source: Parameters, name: str, default: Vec3, textures: Texture
 
 
 def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material:
-    """Returns the material of a `subsurface` material, without its roughness."""
+    """Converts pbrt's `subsurface` material, except for its roughness."""
     ior = clamped(textures.one_number(source, "eta", 1.33), 1.0, 4.0)
     scale = max(source.number("scale", 1.0), 0.0)
     made = Material(kind="metallic_roughness", ior=ior, subsurface=1.0)

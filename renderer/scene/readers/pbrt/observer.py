@@ -45,13 +45,13 @@ _H, _C, _K = 6.62606957e-34, 299792458.0, 1.3806488e-23
 
 
 def planck(kelvin: float) -> F64:
-    """Returns (W,) the spectral radiance of a black body, up to a constant factor."""
+    """Returns (W,) the relative spectral radiance of a black body at WAVELENGTHS."""
     metres = WAVELENGTHS * 1e-9
     exponent = np.minimum(_H * _C / (metres * _K * kelvin), 700.0)
     return np.asarray(1e-30 / (metres**5 * np.expm1(exponent)))
 
 
 def at_wavelengths(wavelengths: F64, values: F64) -> F64:
-    """Returns (W,) a spectrum at WAVELENGTHS, interpolated linearly between its samples and 0 outside them."""
+    """Returns (W,) the values of a spectrum at WAVELENGTHS: interpolated linearly between its samples, and 0 outside them."""
     order = np.argsort(wavelengths, kind="stable")
     return np.asarray(np.interp(WAVELENGTHS, wavelengths[order], values[order], left=0.0, right=0.0))

@@ -103,7 +103,10 @@ def _radius(source: Parameters) -> float:
 
 
 def _surface(ring: F64, height: F64, around: F64) -> F64:
-    """Returns (R, C, 3) points of a surface of revolution about Z. ring, height: (R,) radii and heights; around: (C,) angles."""
+    """Returns (R, C, 3) points of a surface of revolution about Z.
+
+    ring, height: (R,) radius and z of each circle of points; around: (C,) angles of the points on each circle.
+    """
     x, y = ring[:, None] * np.cos(around), ring[:, None] * np.sin(around)
     return np.stack([x, y, np.broadcast_to(height[:, None], x.shape)], axis=-1)
 

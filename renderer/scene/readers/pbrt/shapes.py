@@ -45,7 +45,10 @@ class ShapeState(NamedTuple):
 
 
 class Part(NamedTuple):
-    """A mesh of the description, or a sphere, with its transformation. mesh: index of the mesh, negative for spheres."""
+    """A mesh of the description, or a sphere, with its transformation.
+
+    mesh: the mesh's index in the description; negative for spheres.
+    """
 
     mesh: int
     ctm: Ctm
@@ -201,7 +204,7 @@ class Shapes:
         return None if found is None else (rounded(found[0]), rounded(found[1]))
 
     def _note_mirrored(self, source: Parameters, state: ShapeState) -> None:
-        """Adds a note about a mirrored quadric: in pbrt, it faces inwards for rays, but outwards for light sampling."""
+        """Adds a note if a mirrored quadric emits or is glass: pbrt turns it inside out for rays, but not for light sampling."""
         if state.area is not None or (state.material is not None and state.material.type == "dielectric"):
             self._notes.add(
                 source.place,

@@ -120,7 +120,7 @@ class Colors:
         return r, g, b
 
     def numbers(self, found: Parameter) -> Vec3:
-        """Returns a parameter's values at red, green and blue that are not a colour, such as an index of refraction."""
+        """Returns the red, green and blue values of a parameter that is not a colour, such as an index of refraction."""
         if found.type == "float":
             value = float(np.asarray(found.value, float).reshape(-1)[:1].sum())
             return value, value, value
@@ -139,7 +139,9 @@ class Colors:
         return green, 0.0
 
     def spectrum(self, found: Parameter) -> F64:
-        """Returns (W,) the values of a spectrum given as pairs, as one number, or as a file of pairs."""
+        """Returns (W,) the values at WAVELENGTHS of a spectrum parameter: a single number, pairs of wavelength and value, or a
+        file of pairs.
+        """
         if isinstance(found.value, np.ndarray):
             values = found.value.reshape(-1)
             if len(values) == 1:

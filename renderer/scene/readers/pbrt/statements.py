@@ -195,7 +195,10 @@ def _parse_value(word: str, place: Place) -> Argument:
 
 
 def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
-    """Returns the list that begins at `start`, after its opening bracket, and the index after its closing bracket."""
+    """Parses a list in brackets. Returns its values, and the index after its closing bracket.
+
+    start: index after the opening bracket.
+    """
     end = text.find("]", start)
     inside = text[start:end]
     if '"' in inside or "#" in inside:  # brackets in quotes or comments do not count

@@ -36,7 +36,7 @@ _BLACK: Vec3 = (0.0, 0.0, 0.0)
 
 
 class Definition(NamedTuple):
-    """The definition of a texture of floats or of spectra. parts: the textures that it may refer to, by kind and name."""
+    """The definition of a texture with float or spectrum values. parts: the textures that it may refer to, by (kind, name)."""
 
     kind: str
     parameters: Parameters
@@ -46,7 +46,7 @@ class Definition(NamedTuple):
 
 @dataclass(frozen=True)
 class Varying:
-    """A value, multiplied by a texture if there is one."""
+    """A constant value and, optionally, a texture that multiplies it."""
 
     value: Vec3
     texture: int | None = None
@@ -144,7 +144,7 @@ class Textures:
         return self.shelf.texture(self.shelf.image_file(name, srgb=False))
 
     def without_metal(self, texture: int | None) -> int | None:
-        """Returns a roughness texture packed as in glTF: roughness in green, 1 in blue."""
+        """Returns the index of a copy of a roughness texture, packed as in glTF: roughness in green, 1 in blue."""
 
         def packed(image: Image) -> Image:
             pixels = np.array(linear(image))
@@ -357,7 +357,7 @@ class Textures:
         return Varying((scale,) * 3, texture, mapping)
 
     def _first_channel_in_all(self, texture: int) -> int:
-        """Returns a float texture with the image's first channel copied to all channels, since pbrt uses only that one."""
+        """Returns the index of a copy of a texture with its first channel in all channels; pbrt uses only that one."""
         pixels = self.shelf.image_of(texture).pixels
         if all(np.array_equal(pixels[..., 0], pixels[..., channel]) for channel in (1, 2)):
             return texture

@@ -96,9 +96,9 @@ def _unit(vector: Matrix) -> Matrix:
 
 
 def _polar_decomposition(transform: Matrix) -> tuple[Matrix, Matrix]:
-    """Returns the rotation and the stretch whose product is the linear part of the transformation.
+    """Returns the rotation and the stretch into which the linear part of a transformation decomposes: rotation @ stretch.
 
-    Source: polar decomposition, Shoemake and Duff 1992.
+    Reflections belong to the stretch. Source: polar decomposition, Shoemake and Duff 1992.
     """
     whole = transform[:3, :3]
     turn = whole
