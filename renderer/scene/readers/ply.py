@@ -121,9 +121,10 @@ def _positions(vertex: Element) -> Array:
 
 
 class _Faces:
-    """The triangles of a file.
+    """The triangles of a file, with the element and the lists that they were read from.
 
-    triangles: (T, 3) vertex indices; corners: (T, 3) indices into the values of `lists`; face: (T,) row of `element`.
+    triangles: (T, 3) vertex indices; corners: (T, 3) for each corner, its index in the values of `lists`; face: (T,) for each
+    triangle, its row of `element`.
     """
 
     def __init__(self, lists: Lists, element: Element | None, triangles: Array, corners: Array, face: Array) -> None:
@@ -157,7 +158,10 @@ def _polygons(lists: Lists, element: Element, positions: F32, main: str, shelf: 
 
 
 def _strips(lists: Lists, positions: F32, main: str, shelf: TextureShelf) -> _Faces:
-    """Returns the triangles of strips, every second one with reversed winding; -1 or the end of a row ends a strip."""
+    """Returns the triangles of triangle strips, every second one with reversed winding.
+
+    A strip ends at -1 or at the end of a row.
+    """
     values = lists.values.astype(np.int64)
     ends = np.zeros(len(values) + 1, bool)
     ends[lists.offsets] = True
@@ -197,7 +201,7 @@ def _mesh(name: str, positions: F32, vertex: Element, faces: _Faces, main: str, 
 
 
 def _stacked(element: Element, names: Iterable[tuple[str, ...]]) -> F32 | None:
-    """Returns (N, k) the columns of the first set of names all of which the element has; None if there is no such set."""
+    """Returns (N, k) columns of an element, for the first tuple in `names` all of whose columns exist; None if there is none."""
     for each in names:
         if all(name in element.columns for name in each):
             return np.stack([element.columns[name].astype(np.float32) for name in each], axis=1)

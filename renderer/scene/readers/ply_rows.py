@@ -45,7 +45,7 @@ _DECIMAL_COMMA = re.compile(rb"(?<=\d),(?=\d)")
 
 @dataclass(frozen=True)
 class Lists:
-    """A list property: the lengths of all rows' lists, and their values, concatenated."""
+    """A list property: the length of each row's list, and the values of all lists, concatenated."""
 
     count: npt.NDArray[np.int64]  # (N,)
     values: Array  # (sum of the counts,)
@@ -203,7 +203,10 @@ def _parse_text(text: bytes, declared: _Declared, file: str, warn: Callable[[str
 
 
 def _drop_surplus_numbers(lines: list[bytes], declared: _Declared) -> tuple[bytes, int]:
-    """Returns the declared numbers of all lines, and how many lines have surplus numbers; (b"", 0) if a line is not one row."""
+    """Returns a text with only the declared numbers of each line, and the number of lines that had surplus ones.
+
+    Returns (b"", 0) if a line does not correspond to one row.
+    """
     numbers, longer = list[bytes](), 0
     rows = (line.split() for line in lines if line.strip())
     try:

@@ -31,7 +31,10 @@ _A, _B = 0.139, 1.17
 
 
 def medium(sigma_a: Iterable[float], sigma_s: Iterable[float], g: float = 0.0, scale: float = 1.0) -> Medium:
-    """Returns a medium with the coefficients multiplied by `scale` and clamped to the renderer's limits."""
+    """Returns a medium with its coefficients multiplied by `scale`, and clamped to the renderer's limits.
+
+    g: mean cosine of the scattering angle.
+    """
     absorbed, scattered = (unit_color((max(scale * c, 0.0) for c in each), MOST_DENSE) for each in (sigma_a, sigma_s))
     return Medium(absorbed, scattered, clamped(g, -MOST_FORWARD, MOST_FORWARD))
 
@@ -65,10 +68,11 @@ def single_albedo(multiple: float, g: float = 0.0) -> float:
 
 
 def diffuse_reflectance(albedo: Any, ior: float) -> F64:
-    """Returns the diffuse reflectance of a half space beneath an internally reflecting boundary, per light that enters it.
+    """Returns the diffuse reflectance of a half space beneath an internally reflecting boundary, as a fraction of the light
+    entering.
 
-    albedo: reduced single-scattering albedo. Source: Jensen et al., "A practical model for subsurface light transport", 2001,
-    eq. 15, with the internal reflection of Egan and Hilgeman.
+    albedo: reduced single-scattering albedo of the half space. Source: Jensen et al., "A practical model for subsurface light
+    transport", 2001, eq. 15, with the internal reflection of Egan and Hilgeman.
     """
     a = np.clip(np.asarray(albedo, np.float64), 0.0, 1.0)
     inner = -1.440 / ior**2 + 0.710 / ior + 0.668 + 0.0636 * ior if ior > 1 else 0.0
@@ -88,9 +92,9 @@ def dense_medium_surface(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3
 
 
 def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
-    """Returns the RGB subsurface radius of a medium whose diffuse reflectance, seen through a dielectric surface, is `color`.
+    """Returns the RGB subsurface radius of a medium that, seen through a dielectric surface, has the diffuse reflectance `color`.
 
-    path: RGB mean free paths in the medium. ior: relative index of refraction of the surface.
+    path: RGB mean free paths in the medium; ior: relative index of refraction of the surface.
     """
     low, high = np.zeros(3), np.full(3, _MOST_ALBEDO)
     for _ in range(50):
@@ -101,7 +105,7 @@ def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
 
 
 def _radius(albedo: F64, path: F64, ior: float) -> Vec3:
-    """Returns the mean free path of a random walk without a boundary that diffuses light as far as this medium does.
+    """Returns the mean free path with which a boundaryless random walk diffuses light as far as this medium does.
 
     The walk absorbs the fraction s^2 at each scattering event, where s is the similarity parameter of van de Hulst's half space
     with the reflected colour (renderer/kernel/medium/subsurface.py). The effective transport coefficient is

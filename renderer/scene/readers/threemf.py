@@ -62,7 +62,10 @@ class _Group:
 
 @dataclass
 class _Object:
-    """A mesh, or a group of components. triangles: v1, v2, v3 and three property indices of each triangle; -1 for none."""
+    """An object: a mesh, or a group of components.
+
+    triangles: six numbers per triangle, the vertices v1, v2, v3 and the property index of each corner, -1 for none.
+    """
 
     name: str
     type: str
@@ -203,9 +206,9 @@ class _Model:
             self.left_out.add(name)
 
     def _add_list(self, target: str, number: str) -> None:
-        """Adds a list that was cut out of the XML to the current object.
+        """Adds a list of vertices or triangles, which `threemf_rows.py` cut out of the XML, to the current object.
 
-        Each list is added at most once, since a file could contain its processing instruction several times.
+        Each list is added at most once, since a file could repeat the processing instruction that stands for it.
         """
         rows = self._lists.pop(int(number), None) if target == MARK else None
         if rows is not None and self._object is not None:
@@ -536,7 +539,7 @@ class _Reader:
 
 
 def _indices_by_value(values: npt.NDArray[np.int64]) -> Iterator[tuple[int, npt.NDArray[np.int64]]]:
-    """Yields each distinct value, ascending, with the indices of the rows that have it."""
+    """Yields each distinct value, ascending, with the indices at which it occurs in `values`."""
     order = np.argsort(values, kind="stable")
     begins = np.flatnonzero(np.diff(values[order], prepend=values.min(initial=0) - 1))
     for begin, end in pairwise([*begins.tolist(), len(order)]):

@@ -42,7 +42,7 @@ _KINDS: dict[str, str] = {
 
 
 class NotSolid:
-    """The parts of a package that are not solid; counts those left out, by kind."""
+    """The objects and triangles of a package that are not solid, and so not printed; counts those left out, by kind."""
 
     def __init__(self, names: Collection[str], read: Callable[[str], bytes], file: str) -> None:
         """names: files of the package, in lower case; read: returns a file's bytes; file: name of the package, for errors."""
@@ -84,7 +84,7 @@ class NotSolid:
         return bool(kind)
 
     def is_solid(self, number: str, count: int) -> npt.NDArray[np.bool_] | None:
-        """Returns (count,) True for the triangles of an object that are solid; None if all are solid."""
+        """Returns (count,) a mask of an object's triangles, True for those of solid volumes; None if all triangles are solid."""
         if number not in self._ranges:
             return None
         found = np.ones(count, bool)

@@ -31,7 +31,7 @@ _MOST_ROW = 1000  # bytes
 
 
 class Rows(NamedTuple):
-    """The columns of a list by attribute name, all of the same length."""
+    """A list of vertices or triangles as columns of equal length, by attribute name."""
 
     columns: dict[str, npt.NDArray[Any]]
 

@@ -25,7 +25,7 @@ _EXTRUDERS = re.compile(r"(?m)^; (?:extruder|filament)_colour = (.+)$")
 
 
 class Filaments(NamedTuple):
-    """Filament colours as #RRGGBB, by the ids of objects and of parts of objects."""
+    """Filament colours, as #RRGGBB: `objects` by the ids of objects, `parts` by the ids of parts of objects."""
 
     objects: dict[str, str] = {}  # noqa: RUF012 - never written to
     parts: dict[str, str] = {}  # noqa: RUF012

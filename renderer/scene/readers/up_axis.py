@@ -101,7 +101,9 @@ def guess_up(description: SceneDescription, custom: str) -> str:
     middle = corners.mean(axis=1)
 
     def bottom(axis: int) -> float:
-        """Returns the fraction of the model's extent across the axis that its lowest horizontal triangles cover."""
+        """Returns the area of the lowest horizontal triangles, as a fraction of the model's bounding rectangle perpendicular to
+        the axis.
+        """
         lowest = middle[:, axis] - low[axis] < _LEVEL * extent[axis]
         level = np.abs(normal[:, axis]) > _LEVEL_NORMAL * area
         return float(0.5 * area[lowest & level].sum() / np.delete(extent, axis).prod())

@@ -28,7 +28,7 @@ _NEAR = 1e-6
 
 
 def calculates(kind: str) -> bool:
-    """Returns True if a node of this kind, such as `ND_multiply_color3`, is a supported arithmetic node."""
+    """Returns True if a node is a supported arithmetic node. kind: its definition, such as `ND_multiply_color3`."""
     return _node(kind) in FORMULAS
 
 
@@ -37,9 +37,9 @@ def _node(kind: str) -> str:
 
 
 def calculated(kind: str, shelf: TextureShelf, read_input: Callable[[str], Input]) -> Input | None:
-    """Returns the output of an arithmetic node; None for other nodes, and if its textures have different UV mappings.
+    """Returns the output of a node; None if the node is not arithmetic or its textures have different UV mappings.
 
-    kind: of the node. read_input: returns an input of the node by name.
+    kind: the node's definition, such as `ND_multiply_color3`; read_input: returns an input of the node by name.
     """
     if not calculates(kind):
         return None
@@ -103,7 +103,10 @@ def _extend_to_four(value: Any) -> F64:
 
 
 def _as_scale_and_bias(shelf: TextureShelf, given: Input, formula: Formula) -> Input | None:
-    """Returns a texture input with a formula applied as scale and bias; None if the formula is not linear over its values."""
+    """Returns a texture input to which a formula is applied by changing its scale and bias.
+
+    Returns None if the formula is not linear over the values that the texture can have.
+    """
     assert given.taken is not None
     low, high = span_of(shelf, given.taken)
     is_color = given.taken.channel == "rgb"

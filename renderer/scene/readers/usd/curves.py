@@ -159,10 +159,10 @@ def _values_along(
     weights: F64,
     between: F64,
 ) -> F64:
-    """Interpolates a primvar along curves with the same number of points.
+    """Interpolates a primvar along several curves that have the same number of points.
 
-    curve_indices: (n,) indices of the curves; first: (n,) index of each curve's first point; spans: varying values of every
-    curve of the prim; weights, between: (samples, k) interpolation weights of vertex and varying values.
+    curve_indices: (n,) indices of the curves; first: (n,) index of each curve's first point; spans: for each curve of the prim,
+    its number of varying values; weights, between: (samples, k) interpolation weights of vertex and of varying values.
 
     Returns (n, samples, w) values; the first value everywhere if the number of values does not fit the interpolation.
     """

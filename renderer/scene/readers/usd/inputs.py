@@ -42,7 +42,7 @@ Follow = Callable[[Any, bool, int], Input]  # arguments: shader input, whether i
 
 
 class NetworkContext(Protocol):
-    """Interface of one material's shader network, used by the functions that evaluate its nodes."""
+    """The interface of `Network`, as seen by the functions that evaluate the nodes of one material's shader network."""
 
     images: Images
     notes: Notes

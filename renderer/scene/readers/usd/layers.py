@@ -54,7 +54,7 @@ class Stage:
 
 @contextmanager
 def muted() -> Iterator[None]:
-    """Context in which USD prints no warnings on the terminal; the reader turns the relevant ones into notes or errors."""
+    """Runs a block without USD's warnings on the terminal. The reader converts the relevant ones to notes or errors."""
     delegate = UsdUtils.CoalescingDiagnosticDelegate()
     try:
         yield
@@ -64,7 +64,7 @@ def muted() -> Iterator[None]:
 
 @contextmanager
 def as_scene_errors(main: str) -> Iterator[None]:
-    """Converts USD's Tf.ErrorException to a SceneError about the main file."""
+    """Runs a block, and converts Tf.ErrorException, which USD raises, to a SceneError about the main file."""
     try:
         yield
     except Tf.ErrorException as error:
@@ -152,10 +152,10 @@ class _Opener:
         return self.opened[name]
 
     def _is_sublayer(self, found: str, beside: str, layer: Any) -> bool:
-        """Returns True if a layer already has this file as a sublayer, or is this file; USD rejects both. Adds a note if so.
+        """Returns True, after adding a note, if a file cannot be added to a layer as a sublayer, since USD would reject it.
 
-        found: the file that a sublayer path resolves to; beside: the layer's file. Files are also found by their bare names, so
-        several paths may resolve to one file.
+        That is the case if it already is a sublayer of the layer, or the layer's own file. found: the file that a sublayer path
+        resolves to; beside: the layer's file. Files are also found by their bare names, so several paths may resolve to one file.
         """
         if found != beside and (found not in self.opened or self.opened[found].identifier not in layer.subLayerPaths):
             return False
@@ -169,9 +169,9 @@ class _Opener:
 
     @staticmethod
     def _redirect_dependency(layer: Any, reference: str, identifier: str) -> None:
-        """Replaces the path of a layer's dependency by another layer's identifier, and restores the sublayers' time offsets.
+        """Replaces a path in a layer by another layer's identifier, and sets the sublayers' time offsets again, which USD drops.
 
-        USD drops these offsets.
+        reference: the path of a sublayer, reference or payload.
         """
         offsets = [o for path, o in zip(layer.subLayerPaths, layer.subLayerOffsets, strict=True) if path == reference]
         layer.UpdateCompositionAssetDependency(reference, identifier)

@@ -27,7 +27,10 @@ _TURN = np.diag([-1.0, 1.0, -1.0])  # from our shapes, which face +Z, to lights,
 
 
 class Lamp(NamedTuple):
-    """A light converted from USD: either `light`, or an emissive surface, which is a mesh or a sphere of `radius` metres."""
+    """A light converted from USD: a `light` without a surface, or else an emissive surface.
+
+    The surface is `mesh`, or a sphere with `radius` in metres.
+    """
 
     light: Light | None = None
     mesh: Mesh | None = None
@@ -255,7 +258,10 @@ def _times(rgb: Vec3, factor: float) -> Vec3:
 
 
 def _with_cone(light: Light, cone: tuple[float, float] | None, unit: float) -> Light:
-    """Returns the light, as a spot if it has a cone. Its intensity is scaled by unit^2, from stage units to metres."""
+    """Returns a light with its intensity converted from stage units to metres (times unit^2); with a cone, it becomes a spot.
+
+    cone: (inner, outer) half angles in degrees, or None.
+    """
     light.intensity = _times(light.intensity, unit * unit)
     if cone is not None:
         light.kind, light.falloff, (light.inner_cone, light.outer_cone) = "spot", "smooth angle", cone

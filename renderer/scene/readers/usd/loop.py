@@ -27,14 +27,20 @@ def on_edges(points: F64, ends: Codes, edge_of_corner: Codes, across: Codes) -> 
 
 
 def smoothed(points: F64, ends: Codes) -> F64:
-    """Returns (P, w) the positions of the old points after one level of subdivision. ends: (E, 2) the end points of each edge."""
+    """Returns (P, w) the positions of the existing points after one level of subdivision.
+
+    ends: (E, 2) the end points of each edge.
+    """
     valence, around = _neighbour_sums(points, ends)
     beta = _beta(valence)
     return np.asarray((1 - valence * beta) * points + beta * around)
 
 
 def limit(points: F64, ends: Codes) -> F64:
-    """Returns (P, w) the limit positions of the points, after infinitely many levels."""
+    """Returns (P, w) the positions that the points approach after infinitely many levels.
+
+    ends: (E, 2) end points of each edge.
+    """
     valence, around = _neighbour_sums(points, ends)
     share = 1 / (valence + 0.375 / _beta(valence))
     return np.asarray((1 - valence * share) * points + share * around)
@@ -52,7 +58,10 @@ def split_triangles(corners: Codes, new_points: Codes) -> tuple[Faces, Codes]:
 
 
 def interpolate(values: AtCorners, faces: Faces, ahead: Codes, back: Codes) -> AtCorners:
-    """Returns the values at the corners of the new triangles, interpolated linearly within each old triangle."""
+    """Returns per-corner values for the triangles from `split_triangles`, interpolated linearly within each old triangle.
+
+    ahead, back: (C,) the next and the previous corner of each corner.
+    """
     own = values.corner_values().astype(np.float64)
     onward = (own + own[ahead]) / 2
     outer = np.stack([own, onward, onward[back]], axis=1).reshape(-1, own.shape[1])

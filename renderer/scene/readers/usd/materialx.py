@@ -127,7 +127,10 @@ def _gltf(inputs: SurfaceInputs, read: Read) -> None:
 
 
 def _body(inputs: SurfaceInputs, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
-    """Fills the material's base colour and subsurface parameters; returns the base colour input."""
+    """Fills the material's base colour and subsurface parameters.
+
+    weight: factor of the base colour. Returns the colour input before it is multiplied by the resulting weight.
+    """
     color, weight = subsurface.mixed_color(inputs, read, names, weight, default)
     fill_base(read, _scaled(color, weight, default), (0.0, 0.0, 0.0))
     subsurface.scatter_beneath(inputs, read, names)

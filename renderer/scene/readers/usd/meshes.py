@@ -26,7 +26,7 @@ REFINED = ("catmullClark", "loop")
 
 
 class UsedPrimvars(NamedTuple):
-    """The primvars that the material of a mesh's part uses."""
+    """The primvars that the material of one part of a mesh uses, for UVs, colour and opacity."""
 
     uvs: tuple[str, ...] = ()  # primvars of the first and second UV sets
     color: str | None = None  # the primvar that multiplies the base colour
@@ -134,9 +134,9 @@ def read_mesh(
 
 
 def _faces_by_part(faces: Codes, part_of_face: Codes | None, parts: int) -> list[Codes]:
-    """Returns the indices of each part's faces, ascending.
+    """Returns, for each part, the ascending indices of those `faces` that belong to it.
 
-    faces: the faces to divide; part_of_face: the part of each face of the mesh; parts: number of parts.
+    part_of_face: (F,) the part of each face of the mesh; None if there is one part. parts: number of parts.
     """
     if part_of_face is None:
         return [faces]

@@ -29,10 +29,10 @@ _OF_ODD_TYPES = Sentence("usd-materialx-input-types-wrong", "MaterialX nodes who
 
 @dataclass
 class Network:
-    """The shader network of one material on one prim.
+    """The shader network of one material as bound to one prim.
 
-    uvs: the primvars that its textures use as UV sets, two at most. asked: the other primvars that it reads. unit: metres per
-    stage unit.
+    uvs: names of the primvars that its textures use as UV sets, two at most; asked: names of the other primvars that were read;
+    unit: metres per stage unit.
     """
 
     images: Images
@@ -194,7 +194,10 @@ class Network:
 
 
 def _zero(kind: str) -> Any:
-    """Returns the value of a primvar reader without a fallback: 0 for scalars, otherwise (0, 0, 0). kind: of the reader."""
+    """Returns the value of a primvar reader whose primvar and fallback are missing: 0 for scalars, otherwise (0, 0, 0).
+
+    kind: the reader's node definition.
+    """
     return 0.0 if kind.endswith(("float", "int")) else (0.0, 0.0, 0.0)
 
 

@@ -18,7 +18,10 @@ _CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3, "x": 0, "y": 1, "z": 2, "w": 3}
 
 
 def follow_node(network: NetworkContext, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
-    """Returns the output of a MaterialX node other than a surface shader; unsupported nodes are skipped with a note."""
+    """Evaluates a MaterialX node between the surface shader and its textures; returns the node's output.
+
+    Unsupported nodes are skipped with a note.
+    """
     node = kind[3:].split("_")[0]
 
     def read_input(name: str, encoded: bool = srgb) -> Input:

@@ -41,7 +41,10 @@ MAX_COLORS = 256  # colours of points, one material each
 
 
 class DescriptionBuilder:
-    """Fills the description with a stage's prims at one moment. source: key that distinguishes the file and variant in caches."""
+    """Adds the prims of a stage, at one moment, to a scene description.
+
+    source: key of the file and variant, to distinguish them in caches.
+    """
 
     def __init__(
         self,
@@ -128,7 +131,7 @@ class DescriptionBuilder:
         return self._surfaces.surface_of(self._bound.get(prim.GetPath()), prim if shown_by is None else shown_by)
 
     def _key(self, prim: Any) -> Hashable:
-        """Returns a key that all instances of the same prototype share."""
+        """Returns a prim's path; for a prim in an instance, that of the prototype's prim, which all instances share."""
         return (prim.GetPrimInPrototype() if prim.IsInstanceProxy() else prim).GetPath()
 
     def _mesh(self, each: PlacedPrim) -> None:
@@ -162,7 +165,7 @@ class DescriptionBuilder:
         self._add_instances(self._numbers[key], replace(each, moves=moves))
 
     def _add_mesh_light_emission(self, surface: Surface, each: PlacedPrim) -> Surface:
-        """Returns a mesh's surface with the emission of its MeshLightAPI."""
+        """Returns a mesh's surface with emission added or replaced according to the MeshLightAPI of the prim."""
         place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
         light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
         changes = mesh_light_fields(light, material, area_of(each.prim, place, self._time), self._time)

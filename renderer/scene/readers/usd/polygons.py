@@ -50,7 +50,7 @@ class Faces:
 
 @dataclass(frozen=True)
 class AtCorners:
-    """Values (K, w), and for each corner of a mesh the index of its value."""
+    """Per-corner values of a mesh: (K, w) distinct values, and (C,) the index of each corner's value."""
 
     values: F32
     code: Codes  # (C,)
@@ -59,7 +59,7 @@ class AtCorners:
     is_indexed: bool = False  # whether shared values are indexed
 
     def at_corners(self, corners: Codes) -> AtCorners:
-        """Returns the values at a selection of the corners."""
+        """Returns the per-corner values of some of the corners. corners: their indices."""
         return replace(self, code=self.code[corners])
 
     def corner_values(self) -> F32:

@@ -280,7 +280,10 @@ class _Walk:
                 yield replace(each, places=whole, moves=moves or each.moves)
 
     def _prototype(self, prototype: Any, depth: int) -> Iterator[PlacedPrim]:
-        """Yields the prims of a prototype, without the prototype's own transform, which the instances' transforms include."""
+        """Yields the prims of a PointInstancer's prototype, placed without the prototype's own transform.
+
+        The transforms of the instances include that transform.
+        """
         still = np.eye(4)[None]
         if prototype.IsA(UsdGeom.PointInstancer):
             yield from self._instanced(prototype, still, False, depth)

@@ -151,14 +151,14 @@ def _face_varying_cage(cage: Cage, values: AtCorners, interpolation: str) -> Cag
 
 
 def of_boundary(faces: Faces) -> npt.NDArray[np.bool_]:
-    """Returns (F,) True for faces that have a point on the mesh's border."""
+    """Returns (F,) a mask of the faces: True for those with a point on the mesh's border."""
     outer = _on_boundary(faces, int(faces.corners.max(initial=-1)) + 1)
     found: npt.NDArray[np.bool_] = np.bincount(faces.face, outer[faces.corners], len(faces.counts)) > 0
     return found
 
 
 def _on_boundary(faces: Faces, points: int) -> npt.NDArray[np.bool_]:
-    """Returns (P,) True for the end points of edges that belong to a single face."""
+    """Returns (P,) a mask of the points: True for the end points of edges that belong to a single face."""
     ahead = np.arange(len(faces.corners)) + 1
     some = faces.counts > 0
     ahead[(faces.first_corners + faces.counts - 1)[some]] = faces.first_corners[some]

@@ -71,9 +71,9 @@ def _arc(radius: float, start: float, end: float, height: float) -> list[tuple[f
 
 
 def _facing(vectors: Any, axis: str) -> Any:
-    """Rotates vectors from facing +Z to facing an axis.
+    """Rotates vectors of a shape that faces +Z so that it faces the given axis, X, Y or Z.
 
-    Their x direction (width) stays along X, or goes along Z if they face X.
+    The shape's width, along X, stays along X; if the shape faces X, its width goes along Z.
     """
     x, y, z = vectors.T
     turned = {"X": (z, y, -x), "Y": (x, z, -y), "Z": (x, y, z)}[axis]

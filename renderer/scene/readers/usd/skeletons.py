@@ -83,9 +83,9 @@ class Skeletons:
         return Shape(in_exact_type(bent), turned, None if normals is None else normals.astype(np.float32))
 
     def _in_order(self, transforms: Matrix, order: Any, skinning: Any) -> Matrix:
-        """Returns a skeleton's joint transforms in the order of a mesh's `skel:joints`.
+        """Returns a skeleton's joint transforms, reordered as a mesh's `skel:joints`.
 
-        Joints that the skeleton lacks get the identity, with a note.
+        order: the skeleton's joint names. Joints that the skeleton lacks get the identity, with a note.
         """
         own = skinning.GetJointOrder()
         if own is None or not len(own):

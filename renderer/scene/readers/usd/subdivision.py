@@ -25,7 +25,10 @@ SHARP = 10.0  # OpenSubdiv's maximum: sharp at every level
 
 @dataclass(frozen=True)
 class Cage:
-    """The control mesh of a subdivision surface. points: (P, w), positions and further per-point columns, all smoothed alike."""
+    """The control mesh of a subdivision surface.
+
+    points: (P, w) positions and, in further columns, other per-point values; all columns are smoothed alike.
+    """
 
     points: F64
     faces: Faces
@@ -45,9 +48,10 @@ class _Edges(NamedTuple):
 
 
 def refined(cage: Cage, along: list[AtCorners]) -> tuple[Cage, list[AtCorners], Codes]:
-    """Subdivides a cage once. Returns the new cage, the values at its corners, and the original face of each new face.
+    """Subdivides a cage once, together with per-corner values, which are interpolated linearly within their face.
 
-    along: per-corner values, interpolated linearly within their face. Per-point values are columns of the cage's points.
+    along: the per-corner values; per-point values are columns of the cage's points. Returns the new cage, the per-corner values
+    for it, and the original face of each of its faces.
     """
     faces, points = cage.faces, cage.points
     ahead, back = _neighbours(faces)
@@ -166,7 +170,10 @@ def _smoothed(cage: Cage, edges: _Edges, middle: F64, face: Codes) -> F64:
 
 
 def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
-    """Returns (P, w) the new positions of the cage's points, creases and corners included. smooth: their smooth positions."""
+    """Returns (P, w) the new positions of the cage's points, with sharp creases and corners taken into account.
+
+    smooth: (P, w) their positions by the rule for smooth points.
+    """
     points = cage.points
     count = len(points)
     ends, others = edges.ends.reshape(-1), edges.ends[:, ::-1].reshape(-1)
@@ -188,7 +195,10 @@ def _points(cage: Cage, edges: _Edges, smooth: F64) -> F64:
 
 
 def _point_sharpness(cage: Cage, edges: _Edges, sharp: Codes) -> F64:
-    """Returns (P,) the sharpness of the cage's points as corners. sharp: (P,) number of sharp edges at each point."""
+    """Returns (P,) the corner sharpness of each of the cage's points; 0 for points that are not corners.
+
+    sharp: (P,) number of sharp edges at each point.
+    """
     count = len(cage.points)
     still = np.zeros(count)
     np.maximum.at(still, cage.corners, cage.corner_sharpness)

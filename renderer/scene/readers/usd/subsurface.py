@@ -23,9 +23,9 @@ _WHITE: Vec3 = (1.0, 1.0, 1.0)
 
 
 class Names(NamedTuple):
-    """Names of a surface shader's subsurface inputs, and the default radius.
+    """The names of a surface shader's inputs for subsurface scattering, and how the shader treats them.
 
-    path: default of the subsurface radius, per channel. turns_back: whether thin sheets also scatter light back.
+    path: default of the subsurface radius, per channel; turns_back: whether thin sheets also scatter light back.
     """
 
     weight: str
@@ -45,9 +45,10 @@ OPEN_PBR = Names(
 
 
 def mixed_color(inputs: SurfaceInputs, read: Read, names: Names, weight: float, default: Vec3) -> tuple[Input, float]:
-    """Returns the base colour mixed with the subsurface colour, since a material has one colour for both; and its weight.
+    """Returns the colour, and its weight, that replaces base colour and subsurface colour; a material has one for both.
 
-    If either is textured, the one with the larger weight is used, with a note.
+    The two are mixed if both are constant. If either is textured, the one with the larger weight is used, with a note.
+    weight, default: of the base colour.
     """
     color, share = inputs("base_color", True), unit(inputs.number(names.weight, 0.0))
     if share <= 0 or _is_sheet(inputs):

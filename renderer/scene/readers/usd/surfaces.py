@@ -66,7 +66,10 @@ class Surfaces:
         return self._known.get((key, states)) or self._display_color_surface(prim)
 
     def _read_cached(self, key: Any, material: Any, prim: Any) -> None:
-        """Converts a material for a prim; caches it for all prims with equal values of the primvars that the material reads."""
+        """Converts a material for a prim, and caches the result.
+
+        It is used for all prims on which the primvars that the material reads have the same values.
+        """
         found, self._asked[key] = self._read(material, prim)
         self._known[key, tuple(self._primvar_state(prim, name) for name in self._asked[key])] = found
 
@@ -101,7 +104,7 @@ class Surfaces:
         return self.with_parameters(surface, f"bumps {spans}", normal_texture=bumps.texture, normal_scale=bumps.strength)
 
     def material(self, surface: Surface) -> Material:
-        """Returns the material, in the scene description, of a surface."""
+        """Returns the Material, in the scene description, to which a surface refers."""
         return self._materials[surface.number]
 
     def add(self, material: Material) -> Surface:
@@ -173,7 +176,10 @@ class Surfaces:
 
 
 def _surface(material: Any) -> tuple[Any, str]:
-    """Returns a material's surface shader and the shader's kind; of several, the one of the preferred render context."""
+    """Returns a material's surface shader and the shader's kind.
+
+    If the material has shaders for several render contexts, the one of the preferred context is returned.
+    """
     found = ""
     outputs = {
         str(output.GetBaseName()).removesuffix(_SURFACE).removesuffix(":"): output for output in material.GetSurfaceOutputs()

@@ -27,9 +27,10 @@ def animated_view(view: View, source: dict[str, Any], time: float) -> View:
 
 
 def interpolated_view(views: Sequence[View], seconds: float, time: float, document: Yaml, path: Path) -> View:
-    """Returns the view at a time of a camera that moves smoothly through views, the first at 0, the last at `seconds`.
+    """Returns the view, at a time, of a camera that moves smoothly through several views.
 
-    time: in seconds; path: of the camera, for errors. Raises SceneError if the views cannot be interpolated.
+    The first view is at 0, the last at `seconds`. time: in seconds; path: of the camera in the document, for errors. Raises
+    SceneError if the views cannot be interpolated.
     """
     first = views[0]
     if any(view.projection != first.projection for view in views):

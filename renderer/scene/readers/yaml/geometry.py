@@ -62,15 +62,15 @@ class Shapes:
         self.clips: list[Clip] = []  # clips of the mesh files
 
     def _has_animated_surface(self, material: str) -> bool:
-        """Returns True if a material's emission or anisotropy may be animated."""
+        """Returns True if the emission or the anisotropy of a material may be animated. material: its name in the file."""
         path = ("materials", material)
         return self._moving.is_animated(path) or not self._moving.animated_fields(path).isdisjoint(("emission", "anisotropy"))
 
     def add(self, source: dict[str, Any], path: Path, parents: list[Place] | None = None, moves: bool = False) -> None:
-        """Adds the shape at a path of the scene file: each of its instances, at each transform in `parents`.
+        """Adds a shape of the scene file to the description, once for each of its own instances and each instance of its group.
 
-        parents: names and world transforms of the containing group's instances; None at the top level. moves: whether these are
-        animated.
+        path: of the shape in the file. parents: names and world transforms of the group's instances; None at the top level.
+        moves: whether the group is animated.
         """
         whole, fields = self._moving.is_animated(path), self._moving.animated_fields(path)
         moves = moves or whole or not fields.isdisjoint(("transform", "instances", "material", "center", "radius"))

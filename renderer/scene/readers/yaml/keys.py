@@ -32,7 +32,10 @@ Maker = Callable[[npt.NDArray[np.float64]], Curve]  # curve through rows of valu
 
 
 class AnimatedPaths(NamedTuple):
-    """The paths of a scene file's animated values, and by each path above them the fields that are animated below it."""
+    """The paths of a scene file's animated values.
+
+    below: for each path that leads to an animated value, the fields or indices there that are animated completely or in part.
+    """
 
     paths: set[Path]
     below: dict[Path, set[str | int]]
@@ -69,9 +72,9 @@ class Keys(NamedTuple):
         return AnimatedPaths(paths, below)
 
     def data_at(self, data: dict[str, Any], time: float, name_of: Callable[[str], str]) -> dict[str, Any]:
-        """Returns the scene file's data with all keyframes evaluated at a time in seconds.
+        """Returns the scene file's data at a time in seconds, with all keyframes and file name patterns replaced by values.
 
-        name_of: returns the name of a file name pattern's file, such as smoke.0012.obj for smoke.####.obj, at that time.
+        name_of: returns the name of a pattern's file at that time, such as smoke.0012.obj for smoke.####.obj.
         """
         changed = Changed(data)
         for path, track in self.tracks.items():
@@ -157,9 +160,10 @@ def _jumping(times: npt.NDArray[np.float64], values: list[Any]) -> Track:
 
 
 def _track(values: list[Any], make: Maker, document: Yaml, path: Path) -> Track:
-    """Returns a function that interpolates values of equal form: numbers, vectors, colours, or dicts and lists of these.
+    """Returns a function of time that interpolates between keyed values of equal form.
 
-    Values that cannot be interpolated, such as names, must all be equal; otherwise raises SceneError.
+    These are numbers, vectors, colours, or dicts and lists of these. Values that cannot be interpolated, such as names, must all
+    be equal; otherwise SceneError is raised.
     """
     first = values[0]
     if all(value == first and type(value) is type(first) for value in values):

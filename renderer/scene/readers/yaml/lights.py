@@ -161,9 +161,10 @@ class Lights:
 
 
 def _image_emission_map(pixels: F32, kind: str, half: float) -> EmissionMap:
-    """Returns the emission map of a light's image. half: tangent of half the angle that the image covers.
+    """Returns the emission map of the image of a spot or projector.
 
-    A spot's image fills the cone with its smaller side. A projector's image illuminates a plane evenly.
+    A spot's image is scaled so that its smaller side fills the cone; a projector's image illuminates a plane evenly.
+    half: tangent of half the angle that the image covers.
     """
     height, width = pixels.shape[:2]
     if kind == "projector":

@@ -41,7 +41,7 @@ class Yaml:
         self._taken: set[int] = set()
 
     def with_data(self, data: Any) -> Yaml:
-        """Returns a copy with other data; errors about it use the lines of the original's values."""
+        """Returns a copy with other data, such as the same file at another moment. Errors still cite the original lines."""
         other = copy(self)
         other.data = data
         return other

@@ -106,7 +106,7 @@ def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDe
 
 
 def _add_cameras(sources: list[dict[str, Any]], time: float, document: Yaml, description: SceneDescription) -> list[float]:
-    """Adds the cameras at a time in seconds; returns the durations of their moves, in seconds."""
+    """Adds the file's cameras, as they are at a time in seconds; returns the durations, in seconds, of the cameras' moves."""
     views: dict[str, View | None] = {}
     for i, source in enumerate(sources):
         name = source.get("name", f"camera {i}")

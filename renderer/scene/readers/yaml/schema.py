@@ -52,9 +52,10 @@ def filled_in(
     materials: Mapping[str, str] = MappingProxyType({}),
     lights: Mapping[str, str] = MappingProxyType({}),
 ) -> Json:
-    """Returns the schema document with the declarations of other modules inserted.
+    """Returns the schema document with the parts that other modules declare inserted.
 
-    settings: those that a file may contain; materials, lights: descriptions of their parameters by name.
+    settings: the settings that a file may contain; materials, lights: descriptions of parameters of materials and lights, by
+    name.
     """
     defs = document["$defs"]
     document["properties"]["settings"]["properties"] = {name: each.json_schema() for name, each in settings.items()}

@@ -31,7 +31,7 @@ def color(value: Any) -> Vec3:
 
 
 def value_of(parameter: Parameter, value: Any) -> Any:
-    """Returns the value of a declared parameter, other than a texture, from a value in the file that the schema accepts."""
+    """Converts a value in the file, which the schema has accepted, to the value of a declared parameter other than a texture."""
     match parameter.form:
         case "color":
             return color(value)
