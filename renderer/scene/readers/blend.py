@@ -18,10 +18,13 @@ __all__ = ["read"]
 
 
 class _ConvertedFile:
-    """The scene that Blender exported from a file. Its temporary folder is deleted when the object is garbage-collected."""
+    """A file's scene as exported by Blender to a temporary folder.
+
+    The folder is deleted when this object is garbage-collected.
+    """
 
     def __init__(self, files: SceneFiles, name: str) -> None:
-        """Runs Blender on a file of the scene. Raises SceneError if that fails."""
+        """Converts a file of the scene by running Blender. Raises SceneError if Blender fails."""
         path = files.path(name)
         root = path.parents[len(Path(name).parts) - 1]
         folder = Path(tempfile.mkdtemp(prefix="rayfarm-blend-"))

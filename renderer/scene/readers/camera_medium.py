@@ -11,9 +11,9 @@ __all__ = ["fill_world"]
 
 
 def fill_world(description: SceneDescription, found: Medium) -> None:
-    """Sets the medium around the first camera as the world's, unless the camera is inside a shape filled with that medium.
+    """Sets the world's medium to the medium around the first camera.
 
-    found: the medium around the first camera.
+    Does nothing if the camera is inside a shape filled with that medium. found: the medium around the first camera.
     """
     if not any((*found.sigma_a, *found.sigma_s)):
         return

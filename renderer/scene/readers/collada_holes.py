@@ -21,7 +21,10 @@ _MOST_PAIRS = 200_000  # candidate bridges; with more, the shortest is taken unt
 
 
 def bridged(data: bytes) -> tuple[bytes, int]:
-    """Returns the document with <p> in place of <ph>, and the number of holes that could not be joined and are filled."""
+    """Returns a Collada document in which each polygon with holes (<ph>) is replaced by a simple one (<p>).
+
+    Also returns the number of holes that could not be joined to their outline and are therefore filled.
+    """
     if b"ph>" not in data:
         return data, 0
     try:
@@ -113,9 +116,9 @@ def without_holes(points: F64, loops: list[Indices]) -> list[Indices]:
 
 
 def _without_shared_edges(points: F64, loops: list[Indices]) -> list[Indices]:
-    """Returns the loops without the edges that two of them traverse in opposite directions.
+    """Returns the loops without any edge that two of them traverse in opposite directions; the two loops are thereby joined.
 
-    A hole at the outline's edge becomes a notch.
+    A hole that shares an edge with the outline thus becomes a notch.
     """
     _, place = np.unique(points, axis=0, return_inverse=True)
     place = place.reshape(-1)
@@ -186,9 +189,10 @@ def _area(loop: F64) -> float:
 
 
 def _bridge_of(flat: F64, merged: Indices, hole: Indices, others: list[Indices]) -> tuple[int, int]:
-    """Returns the shortest bridge from a loop to a hole that crosses no edge, as positions in the loop and in the hole.
+    """Returns the shortest segment from a loop to a hole that crosses no edge, as (position in the loop, position in the hole).
 
-    merged: the loop; others: further holes. If every bridge crosses an edge, the shortest is returned.
+    flat: (n, 2) points; merged: the loop; others: further holes, whose edges must not be crossed either. If every segment crosses
+    an edge, or if there are too many to test, the shortest of all is returned.
     """
     apart = np.linalg.norm(flat[merged][:, None] - flat[hole][None], axis=2)
     nearest = np.unravel_index(int(np.argmin(apart)), apart.shape)

@@ -220,7 +220,7 @@ class _Numbers:
 
 
 def _of_type_c(web: _Web, name: str) -> EmissionMap:
-    """Resamples a type C profile at regular angles, in the largest steps that include all of the profile's angles."""
+    """Resamples a type C profile to regular angles, with the largest steps whose multiples include all angles of the profile."""
     top, bottom = web.vertical[0], web.vertical[-1]
     if not 0 <= top < bottom <= 180:
         raise SceneError(
@@ -243,7 +243,10 @@ def _of_type_c(web: _Web, name: str) -> EmissionMap:
 
 
 def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
-    """Returns (n,) horizontal angles, 0 <= angle < 360, and (n, v) candela of a type C profile, symmetric parts included."""
+    """Returns the horizontal angles and the candela of a type C profile, extended to the whole circle by its symmetry.
+
+    The angles are (n,), 0 <= angle < 360; the candela (n, v), for v vertical angles.
+    """
     angles, candela = web.horizontal, web.candela
     if len(angles) == 1:
         return np.zeros(1), candela

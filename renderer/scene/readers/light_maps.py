@@ -22,9 +22,9 @@ def photometry_of(files: SceneFiles, name: str) -> Photometry:
 
 
 def projected_map(pixels: F32, half_width: float, half_height: float, kind: EmissionKind = "window") -> EmissionMap:
-    """Returns the emission map of an (h, w, 3) image projected along the light's axis, upright as seen from the light.
+    """Returns the emission map of an (h, w, 3) image that a light projects along its axis, upright as seen from the light.
 
-    half_width, half_height: half the image's size at distance 1.
+    half_width, half_height: half the projected image's width and height at distance 1 from the light.
     """
     return EmissionMap(kind, _valid_pixels(pixels), (-half_width, half_width, half_height, -half_height))
 
@@ -39,7 +39,10 @@ def all_around(pixels: F32) -> EmissionMap:
 
 
 def _valid_pixels(pixels: F32) -> F32:
-    """Returns RGB pixels with negative and non-finite values set to 0, halved in size until they are within the limit."""
+    """Returns an image's RGB pixels with negative and non-finite values set to 0.
+
+    An image larger than the limit is halved in size until it is within the limit.
+    """
     pixels = np.nan_to_num(np.maximum(pixels[..., :3], 0.0), nan=0.0, posinf=0.0, neginf=0.0).astype(np.float32)
     while max(pixels.shape[:2]) > _MOST_SIDE:
         height, width = (n - n % 2 for n in pixels.shape[:2])

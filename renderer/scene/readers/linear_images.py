@@ -33,7 +33,7 @@ def alpha(image: Image) -> F32:
 
 
 def white_value(pixels: npt.NDArray[Any]) -> float:
-    """Returns the pixel value that represents 1: the maximum of an integer type, 1 for floats."""
+    """Returns the stored pixel value that means 1.0: the type's maximum for integers, 1 for floats."""
     return float(np.iinfo(pixels.dtype).max) if np.issubdtype(pixels.dtype, np.integer) else 1.0
 
 
@@ -49,7 +49,7 @@ def integer_codes(image: Image) -> Codes:
 
 
 def encoded(values: npt.NDArray[np.floating], *sources: Image, srgb: bool = False) -> Codes:
-    """Returns values in 0..1 as 8-bit integers, or as 16-bit integers if any source image has more than 8 bits.
+    """Returns values, clamped to 0..1, as integers: 16-bit if any image in `sources` has more than 8 bits, otherwise 8-bit.
 
     srgb: whether to sRGB-encode the first three channels.
     """
@@ -62,7 +62,7 @@ def encoded(values: npt.NDArray[np.floating], *sources: Image, srgb: bool = Fals
 
 
 def with_equal_depth(first: Codes, second: Codes) -> tuple[Codes, Codes]:
-    """Returns two integer arrays converted to the same bit depth."""
+    """Returns two arrays of 8-bit or 16-bit codes; if their depths differ, the 8-bit one is converted to 16 bits."""
     if first.dtype == second.dtype:
         return first, second
     a, b = (each if each.dtype == np.uint16 else each.astype(np.uint16) * np.uint16(257) for each in (first, second))

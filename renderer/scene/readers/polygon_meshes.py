@@ -85,14 +85,20 @@ def triangulated(
 
 
 def without_bad_vertices(mesh: Mesh) -> Mesh:
-    """Returns the mesh without its non-finite vertices. No triangle may use one of them."""
+    """Returns the mesh unchanged if all vertices are finite, otherwise without its unused vertices.
+
+    No triangle may use a non-finite vertex, so these are removed as well.
+    """
     if np.isfinite(mesh.positions).all():
         return mesh
     return of_triangles(mesh, slice(None))
 
 
 def of_triangles(mesh: Mesh, rows: Any) -> Mesh:
-    """Returns a mesh of some of the triangles, with only the vertices that these use. rows: index or slice of triangles."""
+    """Returns a mesh of some triangles of a mesh, with only the vertices that they use.
+
+    rows: index array or slice that selects the triangles.
+    """
     at, triangles = used_among(mesh.triangles[rows], len(mesh.positions))
     normals, uvs, uvs1, colors = (
         None if values is None else values[at] for values in (mesh.normals, mesh.uvs, mesh.uvs1, mesh.colors)
@@ -101,7 +107,10 @@ def of_triangles(mesh: Mesh, rows: Any) -> Mesh:
 
 
 def with_corner_values(mesh: Mesh, uvs: F32 | None, colors: F32 | None) -> Mesh:
-    """Returns the mesh with per-corner UVs and colours; vertices whose corners differ are duplicated."""
+    """Returns the mesh with UVs and colours given per corner; a vertex whose corners have different values is duplicated.
+
+    uvs, colors: (3 T, w) values by corner; None retains those of the mesh.
+    """
     corners = mesh.triangles.reshape(-1)
     given = [values for values in (uvs, colors) if values is not None]
     first, kind = unique_corners(corners, len(mesh.positions), given)

@@ -10,7 +10,10 @@ Path = tuple[str | int, ...]
 
 
 class Changed:
-    """A copy of nested dicts and lists with some values replaced. Only the containers on the paths to these values are copied."""
+    """A copy of nested dicts and lists, in which values can be replaced without changing the original.
+
+    Only the containers on the paths to replaced values are copied.
+    """
 
     def __init__(self, root: dict[str, Any]) -> None:
         self.root = dict(root)

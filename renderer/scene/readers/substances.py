@@ -66,7 +66,7 @@ _KNOWN = {name.replace(" ", "").lower(): found for name, found in SUBSTANCES.ite
 
 
 def substance(name: str) -> tuple[Vec3, Vec3] | None:
-    """Returns the (reduced scattering, absorption) coefficients per millimetre of a substance; None if it is unknown.
+    """Returns (reduced scattering, absorption) of a named substance, in RGB per millimetre; None if the name is unknown.
 
     Spaces, underscores and case in the name are ignored.
     """

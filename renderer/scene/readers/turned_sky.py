@@ -17,10 +17,10 @@ FROM_PLUS_Z = np.diag([-1.0, 1.0, -1.0])  # for images with their centre at +Z; 
 
 
 def seen_upright(image: Image, rotation: Matrix, least_height: int = 1) -> Image:
-    """Returns an equirectangular image rotated about the centre of its sphere.
+    """Returns an equirectangular image resampled under a rotation or reflection of its directions.
 
-    rotation: (3, 3) orthonormal, from the image's directions, centre at -Z, to world directions. least_height: minimum height in
-    pixels of the result, which is twice as wide as high.
+    rotation: (3, 3) orthonormal matrix from the image's directions, in which the centre is -Z, to world directions. least_height:
+    minimum height in pixels of the result, which is twice as wide as high.
     """
     pixels = linear(image)
     height = max(pixels.shape[0], least_height)

@@ -13,7 +13,10 @@ _ENTITY, _DOCTYPE = re.compile(rb"<!ENTITY", re.IGNORECASE), re.compile(rb"<!(DO
 
 
 def refuse_entities(data: bytes, file: str, doctype_too: bool = True) -> None:
-    """Raises SceneError if a file declares entities or, with `doctype_too`, a document type. Works for any Unicode encoding."""
+    """Raises SceneError if an XML file, in any Unicode encoding, declares entities.
+
+    doctype_too: whether to reject every document type declaration, even without entities.
+    """
     plain = data.replace(b"\0", b"") if b"\0" in data[:8] else data
     if (_DOCTYPE if doctype_too else _ENTITY).search(plain):
         raise SceneError(

@@ -17,7 +17,7 @@ _STILL = 1e-9  # relative range of a curve's values that rounding can cause
 
 
 class Stacks:
-    """The animation stacks of a scene, as clips."""
+    """The animation stacks of an FBX scene, offered as clips that can be selected."""
 
     def __init__(self, opened: FbxScene, name: str) -> None:
         self._opened, self._file = opened, name
@@ -32,7 +32,7 @@ class Stacks:
         self.clips = [Clip(text(s.name) or f"animation {i}", s.begin, s.end) for i, s in enumerate(self._stacks)]
 
     def selected_animation(self, moment: Moment) -> int | None:
-        """Returns the address of the animation to evaluate at a moment; None without one.
+        """Returns the address, in ufbx's memory, of the animation to evaluate for a moment; None for a file without animations.
 
         Raises SceneError if the moment's clip does not exist.
         """
@@ -51,10 +51,10 @@ class Stacks:
         return self._opened.combined_animation([int(layer.typed_id) for layer in layers], self._file)
 
     def animated_visibility(self, anim: int, evaluated: FbxScene, seconds: float) -> dict[int, bool]:
-        """Returns the visibility, by node id, of the nodes whose visibility animation layers set.
+        """Returns the visibility, by node id, of those nodes whose visibility an animation layer sets.
 
-        The topmost curve of a layer with a weight decides. Maya evaluates visibility, as all booleans, in override mode whatever
-        the layer's mode (Autodesk, "Animation layer modes"), while ufbx adds and mixes the layers' values.
+        The topmost layer that has a weight above 0 and a curve for the node determines the value. Maya too evaluates booleans in
+        override mode whatever the layer's mode (Autodesk, "Animation layer modes"), while ufbx adds and mixes the layers' values.
         """
         layers = pointed(layout.Anim.from_address(anim).layers, layout.AnimLayer)
         weights = {layer.element_id: layer.weight for layer in pointed(evaluated.scene.layers, layout.AnimLayer)}

@@ -131,9 +131,9 @@ class FbxScene:
         return cls(found) if found else _raise_error(error, name)
 
     def evaluate(self, anim: int, seconds: float, name: str) -> FbxScene:
-        """Returns the scene evaluated at a time of an animation. Raises SceneError if that fails.
+        """Returns a copy of the scene with an animation's values at a time in seconds.
 
-        name: of the file, for errors.
+        anim: address of the animation; name: name of the file, for errors. Raises SceneError if ufbx cannot create the copy.
         """
         options, error = layout.EvaluateOptions(), layout.Error()
         found = _library().ufbx_evaluate_scene(self._pointer, anim, seconds, ctypes.byref(options), ctypes.byref(error))

@@ -69,7 +69,7 @@ def _smooth(positions: F64, part: Part) -> F64:
 
 
 class Skin:
-    """The joints and weights of a mesh's points. Points without weights follow the mesh's node."""
+    """The joints of a mesh's points, and their weights; points without weights follow the node that has the mesh."""
 
     def __init__(self, deformer: Any) -> None:
         clusters = pointed(deformer.clusters, layout.SkinCluster)
@@ -89,7 +89,10 @@ class Skin:
 
     @staticmethod
     def joint_transforms(deformer: Any, node: F64) -> F64:
-        """Returns (J + 1, 4, 4) transforms from mesh to world space: one for each joint, and last that of the mesh's node."""
+        """Returns (J + 1, 4, 4) transforms from mesh space to world space: one per joint, then that of the node with the mesh.
+
+        node: (4, 4) world transform of that node.
+        """
         clusters = pointed(deformer.clusters, layout.SkinCluster)
         return np.stack([*(matrix(cluster.geometry_to_world) for cluster in clusters), node])
 

@@ -18,9 +18,9 @@ _NEAR = math.cos(math.radians(0.5))  # nodes that point within 0.5 degrees of th
 
 
 def aimed(node: Any, scene: Any, world: F64, along: F64) -> F64:
-    """Returns a node's transform rotated so that its axis `along` points to the node's target; unchanged without a target.
+    """Returns a node's world transform, rotated so that the axis `along` points at the node's target node.
 
-    Cameras, whose axis is +X, remain upright.
+    A node without a target keeps its transform. Cameras, whose axis is +X, remain upright.
     """
     target = _target(node, scene)
     if target is None:

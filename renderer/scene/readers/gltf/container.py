@@ -45,7 +45,7 @@ class Json:
         return key in self.value
 
     def path_of(self, key: str) -> str:
-        """Returns the path of a key, such as `materials[2].emissiveFactor`."""
+        """Returns the path of one of the object's keys in the file, such as `materials[2].emissiveFactor`."""
         return f"{self.where}.{key}" if self.where else key
 
     def damage(self, key: str, what: str) -> DamagedError:

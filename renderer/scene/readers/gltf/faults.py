@@ -49,7 +49,7 @@ class Faults:
         self._notes[sentence] = None
 
     def pass_on(self, warn: Callable[[str], None]) -> None:
-        """Passes all warnings to a callback: one sentence for each kind of fault, with its count."""
+        """Calls `warn` with each recorded sentence, and with one sentence per kind of fault that contains the number of parts."""
         for sentence in self._notes:
             warn(sentence)
         for what, places in self._places.items():

@@ -176,12 +176,14 @@ class _Attributes:
         return key in self._attributes
 
     def has_bones_beyond(self, count: int) -> bool:
-        """Returns True if there are further sets of joints or weights besides the first `count`."""
+        """Returns True if the primitive has JOINTS_n or WEIGHTS_n attributes with n >= `count`."""
         words = (key.partition("_") for key in self._attributes.value)
         return any(kind in ("JOINTS", "WEIGHTS") and number.isdigit() and int(number) >= count for kind, _, number in words)
 
     def undecoded_accessors(self) -> list[int]:
-        """Returns the indices of the accessors of vertex indices and positions, except those in a Draco block."""
+        """Returns the indices of the accessors with the primitive's vertex indices and positions; those in a Draco block are
+        omitted.
+        """
         known = self._accessors.accessors
         found = None if self.indices is not None else self._source.index("indices", known)
         places = None if "POSITION" in self._decoded else self._attributes.index("POSITION", known)

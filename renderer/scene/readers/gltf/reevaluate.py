@@ -14,7 +14,7 @@ __all__ = ["Reevaluation"]
 
 
 class Reevaluation:
-    """A file that was read and in which only transforms and shapes are animated.
+    """A glTF file that was read once, for reading it again at other moments; only its transforms and shapes are animated.
 
     Its lists may be shared, since readers and the compiler only append to them.
     """

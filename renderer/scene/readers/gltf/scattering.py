@@ -96,9 +96,10 @@ def _fill(material: Material, multiple: Vec3, g: float) -> None:
 
 
 def _scatter_in_a_sheet(material: Material, strength: float, color: Vec3, picture: int | None, g: float) -> None:
-    """Sets the diffuse transmission of a thin sheet: the fraction `strength` of transmitted light is scattered.
+    """Sets a thin sheet's diffuse transmission, so that the fraction `strength` of the transmitted light is scattered.
 
-    Of the scattered light, (1 + g) / 2 leaves on the far side and the rest on the near side.
+    Of the scattered light, the fraction (1 + g) / 2 leaves on the far side, the rest on the near side. g: mean cosine of the
+    scattering angle; color, picture: of the scattered light, the texture as index or None.
     """
     through = material.transmission * strength
     if through <= 0:

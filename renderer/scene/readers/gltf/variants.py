@@ -12,7 +12,10 @@ EXTENSION = "KHR_materials_variants"
 
 
 class Variants:
-    """The names of a file's material variants, and the selected variant; without one, the file's own materials are used."""
+    """A file's material variants by name, and the one that is selected.
+
+    If none is selected, primitives have the file's own materials.
+    """
 
     def __init__(self, root: Json, chosen: str | None) -> None:
         declared = root.extension(EXTENSION)

@@ -81,9 +81,9 @@ class Bsdfs:
         self.inside_out: set[int] = set()  # materials with a lower index inside: their exterior is the filled side
 
     def material(self, shape: Element, spans: Spans = _no_spans) -> int:
-        """Returns the material index of a shape, whose material combines its BSDF with the emission of its area emitter.
+        """Returns the index of a shape's material, which combines the shape's BSDF with the emission of its area emitter.
 
-        spans: returns the lengths per unit of UV (height_maps.py); called only for bump maps.
+        spans: function that returns the mesh's lengths per unit of UV (height_maps.py); called only for bump maps.
         """
         source = next(iter(shape.children_of("bsdf")), None)
         emitter = next((each for each in shape.children_of("emitter") if each.type == "area"), None)

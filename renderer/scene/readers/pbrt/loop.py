@@ -17,7 +17,7 @@ I64 = npt.NDArray[np.int64]
 
 
 class _Mesh(NamedTuple):
-    """The edges of a triangle mesh, and the neighbours of each point."""
+    """The connectivity of a triangle mesh: its edges, and sums over each point's neighbours."""
 
     edges: I64  # (E, 2)
     of: I64  # (T, 3) the edge from each corner to the next

@@ -37,7 +37,7 @@ class Media:
         self._unsaid = False  # whether any glass names no medium
 
     def define(self, name: str, source: Parameters) -> None:
-        """Defines a named medium; unsupported kinds become empty, with a note."""
+        """Adds a named medium; one of an unsupported kind becomes an empty medium, with a note."""
         kind = source.type
         if name in self._named:
             self._notes.add(

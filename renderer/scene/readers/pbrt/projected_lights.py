@@ -23,9 +23,10 @@ _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
 def goniometric(pixels: F32, is_mirrored: bool) -> EmissionMap:
-    """Returns the emission map of an (n, n) grey equal-area image, whose centre is +Y; the map's axis is the light's +Z.
+    """Returns the emission map of a goniometric light from its (n, n) grey equal-area image, whose centre is the light's +Y.
 
-    is_mirrored: whether light space is left-handed in our world, so that +X is to the right when looking along +Z.
+    The emission map's axis is the light's +Z. is_mirrored: whether light space is left-handed in our world, so that +X is to the
+    right when looking along +Z.
     """
     size = len(pixels)
     height = min(max(2 * size, _ROWS[0]), _ROWS[1])

@@ -21,7 +21,7 @@ _ALONG = 96
 
 
 class Quadric(NamedTuple):
-    """The mesh of a quadric, and the quadric's area in object space, which pbrt uses regardless of the transformation."""
+    """A quadric's mesh, and the quadric's area in object space, which pbrt uses whatever the transformation."""
 
     mesh: Mesh
     area: float

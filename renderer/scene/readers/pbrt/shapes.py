@@ -35,7 +35,7 @@ _UNSEEN = Varying((0.0, 0.0, 0.0))
 
 
 class ShapeState(NamedTuple):
-    """The part of the graphics state that applies to a shape."""
+    """The part of the graphics state that applies to a shape: transformation, material, area light, orientation and media."""
 
     ctm: Ctm
     material: Parameters | None

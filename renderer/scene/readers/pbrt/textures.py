@@ -71,7 +71,10 @@ class Textures:
         self.mappings: list[Mapping] = []  # of the textures that were looked up
 
     def define(self, name: str, kind: str, parameters: Parameters, ctm: Matrix) -> None:
-        """Defines a named texture. kind: float or spectrum; ctm: the current transformation."""
+        """Adds the definition of a named texture.
+
+        kind: float or spectrum; ctm: the transformation in effect there.
+        """
         wanted = [text_of(each) for each in parameters.values.values() if each.type == "texture"]
         parts = {(k, n): self.named[k, n] for n in wanted for k in ("float", "spectrum") if (k, n) in self.named}
         mapping = mapping_of(parameters, ctm)

@@ -25,7 +25,7 @@ _LEFT_OUT = Sentence("usd-displacement-dropped", "Displacement is not supported 
 
 
 class Heights(NamedTuple):
-    """A texture with heights in its red channel, and the height that the value 1 represents."""
+    """A displacement's height map: a texture with heights in its red channel, and the height that the value 1 represents."""
 
     texture: int
     rise: float

@@ -18,9 +18,9 @@ _LUMA = (0.2722287, 0.6740818, 0.0536895)
 
 
 class Formula(NamedTuple):
-    """An arithmetic node: the default values of its inputs by name, and the function that it computes.
+    """An arithmetic MaterialX node: its inputs with their default values, and the function `of` that it computes.
 
-    of: the function; it takes one array per input, in order, whose last axis has one or four numbers.
+    The function takes one array per input, in order; the last axis of each array has one or four numbers.
     """
 
     inputs: Mapping[str, float | tuple[float, ...]]

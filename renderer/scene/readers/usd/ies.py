@@ -34,7 +34,7 @@ class Profiles:
         self._images, self._files, self._notes, self._time = images, files, notes, time
 
     def profile_attribute(self, prim: Any) -> Any:
-        """Returns the attribute that names a light's profile; None if the light has no profile."""
+        """Returns the attribute that contains the file name of a light's IES profile; None if the light has no profile."""
         if not prim.HasAPI(UsdLux.ShapingAPI):
             return None
         attribute = UsdLux.ShapingAPI(prim).GetShapingIesFileAttr()

@@ -66,7 +66,10 @@ def is_z_up(stage: Any, notes: Notes) -> bool:
 
 
 def rate_of(stage: Any, key: str, notes: Notes) -> float:
-    """Returns the stage's time codes or frames per second; 24 if the value is invalid. key: the name of the field."""
+    """Returns a rate of the stage, in time codes or frames per second; 24 if the stored value is invalid.
+
+    key: name of the metadata field.
+    """
     try:
         found = float(stage.GetTimeCodesPerSecond() if key == "timeCodesPerSecond" else stage.GetFramesPerSecond())
     except Tf.ErrorException:

@@ -28,7 +28,10 @@ class Notes:
         self._sentences[sentence] = None
 
     def add(self, what: str, name: str) -> None:
-        """Adds an affected object, by name, to a group of warnings. what: the group's sentence, without a full stop."""
+        """Adds the name of an affected object to the group of warnings with the same sentence.
+
+        what: the sentence, without a full stop.
+        """
         self._names.setdefault(what, {})[name] = None
 
     def pass_on(self, warn: Callable[[str], None]) -> None:

@@ -98,7 +98,10 @@ class _Walk:
         self._copies = 0
 
     def prims_below(self, top: Any, places: Matrix, depth: int = 0) -> Iterator[PlacedPrim]:
-        """Yields the visible geometry, lights, cameras and skeleton roots below `top`. places: (N, 4, 4) transforms of `top`."""
+        """Yields the visible geometry, lights, cameras and skeleton roots among the descendants of a prim.
+
+        places: (N, 4, 4) transforms of that prim, one per instance.
+        """
         which = _ABSTRACT if top.IsAbstract() else _DEFINED if top.IsDefined() else _UNDEFINED
         stack = [(child, places, False, True, "default") for child in reversed(top.GetFilteredChildren(which))]
         while stack:
@@ -171,9 +174,9 @@ class _Walk:
         return children
 
     def _local(self, prim: Any, outer: Matrix) -> tuple[Matrix, bool]:
-        """Returns a prim's (N, 4, 4) transforms, and whether its local transform is animated.
+        """Returns a prim's (N, 4, 4) transforms to metres with Y up, and whether its own local transform is animated.
 
-        outer: the transforms of its parent.
+        outer: (N, 4, 4) transforms of the parent.
         """
         if not prim.IsA(UsdGeom.Xformable):
             return outer, False

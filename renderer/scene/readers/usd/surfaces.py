@@ -90,7 +90,7 @@ class Surfaces:
         return self._known[surface.number, key]
 
     def bumpy(self, surface: Surface, mesh: Mesh) -> Surface:
-        """Returns a copy of a surface with a normal map made from its height texture, scaled for a mesh."""
+        """Returns a copy of a surface with a normal map made from its height texture, for the size and the UVs of a mesh."""
         heights = self._heights.get(surface.number)
         if heights is None:
             return surface

@@ -159,7 +159,10 @@ def linear(image: Image) -> F32:
 
 
 def grey(shelf: TextureShelf, texture_input: TextureInput) -> int | None:
-    """Returns a grey texture of one channel of a texture input, as linear values with its scale and bias applied."""
+    """Returns the index of a grey texture with the values of one channel of a texture input, clamped to 0..1.
+
+    The input's scale and bias are applied to the values, which are stored as linear data.
+    """
     channel = "r" if texture_input.channel == "rgb" else texture_input.channel
     scale, bias = texture_input.span(channel)
 
@@ -173,9 +176,9 @@ def grey(shelf: TextureShelf, texture_input: TextureInput) -> int | None:
 def colored(
     shelf: TextureShelf, texture_input: TextureInput, maximum: float = 1.0
 ) -> tuple[tuple[float, float, float], int | None]:
-    """Returns an RGB factor and a texture whose product is the colour of a texture input.
+    """Returns an RGB factor and the index of a texture; their product is the colour of a texture input.
 
-    maximum: upper limit of the factor.
+    maximum: upper limit of the factor; beyond it, the scale is applied to the texture's pixels.
     """
     red, green, blue = texture_input.scale[:3]
     lightest, darkest = max(red, green, blue), min(red, green, blue)

@@ -19,7 +19,10 @@ _HALF_SENSOR = 0.012  # metres: half the height of a 36 x 24 mm picture
 
 
 def read_view(source: dict[str, Any], document: Yaml, path: Path) -> View:
-    """Returns the view of a camera. Raises SceneError if it is invalid. path: of the camera in the document, for errors."""
+    """Returns the view of a camera of the scene file. Raises SceneError if the camera is invalid.
+
+    path: the camera's path in the document, for errors.
+    """
     if "aperture" in source and "f_stop" in source:
         raise document.error(path, Sentence("camera-aperture-and-f-stop", "has both aperture and f_stop; give one of them"))
     fields: dict[str, Any] = {key: vec3(source[key]) for key in ("eye", "target", "up") if key in source}

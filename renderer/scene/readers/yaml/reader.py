@@ -147,7 +147,7 @@ def _validator() -> Any:
 
 
 def _check(files: SceneFiles, main: str, document: Yaml, moving: AnimatedPaths) -> None:
-    """Checks a document against the schema: completely the first time, at other moments only its animated parts.
+    """Checks a document against the schema, completely at the first moment read and only its animated parts at further ones.
 
     Raises SceneError for the first fault.
     """
@@ -161,9 +161,9 @@ def _check(files: SceneFiles, main: str, document: Yaml, moving: AnimatedPaths) 
 
 
 def _part_of(data: dict[str, Any], moving: AnimatedPaths) -> tuple[dict[str, Any], dict[str, list[int]]]:
-    """Returns a document reduced to its animated parts, and for each list the original indices of its remaining items.
+    """Returns the animated parts of a document's data, and for each list there the original indices of its remaining items.
 
-    Each list and object retains at least one item, since the schema may require that.
+    Each list and object retains at least one item, since the schema may require one.
     """
     part: dict[str, Any] = {}
     places: dict[str, list[int]] = {}
