@@ -56,7 +56,7 @@ class Camera(NamedTuple):
 
 
 def camera_frame(settings: RenderSettings) -> Camera:
-    """Returns the Camera for the settings: for their view, image size, and the views at keys while the shutter is open."""
+    """Returns the Camera for render settings: for their image size, their view, and the views at the shutter's keys, if any."""
     view = settings.view
 
     def vector(v: npt.NDArray[np.float64]) -> Vector:
@@ -87,7 +87,10 @@ def camera_frame(settings: RenderSettings) -> Camera:
 
 @functools.lru_cache(16)
 def _motion(views: tuple[View, ...]) -> npt.NDArray[np.float64]:
-    """Returns the camera's motion keys, (K, KEY_COLUMNS) float64; cached, since every batch of a frame needs them."""
+    """Returns the keys of a camera that moves, (K, KEY_COLUMNS) float64, from its views while the shutter is open.
+
+    The result is cached, since every batch of a frame needs it.
+    """
     if not views:
         return np.zeros((0, KEY_COLUMNS))
     return np.ascontiguousarray(motion_keys(np.array([[np.stack(axes_of(each), -1) for each in views]]))[0])
@@ -177,7 +180,10 @@ def _of_lens(camera, column, step, share):
 
 @subroutine
 def _camera_at(camera, x, y, u, v, time):
-    """Returns `camera_ray` for the camera interpolated to a shutter time. u, v: the lens sample."""
+    """Returns the `camera_ray` of a moving camera, interpolated to a shutter time.
+
+    u, v: two numbers that select the lens point.
+    """
     a, b, c = placed_at(camera.motion, 0, len(camera.motion), time)
     step, share = step_at(time, len(camera.motion))
     pixel = _of_lens(camera, 0, step, share)

@@ -26,7 +26,7 @@ def _index(builder, number):
 
 
 def _values(context, builder, sig, table, number, width, first, known=None):
-    """Emits code for a tuple of a table row's values from column `first` on.
+    """Emits LLVM code that loads `width` consecutive values of a table row as a tuple, from column `first` on.
 
     known: `first` as a Python integer if it is a constant.
     """
@@ -49,7 +49,7 @@ def _values(context, builder, sig, table, number, width, first, known=None):
 
 
 def _number(table, index):
-    """Returns the Numba type of a table element, scalar or of eight lanes."""
+    """Returns the Numba type of an element loaded from the table: a scalar, or eight lanes if `index` is a vector."""
     if not is_wide(index):
         return table.dtype
     return f32x8 if table.dtype == types.float32 else u32x8

@@ -94,7 +94,7 @@ class Placement(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """Consecutive triangles that were placed by one call, with the material, the object and the number of triangles of each mesh."""
+    """Consecutive triangles that were placed by one call, with the material, object and number of triangles of each mesh."""
 
     placed: Placed
     material: list[int]
@@ -376,9 +376,9 @@ def _box_corners(corners: F64) -> F64:
 
 
 def _transformed_bounds(shape: F64, points: F64) -> list[F64]:
-    """Returns the joint bounds, (2, 3), of the points `shape` under all the transforms `points`; empty without points or transforms.
+    """Returns the joint bounds, (2, 3), of the points `shape` under all the transforms `points`.
 
-    Computed without BLAS, whose last bits depend on the processor.
+    Returns an empty list without points or transforms. Computed without BLAS, whose last bits depend on the processor.
     """
     if not len(shape) or not len(points):
         return []

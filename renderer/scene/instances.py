@@ -125,7 +125,10 @@ def _is_placed_per_frame(description: SceneDescription, number: int) -> bool:
 
 
 def _group_repeated_meshes(description: SceneDescription, objects: list[int], still: list[int], fit: list[int]) -> list[Group]:
-    """Returns the groups of meshes whose static instances share one stored copy, since copying them would cost too many triangles."""
+    """Returns the groups of meshes whose static instances share one stored copy.
+
+    Meshes are grouped only if that saves enough triangles compared with copying each instance.
+    """
     placed: dict[int, list[int]] = {}
     for number in fit:
         placed.setdefault(description.instances[number].mesh, []).append(number)

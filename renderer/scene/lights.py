@@ -142,7 +142,10 @@ def _lamps(emitters: Emitters, is_uniform: npt.NDArray[np.bool_], geometry: Geom
 
 
 def emitters_with_area(emitters: Emitters, geometry: Geometry) -> Emitters:
-    """Returns the emitting triangles whose area in this frame is not 0; triangles that deform may have none in some frames only."""
+    """Returns the emitting triangles whose area in this frame is not 0.
+
+    Triangles that deform may have no area in some frames only.
+    """
     a, b, c = (geometry.position[geometry.triangle[emitters.triangle, k]].astype(np.float64) for k in range(3))
     solid = np.cross(b - a, c - a).any(axis=1)
     return emitters if solid.all() else Emitters(emitters.triangle[solid], emitters.material[solid], emitters.emitted[solid])

@@ -184,7 +184,10 @@ class Shot:
             return self.scene_at(moment)
 
     def _read_neighbouring_files(self, moment: Moment, frames: float) -> SceneDescription | None:
-        """Returns the scene at the moment, read from the files whose numbers are `frames` greater; None if these cannot be read."""
+        """Returns the scene at the moment, but read from the files whose numbers are `frames` greater.
+
+        Returns None if these files cannot be read.
+        """
         if moment.frame + frames < 0:
             return None
         try:

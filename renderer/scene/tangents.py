@@ -27,9 +27,9 @@ def tangent_uv_set(description: SceneDescription, material: Material) -> int:
 
 
 def _handedness(uv: F32, triangle: I32) -> F64:
-    """Returns twice the signed area of each triangle in texture space, (T,): positive if the image appears mirrored on the triangle.
+    """Returns twice the signed area of each triangle in texture space, (T,).
 
-    As in glTF, v points downwards.
+    It is positive if the image appears mirrored on the triangle. As in glTF, v points downwards.
     """
     a, b, c = (uv[triangle[:, k]].astype(np.float64) for k in range(3))
     return (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (c[:, 0] - a[:, 0]) * (b[:, 1] - a[:, 1])

@@ -32,9 +32,9 @@ _LEAST = np.float32(1e-6)
 
 @device
 def _node(x, last):
-    """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ... 1 and a last node `last`.
+    """Returns (index of the table node below x, the fraction of the way to the next node). Nodes are numbered 0 to `last`.
 
-    For NaN, as in unused lanes, the node is valid too.
+    x: position along the axis, 0 at the first node to 1 at the last. For NaN, as in unused lanes, the node is valid too.
     """
     x = min(_ONE, max(_ZERO, x)) * last
     i = to_int(min(last - _ONE, x))
@@ -55,7 +55,10 @@ def _entry(roughness, ratio, cosine, azimuth):
 
 @device
 def _first(beckmann):
-    """Returns the table index of the lowest roughness of the distribution in use, GGX or Beckmann. beckmann: see facets.py."""
+    """Returns the index at which the table of the distribution in use, GGX or Beckmann, starts along the roughness axis.
+
+    beckmann: see facets.py.
+    """
     first = _FIRST
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
@@ -65,7 +68,7 @@ def _first(beckmann):
 
 @device
 def _is_tabled(beckmann, alpha_x, alpha_y):
-    """Returns True if this module's table contains the surface's albedo: for all surfaces except isotropic GGX."""
+    """Returns True if the table of this module contains the albedo of a surface; isotropic GGX has a table of its own."""
     tabled = alpha_x > alpha_y
     if beckmann is not None:
         tabled = tabled | (beckmann != _ZERO)

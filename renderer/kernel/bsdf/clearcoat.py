@@ -22,7 +22,10 @@ _LEAST_COSINE = np.float32(0.01)
 
 @subroutine
 def clearcoat_albedo(roughness, cosine):
-    """Returns the clearcoat's albedo, 0 ... 1, for a direction whose cosine with its normal is `cosine`."""
+    """Returns the clearcoat's albedo, 0 to 1, for one direction.
+
+    cosine: of the angle between the direction and the coat's normal.
+    """
     a, b = ggx_albedo(cosine, roughness)
     return _F0 * a + b
 

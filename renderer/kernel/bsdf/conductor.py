@@ -38,9 +38,9 @@ def fresnel_rgb(cosine, eta, k):
 
 @device
 def _albedo(beckmann, w, roughness, alpha_x, alpha_y):
-    """Returns the single-scattering albedo of the microfacets for direction w.
+    """Returns the single-scattering albedo of perfectly reflecting microfacets for direction w.
 
-    The albedo is the probability of sampling the microfacets, rather than the multiple-scattering lobe.
+    It is used as the probability of sampling the microfacets rather than the multiple-scattering lobe.
     """
     a, b = brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y)
     return a + b
@@ -48,7 +48,7 @@ def _albedo(beckmann, w, roughness, alpha_x, alpha_y):
 
 @device
 def _above(beckmann, eta, k, mean_fresnel, roughness, alpha_x, alpha_y, wo, wi):
-    """Returns (f |cos|, pdf per steradian) of a rough conductor, for local directions above the horizon."""
+    """Returns (f |cos|, pdf per steradian) of a rough conductor, for local directions wo and wi above the horizon."""
     h = vec.normalize(vec.add(wo, wi))
     lambda_o = facet_lambda(beckmann, wo, alpha_x, alpha_y)
     lambda_i = facet_lambda(beckmann, wi, alpha_x, alpha_y)

@@ -37,9 +37,9 @@ def _between(a, b, t):
 
 @device
 def _node(x):
-    """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ... 1.
+    """Returns (index of the table node below x, the fraction of the way to the next node).
 
-    For NaN, as in unused lanes, the node is valid too.
+    x: position along a table axis, 0 at the first node to 1 at the last. For NaN, as in unused lanes, the node is valid too.
     """
     x = min(_ONE, max(_ZERO, x)) * _LAST
     i = to_int(min(_MOST, x))

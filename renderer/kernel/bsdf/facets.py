@@ -39,7 +39,7 @@ def facet_lambda(beckmann, w, alpha_x, alpha_y):
 
 @device
 def sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u):
-    """Samples a local microfacet normal from the distribution of normals visible from wo."""
+    """Samples a local microfacet normal from the distribution of normals visible from wo; u: two numbers in [0, 1)."""
     if beckmann is not None:  # noqa: SIM102
         if beckmann != _ZERO:
             return sample_visible_beckmann(wo, alpha_x, alpha_y, u)

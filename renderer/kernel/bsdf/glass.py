@@ -16,7 +16,7 @@ _ONE = np.float32(1.0)
 
 @device
 def sample_glass(tint, eta, wo, u):
-    """Samples reflection or refraction with Fresnel's probability: (local wi, weight, whether transmitted).
+    """Chooses reflection or refraction by the Fresnel reflectance, and returns (local wi, weight, whether transmitted).
 
     The weight is 1 for reflection and tint / eta**2 for refraction. The factor 1 / eta**2 is the compression of radiance into a
     smaller cone on the denser side, which is reversed when the path leaves the glass (pbrt 4ed, 9.5.2).

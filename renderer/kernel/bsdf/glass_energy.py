@@ -22,7 +22,10 @@ _MOST_BEND = np.float32(MOST_BEND)
 
 @device
 def _node(x):
-    """Returns (index of the table node below x, the fraction of the way to the next), for x in 0 ... 1."""
+    """Returns (index of the table node below x, the fraction of the way to the next node).
+
+    x: position along a table axis, 0 at the first node to 1 at the last.
+    """
     x = min(max(x, _ZERO), _LAST)
     i = min(np.int64(x), _MOST)
     return i, x - np.float32(i)
@@ -54,9 +57,10 @@ def _plane(k, i, j, s, t):
 
 @subroutine
 def glass_albedo(beckmann, cosine, roughness, eta):
-    """Returns the single-scattering albedo (reflection plus transmission) of rough glass for a direction with this cosine.
+    """Returns the single-scattering albedo of rough glass, reflection plus transmission, for one direction.
 
-    eta: index beyond the boundary over index on this side. beckmann: see facets.py.
+    cosine: of the angle between the direction and the normal. eta: index beyond the boundary over index on this side. beckmann:
+    see facets.py.
     """
     never_inline()
     k, r = _plane_of(beckmann, eta)

@@ -108,20 +108,29 @@ def _dielectric_albedo(m, cosine, a, b, again, loss):
 
 @subroutine
 def coat_passing(m, cosine):
-    """Returns the fraction of light that the clearcoat transmits, for one direction."""
+    """Returns the fraction of light that the clearcoat transmits to the layers below, for one direction.
+
+    m: the material's parameter row. cosine: of the angle between the direction and the coat's normal.
+    """
     return _ONE - m[rows.CLEARCOAT] * clearcoat_albedo(m[rows.CLEARCOAT_ROUGHNESS], cosine)
 
 
 @subroutine
 def sheen_passing(m, cosine):
-    """Returns the fraction of light that the sheen transmits, for one direction."""
+    """Returns the fraction of light that the sheen transmits to the layers below, for one direction.
+
+    m: the material's parameter row. cosine: of the angle between the direction and the normal.
+    """
     color = vec.maximum(rgb(m, rows.SHEEN_COLOR))
     return _ONE - color * sheen_albedo(cosine, m[rows.SHEEN_ROUGHNESS]) if color > _ZERO else _ONE
 
 
 @device
 def to_anisotropy_frame(m, w):
-    """Returns the local direction w in the anisotropy's frame, along whose x axis highlights are stretched."""
+    """Returns the local direction w in the frame of the anisotropy.
+
+    The x axis of that frame is the direction in which highlights are stretched.
+    """
     c, s = m[rows.ROTATION], m[rows.ROTATION + 1]
     return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]
 

@@ -80,9 +80,9 @@ def _glass_is_smooth(m):
 
 @subroutine
 def _choices(m, wo):
-    """Returns the sampling probabilities of the lobes, in proportion to their albedo for direction wo.
+    """Returns the probabilities of sampling each lobe, in proportion to the lobe's albedo for direction wo.
 
-    The lobes: (clearcoat, sheen, microfacets, diffuse above, diffuse below, glass).
+    The lobes: (clearcoat, sheen, microfacets, diffuse above, diffuse below, glass). m: the material's parameter row.
     """
     a, b, loss, _, again_metal, again, passing, coat, sheen = base_view(m, wo)
     metallic = m[rows.METALLIC]
@@ -108,7 +108,7 @@ def _choices(m, wo):
 
 @device
 def _glass(m, eta, wo, wi):
-    """Returns (f |cos|, pdf per steradian) of rough white glass for local directions."""
+    """Returns (f |cos|, pdf per steradian) of the rough glass lobe, untinted, for local directions. m: the parameter row."""
     o = to_anisotropy_frame(m, wo)
     i = to_anisotropy_frame(m, wi)
     if m[IS_PANE] != _ZERO:
@@ -182,9 +182,9 @@ def eval_and_pdf_layered(m, eta, wo, wi):
 
 @subroutine
 def _sample_smooth_glass(m, eta, wo, chance, choose):
-    """Samples reflection or refraction at smooth glass: (local wi, weight, radiance scale).
+    """Samples reflection or refraction at the smooth glass lobe: (local wi, weight, radiance scale).
 
-    The radiance scale is eta**2 for a refraction, else 1.
+    chance: the probability with which this lobe was chosen. The radiance scale is eta**2 for a refraction, else 1.
     """
     if m[IS_PANE] != _ZERO:
         f0 = vec.maximum(dielectric_f0(m))

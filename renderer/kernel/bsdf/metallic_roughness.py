@@ -67,7 +67,7 @@ def _view(base, metallic, roughness, f0, f90, wo):
 
 @device
 def _above(base, metallic, roughness, f0, f90, view, wo, wi):
-    """Returns (f |cos|, pdf per steradian) for local directions above the horizon. view: terms from `_view`."""
+    """Returns (f |cos|, pdf per steradian) for local directions wo and wi above the horizon. view: terms from `_view`."""
     mixed, mixed_90, loss_o, multiple, again, passing_o, choice = view
     alpha = max(roughness * roughness, MIN_ALPHA)
     h = vec.normalize(vec.add(wo, wi))
@@ -99,7 +99,10 @@ def _scatter(base, metallic, roughness, f0, f90, view, wo, wi):
 
 @device
 def eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi):
-    """Returns (f |cos| per channel, pdf per steradian) for local directions, together since they share most terms."""
+    """Returns (f |cos| per channel, pdf per steradian) for local directions.
+
+    The two are computed together, since they share most terms.
+    """
     view = _view(base, metallic, roughness, f0, f90, wo)
     return _scatter(base, metallic, roughness, f0, f90, view, wo, wi)
 

@@ -60,7 +60,10 @@ def _mix(a, b, t):
 
 @device
 def _place(m):
-    """Returns the material's position in the table: (plane by index of refraction, fraction, row by roughness, fraction)."""
+    """Returns the material's position in the coat table, along the axes of index of refraction and of roughness.
+
+    Four values: node by index of refraction, fraction to the next node, node by roughness, fraction to the next node.
+    """
     ior = m[rows.IOR]
     k, r = _node((ior - _ONE) / (ior + _ONE) * _BENDS_PER_UNIT, _BENDS)
     i, s = _node(m[rows.ROUGHNESS] * np.float32(_ROUGHNESSES - 1), _ROUGHNESSES)
@@ -75,7 +78,10 @@ def _at(k, r, i, s, j):
 
 @subroutine
 def _passing(m, cosine):
-    """Returns T: the fraction of light from outside that the facets transmit."""
+    """Returns T of the module's equation: the fraction of light from outside that the coat's facets transmit.
+
+    cosine: of the angle between the light's direction and the normal.
+    """
     never_inline()
     k, r, i, s = _place(m)
     j, t = _node(math.sqrt(max(cosine, _ZERO)) * np.float32(_COSINES - 1), _COSINES)
@@ -84,7 +90,7 @@ def _passing(m, cosine):
 
 @device
 def _inner(m):
-    """Returns R: the fraction of diffuse light from inside that the facets reflect back."""
+    """Returns R of the module's equation: the fraction of diffuse light from inside that the coat's facets reflect back."""
     k, r, i, s = _place(m)
     return _at(k, r, i, s, _COSINES)
 
@@ -112,7 +118,10 @@ def _paint(m, inner):
 
 @device
 def _choice(m, passing, paint):
-    """Returns the probability, 0 ... 1, of sampling the coat's facets rather than the diffuse base."""
+    """Returns the probability, 0 to 1, of sampling the coat's facets rather than the diffuse base.
+
+    passing: T for direction wo. paint: from `_paint`.
+    """
     mirrored = (_ONE - passing) * vec.luminance(_tint(m))
     below = passing * vec.luminance(paint)
     return max(mirrored / max(mirrored + below, _LEAST), _MIN_CHOICE)

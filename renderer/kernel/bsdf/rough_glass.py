@@ -56,7 +56,10 @@ def eval_and_pdf_rough_glass(beckmann, eta, roughness, alpha_x, alpha_y, wo, wi)
 
 @device
 def _lost(beckmann, eta, roughness):
-    """Returns (mean energy lost by single scattering over the hemisphere, the fraction of it that is finally reflected)."""
+    """Returns (fraction of light lost by single scattering, fraction of the lost light that is finally reflected).
+
+    The first is the mean over the hemisphere.
+    """
     lost = max(_ONE - glass_mean_albedo(beckmann, roughness, eta), _LEAST_LOSS)
     beyond = max(_ONE - glass_mean_albedo(beckmann, roughness, _ONE / eta), _LEAST_LOSS)
     # Reciprocal for any two sides, since (1 - mean Fresnel) over eta**2 is the same from both.
@@ -141,7 +144,7 @@ def eval_and_pdf_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, wi):
 def sample_pane(beckmann, f0, f90, alpha_x, alpha_y, wo, choose, u):
     """Samples a local direction above or below the pane; returns (wi, weight, pdf).
 
-    The weight is 0 if wi points into the surface.
+    The weight is 0 if the sampled direction is on the wrong side: below for a reflection, above for a transmission.
     """
     h = sample_visible_facet(beckmann, wo, alpha_x, alpha_y, u)
     cosine = vec.dot(wo, h)

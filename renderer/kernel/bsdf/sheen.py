@@ -75,7 +75,7 @@ def pdf_sheen(wi):
 
 @device
 def sample_sheen(u):
-    """Samples the hemisphere uniformly, since the lobe is wide with most of its weight near the horizon."""
+    """Samples a direction uniformly in the hemisphere, since the sheen lobe is wide with most of its weight near the horizon."""
     return square_to_hemisphere(u)
 
 

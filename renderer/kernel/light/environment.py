@@ -60,7 +60,10 @@ def sample_cdf(cdf, u):
 
 @device
 def _stretched(cdf, i, u):
-    """Returns (position of u within interval i of the flat cdf table, in [0, 1); width of the interval)."""
+    """Returns (u's position within interval i of a cdf, rescaled to [0, 1); probability of that interval).
+
+    cdf: flat table; i: a flat index into it.
+    """
     low = lookup(cdf, i)
     width = lookup(cdf, u32(i + _NEXT)) - low
     return min(where(width > _ZERO, (u - low) / width, _ZERO), _BELOW_ONE), width
@@ -115,7 +118,10 @@ def _uv(frame, d):
 
 @device
 def _place(environment, frame, d):
-    """Returns the image coordinates of a world direction (`_uv`); (1/2, 1/2), not computed, if the image has a single texel."""
+    """Returns the image coordinates of a world direction, from `_uv`.
+
+    If the image has a single texel, they are not computed: the result is (1/2, 1/2).
+    """
     if environment.shape[0] * environment.shape[1] == 1:
         middle = as_wide(_HALF, d[0])
         return middle, middle
@@ -144,9 +150,9 @@ def environment_radiance(environment, frame, d):
 
 @device
 def environment_light(scene, d, judged):
-    """Returns (radiance from world direction d, pdf of d under `sample_environment` per steradian).
+    """Returns (radiance from world direction d, pdf per steradian with which `sample_environment` samples d).
 
-    judged: whether the pdf is needed; it is 0 otherwise.
+    judged: whether the pdf is needed; otherwise it is 0.
     """
     frame = scene.environment_frame
     u, v = _place(scene.environment, frame, d)

@@ -93,7 +93,7 @@ def eval_and_sample_diffuse(scene, m, wo, wi, choose, u):
 
 @device
 def _eta(scene, m):
-    """Returns the index of refraction beyond the surface relative to that on the viewer's side."""
+    """Returns the relative index of refraction of eight materials: beyond the surface over that on the viewer's side."""
     if scene.has.layers is not None:
         eta = m.eta
     else:
@@ -104,7 +104,7 @@ def _eta(scene, m):
 
 @device
 def _indices(scene, m):
-    """Returns a conductor's complex index (eta, k), three channels each."""
+    """Returns the complex index of refraction of eight conductors: (eta, k), three channels each."""
     table = scene.material
     return columns(table, m.material, COLUMNS, rows.ETA, 3), columns(table, m.material, COLUMNS, rows.K, 3)
 
@@ -154,7 +154,10 @@ def eval_and_sample_conductor(scene, m, wo, wi, choose, u):
 
 @device
 def eval_and_sample_in_medium(scene, m, wo, wi, choose, u):
-    """Evaluates and samples the phase function of vertices in a medium. m.roughness contains g."""
+    """Evaluates and samples the phase functions at vertices in a medium.
+
+    The field `roughness` of `m` contains the phase function's mean cosine g.
+    """
     one = zero_like(choose) + _ONE
     phase = eval_henyey_greenstein(m.roughness, wi)
     on = sample_henyey_greenstein(m.roughness, u)
@@ -176,7 +179,7 @@ def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, s
 
 @device
 def eval_and_sample_rare(scene, m, wo, wi, choose, u):
-    """Evaluates and samples materials of the rarer kinds, one path at a time."""
+    """Evaluates and samples the kinds of materials that have no eight-lane form, one path at a time."""
     s, t, n = m.frame
     known = (m.material, m.front, m.base, m.metallic, m.roughness, m.eta, m.uv, m.uv1, m.shading, s, t, n, m.time)
     return each_lane(_one_rare, choose == choose, (scene, *known, wo, wi, choose, u))

@@ -34,7 +34,7 @@ _NUMBER, _PLACE, _X, _Y = (column(Sample, field) for field in ("number", "place"
 
 
 class NextSample(NamedTuple):
-    """The next sample of the batch to be started, in order: samples of a pixel, pixels of a row, rows."""
+    """The next sample of the batch to start: all samples of a pixel come first, then those of the next pixel, row by row."""
 
     x: Any
     y: Any

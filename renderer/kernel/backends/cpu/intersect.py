@@ -56,7 +56,10 @@ _IS_CAST, _SURVIVAL = column(Outcome, "is_cast"), column(Outcome, "survival")
 
 @subroutine
 def _trace_passed(scene, alone, pool, lists):
-    """Finds, one at a time, the next hits of the rays that have passed through a surface (list PASSED), beyond that surface."""
+    """Finds the next hits of the rays on the list PASSED, which have passed through a surface, beyond that surface.
+
+    Traces one ray at a time.
+    """
     never_inline()
     for k in range(length(lists, PASSED)):
         number = row(lists, PASSED, k)
@@ -79,7 +82,7 @@ def _trace_passed(scene, alone, pool, lists):
 
 @device
 def _wait_for_nodes(scene, pool, lists, count):
-    """Lists the first `count` active rays for traversal (list NODES), with their hits reset to none.
+    """Fills the list NODES with the first `count` active rays, for traversal, and resets the hits of these rays to none.
 
     Leaves out the rays that `_trace_passed` has traced.
     """
@@ -201,7 +204,10 @@ def resolve_shadow_rays(scene, alone, stack, pool, lists, options):
 
 @device
 def _go_on(pool, lists, which):
-    """Adds each path of the list `which` to ACTIVE if it continues, else to DONE; also to WAITING if it has a shadow ray."""
+    """Lists the paths of the list `which` for the next stage: those that continue on ACTIVE, the others on DONE.
+
+    Those with a shadow ray are also added to the list WAITING.
+    """
     waiting, active, done = np.uintp(length(lists, WAITING)), np.uintp(length(lists, ACTIVE)), np.uintp(length(lists, DONE))
     for k in range(length(lists, which)):
         path = row(lists, which, k)

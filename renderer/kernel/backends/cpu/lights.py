@@ -1,7 +1,7 @@
 """Samples a light for each vertex at which light sampling can contribute.
 
-With a light tree, all vertices descend it together, one level at a time: a level consists of a few long sums and roots, which the
-processor can overlap between vertices.
+With a light tree, all vertices descend the tree together, one level at a time. The choice at a level consists of a few long sums
+and roots, which the processor can overlap between vertices.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ _LEFT, _CHANCE, _HERE = (column(LightDescent, field) for field in ("left", "chan
 
 @device
 def _numbers(pool, rows, options):
-    """Returns the random numbers for light sampling of eight paths: two for the point, one for the choice of the light."""
+    """Returns the random numbers with which eight paths sample lights: two for the point on a light, one to choose it."""
     u = draw_light(streams_of(pool, rows, options), gather(pool, rows, PathState).number)
     return u[0], u[1], u[2]
 

@@ -76,7 +76,7 @@ def length(lists, which):
 
 @device
 def row(lists, which, k):
-    """Returns the k-th row number on list `which`."""
+    """Returns the row number at index `k` of list `which`."""
     return np.uintp(lists[np.uintp(which) * _SIZE + _ONE + np.uintp(k)])
 
 
@@ -103,7 +103,7 @@ def truncate(lists, which, count):
 
 @device
 def pad(lists, which):
-    """Repeats a list's last number after its end, so that `eight_rows` may read beyond it; returns the list's length."""
+    """Appends copies of a list's last number beyond its end, for `eight_rows` to read; returns the list's length, unchanged."""
     base = np.uintp(which) * _SIZE
     count = np.uintp(lists[base])
     if count > np.uintp(0):
@@ -115,5 +115,5 @@ def pad(lists, which):
 
 @device
 def eight_rows(lists, which, k):
-    """Returns eight row numbers of a list from index k on, u32x8."""
+    """Returns the eight row numbers from index `k` on of list `which`, u32x8."""
     return load_ints(lists, np.uintp(which) * _SIZE + _ONE + np.uintp(k))

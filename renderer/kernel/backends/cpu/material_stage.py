@@ -1,4 +1,4 @@
-"""Surfaces, textures and materials at the vertices of eight paths."""
+"""Computes surfaces, texture colours and material parameters at the vertices of eight paths."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TEXTURED = np.uint32(TEXTURED)
 
 @subroutine
 def _one_surface(scene, d, t, primitive, u, v, instance, time):
-    """Returns the surface at one ray's triangle hit (`triangle_at`) as nested tuples of numbers."""
+    """Returns the surface at one ray's triangle hit, computed by `triangle_at`, as nested tuples of numbers."""
     never_inline()
     s = triangle_at(scene, d, Hit(t, primitive, u, v, np.int32(instance), time))
     shape = s.point, s.error, s.geometric, s.shading, s.uv, s.front
@@ -39,7 +39,10 @@ def _one_by_one(scene, time):
 
 @device
 def surfaces_at(scene, d, hit):
-    """Returns the surfaces that eight rays have hit (`triangle_at`); triangles may belong to instances or to moving meshes."""
+    """Returns the surfaces at the triangle hits of eight rays, computed by `triangle_at`.
+
+    If the scene has instances or moving meshes, they are computed one at a time.
+    """
     if scene.has.instances is not None and _one_by_one(scene, hit.time):
         every = hit.t == hit.t
         arguments = scene, d, hit.t, hit.primitive, hit.u, hit.v, hit.instance, hit.time
@@ -58,7 +61,7 @@ def _textures_move(scene, time):
 
 @device
 def _image_factors(scene, number, there, surface):
-    """Returns the colours of eight textures at eight surfaces; white in lanes where `there` is False.
+    """Returns the colours of eight textures, each at one of eight surfaces; white in lanes where `there` is False.
 
     number: the textures' indices in the scene.
     """

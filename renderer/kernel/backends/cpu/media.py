@@ -59,7 +59,7 @@ _SCATTERS = column(MediumFlight, "scatters")
 def _store_vertices(pool, rows, surface, g, which):
     """Writes vertices in media to the paths' rows of the pool.
 
-    g: the phase functions' mean cosine. which: the list on which each vertex is scattered.
+    g: mean cosine of the phase function at each vertex. which: number of the list on which the vertices will be scattered.
     """
     none = zero_like(g)
     one = none + _ONE
@@ -119,7 +119,7 @@ def sample_free_flights(scene, pool, lists, options):
 
 @device
 def _remove_drifting(pool, lists, which):
-    """Removes the paths that scatter in a medium before their hit from list `which`."""
+    """Removes from the list `which` those paths that scatter in a medium before they reach their hit."""
     stays = np.uintp(0)
     for k in range(length(lists, which)):
         path = row(lists, which, k)

@@ -38,7 +38,7 @@ _BRANCHES, _SCATTERS = np.bool_(True), np.bool_(False)  # not literals, for whic
 
 
 class Pool(NamedTuple):
-    """The scratch memory of a batch."""
+    """The scratch memory for rendering a batch: the rows of the paths, lists of rows, traversal stacks, and the pixels' sums."""
 
     alone: Any  # traversal stack of a single ray
     stack: Any  # traversal stacks of all rows: traversal_state.py
@@ -51,9 +51,9 @@ _kept = threading.local()
 
 
 def pool_for(width: int, height: int) -> Pool:
-    """Returns the scratch memory for a batch of a tile of width x height pixels; reuses this thread's last one if large enough.
+    """Returns the scratch memory for a batch of a tile of width x height pixels: this thread's last one if that is large enough.
 
-    The system clears new memory page by page, which takes as long as rendering one sample per pixel.
+    Reuse matters: the system clears new memory page by page, which takes as long as rendering one sample per pixel.
     """
     pool: Pool | None = getattr(_kept, "pool", None)
     if pool is None or len(pool.film) < width * height * SUMS:

@@ -81,7 +81,7 @@ class Sample(NamedTuple):
 
 
 class Facet(NamedTuple):
-    """The position of a path's vertex, and its geometric normal."""
+    """The geometric data of a path's vertex, without interpolation: position with its error, geometric normal, and side hit."""
 
     point: Vector
     error: Float
@@ -91,7 +91,7 @@ class Facet(NamedTuple):
 
 
 class Shading(NamedTuple):
-    """The shading normal of a path's vertex, and the number of its material."""
+    """The shading normal of a path's vertex, the index of its material, and the list on which the vertex will be scattered."""
 
     normal: Vector
     lift: Vector
@@ -100,7 +100,7 @@ class Shading(NamedTuple):
 
 
 class ChosenLight(NamedTuple):
-    """The light sample at a path's vertex."""
+    """The light sampled for a path's vertex: direction, pdf and radiance."""
 
     direction: Vector
     pdf: Float
@@ -109,7 +109,7 @@ class ChosenLight(NamedTuple):
 
 
 class DirectLight(NamedTuple):
-    """The direct light at a path's vertex, which is added if the shadow ray is not occluded."""
+    """The direct light that a path's vertex receives if its shadow ray is not occluded."""
 
     brought: Vector
     segments: Float
@@ -128,9 +128,9 @@ class Outcome(NamedTuple):
 
 
 class Appearance(NamedTuple):
-    """The material at a path's vertex; only in scenes with textures.
+    """The parameters of the material at a path's vertex, with textures applied; only in scenes with textures.
 
-    In a medium, `roughness` is the phase function's mean cosine.
+    At a vertex in a medium, `roughness` is the phase function's mean cosine.
     """
 
     base: Vector
@@ -149,7 +149,7 @@ class Axes(NamedTuple):
 
 
 class Mapped(NamedTuple):
-    """The shading frame's normal after normal mapping, and the normal to store in LastVertex; only in scenes with textures."""
+    """Two normals of a path's vertex, only in scenes with textures: the normal-mapped one, and the one to store in LastVertex."""
 
     normal: Vector
     facing: Vector
@@ -176,7 +176,7 @@ class Traversal(NamedTuple):
 
 
 class LightDescent(NamedTuple):
-    """The state of the light tree's descent for a path's vertex."""
+    """The state of a path's vertex while it descends the light tree to choose a light."""
 
     left: Float  # the random number for the next choice, rescaled to [0, 1)
     chance: Float  # probability of the nodes chosen so far
@@ -187,7 +187,7 @@ class LightDescent(NamedTuple):
 
 
 class MediumFlight(NamedTuple):
-    """Whether a path scatters in its medium before it reaches the hit: 1 or 0."""
+    """The outcome of a path's free flight in its medium: 1 if the path scatters before it reaches the hit, else 0."""
 
     scatters: Float
 
@@ -223,13 +223,13 @@ def line_floats(count: int) -> npt.NDArray[np.float32]:
 
 @device
 def at(row, field):
-    """Returns the index in the flat pool of column `field` of row number `row`."""
+    """Returns the flat index into the pool of column `field` in row number `row`."""
     return np.uintp(row) * ROW + field
 
 
 @device
 def time_of(motion, pool, rows):
-    """Returns the shutter times of the samples in one row of the pool or in eight.
+    """Returns the shutter time of the sample in one row of the pool, or of the samples in eight.
 
     Returns None if `motion` (renderer/arrays/scene_features.py) is None.
     """

@@ -100,9 +100,9 @@ def _material(scene, pool, rows, surface):
 
 @device
 def _splitting(pool, lists, which):
-    """Copies those paths of the list `which` that split at their vertex to the list NODES, which is free at this stage.
+    """Lists those paths of the list `which` that split at their vertex; returns the number of the list, which is NODES.
 
-    Returns NODES.
+    NODES is not otherwise in use at this stage.
     """
     count = np.uintp(0)
     for k in range(length(lists, which)):
@@ -130,7 +130,7 @@ def _copy_vertices(scene, pool, rows, stream, facet, shading):
 
 @device
 def _list_branches(pool, lists, which):
-    """Adds the second branches of the paths on the list `which` to the list ACTIVE, if they continue."""
+    """Adds to the list ACTIVE the second branch of each path on the list `which`, unless that branch has ended."""
     for k in range(length(lists, which)):
         path = row(lists, which, k)
         if not (pool[at(path + _PATHS, _SURVIVAL)] <= _ZERO):  # NaN propagates, so the film can count it

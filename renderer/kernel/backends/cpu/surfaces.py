@@ -108,7 +108,7 @@ def shade_misses(scene, pool, lists, options, is_recorded):
 
 @device
 def _list_of(scene, material, kind, roughness):
-    """Returns the number of the list on which a vertex is scattered, which depends on its material."""
+    """Returns the number of the list on which a vertex with this material is scattered: one list per scattering model."""
     smooth = (kind == _CONDUCTOR) & (roughness <= SMOOTH_GLASS)
     which = where(kind == _DIFFUSE, _TO_DIFFUSE, where(kind == _METALLIC_ROUGHNESS, _TO_METALLIC_ROUGHNESS, _TO_SPECULAR))
     which = where((kind == _CONDUCTOR) & not_(smooth), _TO_CONDUCTOR, which)

@@ -72,7 +72,7 @@ _NODES, _PACKETS, _OTHERS, _ENDED = (np.uintp(k) for k in (NODES, PACKETS, OTHER
 
 @device
 def _lanes(pool, place):
-    """Returns three consecutive floats of the pool, each broadcast to all lanes."""
+    """Returns three consecutive floats of the pool, from the flat index `place` on, each broadcast to eight lanes."""
     x, y, z = load_vector(pool, place)
     return splat(x), splat(y), splat(z)
 
@@ -283,7 +283,10 @@ def _visit_packets(bvh, motion, alone, pool, stack, lists, closest):
 
 @device
 def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
-    """Intersects a ray with a packet of spheres, and updates the ray's hit. path: flat offset in the pool of the ray's row."""
+    """Intersects a ray with the packet of spheres `leaf`, and replaces the ray's hit if one of the spheres is nearer.
+
+    path: flat offset in the pool of the ray's row.
+    """
     place = place_at(bvh, leaf, alone, time)
     hit, t = intersect_spheres(place, load_vector(pool, path + _O), load_vector(pool, path + _D), best * MORE, None, None, None)
     distance, lane = nearest(hit, t)
@@ -298,9 +301,10 @@ def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
 
 @device
 def _meet_instance(bvh, alone, pool, path, instance, best, time):
-    """Intersects a ray with an instance, and updates the ray's hit. path: flat offset in the pool of the ray's row.
+    """Intersects a ray with an instance, and replaces the ray's hit if that of the instance is nearer.
 
-    The instance's tree is traversed by this ray singly.
+    The instance's BVH is traversed by this ray alone, not together with other rays. path: flat offset in the pool of the ray's
+    row.
     """
     o, d = load_vector(pool, path + _O), load_vector(pool, path + _D)
     holder = load_int(pool, path + _INSTANCE)

@@ -77,8 +77,9 @@ class InexactError(Exception):
 
 
 def linked_module(dispatcher: Any, signature: tuple[Any, ...]) -> tuple[llvm.ModuleRef, str]:
-    """Compiles a subroutine (renderer/jit.py) to LLVM; returns (module with all functions that it calls, the subroutine's name in
-    it).
+    """Compiles a subroutine (renderer/jit.py) to an LLVM module that also contains all functions that it calls.
+
+    Returns (module, the subroutine's name in it).
     """
     dispatcher.compile(signature)
     library = dispatcher.overloads[signature].library

@@ -35,7 +35,7 @@ def has_lights(scene):
 
 @template
 def add_environment(scene, ray, path, last, options, time, weigh_hit):
-    """Returns the path with the light of the environment and of suns added, after its ray has hit nothing."""
+    """Returns `path` with the light of the environment and of suns added; called if the path's ray has hit nothing."""
     counts = ray.pdf >= _ZERO
     seen = emitted_by_environment(scene, ray)
     path = add_light(path, vec.scale(seen.radiance, weigh_hit(options, ray, path, last, None, seen.light_pdf)), counts, options)
@@ -49,7 +49,10 @@ def add_environment(scene, ray, path, last, options, time, weigh_hit):
 
 @template
 def add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit):
-    """Returns the path with the emission of the surface hit added. through: whether the path passes through that surface."""
+    """Returns `path` with the emission of the surface that its ray has hit added.
+
+    through: whether the path passes through that surface without scattering.
+    """
     if is_emissive(surface) and ray.pdf >= _ZERO and counts_emission(scene, surface, through):
         seen = emitted_light(scene, surface, _YES, ray, last, time)
         weight = weigh_hit(options, ray, path, last, surface.point, seen.light_pdf)

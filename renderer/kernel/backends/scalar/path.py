@@ -76,9 +76,10 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
 
 @template
 def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh_hit, weigh_light, sample_bsdf):
-    """Follows a path to its end; returns (PathState, whether it splits, start state of the second branch, number of rays).
+    """Follows one branch of a path to its end.
 
-    A start state is (Ray, PathState, LastVertex, Crossings, number of surfaces passed, a float).
+    Returns (PathState, whether the path splits, start state of the second branch, number of rays). A start state is (Ray,
+    PathState, LastVertex, Crossings, number of surfaces passed, a float).
     """
     ray, path, last, crossings, passed = state
     other, splits_here, rays, time = state, _NO, 0, camera.time

@@ -19,7 +19,7 @@ _COLOR, _COLOR_HALF = COLOR.start, COLOR_HALF.start
 
 @device
 def _add_radiance(sums, channel, count, y, x, radiance, scale):
-    """Adds a sample's radiance to three planes from `channel` on, and 1 to the plane `count`."""
+    """Adds a sample's radiance to the three planes of pixel (x, y) from `channel` on, and 1 to the plane numbered `count`."""
     sums[channel, y, x] += fixed(radiance[0], scale)
     sums[channel + 1, y, x] += fixed(radiance[1], scale)
     sums[channel + 2, y, x] += fixed(radiance[2], scale)
