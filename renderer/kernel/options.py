@@ -90,9 +90,10 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
 
 
 def _limit(settings: RenderSettings, name: str) -> float:
-    """Returns the depth limit `name` for one kind of bounce; infinite if it is switched off, or if the integrator ignores it.
+    """Returns the limit, called `name` in the settings, on one kind of bounce.
 
-    The largest transmission depth needs no counter: the upper bound of uncounted segments enforces it.
+    It is infinite if switched off, or if the integrator ignores it. The largest transmission depth needs no counter: the upper
+    bound of uncounted segments enforces it.
     """
     declared, value = SETTINGS[name], getattr(settings, name)
     is_read = not declared.shown.integrators or settings.integrator in declared.shown.integrators

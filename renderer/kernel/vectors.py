@@ -111,7 +111,7 @@ def _of_sphere(scene, hit, o, d, time):
 
 @subroutine
 def _seen(scene, stack, o, d):
-    """Returns the first Hit with an opacity of at least 1/2 along the ray."""
+    """Returns the first Hit along the ray whose surface has an opacity of at least 1/2 there."""
     never_inline()
     root = camera_root(scene.bvh)
     after = FROM_ORIGIN

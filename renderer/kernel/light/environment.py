@@ -262,9 +262,9 @@ def _sample_sun(scene, u):
 
 @device
 def _sample_beside_sun(scene, u):
-    """Samples a world direction from the image, not the sun: (direction, pdf per steradian).
+    """Samples a world direction in proportion to the image, leaving out the sun: (direction, pdf per steradian).
 
-    The pdf includes the sun's density if the direction is on the disk.
+    The pdf includes the density of sun samples if the direction happens to be on the sun's disk.
     """
     frame = scene.environment_frame
     d, pdf = _sample_image(scene, u)
@@ -320,7 +320,7 @@ def _image_pdf(scene, u, v):
 
 @device
 def _texel(place, count):
-    """Returns the index of the texel, of `count` over [0, 1], that contains `place`.
+    """Returns the index of the texel that contains `place`, where `count` texels divide [0, 1) equally.
 
     For values out of range and NaN the index is valid too.
     """

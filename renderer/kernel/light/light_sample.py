@@ -51,7 +51,7 @@ def select_light_sample(choice, a, b):
 
 @device
 def if_found(found, sample, p):
-    """Returns the LightSample in lanes where `found` is True, an empty one (`empty_light_sample`) in the others."""
+    """Returns `sample` in the lanes where `found` is True, and an empty LightSample (`empty_light_sample`) in the others."""
     if any_of(not_(found)):
         sample = select_light_sample(found, sample, empty_light_sample(p))
     return sample
@@ -59,8 +59,9 @@ def if_found(found, sample, p):
 
 @device
 def emitted(scene, material, uv, uv1, vertex_alpha, front, time):
-    """Returns the emitted radiance, rgb, of a material times its opacity, since rays pass through the light with probability 1 -
-    alpha.
+    """Returns the radiance, rgb, that a material emits, times its opacity.
+
+    Opacity counts because rays pass through the light with probability 1 - alpha.
     """
     radiance = emission(scene, material, uv, uv1, front, time)
     return vec.scale(radiance, opacity(scene, material, uv, uv1, vertex_alpha, time))

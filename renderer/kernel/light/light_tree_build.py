@@ -1,4 +1,4 @@
-"""Builds the light tree: each light is a leaf, and splits minimise the power, extent and orientation of both sides.
+"""Builds the light tree: each leaf is one light, and each split minimises the power, extent and orientation of both sides.
 
 Conty Estevez & Kulla 2018, section 4.4: the surface area orientation heuristic, binned. The eight children of a node result from
 seven binary splits.
@@ -211,7 +211,10 @@ def _best_split(center, radius, axis, spread, reach, intensity, both, order, beg
 
 @builder
 def _part(center, radius, axis, spread, reach, intensity, both, distant, order, begin, end):
-    """Reorders order[begin:end] into two parts; returns the index where the second part begins."""
+    """Reorders the lights order[begin:end] into two parts by the best split; returns the index where the second begins.
+
+    Distant lights are separated from the others first. Where no plane separates the lights, the list is halved.
+    """
     if begin < distant < end:
         return distant
     dimension, plane, least, extent = _best_split(center, radius, axis, spread, reach, intensity, both, order, begin, end)

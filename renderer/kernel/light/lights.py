@@ -92,9 +92,9 @@ def _sample_triangle(scene, number, area, p, u, time):
 
 @device
 def _sample_parallelogram(scene, light, number, area, p, n, u, time):
-    """Samples a point on parallelogram `light`, whose first triangle is `number`; returns a LightSample like `_sample_triangle`.
+    """Samples a point on parallelogram `light`; returns a LightSample like that of `_sample_triangle`.
 
-    n: the normal at p; see `sample_parallelogram`.
+    number: the parallelogram's first triangle. n: the normal at p; see `sample_parallelogram`.
     """
     q, error, normal, density = sample_parallelogram(scene, light, p, n, u)
     d = vec.sub(q, p)
@@ -120,7 +120,7 @@ def choose_light(scene, p, n, choice):
 
 @device
 def _choose_light(scene, p, n, choice, wanted):
-    """Chooses a light as `choose_light` does in the lanes where `wanted` is True; returns any valid light in the others."""
+    """Chooses lights as `choose_light` does in the lanes where `wanted` is True; those in other lanes are any valid ones."""
     if scene.has.lights is not None and len(scene.light_node) > 0:
         light, chance = each_lane(sample_light_tree, wanted, (scene.light_node, p, n, choice))
         return u32(light), chance
@@ -172,9 +172,9 @@ def _is_parallelogram(scene, light):
 
 @device
 def _sample_alone(scene, number, wanted, p, u, time):
-    """Samples punctual lights in the lanes where `wanted` is True; returns the tuple of `sample_punctual`.
+    """Samples the punctual lights `number` in the lanes where `wanted` is True, one lane at a time.
 
-    The lights may move and have emission maps.
+    Returns the tuple of `sample_punctual`. The lights may move and have emission maps.
     """
     if time is not None and len(scene.key_punctual) > 0:
         sample = each_lane(sample_moving_punctual, wanted, (scene.punctual_kind, scene.key_punctual, number, p, u, time))
@@ -336,7 +336,7 @@ def primitive_light_pdf(scene, light, p, n, hit, cosine, judged, time=None):
 
 @device
 def _area(scene, light, primitive, is_triangle, time):
-    """Returns the area of a triangle light at the shutter time; undefined for other lights."""
+    """Returns the area of a triangle or parallelogram light at the shutter time; undefined for other lights."""
     area = lookup(scene.light_area, light)
     if time is not None and len(scene.key_position) > 0:
         paired = _is_parallelogram(scene, light)  # does not move; its area is twice that of its first triangle

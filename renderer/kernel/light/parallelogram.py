@@ -32,7 +32,11 @@ def _edges(shape):
 
 @device
 def _brought(shape, p, n):
-    """Returns the relative contributions of the four corners to p, scaled to at most the distance of the nearest corner."""
+    """Returns the relative contributions of the light's four corners to p.
+
+    Each is the corner's height above the tangent plane at p over the fourth power of its distance, scaled to at most the distance
+    of the nearest corner. For light from all sides (n = 0) the height is replaced by 1.
+    """
     u, v = _edges(shape)
     to_corner = vec.sub((shape[0], shape[1], shape[2]), p)
     along = vec.add(to_corner, u)
@@ -71,7 +75,10 @@ def sample_parallelogram(scene, light, p, n, u):
 
 @device
 def parallelogram_pdf(scene, light, p, n, point):
-    """Returns the density of `sample_parallelogram` at `point`, relative to uniform; 1 for lights that are no parallelograms."""
+    """Returns the density with which `sample_parallelogram` samples `point`, relative to uniform sampling by area.
+
+    It is 1 for lights that are not parallelograms.
+    """
     shape = row(scene.light_parallelogram, light, PARALLELOGRAM)
     from_corner = vec.sub(point, (shape[0], shape[1], shape[2]))
     x = vec.dot(from_corner, (shape[9], shape[10], shape[11]))

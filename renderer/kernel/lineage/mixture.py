@@ -39,7 +39,10 @@ def _ball(scene, number):
 
 @device
 def _one_minus_cos(square, radius):
-    """Returns 1 - cos of the half angle subtended by a sphere at squared distance `square`; 2, all directions, from inside."""
+    """Returns 1 - cos of the half angle that a sphere subtends; 2 (all directions) from inside the sphere.
+
+    square: squared distance of the sphere's centre.
+    """
     if square <= radius * radius:
         return _TWO
     sine2 = radius * radius / square

@@ -95,7 +95,7 @@ def _middle(scene, light):
 
 @device
 def _look_at_light(scene, p, normal, middle, choice, u, time):
-    """Samples a light as `sample_light` does; if `middle` is True, at the light's centre."""
+    """Samples a light as `sample_light` does, but at the light's centre if `middle` is True."""
     chance = scene.environment_frame[3]
     if not middle or choice < chance or len(scene.light_primitive) == 0:
         return sample_light(scene, p, normal, choice, u, time)
@@ -116,7 +116,7 @@ def _is_within(scene, light, p):
 
 @device
 def _is_mirror(material):
-    """Returns True if the material's reflections are followed (as for mirrors) instead of sampling lights."""
+    """Returns True if the ray continues with a reflection at this material, as at mirrors, and lights are not sampled."""
     return is_specular(material) or _is_polished(material)
 
 

@@ -42,7 +42,10 @@ def is_rare(scene, number):
 
 @device
 def _wrapped(i, size, mode):
-    """Returns the texel indices in 0 ... size - 1 for the integer positions i (int32x8), wrapped as `mode` determines."""
+    """Returns the texel indices, 0 to size - 1, for the integer positions i (int32x8) along one axis of an image.
+
+    mode: the wrap mode for positions outside the image.
+    """
     outside = i >= size
     if any_of(outside):
         at, width = to_float(i), to_float(size)  # below 2**24, so only the quotient is rounded
@@ -69,9 +72,9 @@ def _mix(a, b, t):
 
 @device
 def image_colors(scene, number, uv, uv1):
-    """Returns the linear RGB, 0 ... 1, of eight textures (number: u32x8).
+    """Returns the linear RGB, 0 to 1, of eight textures, each at its own coordinates.
 
-    Each texture selects the coordinates: uv or uv1 (two f32x8 each).
+    number: u32x8. Each texture uses either uv or uv1 (two f32x8 each), as its table row specifies.
     """
     first, width, height, by_x, by_y, srgb, second = columns(scene.texture, number, TEXTURE_COLUMNS, 0, 7)
     nearest = columns(scene.texture, number, TEXTURE_COLUMNS, NEAREST, 1)[0] != _NO

@@ -90,10 +90,10 @@ def _resolve_layers(textures, base, metallic, pane, m):
 
 @device
 def _leave_to_inside(m):
-    """Moves the subsurface fraction of diffuse light to the transmitted light, and scales that light's colour to conserve energy.
+    """Moves the subsurface fraction from the reflected diffuse light to the transmitted light.
 
-    The transmitted light is then split again in kernel/medium/subsurface.py. SUBSURFACE becomes the fraction of all diffuse light
-    that enters the interior.
+    Scales the transmitted light's colour to conserve energy. kernel/medium/subsurface.py splits the two again: SUBSURFACE becomes
+    the fraction of all diffuse light that enters the interior.
     """
     below = m[rows.DIFFUSE_TRANSMISSION]
     inside = (_ONE - below) * m[rows.SUBSURFACE]
@@ -122,7 +122,7 @@ def _look_up(textures, m):
 
 @subroutine
 def _turn(textures, m):
-    """Rotates and scales the anisotropy in the parameter row m by the anisotropy texture."""
+    """Applies the anisotropy texture to the parameter row m: rotates the anisotropy's direction and scales its strength."""
     if textures.slots[textures.material, rows.ANISOTROPY_TEXTURE] >= 0:
         r, g, b, _ = _texel(textures, rows.ANISOTROPY_TEXTURE)
         x = _TWO * r - _ONE
@@ -137,7 +137,10 @@ def _turn(textures, m):
 
 @device
 def _spread(m, roughness):
-    """Sets in m both alphas (KHR_materials_anisotropy) and the roughness of an isotropic surface with similar energy loss."""
+    """Sets in the parameter row m both alphas, by KHR_materials_anisotropy, and replaces the roughness.
+
+    The new roughness is that of an isotropic surface with similar energy loss.
+    """
     alpha = max(roughness * roughness, MIN_ALPHA)
     strength = m[rows.ANISOTROPY]
     along = alpha + (_ONE - alpha) * strength * strength

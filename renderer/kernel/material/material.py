@@ -138,7 +138,7 @@ def factors_at(scene, surface, time):
 
 
 class Parameters(NamedTuple):
-    """The parameters common to all kinds of materials, at surface points. For one path or for eight lanes."""
+    """The parameters that all kinds of materials have, looked up at surface points; for one path or for eight lanes."""
 
     base: Any  # rgb
     metallic: Any
@@ -160,13 +160,16 @@ def parameters_at(scene, surface, factors):
 
 @device
 def relative_index(ior, front):
-    """Returns the index of refraction beyond the surface divided by that on the viewer's side."""
+    """Returns the relative index of refraction: the index beyond the surface over that on the viewer's side.
+
+    ior: of the material. front: whether the viewer is on the front side.
+    """
     return where(front, ior, _ONE / ior)
 
 
 @device
 def dielectric_reflectance(scene, number):
-    """Returns a dielectric's reflectance: (at normal incidence, rgb; at grazing incidence, a number)."""
+    """Returns the reflectance of dielectric material `number`: (at normal incidence, rgb; at grazing incidence, a number)."""
     grazing = _value(scene.material, number, rows.SPECULAR)
     return vec.scale(_rgb(scene.material, number, rows.F0), grazing), grazing
 
@@ -217,7 +220,10 @@ def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, f
 
 @subroutine
 def _channel(throughput, u):
-    """Chooses a colour channel in proportion to the throughput: (channel, weight that compensates for the other two)."""
+    """Chooses one colour channel by u, with probability in proportion to the throughput.
+
+    Returns (channel, weight that compensates for the other two).
+    """
     total = throughput[0] + throughput[1] + throughput[2]
     at = u * total
     if at < throughput[0]:

@@ -42,9 +42,9 @@ def _conductor(m):
 
 @device
 def _turned(m, w, sign):
-    """Returns w rotated about the normal by the anisotropy's angle.
+    """Returns the direction w rotated about the normal by the anisotropy's angle.
 
-    sign: 1 into the anisotropy's frame, -1 back to the local frame.
+    sign: 1 rotates from the local frame into the anisotropy's frame, -1 back.
     """
     c, s = m[rows.ROTATION], sign * m[rows.ROTATION + 1]
     return c * w[0] + s * w[1], c * w[1] - s * w[0], w[2]

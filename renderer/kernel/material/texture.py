@@ -61,7 +61,7 @@ def _code(texel, row, column):
 def _decoded_16(texel, first, place, encoding):
     """Returns the linear RGBA of a texel with 16 bits per channel, which occupies two rows of the texel table.
 
-    first: the texture's first row. place: the texel's row if each texel occupied one.
+    first: the texture's first row. place: the row at which the texel would be if each texel occupied one row.
     """
     row = first + np.int64(2) * (place - first)
     r, g, b, a = _code(texel, row, 0), _code(texel, row, 2), _code(texel, row + 1, 0), _code(texel, row + 1, 2)
@@ -157,9 +157,9 @@ def _look_up_image(texture, transform, texel, number, uv, uv1, keys, time):
 
 @subroutine
 def _stacked(texture, transform, texel, number, uv, uv1, keys, time, color):
-    """Returns `color` with the layers above texture `number` blended onto it in order.
+    """Returns `color`, the texture's own, with the layers above texture `number` blended onto it in order.
 
-    The alpha is that of the lowest layer.
+    The alpha of the result is that of `color`.
     """
     never_inline()
     gain = transform[number, GAIN]

@@ -53,9 +53,10 @@ def _media_at(scene, stack, o, time):
 
 @device
 def media_of_camera(scene, stack, camera, samples):
-    """Returns the stack of media with which all paths of an image begin: at the origin of the central ray at mid-shutter.
+    """Returns the stack of media with which all paths of an image begin.
 
-    Returns 0 for a scene without media. samples: number of samples in the batch; if it is 0, no ray is traced.
+    It is that of the point where the central ray starts, in the middle of the shutter interval; 0 for a scene without media.
+    samples: number of samples in the batch; if it is 0, no ray is traced.
     """
     medium_stack = _WORLD
     if scene.has.media is not None:

@@ -25,7 +25,7 @@ FLIGHT_BLOCK = 1 << 19  # first random number block of flights; lower blocks are
 
 
 class Flight(NamedTuple):
-    """The end of a free flight: where it ends, whether the path scatters there, and its throughput."""
+    """The end of a path's flight through a medium: its distance, whether the path scatters there, and the throughput there."""
 
     scatters: bool  # in the medium; else it reaches a surface
     distance: float
@@ -39,15 +39,16 @@ def _left(sigma, distance):
 
 @device
 def left_after(sigma_t, distance):
-    """Returns the transmittance over a distance, rgb: Beer's law."""
+    """Returns the transmittance, rgb, over a distance in a medium of extinction coefficient sigma_t: Beer's law."""
     return _left(sigma_t[0], distance), _left(sigma_t[1], distance), _left(sigma_t[2], distance)
 
 
 @device
 def flight_distance(sigma_t, throughput, u):
-    """Samples the distance of a flight without obstacles; infinite if the channel chosen by u[1] has a coefficient of 0.
+    """Samples the distance that a path flies in a medium if no surface is in the way.
 
-    sigma_t: extinction coefficient per unit length, rgb. u: two numbers in [0, 1).
+    sigma_t: extinction coefficient per unit length, rgb. u: two numbers in [0, 1); u[1] chooses the colour channel. The distance
+    is infinite if that channel's coefficient is 0.
     """
     red, green, blue = throughput
     at = u[1] * (red + green + blue)

@@ -52,7 +52,10 @@ def left(medium_stack, medium):
 
 @device
 def beneath(medium_stack, depth, medium):
-    """Returns the stack of media with a medium written at an unused depth, 0 ... 2; unchanged for greater depths."""
+    """Returns the stack of media with `medium` written at a depth that is not in use yet, 0 to 2 from the innermost.
+
+    For greater depths the stack is unchanged.
+    """
     return u32(medium_stack | u32(medium << u32(_DIGITS * depth))) if depth < _DEEPEST else medium_stack
 
 

@@ -98,7 +98,7 @@ def _share_in_the_end(sigma_t, sigma_s):
 
 @device
 def _remaining_share(sigma_t, sigma_s):
-    """Returns the fraction of light, rgb, that still leaves the body after a walk has used all its steps.
+    """Returns the fraction of light, rgb, that leaves the body after a walk has used up its steps without finding an exit.
 
     It is the light that diffusion returns from the mean depth of such walks, sqrt(pi / 3 steps) free paths. Without this light,
     white bodies would be slightly grey.

@@ -35,7 +35,7 @@ def find_solid(position, triangle, first, end, solid):
 
 @entry
 def find_corners(position, triangle, first, end, corner):
-    """Fills corner (2, 3) with the minimum and maximum coordinates of the triangles first ... end - 1."""
+    """Fills corner (2, 3) with the bounding box of the triangles `first` to `end` - 1: minimum, then maximum coordinates."""
     for k in range(3):
         low, high = np.float32(np.inf), np.float32(-np.inf)
         for i in range(first, end):

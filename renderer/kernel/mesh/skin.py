@@ -47,7 +47,7 @@ def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
 
 @device
 def _added(column, share, matrix, joint, k):
-    """Returns a column of a vertex's mean matrix plus column k of one joint's matrix, weighted by `share`."""
+    """Returns `column` plus `share` times column k of joint matrix `joint`: one step in summing a vertex's mean matrix."""
     return (
         column[0] + share * matrix[joint, 0, k],
         column[1] + share * matrix[joint, 1, k],

@@ -14,7 +14,7 @@ _MOST_KINDS = 64  # limit of comparisons per corner; beyond it, equal corners at
 
 @device
 def _mixed(value):
-    """Returns SplitMix64's finalizer of a u64 (Steele, Lea & Flood 2014)."""
+    """Returns the 64-bit hash of a u64: the finalizer of SplitMix64 (Steele, Lea & Flood 2014)."""
     value ^= value >> np.uint64(30)
     value *= np.uint64(0xBF58476D1CE4E5B9)
     value ^= value >> np.uint64(27)
@@ -138,7 +138,10 @@ def _bends_little(unit, order, begin, degree, limit):
 
 @device
 def _blended(unit, angle, order, begin, degree, r, limit, most):
-    """Returns the smoothed normal of the r-th corner at a point, float32."""
+    """Returns the smoothed normal, float32, of the r-th of the `degree` corners that meet at a point.
+
+    limit, most: as for `round_corners`.
+    """
     here = order[begin + r]
     face = here // 3
     x, y, z = unit[face, 0], unit[face, 1], unit[face, 2]

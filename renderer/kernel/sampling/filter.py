@@ -29,7 +29,10 @@ _NEXT = np.uint32(1)
 
 
 def blackman_harris(x: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Returns the four-term window of Harris (1978) over -RADIUS ... RADIUS, 1 in the middle, not normalised; 0 outside."""
+    """Returns the four-term window function of Harris (1978): 1 at x = 0, and 0 outside -RADIUS to RADIUS.
+
+    It is not normalised.
+    """
     turn = 2 * np.pi * (np.asarray(x, np.float64) / (2 * RADIUS) + 0.5)
     value = 0.35875 - 0.48829 * np.cos(turn) + 0.14128 * np.cos(2 * turn) - 0.01168 * np.cos(3 * turn)
     return np.where(np.abs(x) <= RADIUS, value, 0.0)

@@ -71,7 +71,7 @@ def _mad(x, y, z):
 
 @device
 def _unit(x):
-    """Returns the upper 24 bits as a float32 in [0, 1)."""
+    """Returns the upper 24 bits of a uint32 as a fraction: a float32 in [0, 1)."""
     return to_float(u32(x >> _DISCARD)) * _STEP
 
 
@@ -95,7 +95,7 @@ def pixel_key(x, y):
 
 @device
 def hash4(seed, pixel, sample, block):
-    """Returns four independent uint32 from four counters: pcg4d."""
+    """Returns four independent random uint32, hashed from four counters by pcg4d."""
     x = _lcg(u32(pixel))
     y = _lcg(u32(sample))
     z = _lcg(u32(block))
@@ -182,7 +182,7 @@ def uniform4(sampler, seed, pixel, sample, block):
 
 
 class Stream(NamedTuple):
-    """The random number stream of one sample in one pixel. All fields are uint32, except the sampler."""
+    """The random number stream of one sample of one pixel: the sampler, and the uint32 counters from which it hashes numbers."""
 
     sampler: int
     seed: int
@@ -232,7 +232,7 @@ def _turned(u, digits):
 
 @subroutine
 def draw1(stream, block):
-    """Returns the first number, in [0, 1), of a block of the stream; used for rarely needed decisions."""
+    """Returns the first of the four numbers, in [0, 1), of a block of the stream; for decisions that are rarely needed."""
     return draw4(stream, block)[0]
 
 

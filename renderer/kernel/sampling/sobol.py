@@ -125,7 +125,10 @@ def _rows(builder: Any, data: Any, index: Any) -> Any:
 
 
 def _permuted(builder: Any, index: Any, dimension: int) -> Any:
-    """Emits code for one dimension of eight indices: looks up three bits at a time in a register (AVX2's vpermd)."""
+    """Emits code for one dimension of the Sobol' points at eight indices.
+
+    Looks up three bits at a time in a table in a register (AVX2's vpermd).
+    """
     permute = cgutils.get_or_insert_function(builder.module, ir.FunctionType(INTS, [INTS, INTS]), "llvm.x86.avx2.permd")
     x = _vector(INTS, [0] * LANES)
     for triple in range(_TRIPLES):
@@ -153,7 +156,10 @@ def _matrices(dimension: int, turned: int) -> list[int]:
 
 
 def _multiplied(builder: Any, index: Any) -> list[Any]:
-    """Emits code for the four dimensions of eight indices: a product with the generator matrices, by bytes (AVX-512's GFNI)."""
+    """Emits code for the four dimensions of the Sobol' points at eight indices.
+
+    Multiplies the indices by the generator matrices, byte by byte (AVX-512's GFNI).
+    """
     bytes_, words = ir.VectorType(ir.IntType(8), 4 * LANES), ir.VectorType(ir.IntType(64), 4)
     kind = ir.FunctionType(bytes_, [bytes_, bytes_, ir.IntType(8)])
     multiply = cgutils.get_or_insert_function(builder.module, kind, "llvm.x86.vgf2p8affineqb.256")
@@ -175,7 +181,10 @@ def _multiplied(builder: Any, index: Any) -> list[Any]:
 
 
 def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
-    """Emits code for the four dimensions of eight indices, one lane at a time, for processors without the other instructions."""
+    """Emits code for the four dimensions of the Sobol' points at eight indices, one lane at a time.
+
+    For processors without AVX2 and GFNI.
+    """
     columns = [ir.Constant(INTS, ir.Undefined)] * _DIMENSIONS
     for lane in range(LANES):
         row = _rows(builder, data, builder.extract_element(index, _I32(lane)))

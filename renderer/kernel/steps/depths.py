@@ -59,7 +59,10 @@ def count_bounce(counts, left, reflected, pdf):
 
 @device
 def reached_limit(counts, options):
-    """Returns True if a path's depth counts have reached a limit: it ends at the next surface, after adding its emission."""
+    """Returns True if a path's depth counts have reached a limit.
+
+    The path then ends at the next surface, after the emission of that surface is added.
+    """
     diffuse, glossy, transmitted, _ = counts
     return (diffuse >= options.diffuse_depth) | (glossy >= options.glossy_depth) | (transmitted >= options.transmission_limit)
 
@@ -86,7 +89,7 @@ def is_layer(scene, material):
 
 @device
 def with_layer(scene, material, counts):
-    """Returns a path's depth counts (one per kind) after it has passed through a surface of this material."""
+    """Returns a path's depth counts, one per kind of bounce, after the path has passed through a surface of this material."""
     diffuse, glossy, transmitted, layers = counts
     return diffuse, glossy, transmitted, layers + where(is_layer(scene, material), _ONE, _ZERO)
 

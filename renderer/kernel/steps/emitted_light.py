@@ -23,7 +23,10 @@ _FIRST_LIGHT = np.uint32(0)
 
 
 class Emission(NamedTuple):
-    """The radiance that a ray hits, and the pdf, per steradian, with which light sampling finds it; 0 if MIS does not apply."""
+    """The radiance emitted towards a ray by what it hits, and the pdf, per steradian, with which light sampling finds it.
+
+    The pdf is 0 if MIS does not apply.
+    """
 
     radiance: Any
     light_pdf: Any
@@ -63,9 +66,10 @@ def emitted_by_sun(scene, which, ray, last, number, time):
 
 @device
 def clamp_indirect(light, segments, limit):
-    """Returns `light`, which reaches the camera by a path of `segments` segments, clamped if it is indirect.
+    """Clamps indirect light: returns `light`, scaled so that its largest channel is at most `limit`.
 
-    Indirect light is scaled so that its largest channel is at most `limit`; 0: no clamping.
+    Direct light is unchanged. segments: number of segments of the path by which the light reaches the camera. limit: 0 for no
+    clamping.
     """
     if limit > _ZERO:
         most = vec.maximum(light)
@@ -77,6 +81,9 @@ def clamp_indirect(light, segments, limit):
 
 @device
 def add_light(path, light, mask, options):
-    """Returns the path with `light`, which its ray hits, added where `mask` is True. light: multiplied by its MIS weight."""
+    """Returns the path with `light`, which its ray hits, added where `mask` is True.
+
+    light: radiance multiplied by its MIS weight.
+    """
     brought = clamp_indirect(vec.mul(path.throughput, light), path.depth + _ONE, options.clamp)
     return with_radiance(path, where3(mask, vec.add(path.radiance, brought), path.radiance))

@@ -26,7 +26,7 @@ _FLIGHTS = np.uint32(FLIGHT_BLOCK)
 
 
 class MediumEvent(NamedTuple):
-    """The end of a path's segment in its medium."""
+    """The outcome of a path's free flight: whether it scatters before the next surface, where, and with which throughput."""
 
     scatters: Any  # in the medium; else the path reaches the surface
     distance: Any  # of the end from the ray's origin

@@ -36,7 +36,7 @@ def hit_weight(pdf, light_pdf):
 
 @device
 def branches_to_light(alone, number, options):
-    """Returns the number of directions scattered at a vertex that can hit the sampled light (for its MIS weight).
+    """Returns the number of directions scattered at a vertex that can hit the sampled light, for the light's MIS weight.
 
     alone: whether rays cannot hit the light; the result is then 0. number: count of earlier vertices.
     """

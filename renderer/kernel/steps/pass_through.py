@@ -26,9 +26,9 @@ _LAMP, _TRANSPARENT, _ABSORBING = np.uint32(LAMP), np.uint32(TRANSPARENT), np.ui
 
 @device
 def is_passed(scene, surface, stream, row, options, time):
-    """Returns True if the ray passes the surface that it hits: by alpha, decided at random, or if it is a lamp without a body.
+    """Returns True if the ray passes the surface that it hits: at random by alpha, or because it is a lamp without a body.
 
-    row: number of surfaces hit before, passed or not, a float. time: shutter time, 0 ... 1; None in a scene without motion.
+    row: number of surfaces hit before, passed or not, a float. time: shutter time, 0 to 1; None in a scene without motion.
     """
     through = surface.error != surface.error
     if scene.has.textures is not None:

@@ -59,7 +59,10 @@ def no_hit(like):
 
 
 def _planes(integers: bool) -> npt.NDArray[np.uintp]:
-    """Returns (column of FirstHit, plane of the film) for each integer in a FirstHit, or for each real number: (n, 2)."""
+    """Returns (column of FirstHit, plane of the film), (n, 2), for each of FirstHit's integers or each of its real numbers.
+
+    integers: True selects the integers.
+    """
     found: list[tuple[int, int]] = []
     for field, planes in FIRST_HIT.items():
         if is_integer(FirstHit, field) == integers:

@@ -64,7 +64,7 @@ def scatter(surface, frame, ray, path, sample, branches, options):
 
 @device
 def cross_surface(scene, surface, crossings, bounce, is_surface):
-    """Returns the Crossings of a path after its Bounce. is_surface: false for a vertex in a medium."""
+    """Returns a path's Crossings after it has left the vertex by this Bounce. is_surface: False for a vertex in a medium."""
     medium_stack = crossings.medium_stack
     if scene.has.media is not None:
         medium_stack = where(bounce.reflected, medium_stack, media_beyond(scene, surface, medium_stack, is_surface))

@@ -33,7 +33,7 @@ def splits(number, specular):
 
 @device
 def share_of_branch(weight, pdf, branches):
-    """Returns (the fraction of a vertex's weight for one branch, the density of all branches' directions together).
+    """Returns (fraction of a vertex's weight that one branch gets, joint density of the directions of all branches).
 
     branches: their number, a float.
     """
@@ -49,5 +49,8 @@ def second_branch_numbers(numbers):
 
 @device
 def second_branch_stream(stream):
-    """Returns the random number stream of a second branch after the splitting vertex: the stream of a distant pixel."""
+    """Returns the random number stream that a second branch uses after the vertex where the path split.
+
+    It is the stream of a pixel far away, and so independent of that of the first branch.
+    """
     return Stream(stream.sampler, stream.seed, u32(stream.pixel ^ _ALL), stream.sample)

@@ -83,7 +83,7 @@ class ShadowRay(NamedTuple):
 
 
 class BsdfSample(NamedTuple):
-    """A direction sampled by a BSDF, in the shading frame."""
+    """A direction sampled by a BSDF, in the shading frame, with its weight and pdf."""
 
     wi: Vector
     weight: Vector  # f |cos| / pdf
@@ -92,7 +92,7 @@ class BsdfSample(NamedTuple):
 
 
 class Vertex(NamedTuple):
-    """A vertex where a path scatters."""
+    """A point where a path scatters: the surface, the shading frame and the material there."""
 
     surface: Surface
     frame: Any  # shading frame (s, t, n), orthonormal
@@ -139,7 +139,7 @@ def with_throughput(path, throughput):
 
 @device
 def scattering_surface(point, error, geometric, shading, front, material, smooth, lift, uv, uv1, number):
-    """Returns a Surface with only the fields that scattering needs. number: of its object."""
+    """Returns a Surface of which only the fields that scattering needs are set. number: the object number."""
     none = zero_like(error)
     one = none + _ONE
     light = as_wide(NO_LIGHT, error)

@@ -18,7 +18,7 @@ _LEAST_BEND2 = np.float32(1e-12)
 
 @device
 def leaves(surface, reflected, d):
-    """Returns True if direction d leaves the facet on the side of its scattering: above if `reflected`, else below.
+    """Returns True if direction d leaves the facet on the side to which it is scattered: above if `reflected`, else below.
 
     With a bent normal, light may be scattered above the shading horizon but below the facet. The ray then hits the same facet
     again.

@@ -55,7 +55,7 @@ _SPHERE_ERROR = np.float32(1e-14)
 
 
 class Surface(NamedTuple):
-    """A hit point. Vectors are tuples of float32 in world space."""
+    """A point where a ray hits a surface, with all that scattering needs. Vectors are tuples of float32 in world space."""
 
     point: tuple[float, float, float]
     error: float  # bound of the point's distance from the surface
@@ -184,7 +184,7 @@ def _sphere_point_at(scene, number, o, d, hit):
 
 @device
 def _tangent(array, i, j, k, u, v):
-    """Returns the interpolated tangent of three vertices, which have the same sign (renderer/scene/tangents.py)."""
+    """Returns the tangent interpolated between three vertices i, j, k. They have the same sign (renderer/scene/tangents.py)."""
     x, y, z, sign = _mix4(row(array, i, 4), row(array, j, 4), row(array, k, 4), u, v)
     square = x * x + y * y + z * z
     there = square > _ZERO

@@ -20,7 +20,7 @@ _MOST_BEND = np.float32(math.cos(math.radians(45.0)))
 
 @device
 def _lift(point, corner, normal, up, side):
-    """Returns the offset from a facet's point up to the tangent plane at a corner; zero if the plane is below the point.
+    """Returns the offset from a point of the facet up to a corner's tangent plane; zero if that plane is below the point.
 
     side: 1, or -1 if the corner's normal points to the other side than `up`, the facet's unit normal. Normals that deviate by
     more than 45 degrees are ignored: they indicate a box without sharp edges rather than a round surface.

@@ -46,7 +46,7 @@ def read_rows(text, begin, end, words, starts, table):
 
 @device
 def _past(text, i, end, words, first, last):
-    """Returns the index after the word words[first:last] if it begins at text[i]; else -1."""
+    """Returns the index after the word words[first:last] if the text at index i begins with that word; else -1."""
     if i + (last - first) > end:
         return -1
     for k in range(last - first):
