@@ -103,15 +103,18 @@ def _render_ao(scene, stack, camera, options, batch, output):
 
 
 def has_variants(settings: RenderSettings) -> bool:
-    """Returns True if the kernel for these settings is compiled in variants that leave out features which a scene does not use.
+    """Returns True if there are variants of the kernel for these settings that leave out the features a scene does not use.
 
-    Only the pool path tracer is. The other kernels are compiled with all features, so that each is compiled only once.
+    There are for the pool path tracer only. Each other kernel is compiled once, with all features.
     """
     return renderer_of(settings) is _render_pool
 
 
 def renderer_of(settings: RenderSettings) -> Renderer:
-    """Returns the kernel for these settings. Direct lighting is path tracing with two segments."""
+    """Returns the kernel that renders with these settings.
+
+    There is none for the integrator of direct light only: it is the path tracer, limited to two segments.
+    """
     if settings.integrator == "whitted":
         return _render_whitted
     if settings.integrator == "ao":

@@ -61,7 +61,7 @@ def _radius(scene, i, time):
 
 @subroutine
 def _of_triangle(scene, hit, time):
-    """Returns the world position, float64, of a triangle's hit point at the opening, middle or closing of the shutter."""
+    """Returns the world position, float64, of the point hit on a triangle, at the opening, middle or closing of the shutter."""
     never_inline()
     keys = np.int64(scene.bvh.keyed_packets[1])
     corners = scene.triangle[hit.primitive]
@@ -94,7 +94,7 @@ def _of_triangle(scene, hit, time):
 
 @subroutine
 def _of_sphere(scene, hit, o, d, time):
-    """Returns the world position, float64, of a sphere's hit point at the opening, middle or closing of the shutter.
+    """Returns the world position, float64, of the point hit on a sphere, at the opening, middle or closing of the shutter.
 
     Spheres do not rotate, so the point's direction from the centre is constant.
     """

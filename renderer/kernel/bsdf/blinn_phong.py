@@ -52,7 +52,10 @@ def eval_and_pdf_blinn_phong(kd, ks, shininess, wo, wi):
 
 @device
 def sample_blinn_phong(kd, ks, shininess, wo, choose, u):
-    """Samples a local direction around the mirror direction or the normal, chosen by their weights; returns (wi, weight, pdf)."""
+    """Samples the highlight around the mirror direction, or the diffuse lobe; returns local (wi, weight, pdf).
+
+    choose: selects one of the two, by their reflectances.
+    """
     if choose < _choice(kd, ks):
         z = power(_ONE - u[0], _ONE / (shininess + _ONE))
         radius = math.sqrt(max(_ONE - z * z, _ZERO))

@@ -128,7 +128,7 @@ def brushed_albedo(beckmann, w, roughness, alpha_x, alpha_y):
 
 @device
 def brushed_mean_albedo(beckmann, roughness, alpha_x, alpha_y):
-    """Returns the means of the albedo terms (A, B), see `ggx_albedo`, over the cosine-weighted hemisphere."""
+    """Returns the means over the cosine-weighted hemisphere of `brushed_albedo`'s terms (A, B)."""
     brushed = _is_tabled(beckmann, alpha_x, alpha_y)
     a = b = zero_like(roughness)
     if any_of(not_(brushed)):

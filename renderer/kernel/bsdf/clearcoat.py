@@ -39,7 +39,7 @@ def clearcoat_mean_albedo(roughness):
 
 @device
 def _frame(n, wo):
-    """Returns the local frame of the coat's normal n, or that of the base if wo is below the coat's horizon."""
+    """Returns the local frame around the coat's normal n, or around the base's normal if wo is below the coat's horizon."""
     if vec.dot(n, wo) < _LEAST_COSINE:
         n = (_ZERO, _ZERO, _ONE)
     s, t = vec.basis(n)
@@ -65,7 +65,7 @@ def eval_and_pdf_clearcoat(roughness, normal, wo, wi):
 
 @subroutine
 def sample_clearcoat(roughness, normal, wo, u):
-    """Samples a direction wi in the base's frame, which may be below the base's horizon."""
+    """Samples a direction reflected by the clearcoat, in the base's frame; it may be below the base's horizon."""
     s, t, n = _frame(normal, wo)
     o = vec.to_local(s, t, n, wo)
     alpha = max(roughness * roughness, MIN_ALPHA)

@@ -63,7 +63,10 @@ def _index(f0, outside):
 
 @device
 def _film_to_base(f0, film, cosine):
-    """Returns (reflectance at the boundary of film and base, phase jump in turns) of one channel."""
+    """Returns one channel's (reflectance at the boundary between film and base, phase jump there in turns).
+
+    f0: of the base without the film. film: the film's index. cosine: of the angle of incidence inside the film.
+    """
     index = _index(f0, _ONE)
     ratio = (index - film) / (index + film)
     r0 = ratio * ratio
@@ -72,7 +75,11 @@ def _film_to_base(f0, film, cosine):
 
 @device
 def _airy(r12, r23, t121, first, second):
-    """Returns one channel's mean reflectance and the weights of the first two orders of interference."""
+    """Returns one channel's reflectance, 0 to 1, of a base under a thin film, from the first two orders of interference.
+
+    r12, r23: reflectances of the film's two boundaries. t121: fraction of the light that the outer boundary transmits. first,
+    second: responses of the channel to the two orders.
+    """
     r123 = r12 * r23
     root = math.sqrt(max(r123, _ZERO))
     stay = t121 * t121 * r23 / (_ONE - r123)

@@ -1,4 +1,4 @@
-"""A perfect mirror."""
+"""Perfect specular reflection by a mirror."""
 
 from __future__ import annotations
 

@@ -13,7 +13,10 @@ __all__ = ["trace_special_path"]
 
 @device
 def _has_lights(scene, options):
-    """Returns True if the selected strategy samples lights. Every strategy samples punctual lights, which rays cannot hit."""
+    """Returns True if the selected strategy has any lights to sample.
+
+    Strategies without light sampling still sample punctual lights, which rays cannot hit.
+    """
     lit = has_lights(scene)
     if options.sampling != MIS and options.sampling != LIGHT:
         lit = len(scene.punctual_kind) > 0
@@ -22,6 +25,6 @@ def _has_lights(scene, options):
 
 @template
 def trace_special_path(scene, stack, camera, medium_stack, options, log, first):
-    """Traces one sample with the selected strategy, see `trace_path`."""
+    """Traces one sample with the selected strategy or deliberate error. Parameters and result are those of `trace_path`."""
     lit = _has_lights(scene, options)
     return trace_path(scene, stack, camera, medium_stack, options, log, first, lit, weigh_hit, weigh_light, sample_direction)

@@ -56,7 +56,10 @@ def weigh_hit(options, ray, path, last, point, light_pdf):
 
 @device
 def weigh_light(options, light, scatter_pdf, branches, point):
-    """Returns the weight of a light sample at `point` under the selected strategy; see `light_weight` in steps/mis.py."""
+    """Returns the weight of a light sample at `point` under the selected strategy and deliberate error.
+
+    See `light_weight` in steps/mis.py.
+    """
     weight = _ZERO
     if branches == _ZERO or options.sampling == LIGHT:
         weight = _ONE

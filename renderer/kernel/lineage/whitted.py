@@ -56,7 +56,7 @@ _POLISHED = np.float32(0.15)  # roughness up to which a metal is treated as a mi
 
 @device
 def _is_polished(material):
-    """Returns True if the material is a metal smooth enough to show mirror reflections."""
+    """Returns True if the material is a metal smooth enough for its reflections to be followed as at a mirror."""
     if material.kind == METALLIC_ROUGHNESS:
         return material.metallic > _HALF and material.roughness <= _POLISHED
     return material.kind == CONDUCTOR and material.roughness <= _POLISHED

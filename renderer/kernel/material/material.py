@@ -130,7 +130,7 @@ def texture_factors(scene, number, uv, uv1, time):
 
 @device
 def factors_at(scene, surface, time):
-    """Returns the texture factors (colour, metallic, roughness) at one surface; 1 if its material has no textures."""
+    """Returns the factors from the textures of one surface's material: (colour, metallic, roughness); 1 without textures."""
     factors = (_ONE, _ONE, _ONE), _ONE, _ONE
     if scene.has.textures is not None and scene.material_flags[surface.material] & rows.TEXTURED != 0:
         factors = texture_factors(scene, surface.material, surface.uv, surface.uv1, time)
@@ -148,7 +148,7 @@ class Parameters(NamedTuple):
 
 @device
 def parameters_at(scene, surface, factors):
-    """Returns the Parameters at surfaces. factors: their texture factors, 1 where the material has no textures."""
+    """Returns the Parameters at surfaces. factors: from the materials' textures, 1 where a material has none."""
     base = _rgb(scene.material, surface.material, rows.BASE)
     metallic, roughness, ior = columns(scene.material, surface.material, COLUMNS, rows.METALLIC, 3)
     if scene.has.textures is not None:

@@ -85,7 +85,10 @@ def shading_frame(scene, surface, wo, time):
 
 @device
 def bent_frame(scene, material, front, tangent, uv, uv1, geometric, n, wo, time):
-    """Returns the shading frame (s, t, n) for a material with a normal map or tangents, from some fields of a Surface."""
+    """Returns the shading frame (s, t, n) for a material with a normal map or tangents.
+
+    The arguments are fields of a Surface; n is the shading normal before normal mapping.
+    """
     # Seen from behind, the frame is inverted: bumps of the map become dents.
     sign = _ONE if front else -_ONE
     s, t = _tangents(n, (tangent[0] * sign, tangent[1] * sign, tangent[2] * sign, tangent[3] * sign))

@@ -90,7 +90,7 @@ def _mixed_16(texel, first, a, b, c, d, s, t, encoding):
 
 @device
 def _placed(transform, keys, number, u, v, time):
-    """Returns the image coordinates, 0 ... 1 across the image, of (u, v) under the texture's transform at a shutter time.
+    """Returns the image coordinates of (u, v) under the texture's transform at a shutter time; the image spans 0 to 1.
 
     keys: the transforms at keys while the shutter is open, which are interpolated; None for a scene without motion.
     """

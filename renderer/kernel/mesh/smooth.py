@@ -126,7 +126,10 @@ def round_corners(unit, angle, start, order, vertex, limit, most, normal, kind, 
 
 @device
 def _bends_little(unit, order, begin, degree, limit):
-    """Returns True if all faces at a point are within the crease angle of each other, so that its corners share one normal."""
+    """Returns True if all faces at a point are within the crease angle of each other.
+
+    The corners at the point then share one normal.
+    """
     for r in range(degree):
         a = order[begin + r] // 3
         for k in range(r + 1, degree):

@@ -102,7 +102,7 @@ def _vector(kind: Any, values: Any) -> Any:
 
 
 def _shifted(builder: Any, x: Any, seed: Any) -> Any:
-    """Emits code for x xor `_mix(seed)` (sampler.py), for vectors of any length."""
+    """Emits code for the digital shift of a point: x xor `_mix(seed)` (sampler.py), for vectors of any length."""
 
     def constant(value: Any) -> Any:
         return _vector(x.type, [value] * x.type.count)
@@ -113,7 +113,7 @@ def _shifted(builder: Any, x: Any, seed: Any) -> Any:
 
 
 def _rows(builder: Any, data: Any, index: Any) -> Any:
-    """Emits code that looks up the four dimensions of one index, as a vector, in the table of 4-bit digits."""
+    """Emits code for the four dimensions of the Sobol' point at one index, as a vector, by the table of 4-bit digits."""
     x = _vector(_QUARTET, [0] * _DIMENSIONS)
     for nibble in range(_NIBBLES):
         value = builder.and_(builder.lshr(index, _I32(28 - 4 * nibble)), _I32(15))

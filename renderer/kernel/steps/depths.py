@@ -78,7 +78,7 @@ def limit_of(counts, options):
 
 @device
 def is_layer(scene, material):
-    """Returns True if passing through a surface of this material is counted: if it is transparent by its alpha.
+    """Returns True if passing through a surface of this material counts as a layer: if it is transparent by its alpha.
 
     Boundaries of media and lamps without a body are not counted.
     """
@@ -105,5 +105,5 @@ def layers_left(counts, options):
 
 @device
 def is_blocked(scene, material, counts, options):
-    """Returns True if a path ends at a surface with alpha through which it would pass, because its limit on those is reached."""
+    """Returns True if a path ends at a surface that it would otherwise pass through by alpha, since it has passed too many."""
     return is_layer(scene, material) & (layers_left(counts, options) < _ONE)

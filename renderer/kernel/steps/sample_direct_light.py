@@ -21,7 +21,7 @@ _FIRST = np.uint32(0)
 
 @device
 def media_beyond(scene, surface, medium_stack, is_surface):
-    """Returns the stack of media beyond the vertex's surface; for a vertex in a medium, the stack unchanged."""
+    """Returns the stack of media behind the surface at a vertex; for a vertex in a medium, the stack unchanged."""
     material = where(is_surface, surface.material, _FIRST)
     return where(is_surface, crossed(scene, medium_stack, material, surface.front), medium_stack)
 

@@ -1,4 +1,4 @@
-"""The camera ray of a sample."""
+"""Computes the camera ray of a sample, with the sample's time and random number stream."""
 
 from __future__ import annotations
 

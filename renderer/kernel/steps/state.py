@@ -45,7 +45,7 @@ class Ray(NamedTuple):
 
 
 class PathState(NamedTuple):
-    """The radiance that a path has gathered, and its throughput."""
+    """The state of a path between vertices: the radiance gathered so far, the throughput, and counts."""
 
     radiance: Vector  # gathered so far
     depth: Float  # counted segments

@@ -48,6 +48,6 @@ def offset_ray_origin(surface, reflected, d):
 
 @device
 def leave(point, error, normal, towards):
-    """Returns the world point offset from its surface to the side of the direction `towards`, for use as an origin of rays."""
+    """Returns an origin for rays: a point on a surface, offset to the side of the surface to which `towards` points."""
     distance = where(vec.dot(normal, towards) > _ZERO, error, -error)
     return vec.add(point, vec.scale(normal, distance))

@@ -1,4 +1,4 @@
-"""Positions and normals of triangle corners, and spheres, at a shutter time; interpolated between keys if they move."""
+"""Looks up vertices, their normals, and spheres at a shutter time; those that move are interpolated between keys."""
 
 from __future__ import annotations
 
@@ -47,7 +47,10 @@ def _three(fixed, keys, count, i, j, k, time):
 
 @device
 def corners_at(scene, i, j, k, time):
-    """Returns the positions of three vertices in their BVH's space, for one triangle or, if `time` is None, for eight lanes."""
+    """Returns the positions of the vertices i, j and k, in the space of their BVH.
+
+    For one triangle or, if `time` is None, for eight lanes.
+    """
     if time is not None and len(scene.key_position) > 0:
         return _three(scene.position, scene.key_position, scene.bvh.keyed_packets[1], i, j, k, time)
     return row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
@@ -61,7 +64,7 @@ def _unit(n):
 
 @device
 def corner_normals_at(scene, i, j, k, time):
-    """Returns the unit normals of three vertices, for one triangle or, if `time` is None, for eight lanes."""
+    """Returns the unit normals of the vertices i, j and k, for one triangle or, if `time` is None, for eight lanes."""
     if time is not None and len(scene.key_position) > 0:
         a, b, c = _three(scene.normal, scene.key_normal, scene.bvh.keyed_packets[1], i, j, k, time)
         return _unit(a), _unit(b), _unit(c)

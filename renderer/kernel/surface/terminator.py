@@ -1,4 +1,4 @@
-"""Ray origins on smooth triangles that avoid the shadow terminator artefact."""
+"""Computes ray origins that avoid the shadow terminator artefact: shadow edges that follow the facets of smooth objects."""
 
 from __future__ import annotations
 

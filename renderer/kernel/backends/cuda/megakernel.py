@@ -56,7 +56,7 @@ class _Part(NamedTuple):
 class _Output(NamedTuple):
     """The arrays to which a GPU thread writes, with the fields of Output (renderer/kernel/accumulate.py).
 
-    They have no room for lists of bad samples or for the record of a path.
+    A GPU thread lists no bad samples and records no path, so `bad` and `log` have no rows.
     """
 
     sums: Any
@@ -107,7 +107,7 @@ def _add_atomically(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
 def render_thread(job, thread):
     """Renders the samples of one GPU thread, and adds them to the job's film.
 
-    thread: its number, below height * width * pieces.
+    thread: the thread's number, below height * width * pieces, where `pieces` threads share the samples of a pixel.
     """
     film, batch = job.film, job.batch
     width, pixels = film.shape[2], film.shape[1] * film.shape[2]
