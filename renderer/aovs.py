@@ -1,7 +1,7 @@
-"""The AOVs of a frame: its planes besides colour. Each is declared once, by an entry of the table at the module's end.
+"""The AOVs (arbitrary output variables) of a frame: the images besides colour, such as depth and normals.
 
-The film contains all of them except motion, which is a separate pass (renderer/vectors.py). Channels have the names used by
-Blender and Cycles, so that compositors recognise them.
+Each is declared once, by an entry of the table at the module's end. The film contains all of them except motion, which is a
+separate pass (renderer/vectors.py). Channels have the names used by Blender and Cycles, so that compositors recognise them.
 """
 
 from __future__ import annotations
@@ -124,7 +124,7 @@ def values(sums: Sums, film_exponent: int, name: str) -> F32:
 
 
 def layers(pictures: dict[str, F32]) -> dict[str, F32]:
-    """Converts AOV name -> values to EXR channel name -> (h, w) plane."""
+    """Converts a dict of AOV name -> values to a dict of EXR channel name -> (h, w) plane."""
     found = {}
     for name, plane in pictures.items():
         for i, channel in enumerate(_ALL[name].channels):
@@ -133,7 +133,7 @@ def layers(pictures: dict[str, F32]) -> dict[str, F32]:
 
 
 def span(name: str, plane: F32) -> Span:
-    """Returns the display range of a whole plane, with which parts of the plane can be shown separately in matching colours.
+    """Returns an AOV's display range, from its whole plane, so that parts of the plane shown separately have matching colours.
 
     Positions and depths: minimum and maximum. Samples: 0 and the maximum. Error: 0 and the 99th percentile. None for AOVs that
     need no range.

@@ -46,7 +46,7 @@ def make_private(folder: Path) -> None:
 
 
 def private_folder(name: str) -> Path:
-    """Returns the folder `name`, a relative path, in the cache.
+    """Returns the folder `name`, a relative path, in the cache, or a private substitute if other users could write there.
 
     If that folder or one of its parents is not trusted, returns the folder of that name in a private folder of this user: in the
     cache, or else in the temporary folder. Does not create the folder in the cache. Warns once about each folder that is not

@@ -14,7 +14,7 @@ MOST_CAMERAS = 10**_MOST_DIGITS
 
 
 def camera_number(names: Sequence[str], name_or_index: str | int | None) -> int:
-    """Returns the index of the camera given by name or by index from 0; without either, of the first.
+    """Returns the index of the camera with the given name or index (from 0); of the first camera if none is given.
 
     Raises SettingsError if there is no such camera.
     """

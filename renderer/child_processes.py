@@ -1,7 +1,6 @@
 """Child processes that end with their parent, and processes that load modules before they receive their options.
 
-Children end even if the parent is killed, but that only on Linux (prctl PR_SET_PDEATHSIG); elsewhere they end only if the parent
-ends normally.
+On Linux, children end even if the parent is killed (prctl PR_SET_PDEATHSIG); elsewhere they end only if the parent ends normally.
 """
 
 from __future__ import annotations
@@ -64,7 +63,7 @@ class spawn_guard:  # noqa: N801 - used like a function
         self.parent = os.getpid()
 
     def __call__(self) -> None:
-        """Called in the child between fork and exec."""
+        """Makes the new process end with its parent; `Popen` calls this in the child, between fork and exec."""
         die_with_parent(self.parent)
 
 

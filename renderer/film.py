@@ -108,11 +108,11 @@ def in_half(sample: int) -> bool:
 
 
 def _halves(sums: Sums, film_exponent: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.float64]]:
-    """Returns (signed standard error of each pixel's mean colour, estimated from two halves; that mean), (3, h, w) each.
+    """Returns (signed standard error of each pixel's mean colour, the mean colour), (3, h, w) each.
 
-    The difference of the halves' means has the variance s²(1/a + 1/b) for a and b independent samples; the full mean has s²/(a +
-    b). So the difference times sqrt(a b) / (a + b) estimates the full mean's standard error; its sign has no meaning. NaN where a
-    half is empty.
+    The error is estimated from the two halves of the samples. The difference of the halves' means has the variance s²(1/a + 1/b)
+    for a and b independent samples; the full mean has s²/(a + b). So the difference times sqrt(a b) / (a + b) estimates the full
+    mean's standard error; its sign has no meaning. NaN where a half is empty.
     """
     half = sums[SAMPLES_HALF].astype(np.float64)
     n = sums[SAMPLES].astype(np.float64)

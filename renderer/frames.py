@@ -89,7 +89,7 @@ def _parsed(text: str) -> tuple[float, ...]:
 
 
 def frame_key(frame: float) -> int:
-    """Returns a frame number counted in half frames, as in films and messages: 12.5 becomes 25."""
+    """Returns a frame number in units of half a frame, as films and messages store it: 12.5 becomes 25."""
     return round(2 * frame)
 
 

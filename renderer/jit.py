@@ -63,7 +63,7 @@ def _meaning(name: str, parts: Iterable[str]) -> str:
 
 
 def _hash(*parts: str) -> str:
-    """Returns the hash, of the sources' meaning, the compiler and the target, that names the kernel cache folder."""
+    """Returns the hash that names the kernel cache folder; it covers the sources' meaning, the compiler and the target."""
     return hashlib.sha256(f"{' '.join(parts)} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
 
 
@@ -247,7 +247,7 @@ def _lock(path: Path) -> Iterator[IO[bytes] | None]:
 
 
 def _is_taken(lock: IO[bytes] | None) -> bool:
-    """Tries to take a file lock; returns False if another process holds it."""
+    """Tries to take a file lock; returns False if another process holds it, else True, also where there are no file locks."""
     if lock is None:
         return True
     try:

@@ -74,7 +74,7 @@ def is_signed(file: IO[bytes], key: str) -> bool:
 
 
 def signed_anew(artefact: bytes, key: str) -> bytes:
-    """Returns the kernel file with its signature replaced by one made with this key."""
+    """Returns a copy of a kernel file that is signed with this key in place of its former signature."""
     return _signature(io.BytesIO(artefact), key) + artefact[_SIGNATURE:]
 
 

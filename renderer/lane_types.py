@@ -45,7 +45,7 @@ def is_wide(kind: types.Type) -> bool:
 
 
 def lifted(builder: Any, kind: types.Type, value: Any) -> Any:
-    """Returns the LLVM value, broadcast to all lanes if it is a scalar. kind: its Numba type."""
+    """Broadcasts an LLVM value to all lanes if it is a scalar, else returns it unchanged. kind: the value's Numba type."""
     if is_wide(kind):
         return value
     vector = ir.VectorType(value.type, LANES)

@@ -40,7 +40,7 @@ class _Kernel(JITCodeLibrary):
     _read: Any = None
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Optimises each function before linking if it counts references, since Numba removes such counts in that step."""
+        """Optimises each function before linking, but only if the library counts references: Numba removes such counts in that step."""
         if self.counts:
             super()._optimize_functions(ll_module)
         ll_module.data_layout = str(super().codegen.target_data)

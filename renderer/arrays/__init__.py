@@ -1,1 +1,4 @@
-"""The compiled scene as arrays, and the names of their rows and columns: written by scene/, read by kernel/."""
+"""The arrays of a compiled scene, and the names of their rows and columns.
+
+The package renderer/scene writes the arrays; renderer/kernel reads them.
+"""

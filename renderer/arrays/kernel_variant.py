@@ -42,7 +42,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
 
 
 def strip_absent_features(scene: CompiledScene, variant: str) -> CompiledScene:
-    """Returns the scene in the form that the variant's kernels expect: arrays of features that the variant lacks are None."""
+    """Returns the scene as the variant's kernels expect it: with None for every array of a feature that the variant lacks."""
     has = KERNEL_VARIANTS[variant]
     bvh = scene.bvh._replace(instances=has.instances)
     if has.textures is None:
@@ -56,7 +56,7 @@ def strip_absent_features(scene: CompiledScene, variant: str) -> CompiledScene:
 
 
 def _parts_of_kinds(scene: CompiledScene) -> set[str]:
-    """Returns the names of the kernel features that the scene's kinds of materials require."""
+    """Returns the names of the kernel features (fields of `SceneFeatures`) that the scene's materials require."""
     kinds = np.unique(scene.material_kind).tolist()
     if unknown := [kind for kind in kinds if kind not in _PART_OF]:
         raise ValueError(f"material kinds {unknown} are not declared; add them to KINDS in renderer/arrays/rows.py")

@@ -195,14 +195,14 @@ def flat(scene: CompiledScene) -> dict[str, Array]:
 
 
 def nested(arrays: dict[str, Array]) -> CompiledScene:
-    """Returns the scene with these arrays: the inverse of `flat`."""
+    """Returns the compiled scene that consists of the named arrays: the inverse of `flat`."""
     bvh: dict[str, Any] = {name[4:]: array for name, array in arrays.items() if name.startswith("bvh.")}
     rest: dict[str, Any] = {name: array for name, array in arrays.items() if not name.startswith("bvh.")}
     return CompiledScene(bvh=Bvh(**bvh), **rest)
 
 
 def example() -> CompiledScene:
-    """Returns an empty scene that passes `check`, with the types for which kernels are compiled.
+    """Returns an empty scene that passes `check`; its array types are those for which kernels are compiled.
 
     It has one root without children, one black texel of the environment, one medium, and no geometry, materials or lights.
     """

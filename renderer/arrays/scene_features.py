@@ -8,7 +8,7 @@ __all__ = ["EVERYTHING", "KERNEL_VARIANTS", "SceneFeatures"]
 
 
 class SceneFeatures(NamedTuple):
-    """The features of a scene: each is True, or None if the scene lacks it.
+    """The features that a scene may have; each field is True if the scene has the feature, else None.
 
     Numba types None separately, so code under `if scene.has.textures is not None` is pruned from a kernel whose scenes have no
     textures (renderer/prune_absent_features.py), which saves compile time and registers.

@@ -127,7 +127,9 @@ def last_kind(box, i, triangles, solids):
 
 @device
 def bound(box, first, end, whole, i, spread, j):
-    """Writes the bounds of boxes[first : end] to row i of `whole`, and those of their doubled centroids to row j of `spread`."""
+    """Writes the bounds of boxes[first : end] to row i of `whole`, and the bounds of the boxes' doubled centroids to row j of
+    `spread`.
+    """
     clear(whole, i)
     clear(spread, j)
     for k in range(first, end):

@@ -97,7 +97,7 @@ def tree_over(
 
 
 def boundless(node: npt.NDArray[Any]) -> None:
-    """Enlarges every child box of the nodes so that every ray intersects it."""
+    """Makes every child box of the nodes infinite, so that every ray intersects it. Empty boxes of unused lanes stay empty."""
     used = node[:, 0] <= node[:, 1]
     for row in range(6):
         node[:, row][used] = np.inf if row & 1 else -np.inf
@@ -111,7 +111,7 @@ def _levels(
     instances: Instances | None,
     team: Team,
 ) -> Bvh:
-    """Builds the world's tree and the trees of its instances, if there are any."""
+    """Builds the two-level BVH: the world's tree and, with instances, one tree for each instanced geometry."""
     nothing = np.zeros((0, 2, 3))
     if instances is None:
         node, packet = _tree(position, triangle, sphere, first_sphere, nothing, team)
@@ -140,7 +140,10 @@ def _tree(
     bounds: npt.NDArray[Any],
     team: Team,
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    """Returns the nodes and packets of one level's tree. bounds: (I, 2, 3) f64, the boxes of that level's instances."""
+    """Returns the nodes and packets of a single tree over triangles, spheres and instance boxes.
+
+    bounds: (I, 2, 3) f64, the boxes of the instances that this tree contains.
+    """
     solids = len(triangle) + len(sphere)
     count = solids + len(bounds)
     if count == 0:

@@ -44,7 +44,7 @@ Integers = npt.NDArray[Any]
 
 
 class Clusters(NamedTuple):
-    """C clusters of primitives: the arrays with their boxes and members."""
+    """The boxes and members of C clusters, which together contain N primitives."""
 
     source: Any  # (N,) i32: the primitives, cluster by cluster
     box: Any  # (C, 8) f32: boxes.py, numbered by cluster
@@ -101,7 +101,7 @@ def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
 
 
 def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, tree_box: F32, tree: Integers) -> Integers:
-    """Splits a node over clusters until its parts have at most `least` primitives or too few clusters.
+    """Splits a node over clusters until each part has at most `least` primitives or too few clusters to split.
 
     Splits at least once if a plane divides the node. Returns the parts, (J, JOB) i64. node: (JOB,) i64. spread: (8,), the bounds
     of the clusters' doubled centroids. Reorders the clusters' boxes, whose numbers identify a part's clusters. Writes the tree
@@ -115,9 +115,10 @@ def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, 
 
 @entry
 def _tally(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole, tally):
-    """Computes the cells of primitives source[first : end], and for each cell their bounds, number and weight.
+    """Assigns primitives source[first : end] to grid cells, and computes each cell's bounds, number of primitives and weight.
 
-    tally: (cells, 2), number and weight of each cell's primitives. whole: the cells' bounds.
+    cell: receives each primitive's cell. tally: (cells, 2), receives the number and the weight of each cell's primitives. whole:
+    receives the cells' bounds.
     """
     for c in range(len(whole)):
         clear(whole, c)

@@ -39,7 +39,7 @@ Array = npt.NDArray[Any]
 
 
 class Shapes(NamedTuple):
-    """The geometry from which packets are filled."""
+    """The triangles and spheres whose coordinates are copied into packets."""
 
     position: Array  # (V, 3) f32
     triangle: Array  # (T, 3) i32
@@ -48,9 +48,10 @@ class Shapes(NamedTuple):
 
 
 def fold_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Array]:
-    """Returns the wide nodes and the packets that a binary tree is collapsed into.
+    """Collapses a binary tree; returns the wide nodes and the packets.
 
-    Nodes over more primitives than a part come first, then the subtrees of their smaller children, which all threads fill.
+    The nodes over more primitives than `part_size` come first in the arrays; the subtrees below them follow, and are filled by
+    all threads in parallel.
     """
     solids = len(shapes.triangle) + len(shapes.sphere)
     part = part_size(len(binary.order))

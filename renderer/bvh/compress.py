@@ -1,8 +1,8 @@
-"""Converts a tree to a compressed one for graphics cards, on all cores.
+"""Converts an 8-wide tree to a compressed one for graphics cards, on all cores.
 
-A wide node becomes a compressed node, and a packet of two or more primitives another, with a leaf for each primitive. A packet of
-one primitive, and an instance, become a leaf of the node above. First all reachable nodes are listed and the places of their
-children are assigned, then the nodes are filled in parallel.
+A wide node becomes a compressed node. So does a packet of two or more primitives; each of its primitives becomes a leaf. A packet
+of one primitive, and an instance, become a leaf of the node above. First all reachable nodes are listed and array indices are
+assigned to their children; then the nodes are filled in parallel.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SLACK = np.float32(4 * 2.0**-24)  # as that of the boxes of wide nodes (rendere
 
 
 class _Source(NamedTuple):
-    """The tree to compress."""
+    """The arrays of the 8-wide tree to compress."""
 
     node: Any
     child: Any  # (N, 8) i32, of `node`
@@ -40,7 +40,7 @@ class _Source(NamedTuple):
 
 
 class _Plan(NamedTuple):
-    """The reachable nodes, and the places of what is made from them."""
+    """The reachable nodes of the 8-wide tree, and the array indices of the compressed nodes, leaves and keys made from them."""
 
     order: Any  # (N,) i32, the reachable nodes come first
     first_inner: Any  # (N,) i32, of a wide node's inner children; -1 if it is not reachable
@@ -50,7 +50,7 @@ class _Plan(NamedTuple):
 
 
 class _Target(NamedTuple):
-    """The compressed tree, and the content of nodes before they are copied to their places."""
+    """The arrays of the compressed tree to fill, and temporary arrays with nodes that are not yet at their final indices."""
 
     node: Any  # (N, NODE_WORDS) u32
     leaf: Any  # (L, LEAF_NUMBERS) f32
@@ -60,7 +60,7 @@ class _Target(NamedTuple):
 
 
 class _Scratch(NamedTuple):
-    """A node's children before they are written; reused for every node."""
+    """Scratch space for the children of one compressed node; reused for every node."""
 
     box: Any  # (6, 8) f32: lower x y z, upper x y z
     bits: Any  # the same memory, u32
@@ -129,9 +129,9 @@ def _aligned(shape: tuple[int, int], item: type[np.generic]) -> Array:
 
 @entry
 def _list(source, roots, plan, stack, depth):
-    """Fills a _Plan; returns the numbers of (reachable nodes, compressed nodes, rows of leaves).
+    """Lists the reachable nodes in `plan`; returns the numbers of (reachable nodes, compressed nodes, rows of leaves).
 
-    depth: is set to the number of levels of the compressed tree below each root.
+    depth: receives the number of levels of the compressed tree below each root.
     """
     listed, nodes, leaves = 0, len(roots), 0
     for r in range(len(roots)):
@@ -230,7 +230,10 @@ def _fill(source, plan, first, end, target, scratch):
 
 @entry
 def _copy(plan, index, first, end, target):
-    """Copies the content of the inner children of reachable nodes first ... end - 1 to their places. index: in `order`."""
+    """Copies the contents of the inner children of reachable nodes first ... end - 1 to their final indices.
+
+    index: each reachable node's position in `plan.order`.
+    """
     for at in range(first, end):
         for place in range(WIDTH):
             child = target.below[at, place]
@@ -280,7 +283,7 @@ def _put_instance(target, row, instance):
 
 @device
 def _put_primitive(source, plan, target, row, leaf, which):
-    """Writes a packet's primitive, the one with index `which`, to a row of leaves, and to its rows of keys."""
+    """Writes primitive `which` of a packet to row `row` of the leaves. If it has motion keys, also writes its rows of keys."""
     number, kind = leaf >> 2, leaf & 3
     lane, before = 0, which
     while True:

@@ -107,7 +107,7 @@ class _Ray(NamedTuple):
 
 @device
 def _prepared(o, d, after, number):
-    """Returns the _Ray of a ray in the world (number -1), or in the space of instance `number`. after: as for `closest_hit`."""
+    """Returns the _Ray for a ray in world space (number -1) or in the space of instance `number`. after: as for `closest_hit`."""
     ray = ray_constants(o, d, _AXIS)
     axes = np.int32(ray.axes[0]), np.int32(ray.axes[1]), np.int32(ray.axes[2])
     x = select(ray.inverse[0] > _ZERO, np.uint32(1), _NOTHING)
@@ -139,9 +139,10 @@ def _byte(word, k):
 
 @device
 def _axis(origin, exponent, inverse, near, far):
-    """Returns a ray's constants in a node's grid along one axis: the distance of a step, and those of the grid's origin.
+    """Returns a ray's constants for a node's grid along one axis: (distance of one grid step, near offset, far offset).
 
-    The latter for near planes and for far planes, with slack for all rounding.
+    The ray hits the plane at grid step k at distance k * step + offset. The near offset, for planes by which the ray enters a
+    box, is reduced to allow for all rounding; the far offset is increased.
     """
     step = _as_float(np.uint32(exponent << np.uint32(23))) * inverse
     first, last = fma(origin, inverse, near), fma(origin, inverse, far)
@@ -151,7 +152,11 @@ def _axis(origin, exponent, inverse, near, far):
 
 @device
 def _entered(x, y, z, near, far, t_min, best):
-    """Returns the mask of four slots whose boxes a ray enters. near, far: four slots' bytes of the planes along x, y and z."""
+    """Tests four of a node's boxes; returns a mask with one bit for each box that the ray enters.
+
+    x, y, z: the ray's constants from `_axis`. near, far: for each axis a word with one byte per box, the grid step of the plane
+    by which the ray enters or leaves the box. t_min, best: the range of distances.
+    """
     mask = _NOTHING
     for k in range(4):
         x_near, x_far = fma(np.float32(_byte(near[0], k)), x[0], x[1]), fma(np.float32(_byte(far[0], k)), x[0], x[2])
@@ -165,7 +170,11 @@ def _entered(x, y, z, near, far, t_min, best):
 
 @device
 def _groups(node, at, ray, best):
-    """Returns the groups of a node's children that a ray enters before `best`: (inner, their first, leaves, their first)."""
+    """Returns the children of a node that a ray enters before distance `best`: (inner group, first inner child, leaf group, first
+    leaf).
+
+    A group is a word: lowest byte, the slots to visit in the order of the ray's octant; next byte, all slots with such children.
+    """
     base, octant = np.uintp(at) * _NODE, ray.octant
     a, b = _four(node, base), _four(node, base + np.uintp(4))
     c, d, e = _four(node, base + np.uintp(8)), _four(node, base + np.uintp(12)), _four(node, base + np.uintp(16))
@@ -200,7 +209,11 @@ def _next(group, first, octant):
 
 @device
 def _mixed(leaf, base, next_base, share, row):
-    """Returns three numbers of a leaf, interpolated between two keys."""
+    """Returns three numbers of a leaf, interpolated linearly between two motion keys.
+
+    base, next_base: first elements of the leaf's rows for the two keys. share: the weight of the later key. row: offset of the
+    three numbers in a leaf's row.
+    """
     a, b = _four(leaf, base + row), _four(leaf, next_base + row)
     x, y, z = _as_float(a[0]), _as_float(a[1]), _as_float(a[2])
     return (

@@ -20,7 +20,7 @@ FROM_ORIGIN = (np.float32(0.0), ANY_PRIMITIVE, ANY_PRIMITIVE)  # `after` of a ra
 
 
 class Hit(NamedTuple):
-    """The closest hit of a ray."""
+    """The closest hit of a ray, or none: `primitive` is then NO_PRIMITIVE."""
 
     t: float  # along the ray, in units of its direction's length
     primitive: int  # triangles first, then spheres; NO_PRIMITIVE without a hit
@@ -32,9 +32,9 @@ class Hit(NamedTuple):
 
 @device
 def skip_limit(after, number):
-    """Returns the highest primitive number to skip at the distance of the hit `after`.
+    """Returns the primitive number up to which hits at the same distance as the hit `after` are skipped.
 
-    number: the instance in which hits are searched; -1: the world.
+    number: the instance whose primitives are compared with that limit; -1: the world.
     """
     limit = ANY_PRIMITIVE
     if after is not None:

@@ -20,7 +20,10 @@ _PARTNER = ([1, 0, 3, 2, 5, 4, 7, 6], [2, 3, 0, 1, 6, 7, 4, 5], [4, 5, 6, 7, 0, 
 
 
 def _added(builder, value, steps):
-    """Emits code that adds permutations of a vector's lanes to the vector, one for each of `steps`."""
+    """Emits code that adds to a vector, once for each of `steps`, a permutation of the sum so far.
+
+    A step lists, for each lane, the lane to add.
+    """
     zeros = ir.Constant(value.type, [0.0] * LANES)
     for places in steps:
         value = builder.fadd(value, builder.shuffle_vector(value, zeros, ir.Constant(_PLACES, places)))
@@ -38,5 +41,5 @@ def running_sum(typingctx, a):
 
 @intrinsic
 def whole_sum(typingctx, a):
-    """Returns the sum of all lanes, in each lane, with the same bits as the last lane of `running_sum`."""
+    """Returns an f32x8 with the sum of all lanes in every lane; its bits are those of the last lane of `running_sum`."""
     return f32x8(f32x8), lambda context, builder, sig, args: _added(builder, args[0], _PARTNER)

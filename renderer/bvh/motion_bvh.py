@@ -75,14 +75,18 @@ def motion_boxes(box: Array, keys: Array) -> Array:
 
 
 def _through(matrix: Array, points: Array) -> Array:
-    """Transforms points (n, 3) by nine matrix elements. Avoids BLAS, whose last bits depend on the processor."""
+    """Multiplies points, (n, 3), by a matrix given as nine elements. Avoids BLAS, whose last bits depend on the processor."""
     m = np.asarray(matrix).reshape(3, 3)
     x, y, z = points.T
     return np.stack([m[k, 0] * x + m[k, 1] * y + m[k, 2] * z for k in range(3)], axis=1)
 
 
 def _turns(before: Array, after: Array, half_angle: float) -> list[Array]:
-    """Returns rotations in equal steps from `before` to `after`, each computed as the midpoint of its neighbours."""
+    """Returns quaternions from `before` to `after`, both included, in equal rotation steps of at most twice `_STEP`.
+
+    half_angle: half the rotation angle from `before` to `after`, in radians. Each quaternion between is the normalised sum of its
+    neighbours.
+    """
     found = [before, after]
     while half_angle > _STEP:
         half_angle *= 0.5

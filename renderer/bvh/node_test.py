@@ -44,17 +44,18 @@ def primitive_of(packet, leaf, lane):
 
 @device
 def tie_of(instance, primitive):
-    """Returns the number below which a primitive of the world precedes a given hit at equal distance, for `is_nearer`.
+    """Returns the `tie` of a hit for `is_nearer`: at equal distance, world primitives with a lower number precede the hit.
 
-    instance, primitive: of the given hit.
+    instance, primitive: those of the hit. Any primitive of the world precedes a hit in an instance.
     """
     return select(instance > WORLD, ANY_PRIMITIVE, primitive)
 
 
 @device
 def is_nearer(distance, primitive, best, tie):
-    """Returns True if a hit precedes the current one, which is at distance `best`.
+    """Returns True if a hit at `distance` precedes the current closest hit, which is at distance `best`.
 
-    Hits are ordered by (distance, instance, primitive). tie: `tie_of` the current hit. Returns False for a distance of NaN.
+    Hits are ordered by (distance, instance, primitive). tie: the result of `tie_of` for the current hit. Returns False if
+    `distance` is NaN.
     """
     return (distance < best) | ((distance == best) & (primitive < tie))

@@ -1,7 +1,7 @@
-"""Trees for rays that do not intersect all primitives: camera rays and shadow rays.
+"""Adds root nodes for camera rays and for shadow rays, to which some primitives are invisible.
 
-Nodes above primitives that such rays ignore are copied without them; all other nodes are shared. These rays only start at another
-root node, and the traversal needs no further test.
+Nodes above such primitives are copied without them; all other nodes are shared. The traversal is unchanged: these rays merely
+start at another root node.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ def exclude_primitives(laid: AssembledBvh, unseen: npt.NDArray[np.bool_], shadel
 
 
 class _Rows:
-    """Collects rows to be appended to an array."""
+    """Rows that will be appended to an array. `first`: the index of the first one, which is the array's present length."""
 
     def __init__(self, first: int) -> None:
         self.first = first
@@ -126,9 +126,9 @@ def _with_gaps(packet: Array, is_out: npt.NDArray[np.bool_]) -> Array:
 
 
 def _above(child: npt.NDArray[np.int32], there: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
-    """Returns the parent of each node, (N,).
+    """Returns the parent of each node of the world's tree, (N,); -1 for all other nodes. The root is its own parent.
 
-    The root is its own parent; nodes outside the world's own tree have -1.
+    child: (N, lanes), the child references. there: (N, lanes), True for lanes with a child.
     """
     above = np.full(len(child), -1, np.int64)
     above[0] = 0

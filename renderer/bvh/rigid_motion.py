@@ -1,6 +1,6 @@
-"""Computes the keys of moving bodies for renderer/bvh/motion.py.
+"""Computes the motion keys of moving bodies, in the layout described in renderer/bvh/motion.py.
 
-Uses separate additions, products, quotients and roots, for all bodies at once: the same bits on every host.
+Uses separate additions, products, quotients and roots, for all bodies at once, so the result has the same bits on every host.
 """
 
 from __future__ import annotations
@@ -123,7 +123,11 @@ def _dot(a: F64, b: F64) -> F64:
 
 
 def _ways(rotation: F64) -> tuple[F64, F64]:
-    """Returns half the rotation angle from each key to the next, (N, K - 1), and 1 / its sine; 0 for almost no rotation."""
+    """Returns two arrays, (N, K - 1): half the rotation angle from each key to the next, and the reciprocal of that half angle's
+    sine.
+
+    Both are 0 where there is almost no rotation.
+    """
     before, after = rotation[:, :-1], rotation[:, 1:]
     across, along = after - before, after + before  # an arc cosine is imprecise for small angles (Kahan 2006)
     far, near = np.sqrt(_dot(across, across)), np.sqrt(_dot(along, along))
@@ -134,7 +138,7 @@ def _ways(rotation: F64) -> tuple[F64, F64]:
 
 
 def _arctangent(tangent: F64) -> F64:
-    """Returns the arctangent of 0 ... 1, in radians."""
+    """Returns the arctangents, in radians, of tangents from 0 to 1."""
     for _ in range(2):  # twice halved the angle is below pi / 16, where the series is short
         tangent = tangent / (1.0 + np.sqrt(1.0 + tangent * tangent))
     square, total = tangent * tangent, np.zeros_like(tangent)
@@ -144,7 +148,8 @@ def _arctangent(tangent: F64) -> F64:
 
 
 def _straight(places: F64) -> F64:
-    """Returns the point of each body, (N, 3) in body space, whose motion from key to key is closest to linear in equal steps.
+    """Returns one point per body, (N, 3) in body space: that which moves most nearly in a straight line and in equal steps over
+    the keys.
 
     For rotation about an axis it is a point on that axis; for rotation with translation, the centre of rotation.
     """

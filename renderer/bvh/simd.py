@@ -235,7 +235,7 @@ def maximum(typingctx, a, b):
 
 
 def _mask_of(kind: Any) -> Any:
-    """Returns the type of a comparison between numbers of a type."""
+    """Returns the Numba type of a comparison's result: mask8 for vectors, boolean for scalars of type `kind`."""
     return mask8 if isinstance(kind, Lanes) else types.boolean
 
 

@@ -45,7 +45,7 @@ class RayConstants(NamedTuple):
 
 @device
 def _margin_of(o, scale):
-    """Returns the distance to add to a hit's distance in its error bound, to cover the rounding of coordinates.
+    """Returns the margin for the rounding of coordinates, which is added to a hit's distance in its error bound.
 
     Two tessellations of one plane differ by the rounding of their vertices, some ulps of their coordinates, however short the ray
     is. o: the ray's origin. scale: 1 / the direction's component of largest magnitude.
@@ -66,7 +66,7 @@ def _planes_of(o, inverse, margin):
 
 @device
 def entry_limit(t, margin):
-    """Returns a distance of at least 0 before which no box can contain a hit at distance t or beyond."""
+    """Returns the distance before which no box can contain a hit at distance t or beyond; at least 0."""
     return max(t * _EARLIER - margin * _LEAD, _ZERO)
 
 
@@ -78,7 +78,7 @@ def _inverse(d):
 
 @device
 def ray_constants(o, d, width):
-    """Returns the RayConstants of a ray, or of eight rays if o and d consist of lanes.
+    """Returns the RayConstants of one ray, or of eight if the components of o and d are eight-lane vectors.
 
     width: WIDTH of renderer/bvh/layout.py, in the type of the integers. Values are selected without branches, since the axis of
     the largest component is unpredictable.

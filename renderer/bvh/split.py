@@ -103,9 +103,9 @@ def lay_grid(grid, spread, i, bins):
 
 @device
 def _place(row, grid, last):
-    """Returns the bin coordinates of a box's centroid along the axes, in lanes 4 ... 6, as floats not yet truncated.
+    """Returns a box's coordinates in the grid of bins, from its centroid: lanes 4, 5 and 6 for x, y and z, not yet truncated.
 
-    row: the box, an f32x8.
+    row: the box, an f32x8. last: the greatest coordinate.
     """
     place = (doubled_centroid(row) - load(grid, np.uintp(0))) * load(grid, np.uintp(8))
     return maximum(minimum(place, last), splat(_ZERO))

@@ -45,9 +45,10 @@ NODE_BYTES, PACKET_BYTES = NODE_ROWS * WIDTH * 4, PACKET_ROWS * WIDTH * 4
 
 
 class AssembledBvh(NamedTuple):
-    """The assembled arrays, and the offsets in them of their parts (top, static, bodies, loose), followed by the end.
+    """The assembled arrays of all subtrees, and where each subtree starts in them.
 
-    "Loose" is geometry that is rebuilt for each frame.
+    The offsets are those of the top, the static tree, the bodies' trees and the loose tree, followed by the end. "Loose" is
+    geometry that is rebuilt for each frame.
     """
 
     bvh: Bvh
@@ -135,7 +136,10 @@ def _put(tree: Tree, node: Array, packet: Array, first_node: int, first_packet: 
 def _below_top(
     still: Bvh, bodies: Sequence[Tree], loose: Tree, shown: Array, moving: Array, keys: Sequence[Array]
 ) -> tuple[Array, Array]:
-    """Returns the boxes below the top, (n, 2, 3), and the content of each: 0 static tree, 1 loose tree, 2 + i instance i."""
+    """Returns the boxes over which the top is built, (n, 2, 3), and what each box contains.
+
+    The latter is a number: 0 for the static tree, 1 for the loose tree, 2 + i for instance i of a body.
+    """
     placed = instance_boxes(list(bodies), shown, moving)
     for number, each in enumerate(keys):
         if len(each):
@@ -150,7 +154,10 @@ def _below_top(
 
 
 def _put_top(top: Array, number: Array, node: Array, room: int) -> None:
-    """Writes the top-level tree into its reserved rows of the arrays. number: the child reference of each subtree below it."""
+    """Writes the top-level tree into its reserved rows of `node`, and clears the rows that it leaves unused.
+
+    number: the child references that replace the top's leaves. room: the number of reserved rows.
+    """
     node[: len(top)] = top
     node[len(top) : room] = 0
     child = node[: len(top), ROW_CHILD].view(np.int32)

@@ -1,4 +1,4 @@
-"""Builds the binary tree with all threads: its top over clusters of primitives (clusters.py), and the subtrees part by part.
+"""Builds the binary tree on all threads: first its top, over clusters of primitives (clusters.py), then the subtrees below it.
 
 The division into parts depends only on the primitives, so the tree does not depend on the number of threads.
 """
@@ -35,7 +35,7 @@ def part_size(count: int) -> int:
 
 
 class BinaryTree(NamedTuple):
-    """A binary tree over all boxes; see `split` for its arrays."""
+    """The arrays of a binary tree over N boxes; `split` describes them."""
 
     box: F32  # (2 N, 8)
     tree: npt.NDArray[np.int32]  # (2 N, 3)
@@ -43,7 +43,10 @@ class BinaryTree(NamedTuple):
 
 
 def split_all(box: F32, triangles: int, solids: int, team: Team) -> BinaryTree:
-    """Builds the binary tree over all boxes."""
+    """Builds the binary tree over the boxes of all primitives.
+
+    triangles, solids: the first primitive number of a sphere, and of an instance. team: the threads that build.
+    """
     count, part = len(box), part_size(len(box))
     binary = BinaryTree(_sparse((2 * count, 8), np.float32), _sparse((2 * count, 3), np.int32), np.empty(count, np.int32))
 
@@ -71,7 +74,10 @@ def _sparse(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
 
 
 def _top(box: F32, solids: int, part: int, binary: BinaryTree, team: Team) -> Iterator[tuple[Clusters, Integers]]:
-    """Splits the top of the tree; yields clusters and the (J, JOB) nodes over them that remain to be split."""
+    """Splits the top of the tree; yields groups of nodes that remain to be split, as (clusters, nodes).
+
+    nodes: (J, JOB), each over some of these clusters.
+    """
     count = len(box)
     waiting = [(np.array([0, 0, count, 1, 0]), np.arange(count, dtype=np.int32))]
     while waiting:
@@ -98,13 +104,13 @@ def _sources(clusters: Clusters, part: Integers) -> Integers:
 
 
 def _shared_out(parts: Integers, size: int) -> Iterator[Integers]:
-    """Yields groups of parts, each with about `size` primitives in total."""
+    """Divides consecutive parts into groups of about `size` primitives in total, and yields each group."""
     share = (np.cumsum(parts[:, 2]) - parts[:, 2]) // size
     return iter(np.split(parts, np.flatnonzero(np.diff(share)) + 1))
 
 
 def _bounded(box: F32, source: Integers, part: int, team: Team) -> tuple[F32, F32]:
-    """Returns the bounds of these primitives' boxes, and those of their doubled centroids; (8,) each."""
+    """Returns the bounds of the boxes of the primitives `source`, and the bounds of these boxes' doubled centroids; (8,) each."""
     found = np.empty((-(-len(source) // part), 2, 8), np.float32)
     team.each(lambda job: _bound(box, source, *job[0], job[1]), zip(parts_of(0, len(source), part), found, strict=True))
     whole, spread = found.max(axis=0)

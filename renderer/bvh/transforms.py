@@ -60,9 +60,10 @@ def _invert(transform, inverse):
 
 @entry
 def _stretch(transform, column, found):
-    """Computes the largest and smallest singular value: the column lengths after rotations have made the columns orthogonal.
+    """Computes the largest and the smallest singular value of a transform's matrix.
 
-    One-sided Jacobi: Golub & Van Loan, "Matrix Computations", 8.6.3. column: scratch, (3, 3). found: receives the two values.
+    One-sided Jacobi: rotations make the columns orthogonal, and their lengths are then the singular values; Golub & Van Loan,
+    "Matrix Computations", 8.6.3. column: scratch, (3, 3). found: receives the two values.
     """
     for i in range(len(transform)):
         largest = 0.0

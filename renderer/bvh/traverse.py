@@ -98,10 +98,10 @@ def _lanes(vector):
 
 @device
 def _prepared(o, d, after, facing):
-    """Returns (constants for `intersect_boxes`, constants for packets, distance before which boxes need not be visited) of a ray.
+    """Returns a ray's constants for boxes and for packets, and the distance before which boxes need not be visited.
 
-    The constants for packets: axes, shear, permuted origin, and the margin for `intersect_triangles`. after, facing: as for
-    `closest_hit`.
+    The constants for boxes are those of `intersect_boxes`. The constants for packets: axes, shear, permuted origin, and the
+    margin for `intersect_triangles`. after, facing: as for `closest_hit`.
     """
     ray = ray_constants(o, d, _W)
     slabs = ray.planes, _lanes(ray.inverse), _lanes(ray.near), _lanes(ray.far)
@@ -141,7 +141,10 @@ def place_at(bvh, leaf, stack, time):
 
 @device
 def _blocks(place, leaf, o, d, constants, t_max):
-    """Returns True if the packet of a leaf, at address `place`, occludes a shadow ray. constants: from `_prepared`."""
+    """Returns True if a shadow ray hits any primitive of a leaf's packet before t_max.
+
+    place: the packet's address. constants: those for packets, from `_prepared`.
+    """
     axes, shear, permuted, _ = constants
     if leaf & SPHERES:
         return bits(intersect_spheres(place, o, d, t_max, None, None, None)[0]) != np.uint32(0)
@@ -163,7 +166,7 @@ def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
 
 @device
 def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
-    """Intersects a ray with a leaf's packet; returns the nearest hit `found`, or the packet's if that is nearer.
+    """Intersects a ray with a leaf's packet; returns the nearer of `found` and the packet's nearest hit.
 
     found: (whether there is a hit, distance, primitive, u, v). tie: a hit at the same distance is nearer if its primitive's
     number is lower than this. after: as for `closest_hit`. limit: from `skip_limit`.

@@ -25,7 +25,7 @@ _FLOAT = ir.FloatType()
 
 
 class _Kind(NamedTuple):
-    """A kind of field of a named tuple: the number of its columns, and the type of each."""
+    """The kind of a named tuple's field: how many columns the field occupies, and their type."""
 
     columns: int
     number: Any
@@ -44,7 +44,10 @@ Flag = Annotated[Any, _FLAG]
 
 
 class _Place(NamedTuple):
-    """The position of a field in the columns of its tuple. bit: a flag's bit in its column; None for other kinds."""
+    """The columns that a field occupies, relative to the first column of its tuple.
+
+    bit: a flag's bit in its column; None for other kinds.
+    """
 
     kind: _Kind
     column: int
@@ -69,7 +72,7 @@ def _places(declared: type) -> dict[str, _Place]:
 
 
 def width_of(declared: type) -> int:
-    """Returns the number of columns of a named tuple, a multiple of eight."""
+    """Returns the number of columns that a named tuple occupies, rounded up to a multiple of eight."""
     last = list(_places(declared).values())[-1]
     used = last.column + max(last.kind.columns, 1)
     return -(-used // _GROUP) * _GROUP
@@ -87,7 +90,10 @@ def is_integer(declared: type, field: str) -> bool:
 
 
 class Layout:
-    """The columns of a table row that holds consecutive named tuples. Tuples that are listed together share their columns."""
+    """The assignment of a table row's columns to named tuples, which follow one another.
+
+    Named tuples that are listed together, as a tuple of classes, begin at the same column: a row holds one of them at a time.
+    """
 
     def __init__(self, *groups: type | tuple[type, ...]) -> None:
         self.first: dict[type, int] = {}
@@ -99,7 +105,7 @@ class Layout:
             self.width += max(width_of(declared) for declared in shared)
 
     def column(self, declared: type, field: str) -> np.uintp:
-        """Returns the index of the first column of the row array that holds `field` of the named tuple class `declared`."""
+        """Returns the index, in a table row, of the first column of the field `field` of the named tuple class `declared`."""
         return np.uintp(self.first[declared] + _places(declared)[field].column)
 
 

@@ -78,7 +78,7 @@ def _of_lanes(kind: types.Type) -> types.Type:
 
 
 def _mapped(kind: Any, change: Any) -> Any:
-    """Returns the type with `change` applied to each number in its tuples."""
+    """Returns the Numba type `kind` with `change` applied to each number type, including those nested in tuples."""
     return types.BaseTuple.from_types([_mapped(part, change) for part in kind]) if _is_tuple(kind) else change(kind)
 
 
@@ -117,7 +117,7 @@ def _each_bit(builder: Any, mask: Any, at: Any) -> None:
 
 
 def _extracted(builder: Any, leaf: Any, lane: Any) -> Any:
-    """Returns a lane's value: an element of a vector, or the scalar if it is the same in all lanes."""
+    """Returns one lane's value of `leaf`: an element of a vector, or `leaf` itself if it is a scalar, which all lanes share."""
     return builder.extract_element(leaf, lane) if isinstance(leaf.type, ir.VectorType) else leaf
 
 

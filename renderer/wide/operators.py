@@ -63,9 +63,9 @@ def _compared(sign: str) -> Callable[[Any, Any, Any], Any]:
 
 
 def _chosen(sign: str) -> Callable[[Any, Any, Any], Any]:
-    """Returns the code generator of min ("<") or max (">"), which selects its second operand only if strictly beyond the first.
+    """Returns the code generator of min (sign "<") or max (">") of two operands a and b: b only if strictly beyond a, else a.
 
-    Numba's scalar min and max have the same rule, which decides for NaN and signed zeros.
+    Numba's scalar min and max follow the same rule, which decides the result for NaN and signed zeros.
     """
     return lambda builder, a, b: builder.select(builder.fcmp_ordered(sign, b, a), b, a)
 

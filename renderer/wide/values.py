@@ -1,4 +1,4 @@
-"""Selections, integers and tables for formulas that accept float32 or f32x8.
+"""Selections, integers and table look-ups for formulas that accept float32 or f32x8.
 
 An integer is an intp for one path and a u32x8 for eight; a condition is a bool or a mask8.
 """
@@ -110,7 +110,7 @@ def to_float(typingctx, a):
 
 @intrinsic
 def u32(typingctx, a):
-    """Converts an integer to uint32; lanes, which are u32x8 already, are unchanged."""
+    """Converts a scalar integer to uint32; returns a u32x8 unchanged."""
 
     def codegen(context, builder, sig, args):
         return args[0] if is_wide(sig.args[0]) else context.cast(builder, args[0], sig.args[0], types.uint32)
