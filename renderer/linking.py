@@ -40,7 +40,10 @@ class _Kernel(JITCodeLibrary):
     _read: Any = None
 
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Optimises each function before linking, but only if the library counts references: Numba removes such counts in that step."""
+        """Optimises each function before linking, but only if the library counts references.
+
+        Numba removes such counts in that step.
+        """
         if self.counts:
             super()._optimize_functions(ll_module)
         ll_module.data_layout = str(super().codegen.target_data)
@@ -73,7 +76,7 @@ class _Kernel(JITCodeLibrary):
         super()._finalize_final_module()
 
     def serialize_using_object_code(self) -> tuple[str, str, Any]:
-        """Returns the library's state for the cache."""
+        """Returns the code and attributes of the library, which Numba writes to the cache."""
         name, _, (machine_code, bitcode) = super().serialize_using_object_code()
         module = self._get_module_for_linking()
         defined = [each.name for each in (*module.functions, *module.global_variables) if not each.is_declaration]
@@ -81,7 +84,7 @@ class _Kernel(JITCodeLibrary):
 
     @classmethod
     def restored(cls, codegen: Any, name: str, code: Any) -> Self:
-        """Restores the library from the state that `serialize_using_object_code` returned."""
+        """Restores a library from its cached state, as returned by `serialize_using_object_code`."""
         library = cls(codegen, name)
         machine_code, library._unread, defined = code
         library.enable_object_caching()
@@ -130,17 +133,17 @@ class InlinedLibrary(_Kernel):
         return self._final_module
 
     def get_pointer_to_function(self, name: str) -> int:
-        """Returns None: the library has no machine code."""
+        """Returns 0, a null pointer: the library has no machine code."""
         return 0
 
     def serialize_using_object_code(self) -> tuple[str, str, Any]:
-        """Returns the library's state for the cache."""
+        """Returns the bitcode and attributes of the library, which Numba writes to the cache."""
         self.beneath = {name: each if isinstance(each, bytes) else each.as_bitcode() for name, each in self.beneath.items()}
         return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), self.beneath, self.is_inlinable)
 
     @classmethod
     def restored(cls, codegen: Any, name: str, code: Any) -> Self:
-        """Restores the library from the state that `serialize_using_object_code` returned."""
+        """Restores a library from its cached state, as returned by `serialize_using_object_code`."""
         library = cls(codegen, name)
         library.own_name, own, library.beneath, library.is_inlinable = code
         library._final_module = llvm.parse_bitcode(own)

@@ -69,7 +69,7 @@ class FunctionCacheFiles:
 
     @property
     def cache_path(self) -> str:
-        """The folder that contains the function's cache files."""
+        """The path of the folder that contains the function's cache files."""
         return str(self._files.folder)
 
     def load_overload(self, signature: Any, context: Any) -> Any:
@@ -109,7 +109,9 @@ class FunctionCacheFiles:
 
 
 class _Files:
-    """The files of one function's cache. A key is (signature, target, hashes of the function's byte code and cells).
+    """The cache files of one function, one file for each key.
+
+    A key is (signature, target, hashes of the function's byte code and cells).
 
     stamp: further inputs on which the code depends.
     """

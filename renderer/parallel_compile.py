@@ -59,7 +59,9 @@ class Helpers:
                 self._forked = [self._fork(number) for number in range(self._count)]
 
     def share(self) -> None:
-        """Compiles the parts of the kernel in this process and in the helpers. Returns when all processes have finished."""
+        """Compiles the kernel's parts in this process and in the helpers.
+
+        Returns when no helper works any more, or COMPILE_PATIENCE_S after this process has finished."""
         if self._count == 0:
             return
         parts = _Parts(self._variant)
@@ -130,7 +132,7 @@ class Helpers:
 
 
 class _Parts:
-    """The numbered parts of a kernel, which are distributed among the processes."""
+    """The parts of a kernel, numbered from 0; each is compiled by one of the processes."""
 
     def __init__(self, variant: str) -> None:
         self._stages = pool_stages(strip_absent_features(example(), variant), _PICTURE) if variant else []

@@ -50,7 +50,7 @@ class ProjectedPoint(NamedTuple):
 
 @dataclass(frozen=True)
 class PixelPath:
-    """A sample chosen for display, with its path."""
+    """A sample of a pixel, chosen for display, with the sample's path projected into the image."""
 
     chosen: list[Choice]
     sample: int
@@ -61,9 +61,10 @@ class PixelPath:
 
 @dataclass(frozen=True)
 class PixelPaths:
-    """The sum of a pixel's samples, and the paths of some of them.
+    """The sum of a pixel's samples, and the paths of some of these samples.
 
-    sums: of the colours of samples 0 ... samples - 1, in the film's fixed point. finite: how many of these samples were finite.
+    sums: the colours of samples 0 ... samples - 1, added in the film's fixed point. finite: how many of these samples were
+    finite.
     """
 
     samples: int
@@ -75,10 +76,10 @@ class PixelPaths:
 def pixel_paths(
     scene: CompiledScene, settings: RenderSettings, x: int, y: int, count: int, sample_number: int | None = None
 ) -> PixelPaths:
-    """Renders a pixel's first `count` samples, at most MOST_SAMPLES; returns the paths of the first, median and brightest.
+    """Renders a pixel's first `count` samples (at most MOST_SAMPLES); returns their sum, and the paths of some of them.
 
-    sample_number: the number of a further sample whose path is returned; it need not be below `count`. Raises SettingsError if
-    the pixel or the sample is out of range.
+    These are the first sample, and those of median and of greatest brightness. sample_number: the number of a further sample
+    whose path is returned; it need not be below `count`. Raises SettingsError if the pixel or the sample is out of range.
     """
     count = min(count, MOST_SAMPLES)
     values, is_finite = pixel_samples(scene, settings, x, y, count)
@@ -102,7 +103,7 @@ def pixel_paths(
 def bounce_of(vertex: Vertex, following: Vertex | None) -> Bounce | None:
     """Returns whether a path was reflected or transmitted at a vertex.
 
-    Returns None if it ended there, or if the vertex is not on a surface.
+    Returns None if the path ended there, or if the vertex is not on a surface. following: the path's next vertex.
     """
     if vertex.kind != "surface" or vertex.normal is None or following is None:
         return None
@@ -120,7 +121,10 @@ def _spots(settings: RenderSettings, found: Replay) -> tuple[list[ProjectedPoint
 
 
 def _view_at(settings: RenderSettings, time: float) -> View:
-    """Returns the camera's view at the motion key nearest to a shutter time."""
+    """Returns the view of a moving camera at the shutter time nearest to `time` for which `settings.views` has one.
+
+    Returns the only view if the camera does not move.
+    """
     if not settings.views:
         return settings.view
     return settings.views[round(time * (len(settings.views) - 1))]

@@ -11,7 +11,10 @@ __all__ = ["PRESETS", "Preset"]
 
 
 class Preset(NamedTuple):
-    """A preset environment. sky: for a clear sky, elevation and azimuth of its sun in degrees."""
+    """A preset environment, with its texts for users.
+
+    sky: if the preset is a clear sky, the elevation and the azimuth of its sun in degrees; None for other presets.
+    """
 
     label: str
     help: str

@@ -64,7 +64,7 @@ _NO_LOG = np.empty((0, record.COLUMNS))
 
 @dataclass
 class RenderStats:
-    """Statistics of a render. rays: includes shadow rays."""
+    """Statistics of a render: the numbers of samples, of rays (shadow rays included), and of samples that were not finite."""
 
     samples: int = 0
     rays: int = 0
@@ -73,7 +73,10 @@ class RenderStats:
 
 
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
-    """Returns the scene for the kernel: with the settings' environment and choice among lights, and without absent features."""
+    """Returns the scene in the form that the kernel expects for these settings.
+
+    The settings' environment and choice among lights are applied, and arrays of absent features are None.
+    """
     scene = with_environment_changed(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     scene = with_light_choice(scene, settings.light_choice)
     if settings.sampling == "light" or settings.integrator == "whitted":
@@ -300,7 +303,10 @@ def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) ->
 
 
 def is_warm(settings: RenderSettings, variant: str) -> bool:
-    """Returns True if this kernel is loaded (by `warm_up`); otherwise the first batch compiles it, which takes up to a minute."""
+    """Returns True if `warm_up` has loaded this kernel.
+
+    Otherwise the first batch compiles the kernel, which takes up to a minute.
+    """
     return jit.is_ready(kernel_name(settings, variant))
 
 

@@ -131,7 +131,7 @@ def _lamp(row: npt.NDArray[np.float64], origin: npt.NDArray[np.float64]) -> Ligh
 
 
 def _end_reason(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSettings) -> End | None:
-    """Returns why a path ends at the vertex recorded in this row of the log; None if unknown.
+    """Returns why a path ends at the vertex that is recorded in `row`, a row of the path's log; None if the reason is unknown.
 
     is_last: whether no further segment was allowed.
     """

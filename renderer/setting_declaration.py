@@ -241,18 +241,18 @@ def checked(owner: Any) -> None:
 
 
 def whole(value: float | None) -> float | None:
-    """Converts a number for JSON: integral values to int, if in the range that JSON represents exactly."""
+    """Returns a number as JSON should show it: integral floats below 1e15 as int, other values unchanged."""
     return int(value) if isinstance(value, float) and value.is_integer() and abs(value) < 1e15 else value
 
 
 def _shown(value: Any) -> str:
-    """Returns a rejected value as text, shortened to about 65 characters."""
+    """Returns a rejected value as text for an error message; the middle of texts above 80 characters is omitted."""
     text = number_text(value) if isinstance(value, Real) and not isinstance(value, bool) else repr(value)
     return text if len(text) <= 80 else f"{text[:40]} ... {text[-20:]}"
 
 
 def number_text(value: Any) -> str:
-    """Returns a number as short text."""
+    """Returns a number as short text: floats with 6 significant digits, integers from 1e18 on as ">1e18"."""
     if isinstance(value, Integral):
         number = int(value)
         return str(number) if abs(number) < 10**18 else f"{'>' if number > 0 else '<-'}1e18"  # Python formats at most 4300 digits

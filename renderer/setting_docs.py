@@ -16,7 +16,7 @@ LARGE = 1e6  # larger bounds are not shown
 
 
 def values(each: DeclaredSetting) -> str:
-    """Returns the accepted values of a setting in a few words."""
+    """Returns the accepted values of a setting as a short text, such as "1 to 64" or the list of accepted names."""
     setting = each.setting
     if setting.choices is not None:
         return ", ".join(filter(None, setting.choices))
@@ -43,7 +43,7 @@ def sentences(each: DeclaredSetting) -> str:
 
 
 def described(settings: Mapping[str, DeclaredSetting] = SETTINGS) -> dict[str, list[dict[str, Any]]]:
-    """Returns all settings of requests as JSON, for the page and other forms."""
+    """Describes the settings of requests as JSON, in groups (settings, view, work, shot), for the page and other forms."""
     return {
         "settings": [_described(each) for each in settings.values() if each.setting.of],
         "view": [_described(each) for each in VIEW.values()],

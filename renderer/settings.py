@@ -444,7 +444,7 @@ ENVIRONMENT = {
 
 
 def chosen(asked: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:
-    """Returns the optional settings: those that a request sets, and the scene file's `defaults` for those that it does not set.
+    """Returns the values of the optional settings: from the request where it sets them, else from the scene file's `defaults`.
 
     asked: the request's settings.
     """

@@ -1,6 +1,7 @@
-"""Kernels shipped with a container image or a wheel: missing ones are copied into the cache before anything is compiled.
+"""Kernels shipped with a container image or a wheel, copied into the cache before anything is compiled.
 
-So the cache may be on a volume that outlives the container image, and everything else may be read-only.
+Only kernels that the cache lacks are copied. The cache may therefore be on a volume that outlives the container image, and
+everything else may be read-only.
 """
 
 from __future__ import annotations

@@ -117,7 +117,7 @@ def _step_along_motion(
 
 
 def _interpolated_light(frame: DenoisedFrame, other_frame: DenoisedFrame, places: _PixelPositions) -> tuple[F64, F64]:
-    """Returns (the other frame's light at the given positions, the weight of the pixels used, 0 ... 1).
+    """Returns (the light of `other_frame` at the given positions, the total weight, 0 to 1, of the pixels used).
 
     The light is interpolated between those of the four nearest pixels that show the same surface.
     """
@@ -139,7 +139,7 @@ def _interpolated_light(frame: DenoisedFrame, other_frame: DenoisedFrame, places
 
 
 def _light_similarity(light: F64, found: F64) -> F64:
-    """Returns the similarity of two light values, 0 ... 1."""
+    """Returns the similarity of the luminances of two light values: 1 if equal, towards 0 as their relative difference grows."""
     a, b = ((each * REC_709).sum(axis=-1) for each in (light, found))
     apart = (a - b) / np.maximum(0.5 * (a + b), 1e-6)
     alike: F64 = np.exp(-((apart / _ALIKE) ** 2))

@@ -1,4 +1,4 @@
-"""The amount of rendering (samples, time and noise limits) and its order: the part of a request besides the settings."""
+"""The part of a request that states how much to render (samples, noise limit, time limit) and in which order."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ NOISE_SPP = 16384  # the limit if only a noise level is requested
 
 @dataclass(frozen=True)
 class Work:
-    """The amount of rendering and its order, which affect no sample's colour.
+    """How much to render, and in which order; neither affects a sample's colour.
 
-    The first limit that is reached ends the render.
+    Of several limits (samples, noise, time) the first that is reached ends the render.
     """
 
     spp: Annotated[

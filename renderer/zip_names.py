@@ -1,7 +1,7 @@
 """Decodes the names of a zip's entries: normalises separators to slashes and detects the encoding.
 
-Sources: APPNOTE.TXT 4.4.4 (bit 11: UTF-8), 4.6.9 (Info-ZIP's Unicode path). Without either, the encoding is that of the packing
-system and is not recorded. Then the chosen encoding is the one in which the archive's scene files refer to the names, else the
+Sources: APPNOTE.TXT 4.4.4 (bit 11: UTF-8), 4.6.9 (Info-ZIP's Unicode path). A name with neither is in the encoding of the packing
+system, which is not recorded. Then the chosen encoding is the one in which the archive's scene files refer to the names, else the
 first that yields words.
 """
 

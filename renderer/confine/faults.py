@@ -15,7 +15,7 @@ _OF_MACHINE = {
 
 
 def is_of_machine(error: BaseException) -> bool:
-    """Returns True if an exception of the system or of a library is caused by the machine, not by the file."""
+    """Returns True if an exception of the system or of a library is caused by this machine, not by the file that is read."""
     if isinstance(error, OSError):
         return error.errno in _OF_MACHINE
     return isinstance(error, RuntimeError) and "start new thread" in str(error)

@@ -43,7 +43,10 @@ _SYSTEM = (
 
 @dataclass
 class _Running:
-    """A running reader, and the descriptors that the launcher holds for it."""
+    """A reader process that is running, and the descriptors that the launcher holds for it.
+
+    asked: the job's pipe. status: the pipe for the reader's exit status.
+    """
 
     pid: int
     asked: int
@@ -99,7 +102,10 @@ class _Launcher:
         return True
 
     def preload(self, name: str) -> str:
-        """Imports "module", or also calls "module:function", unless done before; returns the text of the error, or ""."""
+        """Imports a module ("module") and, for "module:function", calls the function; does so once per name.
+
+        Returns the text of the error, or "".
+        """
         if name not in self._done:
             module, _, function = name.partition(":")
             try:

@@ -51,7 +51,9 @@ def _of_machine() -> int:
 
 
 def _of_cgroups() -> Iterator[int]:
-    """Yields the free bytes of each cgroup with a memory limit, from this process's up to the root; cgroup versions 1 and 2."""
+    """Yields how many bytes are free in each memory-limited cgroup, from this process's cgroup up to the root; cgroup versions 1
+    and 2.
+    """
     try:
         lines = Path("/proc/self/cgroup").read_text().splitlines()
     except OSError:
@@ -84,7 +86,7 @@ def _cgroup_memory_left(folder: Path, limit_name: str, used_name: str, cache_nam
 
 
 def importer_memory(size: int) -> int:
-    """Returns the memory limit, in bytes, of the process that imports a scene file of `size` bytes.
+    """Returns the memory limit, in bytes, of the reader process that imports a scene file of `size` bytes.
 
     A limit is needed because damaged files may state counts of gigabytes.
     """

@@ -51,7 +51,7 @@ _OF_MACHINE = {
 
 
 def is_of_machine(error: OSError) -> bool:
-    """Returns True if an error is caused by this machine, not by the file."""
+    """Returns True if an error that ended a job is caused by this machine, not by the file."""
     return error.errno in _OF_MACHINE
 
 

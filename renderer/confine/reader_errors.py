@@ -21,10 +21,11 @@ _OF_ALLOCATION = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGTRAP,
 
 @dataclass(frozen=True)
 class Bounds:
-    """The limits of a reader, and phrases for its error messages.
+    """The limits of a reader, and phrases for error messages about them.
 
-    memory_bytes: beyond the memory in use when it starts. seconds: time limit. subject: the beginning of sentences. granted: the
-    phrase that follows "needs more than the 4.0 GiB". longer, smaller: advice if the time or the memory is insufficient.
+    memory_bytes: beyond the memory in use when the reader starts. seconds: time limit. subject: the beginning of sentences.
+    granted: the phrase that follows "needs more than the 4.0 GiB". longer, smaller: advice if the time or the memory is
+    insufficient.
     """
 
     memory_bytes: int

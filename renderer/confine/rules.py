@@ -80,7 +80,7 @@ def forbid_new_privileges() -> None:
 
 
 def enter_empty_network() -> bool:
-    """Moves this process into an empty network namespace; returns True if that was permitted."""
+    """Moves this process into an empty network namespace; returns False if the operating system does not permit that."""
     return _libc is not None and (_libc.unshare(_NEW_USER | _NEW_NET) == 0 or _libc.unshare(_NEW_NET) == 0)
 
 

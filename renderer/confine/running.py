@@ -104,7 +104,7 @@ class _Launcher:
             self._words.close()
 
     def error_output(self) -> str:
-        """Returns the last line that the launcher wrote to its standard error."""
+        """Returns the last line of the launcher's standard error output."""
         if self._words is None:
             return ""
         with contextlib.suppress(OSError):
@@ -139,7 +139,7 @@ def confinement() -> tuple[str, bool]:
 
 
 def _discard_launcher(launcher: _Launcher) -> None:
-    """Discards a launcher. The next reader starts a new one."""
+    """Stops using a launcher, so that the next reader starts a new one."""
     global _current
     with _lock:
         if _current is launcher:
@@ -219,7 +219,7 @@ class Reader:
         raise self._ended_error()
 
     def request(self, request: dict[str, Any], on_message: Send) -> bool:
-        """Sends a request to a job that handles `Link.requests`; returns False if the job had already ended.
+        """Sends a further request to a reader whose job handles `Link.requests`; returns False if the job had already ended.
 
         Raises the errors of `result`.
         """
@@ -337,7 +337,7 @@ class Reader:
         return decoded(found) if isinstance(found, dict) else {}
 
     def close(self) -> None:
-        """Ends the process and waits for it."""
+        """Ends the reader process and waits for its end."""
         if self.is_over:
             return
         self.is_over = True

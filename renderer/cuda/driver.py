@@ -35,7 +35,7 @@ class DriverError(Exception):
 
 
 class Card(NamedTuple):
-    """A graphics card, as described by the driver."""
+    """The properties of a graphics card, as reported by the driver."""
 
     number: int
     name: str
@@ -45,7 +45,7 @@ class Card(NamedTuple):
 
 
 class Driver:
-    """The driver's library, initialised. Raises DriverError if it is not installed."""
+    """NVIDIA's driver library, loaded and initialised. Raises DriverError if no driver is installed."""
 
     def __init__(self, library: str = LIBRARY) -> None:
         try:
@@ -114,7 +114,10 @@ class Kernel(NamedTuple):
 
 
 class Device:
-    """The memory and kernels of a graphics card, in its primary context. Must be closed to release them."""
+    """An open graphics card: allocates its memory and launches its kernels, in its primary context.
+
+    Must be closed to release them.
+    """
 
     def __init__(self, driver: Driver, number: int) -> None:
         self._driver = driver

@@ -30,7 +30,7 @@ _SCALARS: dict[types.Type, str] = {types.boolean: "?", types.none: "u8"}
 def job_for(
     scene: CompiledScene, camera: Camera, options: Options, batch: Batch, width: int, height: int, pieces: int = 1
 ) -> Job:
-    """Returns the Job for a batch of a tile of width x height pixels, with a zeroed film.
+    """Returns the Job that renders a batch of a tile of width x height pixels into a zeroed film.
 
     scene: with a compressed tree, in the form that the variant's kernels expect.
     """

@@ -42,7 +42,7 @@ class CardMemoryError(CardError):
 
 
 class Rendered(NamedTuple):
-    """The result of a batch that a graphics card rendered."""
+    """The sums of a batch that a graphics card rendered, and the numbers of rays and of samples that were not finite."""
 
     sums: Sums
     bad_count: int
@@ -50,7 +50,7 @@ class Rendered(NamedTuple):
 
 
 class CardRenderer:
-    """A graphics card with its loaded kernels, and the arrays of the last scene in its memory.
+    """Renders batches on a graphics card; keeps the loaded kernels, and the arrays of the last scene, in its memory.
 
     Used by one thread at a time; must be closed.
     """
@@ -156,7 +156,7 @@ class CardRenderer:
         return Rendered(job.film, int(job.counters[BAD]), int(job.counters[RAYS]))
 
     def _compressed(self, bvh: Bvh) -> Bvh:
-        """Returns the compressed tree of a scene; that of the last scene is kept."""
+        """Returns the tree `bvh` in compressed form; the result is kept until another tree is passed."""
         if self._tree is None or not all(_is_same(a, b) for a, b in zip(self._tree[0], bvh, strict=True)):
             self._tree = None
             with Team() as team:
@@ -188,7 +188,7 @@ class CardRenderer:
 
 
 def _is_same(a: Any, b: Any) -> bool:
-    """Returns True if two fields of trees are one object, or arrays with the same place in memory."""
+    """Returns True if two fields of trees are the same object, or arrays at the same memory address."""
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return bool(a.ctypes.data == b.ctypes.data and a.shape == b.shape)
     return a is b

@@ -55,7 +55,7 @@ class _Layer(NamedTuple):
         return "y" if "y" in names or len(names - {"a"}) == 1 else None
 
     def rank(self) -> tuple[int, int]:
-        """Returns the sort key of a layer: pictures before data, layers with all colours first."""
+        """Returns the sort key by which a layer is chosen: pictures before data, layers with all colours first."""
         kind = self.kind
         complete = (
             0

@@ -15,14 +15,17 @@ BRIGHTEST = 0.995  # quantile: a few fireflies or a lamp do not make a picture b
 
 
 class DarkPicture(NamedTuple):
-    """An image that looks black. brightest: its greatest radiance. exposure: the stops that make this radiance white."""
+    """The result of `darkness` for an image that looks black.
+
+    brightest: the quantile BRIGHTEST of the pixels' radiances. exposure: the number of stops that make this radiance white.
+    """
 
     brightest: float
     exposure: float
 
 
 def darkness(picture: npt.NDArray[Any]) -> DarkPicture | None:
-    """Returns the brightest radiance of a scene-linear (h, w, 3) image that looks black, and the exposure that it needs.
+    """Returns the DarkPicture of a scene-linear (h, w, 3) image that looks black: its brightness and the exposure that it needs.
 
     Returns None if the image is bright enough, or completely black.
     """
