@@ -59,7 +59,10 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
 
 
 def _next_occurrence(today: datetime, now: datetime) -> datetime:
-    """Returns the next occurrence of a time of day. When clocks are set back, a time can occur twice in one night."""
+    """Returns the next occurrence of a time of day.
+
+    In the night in which clocks are set back, one time of day can occur twice; each occurrence counts.
+    """
     for found in (today, today.replace(fold=1)):
         if found.timestamp() > now.timestamp() and (found > now or found.fold):
             return found

@@ -1,4 +1,4 @@
-"""Limits on connections: duration and size of an incomplete request, and the number of connections.
+"""Limits on connections: their number, and how long and how large an incomplete request may be.
 
 uvicorn waits without limit for the rest of a request, and buffers request heads of any size. So any client could fill the
 service's memory or use up its file descriptors, which films and the database need too.
@@ -28,9 +28,9 @@ REFUSAL_RESPONSE = b"HTTP/1.1 %s\r\ncontent-type: text/plain\r\ncontent-length: 
 
 
 def most_connections() -> int:
-    """Returns how many connections leave enough file descriptors for files.
+    """Returns the maximum number of connections that leaves enough file descriptors for files.
 
-    First raises the process's descriptor limit if possible.
+    First raises the process's limit on descriptors, if possible.
     """
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     wanted = WANTED_DESCRIPTORS if hard == resource.RLIM_INFINITY else min(WANTED_DESCRIPTORS, hard)
@@ -43,7 +43,7 @@ def most_connections() -> int:
 
 
 class Connection(HttpToolsProtocol):
-    """uvicorn's HTTP protocol class, with limits."""
+    """uvicorn's protocol class for HTTP connections, extended by the limits of this module."""
 
     most = 1 << 16  # limit of all connections, set by the caller that runs the server
     _saying: dict[Connection, None] = {}  # noqa: RUF012 - all connections with an incomplete request, oldest first

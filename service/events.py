@@ -42,7 +42,7 @@ class RowWritten:
 
 @dataclass(frozen=True, slots=True)
 class ItemChanged:
-    """The engine's snapshot shows a change of a job, scene or worker."""
+    """A job, scene or worker differs between two successive snapshots of the engine."""
 
     kind: ItemKind
     id: str
@@ -59,7 +59,10 @@ class TilesChanged:
 
 @dataclass(frozen=True, slots=True)
 class BlobsReleased:
-    """References to blobs were removed: how many, by SHA-256. Other references may remain."""
+    """Database rows that referred to blobs were deleted or changed. Other references to these blobs may remain.
+
+    references: number of removed references by the blob's SHA-256.
+    """
 
     references: Counter[str]
 

@@ -165,9 +165,10 @@ class Farm:
         self.owning.stop()
 
     def film(self, job: Job, frame: int = 0) -> Film | None:
-        """Returns a job's film; None if the job has none yet. frame: frame key whose samples are checked.
+        """Returns a job's film; None if it has none yet.
 
-        Raises FilmLost if the film has fewer samples of this frame than the database records.
+        frame: key of the frame whose samples are compared with the database. Raises FilmLost if the film has fewer of them than
+        the database records.
         """
         if job.settings is None or job.tile_size is None:
             return None

@@ -117,7 +117,7 @@ def render_guide(text: str, has_guide: Callable[[str], bool]) -> tuple[str, str,
 
 
 def summary_of(text: str) -> tuple[str, str]:
-    """Returns a guide's title and the first sentence of its first paragraph."""
+    """Returns the title of a guide, and the first sentence of its first paragraph."""
     tokens = _parser().parse(text)
     title = next((_plain_text(tokens[i + 1]) for i, token in enumerate(tokens) if token.type == "heading_open"), "")
     paragraphs = (_plain_text(tokens[i + 1]) for i, token in enumerate(tokens) if token.type == "paragraph_open")

@@ -42,7 +42,10 @@ class HealthPort:
         self.port = self._server.server_port
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Starts serving, and monitors the iterations of this event loop."""
+        """Starts the server, and from now on measures when the event loop `loop` last had an iteration.
+
+        `failure_reason` reports a loop that hangs.
+        """
         self._record_tick(loop)
         threading.Thread(target=self._server.serve_forever, name="health", daemon=True).start()
 
@@ -63,7 +66,7 @@ class HealthPort:
 
     @property
     def waited_s(self) -> float:
-        """Time by which the event loop's next iteration is overdue, in seconds."""
+        """Seconds by which the event loop's next iteration is overdue; 0 if it is on time."""
         return max(0.0, time.monotonic() - self._ticked - TICK_S)
 
     def _record_tick(self, loop: asyncio.AbstractEventLoop) -> None:

@@ -22,7 +22,7 @@ LINK_S = 86400.0
 
 
 class Access:
-    """Access control of the service: its keys, users, projects, login attempts and OpenID provider.
+    """The parts of access control: the keys, users, projects, login attempts, audit log and OpenID provider of this farm.
 
     Raises StartupError if other machines can reach the service while its token is still the public default.
     """

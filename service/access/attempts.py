@@ -43,7 +43,10 @@ class Attempts:
         return None
 
     def succeeded(self, address: str, name: str) -> None:
-        """Records a successful login: removes it, and earlier failures with this address and name, from all counts."""
+        """Records that a login succeeded.
+
+        Removes it, and all earlier failures with this address and name, from the counts.
+        """
         with self._lock:
             (both, _), *others = self._keys(address, name)
             failed = len(self._tries.pop(both, ()))
@@ -66,7 +69,10 @@ class Attempts:
 
 
 def _network(address: str) -> str:
-    """Returns the address that attempts are counted by: for IPv6 the /64 network, usually one household or machine."""
+    """Returns the address under which login attempts are counted.
+
+    For IPv6 this is the /64 network, which usually belongs to one household or machine.
+    """
     try:
         parsed = ipaddress.ip_address(address)
     except ValueError:

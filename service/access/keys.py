@@ -38,7 +38,10 @@ KEEP_EXPIRED_S = 30 * 86400.0  # seconds that an expired key is kept, in case th
 
 @dataclass(frozen=True)
 class Share:
-    """A share link. job: the only job that it shows. creator: its user, whose current rights limit what it shows."""
+    """The rights that a share link gives. job: the only job that it shows.
+
+    creator: the user who created the link; it shows no more than this user may see at present.
+    """
 
     job: str
     expires: float | None
@@ -109,7 +112,10 @@ class Keys:
         return caller
 
     def find_share(self, secret: str) -> Share | None:
-        """Returns what a share link shows. None if it is unknown, expired or revoked, or its creator may not view anything."""
+        """Returns the rights that the share link with this secret gives.
+
+        None if the link is unknown, expired or revoked, or if its creator may not view anything.
+        """
         with self._sessions() as session:
             row = session.scalar(select(Key).where(Key.hash == fingerprint(secret), *_is_valid_clauses("share")))
             role = Role.NOBODY if row is None else _role_of(row.user, session)
@@ -168,7 +174,10 @@ class Keys:
             return Counter({user: count for user, count in session.execute(query)})  # noqa: C416 - typed
 
     def withdraw(self, kind: KeyKind, id: str, user: str | None = None) -> Key:
-        """Revokes a key and returns its former row. user: revoke it only if it belongs to this user. Raises NotFound."""
+        """Revokes a key and returns the database row that it had. Raises NotFound.
+
+        user: revokes the key only if it belongs to this user; None: whoever owns it.
+        """
         with self._sessions.begin() as session:
             row = session.get(Key, id)
             if row is None or row.kind != kind or (user is not None and row.user != user):
@@ -184,7 +193,7 @@ class Keys:
         return row
 
     def withdraw_sessions(self, user: str, but: str | None = None) -> None:
-        """Revokes all sessions and login links of a user. but: id of a key that stays valid."""
+        """Revokes all sessions and login links of a user, except the key with the id `but`."""
         with self._sessions.begin() as session:
             session.execute(delete(Key).where(Key.user == user, Key.kind.in_(("session", "link")), Key.id != (but or "")))
         self.clear_cache()

@@ -80,7 +80,7 @@ class LoginRedirect:
 
 @dataclass(frozen=True)
 class OidcLogin:
-    """A user who has logged in through the provider. token: the ID token, needed to log out at the provider."""
+    """Result of a successful login through the provider: the user, and the ID token, which is needed to log out there."""
 
     user: User
     token: str
@@ -129,7 +129,10 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
 
 
 class Oidc:
-    """One OpenID provider. Its metadata and keys are fetched at the first login and cached for METADATA_TTL_S seconds."""
+    """Client of one OpenID provider.
+
+    Fetches its metadata and keys at the first login, and caches them for METADATA_TTL_S seconds.
+    """
 
     def __init__(self, settings: Settings, secret: str, login_key: bytes, sessions: Sessions) -> None:
         from joserfc.jwk import OctKey

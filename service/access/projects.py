@@ -45,10 +45,10 @@ MAX_CACHED = 65536
 
 @dataclass(frozen=True)
 class ProjectVisibility:
-    """The projects visible to a caller, in addition to content outside any project.
+    """The projects that are visible to a caller. Content outside any project is visible too.
 
-    everything: whether all projects are visible. projects: names of the visible projects. looks: names of the visible projects
-    that the caller may only read.
+    everything: whether all projects are visible. projects: names of the visible projects. looks: names of those visible projects
+    whose content the caller may only read.
     """
 
     everything: bool
@@ -63,7 +63,10 @@ class ProjectVisibility:
         return self.everything or not project or project in self.projects
 
     def changes(self, project: str | None) -> bool:
-        """Returns True if the caller has write access to this project, provided that the caller's own role permits changes."""
+        """Returns False if the caller may only read this project.
+
+        True does not suffice for a change: the caller's own role must permit it too.
+        """
         return self.everything or project not in self.looks
 
     def clause(self, column: Any) -> ColumnElement[bool]:
@@ -164,7 +167,7 @@ class Projects:
         return self.find(name)
 
     def visible_names(self, sight: ProjectVisibility) -> list[str]:
-        """Returns the names of the visible projects in alphabetical order."""
+        """Returns the names of the projects visible to a caller, in alphabetical order. sight: the caller's visibility."""
         with self._sessions() as session:
             return list(session.scalars(select(Project.name).where(sight.clause(Project.name)).order_by(Project.name)))
 
@@ -191,9 +194,9 @@ class Projects:
         return found[0]
 
     def check(self, name: str, sight: ProjectVisibility) -> str:
-        """Returns `name` if content may be added to this project. "" (no project) is always accepted.
+        """Returns `name` if the caller may add content to this project; "" (no project) is always accepted.
 
-        Raises NotFound if the project is not visible, NotAllowed if the caller may only read it.
+        sight: the caller's visibility. Raises NotFound if the project is not visible, NotAllowed if the caller may only read it.
         """
         if not name:
             return name

@@ -32,9 +32,9 @@ ADVICE = "or ask who runs the farm for more"
 
 @dataclass(frozen=True)
 class Limits:
-    """Limits of a user or token on stored bytes, unfinished jobs and samples; also used for the amounts in use.
+    """Three amounts of a user or token: stored bytes, unfinished jobs, and samples in the last 24 hours.
 
-    None: unlimited. samples_day: samples in the last 24 hours.
+    They are either limits, where None means unlimited, or what is used at present.
     """
 
     bytes: int | None = None
@@ -48,9 +48,9 @@ Kind = Literal["user", "token"]
 
 @dataclass(frozen=True)
 class Allowance:
-    """Limits and usage of a user or token. whose: user:NAME or token:ID.
+    """Limits of a user or token, and how much of them is used.
 
-    is_own: limits set by an administrator, not the defaults.
+    whose: user:NAME or token:ID. is_own: whether an administrator set these limits; otherwise they are the defaults.
     """
 
     whose: str
@@ -103,7 +103,10 @@ class Quotas:
         return found
 
     def set(self, whose: str, limits: Limits | None) -> None:
-        """Sets the limits of a user or token (user:NAME or token:ID). None restores the defaults. Raises OutOfSpace."""
+        """Sets the limits of a user or token. Raises NotFound, or OutOfSpace if the disk is full.
+
+        whose: user:NAME or token:ID. limits: None restores the default limits.
+        """
         kind, _, name = whose.partition(":")
         with self._sessions.begin() as session:
             row = session.get(User if kind == "user" else Key, name)
@@ -260,7 +263,10 @@ def record_spent_samples(jobs: Iterable[Job], session: Session) -> None:
 
 
 def _samples_since(since: float) -> list[tuple[Select[Any], Any]]:
-    """Returns the queries that sum the samples rendered since a time, each with the table that has the owner columns."""
+    """Returns the queries that sum the samples rendered since the Unix time `since`.
+
+    With each comes the database table whose columns name the samples' owner.
+    """
     asked = case((Frame.target > Frame.samples, Frame.target), else_=Frame.samples)
     # as floats: SQLite's integer sums overflow at 2**63
     of_jobs = select(func.sum(cast(case((Job.state.in_(ACTIVE_STATES), asked), else_=Frame.samples), Float)))
@@ -292,9 +298,9 @@ def _samples(kind: Kind, session: Session, names: Collection[str]) -> Counter[st
 
 
 def _filtered_by_owner(row: Any, kind: Kind, names: Collection[str], query: Any, grouped: bool = False) -> Any:
-    """Restricts a query to rows of the given users or tokens. row: the table with the owner columns.
+    """Restricts a query to the database rows of the given users or tokens.
 
-    grouped: also groups by owner.
+    row: the table with the owner columns. grouped: also group the result by owner.
     """
     owner = _owner(row, kind)
     query = query.where(owner.in_(names))

@@ -96,7 +96,10 @@ class RedisCare:
         self._warned_flaw = flaw or ""
 
     def _close_excess_connections(self) -> None:
-        """Closes the connections of worker users with more than MOST_OF_CLIENTS of Redis's limit, if few connections are left."""
+        """Closes connections if Redis has few left.
+
+        Closes all connections of each worker user that holds more than the fraction MOST_OF_CLIENTS of Redis's limit.
+        """
         clients = self._redis.info("clients")
         most = int(clients.get("maxclients") or 0)
         if not most or int(clients["connected_clients"]) < EXCESS_SHARE * most:

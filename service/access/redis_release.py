@@ -20,7 +20,7 @@ FIXED: dict[str, dict[tuple[int, ...], int]] = {
 
 @dataclass(frozen=True)
 class RedisRelease:
-    """Release of a server. name: "Redis" or "Valkey"; version: () if it is unknown."""
+    """Name and version of a server. name: "Redis" or "Valkey". numbers: of the version; () if it is unknown."""
 
     name: str
     numbers: tuple[int, ...]
@@ -51,7 +51,10 @@ class RedisRelease:
 
 
 def release_of(info: Mapping[str, Any]) -> RedisRelease:
-    """Returns a server's release from its INFO reply. Recognises Valkey, which reports a Redis version too, for old clients."""
+    """Returns the release of the server that sent this INFO reply.
+
+    Valkey is recognised, although for old clients it also reports a version of Redis.
+    """
     if "valkey_version" in info:
         return RedisRelease("Valkey", _numbers(str(info["valkey_version"])))
     return RedisRelease("Redis", _numbers(str(info.get("redis_version", ""))))

@@ -63,7 +63,10 @@ REDIS_6_RULES = (
 
 
 class RedisUsers:
-    """Keeps Redis's users synchronized with the worker keys. `trouble`: the reason why Redis does not permit that, or None."""
+    """Creates and deletes Redis users so that there is exactly one for each valid worker key.
+
+    `trouble`: the reason why Redis does not permit that; None if it does.
+    """
 
     def __init__(self, connection: redis.Redis, keys: Keys, secret: str, instance: str) -> None:
         self._redis = connection

@@ -49,7 +49,7 @@ class Role(IntEnum):
 
 @dataclass(frozen=True)
 class Caller:
-    """Who sent a request. name: of the user, or of the worker token.
+    """The sender of a request. name: the user's name, or the worker token's.
 
     key: id of the session or token in the database; None if the credential is not stored there.
     """

@@ -30,7 +30,10 @@ class Visit:
 
     @property
     def queue(self) -> str:
-        """The queue of the caller's costly requests: one per user, or one per client address without authentication."""
+        """Name of the queue in which the caller's costly requests wait.
+
+        There is one queue per user; without authentication, one per client address.
+        """
         return f"user {self.user}" if self.user is not None else f"address {self.address}"
 
     @property

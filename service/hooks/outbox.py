@@ -1,7 +1,7 @@
-"""Notifies hooks of every job that ends or is late, at least once, even across restarts: messages are stored as rows until sent.
+"""Notifies hooks of every job that ends or is late, at least once, even across restarts.
 
-A row is identified by (hook, job, time of the event), so each event is reported once; a job that is continued and ends again is a
-new event.
+Messages are stored as database rows until they are sent. A row is identified by (hook, job, time of the event), so each event is
+reported once; a job that is continued and ends again is a new event.
 """
 
 from __future__ import annotations
@@ -35,7 +35,10 @@ RETRIES_S = (5.0, 30.0, 120.0, 600.0, 3600.0, 6 * 3600.0, 12 * 3600.0)  # delay 
 
 
 class Outbox:
-    """Finds ended and late jobs and sends the messages about them. One thread per hook, so a slow hook does not delay others."""
+    """Finds ended and late jobs, and sends messages about them to the hooks.
+
+    Each hook has a thread of its own, so a slow hook does not delay others.
+    """
 
     def __init__(self, settings: Settings, sessions: Sessions, events: Events) -> None:
         self._settings = settings
@@ -53,7 +56,10 @@ class Outbox:
             thread.start()
 
     def stop(self) -> None:
-        """Stops the threads after the messages in progress. Messages that are due are sent after the next start."""
+        """Stops the threads, each after the message that it is sending.
+
+        Waits at most STOP_TIMEOUT_S seconds for them. Other due messages are sent after the next start.
+        """
         self._stop.set()
         until = time.monotonic() + STOP_TIMEOUT_S
         for thread in self._threads:

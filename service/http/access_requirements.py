@@ -39,7 +39,7 @@ class Need:
 
     @property
     def weight(self) -> tuple[bool, int, bool]:
-        """Sort key for strictness: a stricter requirement has a larger key."""
+        """Key by which requirements are sorted: a stricter requirement has a larger key."""
         return self.role is None, self.role or 0, self.known
 
 
@@ -165,7 +165,10 @@ PROJECT_RESOURCES: dict[str, Kind] = {"scenes": "scene", "jobs": "job", "environ
 
 
 def resource_of(pattern: str, path: str) -> tuple[Kind, str] | None:
-    """Returns the kind and id of the object in a path that projects protect; None if there is none. pattern: from `need_of`."""
+    """Returns kind and id of the object that a path addresses, if projects can hide it; otherwise None.
+
+    pattern: the table's pattern of this path, as `need_of` returns it.
+    """
     _, _, collection, name, *_ = [*pattern.split("/"), "", "", ""]
     if collection not in PROJECT_RESOURCES or name != "{id}":
         return None

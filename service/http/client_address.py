@@ -77,7 +77,7 @@ class ClientAddress:
         await self._believing(scope, receive, send)
 
     async def _checked(self, scope: Scope, receive: Receive, send: Send) -> None:
-        """Calls the application with the peer's own address if the forwarded one is malformed."""
+        """Calls the application with the forwarded address of the client, or with the peer's own address if that is malformed."""
         peer = scope.pop(PEER)
         if scope.get("client") != peer:
             try:
@@ -106,16 +106,19 @@ def _names_proxy(names: Iterable[bytes]) -> bool:
 
 
 def signed_origin(scope: Scope, address: str, secret: str) -> str:
-    """Returns the signed value of the header PASSED_ON, in which a standby sends the client's address to the farm's owner.
+    """Returns the signed value of the header PASSED_ON, by which a standby passes the client's address to the farm's owner.
 
-    address: the client's; "" for a local client. The scheme (http or https) is part of the value.
+    address: the client's; "" for a local client. The value includes the scheme (http or https).
     """
     said = f"{address or NO_ADDRESS} {scope['scheme']}"
     return f"{said} {_signature(said, secret)}"
 
 
 def _verified_origin(word: str, secret: str) -> tuple[str, str] | None:
-    """Returns address and scheme from a value of `signed_origin`; None if it is missing or its signature is invalid."""
+    """Verifies a value made by `signed_origin`, and returns its address and scheme.
+
+    None if the value is missing or its signature is invalid.
+    """
     said, _, signature = word.rpartition(" ")
     if not secret or not said or not hmac.compare_digest(signature.encode(), _signature(said, secret).encode()):
         return None

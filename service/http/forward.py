@@ -51,9 +51,9 @@ HANDSHAKE = {"host", "sec-websocket-key", "sec-websocket-version", "sec-websocke
 
 
 class OwnerClient:
-    """HTTP and WebSocket client for the service that owns the farm.
+    """Client of the service that owns the farm, for HTTP requests and WebSockets.
 
-    `ended`, a parameter of its methods, is an event that is set when this service becomes the owner.
+    `ended`, a parameter of its methods, is an event that is set when this service becomes the owner itself.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -144,9 +144,9 @@ class OwnerClient:
             raise _unreachable_owner(type(error).__name__) from error
 
     def _headers(self, scope: Scope, left_out: set[str]) -> list[tuple[bytes, bytes]]:
-        """Returns the request's header fields without those in `left_out`, with the client's signed origin added.
+        """Returns the header fields to forward: the request's without those in `left_out`, and the client's signed address.
 
-        The origin of a loopback client has an empty address.
+        For a loopback client, the signed address is empty.
         """
         client = (scope.get("client") or ("", 0))[0]
         origin = signed_origin(scope, "" if is_local_address(client) else client, self._settings.owner_token)
@@ -232,9 +232,9 @@ async def _relay_to_client(owner_socket: ClientConnection, send: Send) -> None:
 
 
 async def _result_unless(ended: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
-    """Returns the result of the coroutine `doing`; None if `ended` is set or another task ends first.
+    """Returns the result of the coroutine `doing`.
 
-    `doing` is then cancelled.
+    None if `ended` is set first, or if another of the relay's tasks ends first; `doing` is then cancelled.
     """
     task, ending = asyncio.create_task(doing), asyncio.create_task(ended.wait())
     try:

@@ -140,8 +140,8 @@ def _secret_of(headers: Headers, cookie: str) -> str:
 def _needs_login(access: Access, connection: HTTPConnection) -> bool:
     """Returns True if a request needs a login.
 
-    If the service needs no login on its own machine, only these do: requests from other machines, through a proxy, or by a host
-    name other than loopback's. In a container every client has a foreign address, so only the proxy is checked there.
+    On a service that needs no login on its own machine, these requests still do: from other machines, through a proxy, or by a
+    host name other than loopback's. In a container every client has a foreign address, so only the proxy is checked there.
     """
     if access.needs_login or access.is_open:
         return access.needs_login
@@ -167,7 +167,7 @@ async def _caller_of(access: Access, token: str) -> Caller | None:
 
 
 async def _visible_projects(access: Access, caller: Caller | None, needs_login: bool) -> ProjectVisibility:
-    """Returns the projects visible to a caller. A local caller who needs no login sees all of them."""
+    """Returns the projects visible to a caller: all of them if the caller is local and needs no login."""
     if not needs_login and caller is not None and not caller.is_worker:
         return EVERYTHING
     known = access.projects.cached_visibility(caller)
@@ -175,7 +175,10 @@ async def _visible_projects(access: Access, caller: Caller | None, needs_login: 
 
 
 async def _may_see(access: Access, sight: ProjectVisibility, thing: tuple[Kind, str]) -> bool:
-    """Returns True if an object is visible to a caller. False also if it does not exist, so that both get the same response."""
+    """Returns True if an object is visible to a caller.
+
+    Returns False also if the object does not exist, so that hidden and missing objects get the same response.
+    """
     if sight.everything:
         return True
     project = access.projects.cached_project(*thing)

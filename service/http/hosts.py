@@ -21,7 +21,7 @@ HOST = re.compile(r"(?:\[(?P<address>[0-9A-Fa-f:.]{2,45})\]|(?P<name>[A-Za-z0-9.
 
 
 def name_of(host: str) -> str | None:
-    """Returns the lower-case host of a Host header, without its port; None if it is malformed (RFC 9110, 7.2)."""
+    """Returns the name or address in a Host header, in lower case and without the port; None if malformed (RFC 9110, 7.2)."""
     found = HOST.fullmatch(host)
     if found is None:
         return None

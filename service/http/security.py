@@ -45,7 +45,7 @@ STREAMED = ("/api/scenes", "/api/environments", "/api/references", "/api/farm/bl
 
 
 class SecurityMiddleware:
-    """ASGI middleware around the whole application."""
+    """ASGI middleware around the whole application, which adds security headers and rejects cross-site requests."""
 
     def __init__(self, app: ASGIApp, settings: Settings) -> None:
         self._app = app
@@ -119,14 +119,17 @@ def _host_of(origin: str) -> str | None:
 
 
 def exceeds_limit(length: str, limit: int) -> bool:
-    """Returns True if a Content-Length exceeds the limit. False for a malformed one, which the server rejects itself."""
+    """Returns True if the size in a Content-Length header exceeds `limit` bytes.
+
+    Returns False for a malformed header, which the server rejects itself.
+    """
     return length.isascii() and length.isdigit() and (len(length) > 18 or int(length) > limit)
 
 
 def _head_as_get(scope: Scope) -> Scope:
-    """Converts HEAD requests to GET, so that every GET route supports HEAD.
+    """Changes the method of a HEAD request to GET, so that every GET route supports HEAD.
 
-    Except for the event stream, whose response never ends.
+    Does not change it for the event stream, whose response never ends.
     """
     if scope["method"] == "HEAD" and scope["path"] != "/api/events":
         return as_get(scope)

@@ -1,4 +1,7 @@
-"""Logout at the OpenID provider when a user logs out of the farm: the ID token, which this needs, is stored in a cookie."""
+"""Logout at the OpenID provider when a user logs out of the farm.
+
+The provider requires the ID token of the login for this, so the token is stored in a cookie.
+"""
 
 from __future__ import annotations
 

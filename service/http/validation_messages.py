@@ -34,7 +34,10 @@ _TYPES: dict[str, str] = {
 
 
 def coded_validation_message(error: Mapping[str, Any]) -> str | None:
-    """Returns the sentence of one of Pydantic's errors (type and ctx); None for a type that has none."""
+    """Returns the translatable sentence for one of Pydantic's validation errors; None if this type of error has none.
+
+    error: with the keys `type` and `ctx`, as Pydantic lists errors.
+    """
     context = error.get("ctx", {})
     match error["type"]:
         case "greater_than":

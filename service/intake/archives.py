@@ -104,7 +104,7 @@ def _damaged(name: str, error: Exception) -> Invalid:
 
 
 def _check_entries(entries: list[zipfile.ZipInfo], name: str, max_files: int, max_bytes: int, max_ratio: float) -> None:
-    """Checks the archive's directory before extraction.
+    """Checks the entries in the archive's directory, before any of them is extracted.
 
     Raises TooLarge if a limit is exceeded, Invalid for unsupported entries.
     """

@@ -93,9 +93,9 @@ class Lighting:
         return LitScene(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
 
     def row(self, scene: str, request: Mapping[str, Any]) -> Scene:
-        """Returns the row of the scene to render, created if needed; the uploaded scene's if the request changes nothing.
+        """Returns the database row of the scene to render, created if needed.
 
-        Raises as `scene_for` does.
+        If the request changes nothing, this is the uploaded scene's row. Raises as `scene_for` does.
         """
         base = self._upload(scene)
         stored = self._requested_upload(base, request)
@@ -114,7 +114,7 @@ class Lighting:
         return made
 
     def find_row(self, scene: str, request: Mapping[str, Any]) -> Scene | None:
-        """Returns the row that `row` would return, whether or not it failed; None if it does not exist. Creates nothing."""
+        """Returns the row that `row` would return, even if its preparation failed; None if there is none. Creates nothing."""
         base = self._upload(scene)
         stored = self._requested_upload(base, request)
         if stored is None or stored.id == base.id:
@@ -188,7 +188,10 @@ class Lighting:
         return found
 
     def _requested_upload(self, base: Scene, request: Mapping[str, Any]) -> Upload | None:
-        """Returns the upload with the requested changes applied; None if the request changes nothing."""
+        """Returns a copy of the upload with the environment, variant, up axis and floor that the request sets.
+
+        None if the request changes nothing.
+        """
         environment = request.get("environment") or {}
         light: str | BlobRef | None = None
         if (sky := environment.get("sky")) is not None:

@@ -96,7 +96,7 @@ async def read_form(
 
 
 class _Reader:
-    """Callbacks of the multipart parser, which passes data as (buffer, start, end)."""
+    """Callbacks that receive the events of the multipart parser. Data is passed as (buffer, start, end)."""
 
     def __init__(self, store: BlobStore, max_files: int) -> None:
         self.form = Form()

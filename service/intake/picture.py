@@ -1,4 +1,4 @@
-"""Picture key of a job, for reuse of samples: jobs with equal keys have bit-identical samples."""
+"""Picture key of a job: jobs with equal keys have bit-identical samples, so one can reuse those of the other."""
 
 from __future__ import annotations
 

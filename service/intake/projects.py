@@ -35,7 +35,10 @@ def id_in_project(project: str, id: str) -> str:
 
 
 def may_be_used_in(thing: str, project: str) -> bool:
-    """Returns True if content in one project may be used in another: it is in the same project, or in none ("")."""
+    """Returns True if an object may be used inside a project.
+
+    thing: the object's project, which must be the same one, or "" (none). project: the project in which the object is to be used.
+    """
     return thing in ("", project)
 
 

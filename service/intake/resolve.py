@@ -22,10 +22,9 @@ MOST_TILES = 1 << 17  # each takes hundreds of bytes of the engine's memory whil
 
 
 def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
-    """Returns the tile size in pixels for an image: small enough to occupy all slots and show progress, large enough for few
-    batches.
+    """Returns the tile size in pixels for an image: small enough that tiles occupy all slots, large enough for few batches.
 
-    An image has about 16 to 200 tiles. The size depends only on the image's, since noise is judged per tile.
+    An image has about 16 to 200 tiles. The size depends only on the image's size, since noise is judged per tile.
     of_shot: larger tiles, since other frames of the shot occupy the slots too.
     """
     pixels = width * height
@@ -88,7 +87,7 @@ def refuse_warnings(warnings: Sequence[str], request: dict[str, Any]) -> None:
 
 
 def refusal(warnings: Sequence[str]) -> str:
-    """Returns the error message for a strict scene or job with these warnings, without the final full stop."""
+    """Returns the message that a strict scene or job fails because of these warnings, without the final full stop."""
     listed = reduce(joined_sentences, warnings).rstrip(".")
     if len(warnings) == 1:
         return Sentence("strict-scene-warning", "strict turns the scene's warning into an error: {warning}", warning=listed)
@@ -109,7 +108,7 @@ def frame_settings(
 ) -> RenderSettings:
     """Returns the settings that determine every sample of one frame. Raises SettingsError.
 
-    view, defaults, views: the scene's, at the frame's time.
+    view: the frame's camera. defaults, views: the scene's settings and cameras at the frame's time.
     """
     seen = tuple(map(View.from_json, views))
     return _settings(request, of_job.width, of_job.height, View.from_json(view), defaults, seen)

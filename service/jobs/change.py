@@ -1,4 +1,4 @@
-"""Changes to a job: its state, goals, frames and queue options."""
+"""Changes to a job: its state, goals (samples, noise or time), frames and queue options."""
 
 from __future__ import annotations
 

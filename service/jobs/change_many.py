@@ -77,7 +77,10 @@ def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer
 
 
 def may_begin_anew(id: str, farm: Farm) -> bool:
-    """Whether setting a job to running would start it again with an empty film. Reads the film of a job that has ended."""
+    """Returns True if setting a job to running would start it again with an empty film.
+
+    Reads the film of a job that has ended.
+    """
     return id not in farm.engine.snapshot.jobs and begins_anew(find_job(id, farm), farm.films)
 
 

@@ -111,7 +111,7 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
 def _row(
     request: JobIn, keys: list[int], stored_request: dict[str, Any], idempotency_key: str | None, visit: Visit, farm: Farm
 ) -> Job:
-    """Returns the row of a new job. keys: sorted frame keys. stored_request: the request as stored."""
+    """Returns the database row of a new job, not yet stored. keys: sorted frame keys. stored_request: the request as stored."""
     rendered = _scene_to_render(request, stored_request, farm)
     return Job(
         id=uuid.uuid4().hex[:20],
@@ -161,7 +161,10 @@ def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm)
 
 
 def _current_request(job: Job) -> JobIn:
-    """Returns a job's request with later changes of goals, frames, name and priority, without dependencies and queue options."""
+    """Returns the request that would create a job in its present form.
+
+    It includes later changes of goals (samples, noise or time), frames, name and priority, but no dependencies and queue options.
+    """
     now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
     if job.shot is not None and (shot := Shot.parse(job.shot)) is not None:
         now |= {"frames": shot.frames, "order": shot.order}
@@ -170,7 +173,10 @@ def _current_request(job: Job) -> JobIn:
 
 
 def _omitted(request: JobIn) -> set[str]:
-    """Returns the default-valued fields that are not stored, so that requests stored by older releases compare equal."""
+    """Returns the names of those fields that are not stored if they have their default.
+
+    So requests that older releases stored, which lack these fields, compare equal.
+    """
     return {name for name in ("denoise", "fresh", "strict", "verify") if not getattr(request, name)} - (
         {"verify"} if request.verify == 0 else set()
     )

@@ -93,7 +93,7 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
 
 
 def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
-    """Returns the stored frame numbers of still images, by job id."""
+    """Returns the numbers (samples, progress, noise ...) of still images' frames as stored in the database, by job id."""
     found: dict[str, Recorded] = {}
     columns = [getattr(Frame, name) for name in ("job", "number", *RECORDED)]
     for at in range(0, len(jobs), MAX_NAMED_JOBS):
@@ -250,12 +250,12 @@ def _message(job: Job, view: Snapshot, waits: list[WaitOut]) -> str | None:
 
 
 def _is_stranded(job: Job, roster: WorkerSnapshot) -> bool:
-    """Returns True if a job has started on a kind of worker of which none is connected now."""
+    """Returns True if a job was begun by a kind of worker (kernels and processor) of which none is connected now."""
     return job.kind is not None and not roster.slots(job.kind)
 
 
 def _unmet_requirements(job: Job, roster: WorkerSnapshot) -> str | None:
-    """Returns why no connected worker meets a job's requirements; None if one does."""
+    """Returns a sentence on why no connected worker meets a job's requirements; None if one does."""
     needs = Needs.from_json(job.needs)
     able = [report.name for report in roster.ready_reports() if job.kind in (None, report.kind)]
     return needs.unmet_reason(map(roster.offers.get, able)) if needs else None
@@ -276,7 +276,7 @@ def _failed_frames_note(job: Job, shot: ShotOut | None) -> str | None:
 
 
 def farm_stall_reason(roster: WorkerSnapshot) -> str | None:
-    """Returns why no worker of the farm accepts work; None if one does."""
+    """Returns a sentence on why no worker of the farm accepts work; None if one does."""
     if roster.ready_reports():
         return None
     if not roster.reports:

@@ -17,7 +17,10 @@ log = logging.getLogger(__name__)
 
 
 def carry_out_and_describe(id: str, farm: Farm, begun: InitialValues | None = None) -> JobOut:
-    """Applies the pending changes of a job's frames and returns the job. After an error they are retried in the background."""
+    """Applies the pending changes of a job's frames and returns the API's model of the job.
+
+    If that fails, the changes are retried in the background. begun: initial column values of frames with reused samples.
+    """
     try:
         farm.frame_changes.carry_out(id, begun)
     except FarmError as error:

@@ -43,7 +43,7 @@ class JobFilter:
         return session.scalar(self._apply(select(func.count()).select_from(Job))) or 0
 
     def tallies(self, session: Session) -> dict[str, int]:
-        """Returns the number of matching jobs by state. The filter on states is not applied."""
+        """Returns the number of matching jobs in each state. Jobs in states that the filter excludes are counted too."""
         query: Any = select(Job.state, func.count()).group_by(Job.state)
         query = replace(self, states=())._apply(query)
         return {row[0]: row[1] for row in session.execute(query)}

@@ -48,13 +48,13 @@ def find_scene(id: str, farm: Farm) -> Scene:
 
 
 def is_derived_scene(id: str, session: Session) -> bool:
-    """Returns True if a scene is derived from an uploaded one with another environment or material variant."""
+    """Returns True if a scene was derived from an uploaded one, by other lighting, material variant, up axis or floor."""
     scene = session.get(Scene, id)
     return scene is not None and scene.of is not None
 
 
 def find_film(id: str, n: float, farm: Farm) -> Film:
-    """Returns the film of a job that has frame n.
+    """Returns the film of a job, after checking that the job has a frame number `n`.
 
     Raises NotFound, Conflict if there is no film yet, FilmLost if it is lost, FilmUnavailable if it cannot be read yet.
     """

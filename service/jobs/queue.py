@@ -93,7 +93,7 @@ def reduce_dependencies(id: str, after: Sequence[str], session: Session) -> None
 
 
 def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
-    """Returns the jobs that each job waits for, by job id."""
+    """Returns for each job the jobs that it waits for, by job id."""
     ids = [job.id for job in jobs if job.state in ACTIVE_STATES and job.request.get("after")]
     found: dict[str, list[WaitOut]] = {}
     for at in range(0, len(ids), MOST_NAMED):

@@ -22,9 +22,9 @@ CHANGED = ("shot", "spp", "noise", "seconds", "state", "finished", "error", "rep
 
 @dataclass(frozen=True)
 class ShotChange:
-    """A change of a shot. before, after: the job's columns. steps: changes of its frames.
+    """A change of a shot, computed but not stored.
 
-    samples: number of samples that the change adds.
+    before, after: columns of the job's row. steps: changes of its frames. samples: number of samples that the change adds.
     """
 
     before: dict[str, Any]
@@ -58,7 +58,11 @@ class ShotChange:
         return cls(before, _columns(job), steps, added_samples(job, frames, before["spp"], steps))
 
     def is_current(self, job: Job, session: Session) -> bool:
-        """Whether the change can still be stored: the job's row is unchanged since, and no change of its frames is pending."""
+        """Returns True if the change can still be stored.
+
+        That requires that the job's row is unchanged since the change was computed, and that no other change of its frames is
+        pending.
+        """
         return _columns(job) == self.before and session.get(FrameChange, job.id) is None
 
     def store(self, job: Job, session: Session) -> bool:

@@ -117,7 +117,7 @@ def _engine_sums(job: Job, live: JobNumbers) -> ShotSums:
 
 
 def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
-    """Returns the totals of the numbers stored in the database, by job id."""
+    """Returns totals over the frames of shots, computed from the numbers stored in the database, by job id."""
     ids = [job.id for job in jobs]
     counts = func.count(), func.count(Frame.noise), func.min(Frame.number)
     sums = (func.coalesce(func.sum(each), 0) for each in (Frame.samples, Frame.bad_samples, Frame.progress))
