@@ -67,7 +67,7 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
 
 
 def _imported(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
-    """Returns the modules and all their static imports, direct and indirect, in import order."""
+    """Returns the given modules and all that they import statically, directly or indirectly, in import order."""
     found = dict.fromkeys(modules)
     for name in (waiting := list(found)):
         for other in _imported_modules(name, _IMPORT, sources):

@@ -34,7 +34,10 @@ mimetypes.add_type("text/javascript", ".js")
 
 
 class Pages(StaticFiles):
-    """Static files with an ETag, which browsers revalidate each time, so that a page never mixes files of two versions."""
+    """Static files that browsers revalidate each time by their ETag.
+
+    A page therefore never mixes files of two versions.
+    """
 
     async def get_response(self, path: str, scope: Scope) -> Response:
         """Returns the response with a file. Hidden files result in 404."""
@@ -73,7 +76,7 @@ class WebPages(Pages):
         return await super().get_response("no such file", scope)
 
     def _current_files(self) -> PageFiles:
-        """Returns the snapshot of the current files, so that changes to the page need no restart."""
+        """Returns a snapshot of the page's files. Takes a new one after a change, so that changes need no restart."""
         with self._lock:
             files = tuple(_files(self._folder))
             if files != self._shelf.files:

@@ -32,7 +32,7 @@ log = logging.getLogger(__name__)
 
 
 class ServiceLifecycle:
-    """The state of a service process: owner or standby. Use it on a single event loop."""
+    """Switches a service process between owning the farm and being a standby. Used only on one event loop."""
 
     def __init__(self, settings: Settings, take_over: Callable[[Farm], None]) -> None:
         """Stores the parameters.
@@ -82,7 +82,10 @@ class ServiceLifecycle:
 
     @property
     def is_alive(self) -> bool:
-        """Returns True if the background task is running, and also the engine if this process owns the farm."""
+        """Returns True if the background task is running.
+
+        If this process owns the farm, the engine must be running too.
+        """
         goes_on = self._task is not None and not self._task.done()
         return goes_on and (self._farm is None or self._farm.engine.is_alive)
 
@@ -118,7 +121,7 @@ class ServiceLifecycle:
             await asyncio.to_thread(farm.owning.guard)
 
     def close_streams(self) -> None:
-        """Ends the event streams before the server stops. Safe to call in a signal handler."""
+        """Ends the event streams to clients before the server stops. May be called in a signal handler."""
         if self._farm is not None:
             self._farm.broadcast.close()
 

@@ -284,12 +284,15 @@ class _Files(PydanticBaseSettingsSource):
     """Source of settings from files: RAYFARM_NAME_FILE names the file with the value of RAYFARM_NAME. Raises VariableError."""
 
     def get_field_value(self, field: FieldInfo, field_name: str) -> tuple[Any, str, bool]:
-        """Returns the content of the setting's file (None without a file), its name, and False: the value is not JSON."""
+        """Returns the three values that Pydantic expects: the setting's value, its name, and whether the value is JSON.
+
+        The value is the content of the setting's file, or None without a file, and never JSON.
+        """
         name = f"RAYFARM_{field_name.upper()}"
         return (value_of(name) or None) if os.environ.get(name + FILE) else None, field_name, False
 
     def __call__(self) -> dict[str, Any]:
-        """Returns the values by field name."""
+        """Returns the values of all settings that have a file, by field name."""
         values: dict[str, Any] = {}
         for name, field in self.settings_cls.model_fields.items():
             value, key, is_complex = self.get_field_value(field, name)
@@ -316,7 +319,10 @@ def _own_address() -> str:
 
 
 def _persistent_id(path: Path) -> str:
-    """Returns the random id stored in a private file. Creates the file if needed; safe if several services start at once."""
+    """Returns the random id that is stored in a private file.
+
+    Creates the file if it does not exist; safe if several services start at once.
+    """
     made = f"{secrets.token_hex(16)}\n".encode()
     if not path.exists():
         write_if_missing(path, made)

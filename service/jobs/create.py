@@ -184,9 +184,10 @@ def _omitted(request: JobIn) -> set[str]:
 
 @contextmanager
 def _with_reused_samples(job: Job, keys: list[int], is_fresh: bool, farm: Farm) -> Iterator[InitialValues]:
-    """Copies samples that earlier jobs rendered of the same picture into a new job's films; yields the sample numbers by frame.
+    """Copies samples that earlier jobs rendered of the same picture into a new job's film.
 
-    Yields an empty dict if there is nothing to reuse. If the `with` block raises, deletes the films again.
+    Yields the initial column values of the frames with reused samples, by frame key; an empty dict if there is nothing to reuse.
+    If the `with` block raises, deletes the film again.
     """
     begun: InitialValues = {}
     if not is_fresh and farm.settings.reuse_films:

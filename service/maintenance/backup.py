@@ -52,7 +52,11 @@ Progress = Callable[[int, int, str], None]  # bytes copied, total bytes, and the
 
 @dataclass
 class Manifest:
-    """List of a backup's files. files: size in bytes and SHA-256 by path. stamps: of films, to detect unchanged ones."""
+    """List of a backup's files.
+
+    files: size in bytes and SHA-256, by path. stamps: a mark for each film, which is equal at the next backup if the film is
+    unchanged.
+    """
 
     version: str = __version__
     made: float = 0.0
@@ -244,7 +248,7 @@ class _Run:
 
 
 def _snapshot(source: Path, copy: Path) -> None:
-    """Copies an SQLite database in one read transaction. In WAL mode other processes can write meanwhile."""
+    """Copies an SQLite database in one read transaction, during which other processes can write (WAL mode)."""
     _required_size(source)
     uri = f"{source.resolve().as_uri()}?mode=rw"
     with closing(sqlite3.connect(uri, uri=True, timeout=PATIENCE_S)) as a, closing(sqlite3.connect(copy)) as b:

@@ -42,7 +42,7 @@ log = logging.getLogger(__name__)
 
 
 class WallClock:
-    """Detects jumps of the wall clock."""
+    """Detects that the wall clock was set, by comparing it with the time since boot."""
 
     def __init__(self) -> None:
         self._apart = time.time() - _since_boot()
@@ -75,7 +75,10 @@ class Rules:
 
 @dataclass(frozen=True)
 class Item:
-    """An item that the rules allow to delete. bytes: size on disk; data shared by scenes is included in each of them."""
+    """An item that the rules allow to delete: a film, the compiled form of a scene, or an upload.
+
+    bytes: size on disk. Data that several scenes share counts in the size of each.
+    """
 
     what: Literal["film", "compiled", "upload"]
     id: str
@@ -87,7 +90,7 @@ class Item:
 
 @dataclass
 class Run:
-    """A deletion in progress, started by `Retention.begin`. Only its thread changes it."""
+    """Progress of a deletion that `Retention.begin` has started. Only its thread changes it."""
 
     state: Literal["running", "finished", "failed", "stopped"] = "running"
     planned: int | None = None  # number of items; None during the search
@@ -97,9 +100,9 @@ class Run:
 
 
 class Retention:
-    """Applies the rules once an hour. Skips a round after the clock was set forward, since deletion is final.
+    """Applies the retention rules once an hour. `deletable_items` and `carry_out` are thread-safe.
 
-    `deletable_items` and `carry_out` are thread-safe.
+    After the clock was set forward, it deletes nothing that hour, since deletion is final.
     """
 
     def __init__(

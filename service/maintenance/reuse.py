@@ -55,7 +55,7 @@ class _ReusableJob:
 
     @property
     def end_fields(self) -> tuple[str, int | None, float | None, float | None, str, str]:
-        """The fields whose concurrent change makes the copied samples unusable."""
+        """The values whose change, while samples are copied, makes the copy unusable: state, goals, shot and doubted samples."""
         job = self.job
         return job.state, job.spp, job.noise, job.seconds, json.dumps(job.shot, sort_keys=True), json.dumps(job.doubted)
 
@@ -156,7 +156,7 @@ class SampleReuse:
         return {each.job.id: each for each in found if each.job.kind == found[0].job.kind}
 
     def _is_unchanged(self, source: _ReusableJob) -> bool:
-        """Returns True if an earlier job still exists with unchanged goals."""
+        """Returns True if an earlier job still exists and none of its `end_fields` has changed."""
         with self._sessions() as session:
             job = session.get(Job, source.job.id)
         return job is not None and _ReusableJob(job, {}).end_fields == source.end_fields
@@ -191,7 +191,10 @@ class SampleReuse:
         return {key: _frame(job, sources[id].job, rows.get(key), samples, pixels) for key, (id, samples) in reused.items()}
 
     def _rows(self, reused: Mapping[int, tuple[str, int]]) -> dict[int, Frame]:
-        """Returns the database rows of the reused frames, by frame key."""
+        """Returns the rows of the reused frames in the earlier jobs, by frame key.
+
+        reused: id of the earlier job and sample count, by frame key.
+        """
         found: dict[int, Frame] = {}
         with self._sessions() as session:
             for id in {id for id, _ in reused.values()}:

@@ -64,7 +64,10 @@ def check_film(films: FilmStore, job: str, settings: RenderSettings, tile_size: 
 
 
 class Scrubber:
-    """Checks films in a thread. `FilmSuspected` events trigger an immediate check. `check_first` is thread-safe."""
+    """Reads and checks films in a thread. `check_first` is thread-safe.
+
+    A `FilmSuspected` event triggers an immediate check of the film.
+    """
 
     def __init__(
         self,
@@ -219,6 +222,9 @@ class Scrubber:
 
 
 def _is_ended(job: Job) -> bool:
-    """Returns True if a job's film is not being changed: the job is finished, or failed because its film was damaged."""
+    """Returns True if a job's film is not being changed.
+
+    That is so if the job is finished, or if it failed because the film was damaged.
+    """
     is_over = job.state == "finished" or (job.state == "failed" and FILM in (job.error or ""))
     return is_over and job.settings is not None and job.tile_size is not None

@@ -30,7 +30,7 @@ log = logging.getLogger(__name__)
 
 
 class TaintMarker:
-    """Searches films in a thread, triggered by `WorkerQuarantined` events."""
+    """Searches finished jobs for samples of distrusted workers, in a thread. `WorkerQuarantined` events trigger a search."""
 
     def __init__(self, sessions: Sessions, films: FilmStore, events: Events) -> None:
         self._sessions = sessions

@@ -61,9 +61,9 @@ class Candidate:
         self.known: FarmOwner | None = None  # the row as last read
 
     def attempt(self) -> Ownership | None:
-        """Returns the ownership if the farm is free or its owner dead; else None. Cheap enough to be called often.
+        """Returns the ownership if the farm is free or its owner is dead; else None.
 
-        Raises Unavailable and StartupError.
+        Fast enough to be called often. Raises Unavailable and StartupError.
         """
         has_lock = self._lock.attempt()
         if self._clock() < self._looks_at and not (has_lock and self._lock_proves_death()):
@@ -98,9 +98,9 @@ class Candidate:
         self._engine.dispose()
 
     def _lock_proves_death(self) -> bool:
-        """Returns True if the owner held the folder's lock, so that a free lock shows that it is dead.
+        """Returns True if a free lock on the folder proves that the owner is dead, because the owner held the lock.
 
-        True until the row was first read.
+        Also returns True until the owner's row was first read.
         """
         return self.known is None or self.known.locked
 

@@ -27,7 +27,7 @@ class OwnerTimeout:
         self._looks = 0
 
     def record_request(self, epoch: int, number: int) -> None:
-        """Records that request `number` was sent to the owner of this epoch just now."""
+        """Records that request `number` was sent just now to the owner with this epoch (the number of its term of ownership)."""
         self._epoch, self._number = epoch, number
         self._since, self._looks = self._clock(), 0
 
@@ -36,7 +36,10 @@ class OwnerTimeout:
         return self._number is not None and row.epoch == self._epoch and row.answered >= self._number
 
     def is_request_due(self, row: FarmOwner) -> bool:
-        """Whether a new request must be sent: the owner has answered the last one, or is a new owner. Call once per check."""
+        """Returns True if a new request must be sent: the owner has answered the last one, or another service is now the owner.
+
+        Must be called once per check.
+        """
         if self._number is None or row.epoch != self._epoch or self.has_answered(row):
             return True
         self._looks += 1

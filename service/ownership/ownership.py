@@ -48,7 +48,7 @@ class Ownership:
         lease_s: float,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Stores a newly confirmed ownership. sessions: database sessions without a fence."""
+        """Stores the parameters of an ownership that was just acquired. sessions: database sessions without a fence."""
         self.engine = engine
         self.epoch = epoch
         self.sessions = sessions.fenced(self.fence)
@@ -97,7 +97,7 @@ class Ownership:
 
     @property
     def is_doubtful(self) -> bool:
-        """Returns True if the last check is so long ago that another service may have taken over since."""
+        """Returns True if the last confirmation is so old that another service may have taken over since."""
         return self.is_lost or self._clock() - self._confirmed > self._doubt_s
 
     def fence(self, session: Session) -> None:

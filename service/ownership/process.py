@@ -1,6 +1,7 @@
 """Checks whether another process on this machine has ended or is suspended, and kills it.
 
-Linux only. Elsewhere, and for processes of other machines or containers, the functions return that nothing is known.
+Linux only. On other systems, and for processes of other machines or containers, the state is unknown, and the functions return
+None or False.
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Database row of the farm's owner. Each function runs one transaction; raises Unavailable if the database does not respond."""
+"""The database row that records the farm's owner.
+
+Each function runs one transaction, and raises Unavailable if the database does not respond.
+"""
 
 from __future__ import annotations
 
@@ -19,10 +22,10 @@ FARM = "farm"
 
 @dataclass(frozen=True)
 class Claimant:
-    """One run of a service process that can become the owner.
+    """A run of a service process that can become the owner of the farm.
 
-    place: machine and port, for display. url: its URL for other services. folder: id of its data folder. process: its
-    identification (service/ownership/process.py).
+    place: machine and port, for display. url: its URL for other services. folder: id of its data folder. process: identification
+    of the process (service/ownership/process.py).
     """
 
     id: str
@@ -66,9 +69,9 @@ def take_ownership(sessions: Sessions, last_row: FarmOwner | None, claimant: Cla
 
 
 def request_answer(sessions: Sessions, place: str) -> int:
-    """Requests a sign of life from the owner. Returns the request's number, which the owner must write back.
+    """Requests a sign of life from the owner: increases the request number in the row, and returns it.
 
-    place: machine and port of the requesting service.
+    The owner must write this number back. place: machine and port of the requesting service.
     """
     with sessions.begin() as session:
         session.execute(

@@ -28,7 +28,10 @@ def write_atomically(path: Path, data: bytes) -> None:
 
 
 def write_if_missing(path: Path, data: bytes) -> None:
-    """Writes a small file unless it exists. If several processes do so at once, one succeeds and all read its content."""
+    """Writes a small file unless it exists.
+
+    If several processes call this at once, one of them writes the file, and all see its content.
+    """
     with _temporary_beside(path, data) as temporary:
         _sync(temporary)
         try:

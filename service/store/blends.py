@@ -1,6 +1,6 @@
-"""Blender's export of a scene's files: stored with the scene, and reused by other scenes with the same files.
+"""The files that Blender exports from a .blend scene: stored with the scene, and reused by other scenes with the same files.
 
-So the rendered result depends only on the upload, not on the Blender version that a worker has later.
+The rendered result therefore depends only on the upload, not on the Blender version that a worker has later.
 """
 
 from __future__ import annotations

@@ -71,7 +71,7 @@ class BlobStore(Protocol):
         """
 
     def sweep(self, keep: set[str], older_than_s: float = MIN_AGE_S) -> set[str]:
-        """Deletes unfinished writes, and blobs older than `older_than_s` seconds that are not in `keep`.
+        """Deletes remains of interrupted writes, and blobs older than `older_than_s` seconds that are not in `keep`.
 
         Returns the hashes of younger blobs that are not in `keep`. They are not deleted, since the worker's message that refers
         to them may still be in transit.

@@ -20,10 +20,10 @@ _FrameTile = tuple[int, int]  # frame, tile
 
 
 class Claims:
-    """The accepted parts of a merge.
+    """The decision which parts of a merge a film accepts.
 
-    coverage: the samples of each changed tile after the merge. replaced: stored rows that a part replaces. taken: whether each
-    part is accepted.
+    coverage: sample numbers that each changed tile has after the merge. replaced: stored rows that an accepted part replaces.
+    taken: for each part, whether it is accepted.
     """
 
     def __init__(
@@ -33,10 +33,10 @@ class Claims:
         coverage_of: Callable[[int, int], Coverage],
         rows: Callable[[int, int], Sequence[Head]] | None,
     ) -> None:
-        """Selects the parts to accept.
+        """Decides which parts to accept.
 
-        fit: whether each part is valid. coverage_of: returns a copy of the stored coverage of (frame, tile).
-        rows: returns the stored rows of (frame, tile); None: rows must not be replaced.
+        fit: for each part, whether it is valid. coverage_of: returns a copy of the sample numbers stored for (frame, tile).
+        rows: returns the heads of the rows stored for (frame, tile); None: no row may be replaced.
         """
         self.coverage: dict[_FrameTile, Coverage] = {}
         self.replaced: list[Head] = []
@@ -62,7 +62,10 @@ class Claims:
         return True
 
     def _replaced_rows(self, part: Part) -> list[Head]:
-        """Returns the stored rows that a part replaces; empty unless the part contains them completely and has more samples."""
+        """Returns the heads of the stored rows that a part replaces.
+
+        Empty unless the part contains all samples of these rows, and more.
+        """
         where, end = (part.frame, part.tile), part.first + part.count
         if self._rows is None or any(_overlap(part, [(new.first, new.count)]) for new in self._new.get(where, ())):
             return []

@@ -51,7 +51,7 @@ class Contents:
         return known is not None and bool(known.ranges)
 
     def is_one_run(self, frame: int, tile: int) -> bool:
-        """Returns True if a tile has samples and they form one contiguous range."""
+        """Returns True if the stored sample numbers of a tile form one contiguous range; False if there are none."""
         return self.has_tile(frame, tile) and len(self._coverage[frame, tile].ranges) == 1
 
     def copied_coverage(self) -> dict[FrameTile, Coverage]:
@@ -82,7 +82,7 @@ class Contents:
         return all(frame in frames for frame, _ in list(self._coverage))
 
     def has_sent(self, worker: str) -> bool:
-        """Returns True if the film contains sums from this worker."""
+        """Returns True if a worker has contributed to sums in the film."""
         return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
 
     def record_merge(self, coverage: Mapping[FrameTile, Coverage], added: Iterable[Head], instead_of: Iterable[Head]) -> None:
@@ -97,5 +97,8 @@ class Contents:
             self._rows.setdefault(head[:2], []).append(head)
 
     def record_fold(self, heads: Collection[Head], merged: Head) -> None:
-        """Updates the index after a fold: row `merged` replaces the rows `heads` and has the same samples."""
+        """Updates the index after several rows of a tile were folded into one.
+
+        heads: heads of the former rows. merged: head of the new row, which has the same samples.
+        """
         self._rows[merged[:2]] = [*(head for head in self._rows[merged[:2]] if head not in heads), merged]

@@ -13,7 +13,10 @@ __all__ = ["Part", "joined_parts"]
 
 @dataclass(frozen=True)
 class Part:
-    """A contribution: samples first ... first + count - 1 of a tile (by index), with sums packed by protocol.sums."""
+    """A contribution to a film: the sums of samples first to first + count - 1 of a tile.
+
+    tile: its index. sums: packed by protocol.sums.
+    """
 
     frame: int
     tile: int
@@ -26,10 +29,10 @@ class Part:
 
 
 def joined_parts(parts: list[Part], tiles: list[Tile], apart: bool) -> list[tuple[Part, Sums | None]]:
-    """Joins parts with contiguous samples, since each row is costly. Returns each part with its unpacked sums.
+    """Joins parts with contiguous samples, since each stored row is costly.
 
-    The sums are None for a part that was not joined. apart: do not join parts of different workers. Raises ValueError if a part's
-    sums are damaged.
+    Returns each resulting part with its unpacked sums, or with None if it was not joined. apart: do not join parts of different
+    workers. Raises ValueError if a part's sums are damaged.
     """
     runs: list[list[Part]] = []
     for part in sorted(parts, key=lambda p: (p.frame, p.tile, p.first)):

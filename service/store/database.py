@@ -68,9 +68,9 @@ class Sessions:
         self._writers = sessionmaker(engine.execution_options(writes=True, **options), expire_on_commit=False)
 
     def with_lock_timeout(self, seconds: float) -> Sessions:
-        """Returns a factory with another lock timeout, in seconds.
+        """Returns a factory whose sessions wait at most `seconds` for SQLite's lock.
 
-        Its transactions precede all others in the queue of writers.
+        Its writing transactions precede all others in this process's queue.
         """
         return Sessions(self._engine, seconds, self._fence, self._turns, is_urgent=True)
 

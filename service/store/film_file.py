@@ -47,7 +47,7 @@ log = logging.getLogger(__name__)
 
 
 class Head(NamedTuple):
-    """The columns of a row without its sums and checksum. service/store/film_version.py describes them."""
+    """The metadata of a film's row: its columns without sums and checksum (see service/store/film_version.py)."""
 
     frame: int
     tile: int
@@ -244,9 +244,9 @@ class FilmFile:
             raise
 
     def _fence(self, epoch: int) -> None:
-        """Raises FilmUnavailable if a service with a greater epoch owns the film; otherwise stores this service's epoch.
+        """Checks, within a transaction, that this service may write to the film, and stores its epoch.
 
-        In a transaction.
+        Raises FilmUnavailable if a service with a greater epoch owns the film.
         """
         if not self._is_claimed:
             self._database.execute("CREATE TABLE IF NOT EXISTS owner (epoch INTEGER)")

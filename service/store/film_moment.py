@@ -41,7 +41,7 @@ class ReadableFilm(Protocol):
 
 
 class FilmSnapshotView:
-    """A snapshot of a film; leaving its context ends it.
+    """A snapshot of a film, as a context manager: leaving the block ends the snapshot.
 
     May be opened in one thread and used in another, but not concurrently.
     """

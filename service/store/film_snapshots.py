@@ -29,7 +29,10 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class FilmSnapshot:
-    """Metadata of a snapshot, taken when every tile had `spp` samples per pixel or was complete with fewer."""
+    """Metadata of a stored picture of a film.
+
+    The picture was taken when every tile had `spp` samples per pixel, or was complete with fewer.
+    """
 
     spp: int
     least: int  # spp of the tile with the fewest samples
@@ -41,7 +44,7 @@ class FilmSnapshot:
 
 
 class FilmSnapshots:
-    """The stored snapshots of all jobs. Thread-safe."""
+    """The intermediate pictures (snapshots) of all jobs' films, as files on disk. Thread-safe."""
 
     def __init__(self, folder: Path, max_bytes: int, min_free_bytes: int) -> None:
         """Stores the limits.
@@ -60,7 +63,7 @@ class FilmSnapshots:
         return self._max_bytes <= 0
 
     def accept(self, job: str) -> list[int]:
-        """Accepts snapshots of a job until `drop` is called. Returns the sample counts of existing ones, as `stored_spp` does."""
+        """Permits snapshots of a job until `drop` is called. Returns the samples per pixel of those that exist, ascending."""
         with self._lock:
             self._begun.add(job)
         return self.stored_spp(job)
@@ -124,7 +127,7 @@ class FilmSnapshots:
         return True
 
     def drop(self, job: str) -> None:
-        """Deletes all snapshots of a job, and rejects further ones."""
+        """Deletes all snapshots of a job, and rejects any that are written later."""
         with self._lock:
             self._begun.discard(job)
             shutil.rmtree(self._folder / job, ignore_errors=True)

@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 
 
 class FilmStore(Protocol):
-    """Interface of the film storage."""
+    """Interface of the storage of films. A film holds the sums of all samples of one job."""
 
     def open(
         self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0, frame: int = 0
@@ -55,7 +55,10 @@ class FilmStore(Protocol):
         """Marks a film as no longer rendered: merges its write-ahead log, and allows the film to be closed."""
 
     def quarantine(self, job: str) -> None:
-        """Renames an unreadable film, so that its job starts again with an empty one. Raises FilmUnavailable or FilmLost."""
+        """Renames a job's unreadable film, so that the job starts again with an empty one.
+
+        Raises FilmUnavailable or FilmLost.
+        """
 
     def delete_damaged(self, job: str, settings: RenderSettings, tile_size: int) -> None:
         """Repairs a film: deletes rows that do not match their checksums, so that their samples are rendered again.

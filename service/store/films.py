@@ -87,7 +87,7 @@ class Film:
                 self._file.close()
 
     def open_file(self, make: bool = False) -> None:
-        """Opens the file if it exists. make: opens it for writing, and creates it if needed."""
+        """Opens the film's file if it exists. make: creates the file if it does not exist, and claims it for writing."""
         with self._lock:
             if self._is_closed:
                 raise FilmClosed

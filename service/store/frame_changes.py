@@ -59,7 +59,7 @@ class Step:
 
     @classmethod
     def for_keys(cls, action: Any, keys: Sequence[int], **what: Any) -> Step:
-        """Creates a step for frames given by their keys."""
+        """Creates a step that applies `action` (an operation listed at Step) to the frames with these keys."""
         return cls(action, frames_text([frame_number(key) for key in keys]), **what)
 
     @property
@@ -81,13 +81,16 @@ def record_steps(job: str, steps: Sequence[Step], session: Session) -> None:
 
 
 def apply_short_steps(job: Job, steps: Sequence[Step], session: Session, given: FrameValues | None = None) -> None:
-    """Applies short steps inside the caller's transaction. given: see `FrameChanges.carry_out`."""
+    """Applies steps that fit into one transaction, inside the caller's. given: see `FrameChanges.carry_out`."""
     for step in steps:
         _apply(job, step, step.keys, session, given or {})
 
 
 class FrameChanges:
-    """Applies recorded changes. A background thread continues unfinished ones. Thread-safe."""
+    """Applies changes of many frames that were recorded by `record_steps`, in portions. Thread-safe.
+
+    A background thread continues unfinished changes.
+    """
 
     def __init__(self, sessions: Sessions, events: Events, deleted: Callable[[str], None]) -> None:
         """Stores the parameters.

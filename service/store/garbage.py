@@ -108,17 +108,15 @@ class Garbage:
                 self._promised[sha256] = left
 
     def handle_release(self, event: BlobsReleased) -> None:
-        """Handles BlobsReleased: removes pins as often as the event counts references, and deletes the blobs that became
-        unreferenced.
-        """
+        """Handles a BlobsReleased event: removes one pin per counted reference, and deletes blobs that are now unreferenced."""
         for sha256, times in event.references.items():
             self.remove_pins(sha256, times)
         self.collect(lambda session: set(event.references))
 
     def collect(self, let_go: Callable[[Session], set[str]]) -> None:
-        """Runs a database change, and deletes the blobs that are then neither referred to nor pinned.
+        """Makes a database change, and then deletes the blobs that are neither referred to nor pinned any more.
 
-        let_go: makes the change; returns the blobs to which it removed references.
+        let_go: function that makes the change, and returns the blobs to which it removed references.
         """
         with self._lock:
             with self._sessions.begin() as session:

@@ -19,7 +19,7 @@ MAX_KERNELS = 24  # artefacts: a few kernels for each of a few kinds of workers;
 
 
 class KernelStore:
-    """The stored kernel files (renderer.kernel_file), by name. token: the key with which they are signed."""
+    """The compiled kernels of the farm (files as in renderer.kernel_file), by name. token: the key that signs them."""
 
     def __init__(self, folder: Path, token: str) -> None:
         self._folder = folder
