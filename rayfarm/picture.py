@@ -107,7 +107,10 @@ class Picture:
         return options.environment_of(self.given.get("env"))
 
     def placement(self) -> options.Placement:
-        """Returns the up axis and floor. Without an option, a floor is added for the studio light only, not if --env is given."""
+        """Returns the options for the up axis and the floor.
+
+        Without a floor option, a floor is added only under the studio light, not if --env is given.
+        """
         default = options.AUTO if self.environment() == options.Env() else None
         asked = self.given.get("floor")
         floor = default if asked is None else "on" if asked else None

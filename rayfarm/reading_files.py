@@ -43,7 +43,10 @@ def read_picture(data: bytes, name: str) -> npt.NDArray[Any]:
 
 
 def usd_names(layer: Path) -> list[str]:
-    """Returns the names of the files that a USD layer refers to; empty if it cannot be read: reading the scene reports that."""
+    """Returns the names of the files that a USD layer refers to.
+
+    Returns an empty list if the layer cannot be read; reading the scene later reports that.
+    """
     from rayfarm.reader_jobs import usd_names as work
 
     with temporary_folder("rayfarm-read-") as room:

@@ -80,7 +80,7 @@ def load_scene(
 
 
 def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock, card: CardRenderer | None = None) -> None:
-    """Makes the kernel for these settings and this scene ready, also on the graphics card if one is used.
+    """Loads the kernel for these settings and this scene, on the graphics card if one is used; compiles it if needed.
 
     Called after the scene was read, so that errors in its files are reported before the wait.
     """
@@ -98,7 +98,10 @@ def load_kernels(settings: RenderSettings, compiled: CompiledScene, clock: Clock
 
 @contextlib.contextmanager
 def show_progress() -> Iterator[Show]:
-    """Context manager that shows the progress of one frame, as a bar or as plain lines; yields the function to call."""
+    """Context manager that shows the progress of one frame, as a bar or as plain lines.
+
+    Yields the function to call with the progress.
+    """
     ticker = PlainProgress()
     with bar() as progress:
         task = progress.add_task("rendering", total=None)

@@ -43,7 +43,10 @@ def show_path(
 
 
 def _replace_numbers_by_names(vertex: dict[str, Any], summary: dict[str, Any]) -> dict[str, Any]:
-    """Replaces the numbers of objects and materials by their names, if the scene has names."""
+    """Replaces, in place, the numbers of a vertex's object and material by their names, and returns the vertex.
+
+    A number without a name becomes None.
+    """
     for field, names in (("object", summary["objects"]), ("material", summary["materials"])):
         number = vertex.get(field)
         if isinstance(number, int):
@@ -52,7 +55,10 @@ def _replace_numbers_by_names(vertex: dict[str, Any], summary: dict[str, Any]) -
 
 
 def _table(vertices: list[dict[str, Any]]) -> list[str]:
-    """Returns the vertices as table lines, with a column for each group of values. Lines may wrap; numbers are not truncated."""
+    """Returns the vertices as lines of a table with one column per group of values.
+
+    Lines may be wider than the terminal; numbers are not truncated.
+    """
     rows = [["#", *GROUPS]]
     for number, vertex in enumerate(vertices):
         cells = [_cell(vertex, names) for names in GROUPS.values()]
@@ -77,7 +83,7 @@ def _text(value: Any) -> str:
 
 
 def _without_nonfinite(value: Any) -> Any:
-    """Replaces NaN and infinity by text, since JSON cannot represent them."""
+    """Returns the value with every NaN and infinity in it replaced by text, since JSON cannot represent them."""
     if isinstance(value, dict):
         return {key: _without_nonfinite(part) for key, part in value.items()}
     if isinstance(value, (list, tuple)):

@@ -29,9 +29,10 @@ T = TypeVar("T")
 
 
 class ShownInNotebooks:
-    """Base of scenes and jobs: notebooks display them as a progressive picture if a client returned them.
+    """Base class of scenes and jobs, which notebooks display as a progressive picture.
 
-    widget_of: set by the package; returns the widget for a response and its client, or None without anywidget.
+    They do so only for objects that a client returned. widget_of: function that returns the widget for an object and its client,
+    or None without anywidget; set when the package is imported.
     """
 
     widget_of: ClassVar[Callable[[Any, Any], Any]] = staticmethod(lambda answer, farm: None)

@@ -202,7 +202,7 @@ def _text(path: Path) -> bytes:
 
 
 def _names(text: bytes, name: str) -> bool:
-    """Returns True if bytes contain a file's name, in one of `_ENCODINGS` and in NFC or NFD."""
+    """Returns True if the bytes `text` contain a file's name, in one of `_ENCODINGS` and in NFC or NFD."""
     for spelling in _spellings(name):
         if spelling.isascii():
             forms, encodings = {spelling}, _ENCODINGS[:3]

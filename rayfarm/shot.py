@@ -79,9 +79,9 @@ class FarmShot:
 
 
 def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
-    """Waits for a shot, and writes each frame once it is finished; a movie at the end. Returns the finished job.
+    """Waits for a shot and writes each frame once it is finished, and the movie, if requested, at the end.
 
-    Raises CommandError if frames failed, after the others are written; and ClientError.
+    Returns the finished job. Raises ClientError; and CommandError if frames failed, after the other frames are written.
     """
     ticker, fetched = PlainProgress(), set[float]()
     writes_frames = shot.output is not None and not is_movie(shot.output)

@@ -176,7 +176,7 @@ def _lamp(material: str, at: tuple[float, ...], size: tuple[float, float], tilt:
 
 
 def _top() -> Shape:
-    """Returns the top as nested groups: it travels, precesses and spins."""
+    """Returns the spinning top, a toy, as nested groups: one travels, one precesses, one spins."""
     turns = top_turns(MOMENTS)
     spin = [_about("y", _keys(turns["spin"] - turns["sway"], 2))]
     spins = {"name": "spins", "type": "mesh", "file": "top.glb", "transform": spin}
@@ -190,7 +190,7 @@ def _top() -> Shape:
 
 
 def _bricks() -> list[Shape]:
-    """Returns building blocks in the background, stacked in twos."""
+    """Returns toy building blocks in the background, in stacks of two."""
     found = []
     for i, (material, x, y, z, turn) in enumerate(BRICKS):
         transform = [{"scale": 0.55}, _about("y", turn), {"translate": [x, round(0.55 + 1.1 * y, 3), z]}]

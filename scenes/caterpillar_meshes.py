@@ -226,7 +226,7 @@ TWIST = 0.9  # radians of the stripes' twist over the top's height
 
 
 def top_parts() -> dict[str, Part]:
-    """Returns a top on its tip at the origin, by material: slanted stripes in two colours, a stem and a tip."""
+    """Returns a spinning top that stands on its tip at the origin, by material: striped body in two colours, stem and tip."""
     outline = np.array(OUTLINE)
     along = np.linspace(0, len(outline) - 1, 3 * len(outline))
     profile = np.stack([np.interp(along, np.arange(len(outline)), outline[:, k]) for k in range(2)], -1)

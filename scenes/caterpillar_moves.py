@@ -29,7 +29,10 @@ def _smooth(s: np.ndarray, low: float, high: float) -> np.ndarray:
 
 
 def top_place(t: np.ndarray) -> np.ndarray:
-    """Returns the position of the top's tip, (k, 3): from right to left in front of the caterpillar, and back behind it."""
+    """Returns the position of the spinning top's tip at the times `t`, (k, 3).
+
+    It moves from right to left in front of the caterpillar, and back behind it.
+    """
     angle = BEGIN + _phase(t)
     round_it = np.stack([np.cos(angle), 0 * angle, np.sin(angle)], -1)
     wobble = 0.06 * np.stack([np.cos(5 * angle), 0 * angle, np.sin(5 * angle)], -1)
@@ -37,13 +40,13 @@ def top_place(t: np.ndarray) -> np.ndarray:
 
 
 def top_turns(t: np.ndarray) -> dict[str, np.ndarray]:
-    """Returns angles in degrees, (k,) each: spin, lean, and direction of the lean."""
+    """Returns the spinning top's angles at the times `t`, in degrees, (k,) each: spin, lean, and direction of the lean."""
     phase = _phase(t)
     return {"spin": np.degrees(20 * phase), "lean": 9 + 3 * np.sin(2 * phase), "sway": np.degrees(5 * phase)}
 
 
 def camera(t: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Returns the camera's eye and target, (k, 3) each, which drift with the top and back."""
+    """Returns the camera's eye and target at the times `t`, (k, 3) each. Both drift with the spinning top and back."""
     phase = _phase(t) + BEGIN
     eye = np.stack([0.35 + 1.15 * np.cos(phase - 0.5), 2.15 + 0.22 * np.sin(phase + 2.4), 6.6 - 0.45 * np.sin(phase - 0.3)], -1)
     target = np.stack([0.06 + 0.1 * np.cos(phase - 0.4), 0.98 + 0 * phase, 0.0 * phase], -1)

@@ -34,7 +34,7 @@ EDGE, HOLE = 22, 10  # pixels of the filmstrip's rim and its holes
 
 
 def main() -> None:
-    """The command line."""
+    """Parses the command line, renders the shot, and writes the film, filmstrip and thumbnail."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "docs" / "pictures", help="docs/pictures unless told")
     parser.add_argument("--frames", type=Path, help="a folder for the frames; a passing one unless told")

@@ -30,7 +30,7 @@ class Glb:
         return len(found) - 1
 
     def view(self, data: bytes) -> int:
-        """Adds a buffer view."""
+        """Adds a buffer view of the bytes `data`."""
         at = self.add("bufferViews", {"buffer": 0, "byteOffset": len(self.blob), "byteLength": len(data)})
         self.blob += data + b"\0" * (-len(data) % 4)
         return at

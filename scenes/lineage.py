@@ -21,7 +21,7 @@ HERE = Path(__file__).parent
 
 
 def smallpt() -> Scene:
-    """Returns the box of nine spheres, including its walls."""
+    """Returns smallpt's scene: nine spheres, some of which are so large that they form the walls of a box."""
     far = 1e5
     return {
         "name": "smallpt",

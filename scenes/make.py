@@ -66,7 +66,7 @@ def lathe(name: str, material: str, outline: Outline, at: tuple[float, float, fl
 def softbox(
     name: str, material: str, at: tuple[float, float, float], size: tuple[float, float], tilt: float, turn: float
 ) -> dict[str, Any]:
-    """Returns a rectangular light; at tilt 90 it points straight down."""
+    """Returns a rectangular light. At tilt 90 (degrees) it points straight down."""
     transform = [
         {"scale": [*size, 1]},
         {"rotate": {"axis": "x", "degrees": tilt}},
@@ -82,7 +82,7 @@ def metal(color: list[float], roughness: float) -> dict[str, Any]:
 
 
 def glazed(color: str, roughness: float) -> dict[str, Any]:
-    """Returns coloured ceramic, wax or skin under a clear coat."""
+    """Returns a material under a clear coat, for coloured ceramic, wax or skin."""
     return {"kind": "metallic_roughness", "color": color, "roughness": roughness}
 
 

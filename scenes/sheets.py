@@ -216,7 +216,7 @@ def render_sheet(name: str, spp: int) -> Picture.Image:
 
 
 def main() -> None:
-    """The command line."""
+    """Parses the command line, and renders the sheets that it names."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("names", nargs="*", metavar="name", help="all where none is named")
     parser.add_argument("-o", "--output", type=Path, default=DEFAULT)

@@ -133,7 +133,7 @@ def _frond(obj: Obj, turn: float, length: float, y: float, droop: float) -> None
 
 
 def _load(obj: Obj, turn: float, length: float, y: float, droop: float, reach: float) -> None:
-    """Adds the snow on a frond: a cushion that leaves the tips of the needles free."""
+    """Adds the snow that lies on a frond of a fir: a cushion that leaves the tips of the needles free."""
     point = _along(turn, length, y, droop)
     width = 0.7 * (0.13 + 0.16 * length)
     rows = []

@@ -68,7 +68,7 @@ def uses_json() -> bool:
 
 
 def level() -> int:
-    """Returns the lowest level to log; INFO if the setting is invalid."""
+    """Returns the lowest level of messages that are logged; INFO if the setting is invalid."""
     name = os.environ.get(LEVEL_VARIABLE, "info").strip().lower()
     return getattr(logging, name.upper()) if name in LEVELS else logging.INFO
 

@@ -44,7 +44,10 @@ class Blocks:
         return size[0], (size[1] + 1) // 2
 
     def discard_drawn(self) -> None:
-        """Resets the record of the drawn picture, since the screen was cleared."""
+        """Forgets which picture is on the screen, so that the next one is drawn completely.
+
+        Called after the screen was cleared.
+        """
         self._rows.clear()
 
     def draw(self, picture: U8, column: int, row: int) -> bytes:

@@ -118,12 +118,12 @@ class Terminal:
         return max(columns, 1), max(rows, 1)
 
     def wake(self) -> None:
-        """Makes `keys` return. Thread-safe, and safe in a signal handler."""
+        """Makes `keys`, if it is waiting, return at once. Thread-safe, and safe in a signal handler."""
         with contextlib.suppress(OSError):  # full: it wakes up anyway; or closed
             os.write(self._wake_write, b".")
 
     def keys(self, seconds: float) -> Iterator[str]:
-        """Yields the keys pressed within this time. Ends early after any other event."""
+        """Yields the keys pressed within the next `seconds` seconds. Ends early after any other event."""
         ready, _, _ = select.select([self._in, self._wake_read], [], [], seconds)
         if self._wake_read in ready:
             with contextlib.suppress(OSError):
@@ -141,11 +141,11 @@ class Terminal:
             yield from _keys(data)
 
     def draw(self, data: bytes) -> None:
-        """Draws the bytes as one synchronized update, without flicker."""
+        """Writes the bytes as one synchronized update of the screen, which does not flicker."""
         self.write(BEGIN + data + END)
 
     def write(self, data: bytes) -> None:
-        """Writes all bytes. If the terminal is gone, requests the end."""
+        """Writes all bytes. If the terminal is gone, sets `ended`, so that the program ends."""
         while data:
             try:
                 data = data[os.write(self._out, data) :]

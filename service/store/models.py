@@ -194,7 +194,10 @@ class Wait(Base):
 
 
 class ShareTerms(Base):
-    """Terms of a share of the slots, if set by an administrator. See service/scheduling/jobs/shares.py."""
+    """An administrator's settings for one share of the farm's slots: its weight and maximum.
+
+    See service/scheduling/jobs/shares.py.
+    """
 
     __tablename__ = "shares"
 

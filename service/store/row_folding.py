@@ -1,4 +1,4 @@
-"""Selects rows of a tile to fold into one, since many rows take more space and are slower to read."""
+"""Selects rows of a tile to fold (add up) into one, since many rows take more space and are slower to read."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ MAX_ROWS_APART = 64  # rows of a tile above which rows of different workers are 
 
 
 def rows_to_fold(rows: Sequence[Head], keeps_apart: bool, is_one_run: bool) -> list[Sequence[Head]]:
-    """Returns lists of a tile's rows; each list is to be folded into one row.
+    """Returns lists of a tile's rows; each list is to be folded into one row. Empty if the tile has few rows.
 
-    All rows, if the tile's samples are contiguous (is_one_run). If rows of different workers stay separate (keeps_apart): the
-    rows of each worker that has many, and beyond MAX_ROWS_APART rows all of them.
+    is_one_run: the tile's samples are contiguous; all rows form one list. keeps_apart: rows of different workers stay separate;
+    there is one list for each worker that has many rows, or one with all rows if there are more than MAX_ROWS_APART.
     """
     if len(rows) < MAX_ROWS_UNFOLDED:
         return []

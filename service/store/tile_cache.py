@@ -31,7 +31,7 @@ class TileCache:
         self._lock = threading.Lock()
 
     def get(self, key: Key) -> Sums | None:
-        """Returns the sums of a tile, or None if they are not cached.
+        """Returns the sums of a tile, after adding its pending samples; None if they are not cached.
 
         Must not be called concurrently for the same tile.
         """

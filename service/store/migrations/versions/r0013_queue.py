@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds columns and tables; existing jobs have no dependencies, no deadline and an unknown owner."""
+    """Adds columns and tables for queueing. Existing jobs have no dependencies, no deadline and an unknown owner."""
     op.add_column("jobs", sa.Column("user", sa.String(64)))
     op.add_column("jobs", sa.Column("max_slots", sa.Integer()))
     op.add_column("jobs", sa.Column("deadline", sa.Float()))
