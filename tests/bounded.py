@@ -33,10 +33,11 @@ Send = Callable[[dict[str, Any]], None]
 
 @dataclass(frozen=True)
 class Bounds:
-    """Limits of a child process, and the subject of error sentences.
+    """Limits for work in a child process, and the wording of its errors.
 
-    memory_bytes: in addition to this process's current use. seconds: limit of working time. faults: exceptions whose message
-    becomes the error sentence. subject: the beginning of all other sentences.
+    memory_bytes: memory in addition to this process's current use. seconds: time limit, without the time in which the parent
+    handles messages. faults: exceptions whose message becomes the error sentence. subject: the beginning of all other error
+    sentences.
     """
 
     memory_bytes: int
@@ -77,7 +78,7 @@ def run_bounded(
 
 
 def begin(work: Callable[[Send], dict[str, Any]], bounds: Bounds) -> tuple[int, int]:
-    """Forks a child that runs `work` as in `run_bounded`; returns its process id and the descriptor for reading its messages.
+    """Forks a child that runs `work` as in `run_bounded`; returns (process id, file descriptor for reading the child's messages).
 
     The last message has the result as `answer`, or an `error`. Raises MachineError if the fork fails.
     """
@@ -100,7 +101,11 @@ def begin(work: Callable[[Send], dict[str, Any]], bounds: Bounds) -> tuple[int, 
 
 
 def end(child: int, reading: int, is_done: bool) -> int:
-    """Waits for a child and reaps it; returns its exit status. is_done: whether no more messages are expected."""
+    """Ends a child and reaps it; returns its exit status.
+
+    is_done: whether the child has sent its last message, and can be killed at once. Otherwise it has a second to end by itself,
+    so that the status shows a crash.
+    """
     os.close(reading)
     if is_done:
         with contextlib.suppress(ProcessLookupError):
@@ -111,7 +116,7 @@ def end(child: int, reading: int, is_done: bool) -> int:
 
 
 def answer_of(message: dict[str, Any], bounds: Bounds) -> dict[str, Any]:
-    """Returns the result in the last message; raises its error as WorkError or MachineError."""
+    """Returns the result that the child's last message contains; raises WorkError or MachineError if it contains an error."""
     if "error" in message:
         sentence = message["error"]
         if message.get("machine"):
@@ -189,9 +194,10 @@ def _address_space() -> int:
 
 
 def messages(reading: int, bounds: Bounds) -> Iterator[dict[str, Any]]:
-    """Yields the child's messages until it closes the pipe. Raises WorkError after a total wait of the bounds' seconds.
+    """Yields the child's messages until the child closes the pipe.
 
-    The time that the receiver takes per message is not counted, so an unreachable Redis does not make the child slow.
+    Raises WorkError if the waits for messages add up to more than the bounds' seconds. The time in which the receiver handles a
+    message does not count, so an unreachable Redis does not use up the child's time.
     """
     buffer = b""
     seconds = bounds.seconds
@@ -210,7 +216,7 @@ def messages(reading: int, bounds: Bounds) -> Iterator[dict[str, Any]]:
 
 
 def _wait(child: int, seconds: float) -> tuple[int, int]:
-    """Reaps the child, killing it after `seconds`."""
+    """Waits until the child ends, kills it after `seconds`, and reaps it; returns (process id, exit status)."""
     deadline = time.monotonic() + seconds
     while time.monotonic() < deadline:
         pid, status = os.waitpid(child, os.WNOHANG)
@@ -223,7 +229,7 @@ def _wait(child: int, seconds: float) -> tuple[int, int]:
 
 
 def how_it_ended(status: int, bounds: Bounds) -> str:
-    """Returns an error sentence for a child that ended without a result."""
+    """Returns an error sentence for a child that ended without a result. status: exit status, as of os.waitpid."""
     subject, memory_bytes = bounds.subject, bounds.memory_bytes
     if os.WIFSIGNALED(status):
         number = os.WTERMSIG(status)

@@ -55,15 +55,16 @@ hypothesis.settings.load_profile("long")
 
 
 def is_ordinary(config: pytest.Config) -> bool:
-    """Returns whether this is a default run, without the tests marked `long`."""
+    """Returns whether this is a default run, which leaves out the tests marked `long`."""
     return bool(config.option.markexpr == "not long")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Loads hypothesis' profile before collection, and makes each process of xdist import other files first.
+    """Prepares a default run: loads hypothesis' profile, omits grids' `long` cells, and orders imports.
 
-    Every process imports every file. In a fresh clone the first import of a file rewrites its assertions and caches the result,
-    which takes longer than all other imports; so each process starts with a different share.
+    Every process of xdist imports every test file, but each begins with a different part of them. In a fresh clone the first
+    import of a file rewrites its assertions and caches the result for the other processes, which takes longer than all other
+    imports.
     """
     if not is_ordinary(config):
         return
@@ -75,7 +76,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def rotated(process: int, count: int) -> list[str]:
-    """Returns all folders and files for process `process` of `count` to collect, beginning with its own share.
+    """Returns the folders and files that process number `process` of `count` collects: all of them, its own part first.
 
     Folders are named where possible, since pytest lists a folder again for each of its files that is named.
     """
@@ -88,13 +89,16 @@ def rotated(process: int, count: int) -> list[str]:
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Does not import files without ordinary tests in a default run: an eighth of all files, in each process of xdist."""
+    """Skips, in a default run, the import of test files whose tests are all marked `long`.
+
+    These are an eighth of all files, which every process of xdist would import otherwise.
+    """
     is_test = collection_path.name.startswith("test_") and collection_path.suffix == ".py"
     return True if is_test and is_ordinary(config) and has_only_long(collection_path.read_text(encoding="utf-8")) else None
 
 
 def has_only_long(source: str) -> bool:
-    """Returns whether a file, or each test function in it, is marked `long`."""
+    """Returns whether a file is marked `long`, or each of its test functions is. source: the file's text."""
     if re.search(r"^pytestmark = .*\bpytest\.mark\.long\b", source, re.MULTILINE):
         return True
     tests = [part for part in source.split("\n\n\n") if "def test_" in part]  # two empty lines between all functions
@@ -115,7 +119,10 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str, obj: object) -> list[pytest.Item] | None:
-    """Creates no test items for tests marked `long` in a default run, which is faster than deselecting a quarter of all tests."""
+    """Creates no test items for tests marked `long` in a default run.
+
+    This is faster than creating and then deselecting them, a quarter of all tests.
+    """
     if not is_ordinary(collector.config) or not collector.funcnamefilter(name):
         return None
     marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
@@ -123,9 +130,9 @@ def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str
 
 
 class ByFile(LoadFileScheduling):
-    """Distributes tests like xdist's `loadfile`, with files that share a farm as one group.
+    """Scheduler for xdist that gives all tests of a file to one process, and all files that share a farm to the same process.
 
-    xdist's `loadgroup` fails with pytest 9.1 and later.
+    It is used in place of xdist's `loadgroup`, which fails with pytest 9.1 and later.
     """
 
     def _split_scope(self, nodeid: str) -> str:
@@ -143,7 +150,11 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def hand_out(files: Iterable[str]) -> dict[str, tuple[float, str]]:
-    """Returns the sort key of each test file, which determines the order of the run. files: paths below the clone's root."""
+    """Returns the sort key of each test file; files are run in the order of their keys.
+
+    Files that share a farm come first; files that mostly wait are spread evenly among the others.
+    files: paths below the clone's root.
+    """
     groups: dict[str, list[tuple[int, str]]] = {"farm": [], "waiting": [], "busy": []}
     for file in files:
         name = file.removeprefix("tests/")
@@ -159,7 +170,7 @@ def hand_out(files: Iterable[str]) -> dict[str, tuple[float, str]]:
 
 
 def pytest_collection_finish() -> None:
-    """Freezes imported and collected objects for the garbage collector, which saves a twentieth of the tests' time."""
+    """Exempts all objects that exist after collection from garbage collection, which saves a twentieth of the tests' time."""
     gc.freeze()
 
 
@@ -169,7 +180,10 @@ def pytest_sessionfinish() -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def kernels(request: pytest.FixtureRequest) -> Iterator[None]:
-    """Makes one process compile each kernel, for all tests except the service's, which uses no kernels."""
+    """Lets only one process compile each kernel, while the others wait for it and load the result.
+
+    It does nothing if only tests of the service run, which use no kernels.
+    """
     if all("service" in item.path.parts for item in request.session.items):
         yield
         return
@@ -179,14 +193,14 @@ def kernels(request: pytest.FixtureRequest) -> Iterator[None]:
 
 @pytest.fixture(scope="session")
 def redis_url(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """Yields the URL of a real Redis server for the test run."""
+    """Yields the URL of a real Redis server, started for this process of the test run."""
     with running_redis(tmp_path_factory.mktemp("redis")) as url:
         yield url
 
 
 @pytest.fixture(scope="session")
 def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """Yields a farm with two slots, shared by the tests of this process, in which lost batches are repeated quickly."""
+    """Yields a farm with two slots, shared by all tests of this process; lost batches are repeated after 5 seconds."""
     get_ready("plain")  # otherwise the first picture would also wait for its kernel
     farm = start_farm(tmp_path_factory.mktemp("farm") / "data", 2, module="tests.without_spares", RAYFARM_BATCH_DEADLINE="5")
     yield farm
@@ -195,7 +209,7 @@ def farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
 
 @pytest.fixture(scope="session")
 def program() -> str:
-    """Returns the path of Node.js; skips the test if there is none."""
+    """Returns the path of the program `node` (Node.js); skips the test if there is none."""
     path = shutil.which("node")
     if path is None:
         pytest.skip("no Node.js on the PATH (Debian: apt-get install nodejs)")
@@ -206,9 +220,10 @@ def program() -> str:
 def pytest_runtest_makereport(
     item: pytest.Item, call: pytest.CallInfo[None]
 ) -> Generator[None, pytest.TestReport, pytest.TestReport]:
-    """Fails skipped tests if $CI is set, since a machine without Chromium would otherwise pass the page's tests.
+    """Turns skipped tests into failures if $CI is set.
 
-    Tests marked `hardware`, which need a processor that no installation can provide, are skipped there too.
+    Otherwise a machine without Chromium, for example, would seem to pass the page's tests. Tests marked `hardware` may be
+    skipped, since they need a processor that no installation can provide.
     """
     report = yield
     must_run = bool(os.environ.get("CI")) and not item.get_closest_marker("hardware")

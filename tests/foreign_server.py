@@ -1,4 +1,4 @@
-"""A real server on loopback that is no farm: it responds to every request with the same bytes."""
+"""Real server on this machine that is no farm: it sends the same response to every request."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["EMPTY", "HTML", "NOT_A_FARM", "foreign_server", "http_answer", "json
 
 
 def http_answer(body: bytes, content_type: str = "application/json", status: str = "200 OK", length: int | None = None) -> bytes:
-    """Returns an HTTP response as bytes. length: a Content-Length that replaces the right one."""
+    """Returns a complete HTTP response as bytes. length: value of Content-Length, if not the body's true length."""
     head = f"HTTP/1.1 {status}\r\nContent-Type: {content_type}\r\nContent-Length: {len(body) if length is None else length}\r\n"
     return head.encode() + b"Connection: close\r\n\r\n" + body
 

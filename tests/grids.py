@@ -1,4 +1,4 @@
-"""Parametrized grids of tests: corner cells run by default, other cells are marked `long`."""
+"""Parametrized tests with many cases (grids), of which a few cases run by default and the others are marked `long`."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _is_ordinary = False
 
 
 def leave_out_long() -> None:
-    """Omits `long` cells from all grids made from now on, which is faster than deselecting their tests."""
+    """Makes all later calls of `grid` omit cases marked `long`, which is faster than deselecting their tests."""
     global _is_ordinary
     _is_ordinary = True
 
@@ -22,10 +22,10 @@ def leave_out_long() -> None:
 def grid(
     names: str | tuple[str, ...], values: Iterable[Any], ordinary: Collection[Any] | None = None, **options: Any
 ) -> pytest.MarkDecorator:
-    """Returns `pytest.mark.parametrize` with most cells marked `long`.
+    """Returns `pytest.mark.parametrize`, with all but a few cases marked `long`.
 
-    ordinary: cells of the default run, by their first value or id; None: the first and the last. A name without a cell is an
-    error, so that a renamed cell does not silently leave the default run.
+    ordinary: the cases that are not, by their first value or id; None: the first and the last case. Raises ValueError if one of
+    these names no case, so that a renamed case does not silently leave the default run.
     """
     several = (not isinstance(names, str) and len(names) > 1) or (isinstance(names, str) and "," in names)
     cells = [value if isinstance(value, ParameterSet) else pytest.param(*(value if several else (value,))) for value in values]

@@ -27,7 +27,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 class running_redis:  # noqa: N801 - used like a function
-    """A Redis server on a free port for the duration of a `with` block; `stop` and `start` may be called in it."""
+    """Redis server on a free port, which runs during a `with` block. `stop` and `start` may be called within the block."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -66,7 +66,7 @@ class running_redis:  # noqa: N801 - used like a function
 
 
 def code_of(error: BaseException) -> str:
-    """Returns the code of an error's sentence; '' if the sentence is plain text."""
+    """Returns the code of the sentence that an error carries; '' if its message is plain text."""
     return Sentence.from_text(str(error)).code
 
 
@@ -81,7 +81,7 @@ def wait_until(condition: Callable[[], bool], seconds: float, what: str) -> None
 
 @dataclass
 class Farm:
-    """A whole farm, started by `rayfarm up`."""
+    """Farm in processes of its own, started by the command `rayfarm up`."""
 
     data: Path
     process: subprocess.Popen[bytes]

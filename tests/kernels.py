@@ -22,7 +22,7 @@ __all__ = ["get_ready", "ready_first"]
 
 
 def get_ready(variant: str, **settings: Any) -> None:
-    """Compiles or loads the kernel of a variant, without helper processes, since the tests use all processors."""
+    """Compiles or loads the kernel variant, in this process alone, since the tests already use all processors."""
     from renderer.parallel_compile import Helpers
     from renderer.render import warm_up
     from renderer.settings import RenderSettings, View
@@ -33,9 +33,9 @@ def get_ready(variant: str, **settings: Any) -> None:
 
 @contextmanager
 def ready_first(is_ordinary: bool) -> Iterator[None]:
-    """Makes every render of this process prepare its kernel first: one process compiles the kernel, the others wait and load it.
+    """Prepares the kernel before each render in the `with` block: one process compiles the kernel, the others wait and load it.
 
-    is_ordinary: whether a test fails that needs a kernel that `main` does not compile.
+    is_ordinary: whether to fail a test that needs a kernel which `main` does not compile.
     """
     from renderer import render
     from renderer.arrays.scene_features import KERNEL_VARIANTS

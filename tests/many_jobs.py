@@ -22,7 +22,10 @@ _FIRST = 1_700_000_000.0
 
 
 def many_jobs(sessions: Sessions, n: int) -> None:
-    """Inserts n jobs of four scenes, one per minute, most of them finished; every tenth is a shot of three frames."""
+    """Inserts n jobs of four scenes into the database, created one per minute; most are finished.
+
+    Every tenth job is a shot of three frames.
+    """
     settings = RenderSettings(view=_VIEW, width=640, height=360).to_json()
     with sessions.begin() as session:
         session.execute(

@@ -17,7 +17,7 @@ __all__ = ["ReducerProcess"]
 
 
 class ReducerProcess:
-    """A reducer process, started on construction; its data stays in `folder` for the next process."""
+    """Process of a site reducer, started by the constructor. Its data stays in `folder`, where a later process finds it."""
 
     def __init__(self, store: redis.Redis, service: str, token: str, folder: Path, name: str = "attic", port: int = 0) -> None:
         self.store = store

@@ -15,9 +15,10 @@ __all__ = ["held_up"]
 
 @contextlib.contextmanager
 def held_up(url: str, late_s: float = 0.0, rate: float | None = None) -> Iterator[str]:
-    """Yields the URL of a proxy to the server at `url`, with a latency of `late_s` seconds in both directions.
+    """Runs a proxy to the server at `url`, and yields the proxy's URL.
 
-    rate: maximum bytes per second to the server, above which the sender is blocked.
+    late_s: latency in seconds, in both directions. rate: maximum bytes per second to the server, above which the sender is
+    blocked; None: unlimited.
     """
     where = urlsplit(url)
     with socket.create_server(("127.0.0.1", 0)) as server:

@@ -66,7 +66,10 @@ LAZY = re.compile(r"import_module\(\s*\"([\w.]+)\"")
 
 
 def _imports(path: Path, modules: set[str]) -> set[str]:
-    """Returns the modules that a file imports, in functions too, except imports for type checkers only."""
+    """Returns the modules that a file imports, also within functions, but without imports for type checkers only.
+
+    modules: names of all modules of the project.
+    """
     text = TYPES_ONLY.sub("", path.read_text())
     named = LAZY.findall(text)
     for names in IMPORT.findall(text):
@@ -78,7 +81,7 @@ def _imports(path: Path, modules: set[str]) -> set[str]:
 
 
 def test_no_modules_import_each_other() -> None:
-    """There are no import cycles, including imports in functions and by `import_module`."""
+    """No Python modules import each other in a cycle. Imports within functions and by `import_module` count too."""
     paths = {
         path.relative_to(ROOT).with_suffix("").parts: path for package in PACKAGES for path in (ROOT / package).rglob("*.py")
     }
@@ -88,7 +91,7 @@ def test_no_modules_import_each_other() -> None:
 
 
 def test_no_modules_of_the_page_import_each_other() -> None:
-    """There are no import cycles in web/js, including dynamic imports but not types in comments."""
+    """No modules of web/js import each other in a cycle. Dynamic imports count too, types in comments do not."""
     graph: dict[Path, set[Path]] = {}
     for path in (ROOT / "web" / "js").rglob("*.js"):
         code = re.sub(r"/\*.*?\*/|^\s*//.*?$", "", path.read_text(), flags=re.DOTALL | re.MULTILINE)
@@ -98,9 +101,9 @@ def test_no_modules_of_the_page_import_each_other() -> None:
 
 
 def test_what_the_table_of_additions_names_is_there() -> None:
-    """All paths in the table of docs/architecture.md, "To add X, touch Y", exist.
+    """All paths in the table "To add X, touch Y" of docs/architecture.md exist.
 
-    A file name without a folder refers to the folder of the first file in its list.
+    A file name without a folder is looked up in the folder of the first file in its row.
     """
     table = (ROOT / "docs" / "architecture.md").read_text().split("## To add X, touch Y", 1)[1].split("\n## ", 1)[0]
     for row in [line for line in table.splitlines() if line.startswith("| ")][1:]:

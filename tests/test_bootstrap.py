@@ -57,7 +57,7 @@ def test_an_unknown_word_after_install_installs_nothing(tmp_path: Path) -> None:
 
 
 def test_a_python_too_old_gets_a_sentence() -> None:
-    """farm.py can be parsed by a Python that is too old, and prints an error if it finds no newer one."""
+    """Run by a Python that is too old, farm.py prints an error instead of a syntax error, if it finds no newer Python."""
     source = (ROOT / "farm.py").read_text()
     ast.parse(source, feature_version=(3, 6))
     older = "import runpy, sys; sys.version_info = (3, 9, 2); sys.argv = ['farm.py', 'up']"

@@ -34,7 +34,7 @@ def test_kubernetes_understands_every_part(part: dict[str, Any], release: str) -
 
 @pytest.mark.parametrize("folder", FOLDERS)
 def test_no_folder_builds_on_one_that_it_lies_in(folder: str) -> None:
-    """No kustomize overlay refers to a folder that contains it, which kustomize rejects as a cycle."""
+    """No kustomize overlay refers to a folder that contains the overlay itself, which kustomize rejects as a cycle."""
     here = (CLUSTER / folder).resolve()
     for resource in yaml.safe_load((here / "kustomization.yaml").read_text())["resources"]:
         found = (here / resource).resolve()
@@ -79,7 +79,7 @@ def test_every_pod_passes_pod_security_restricted() -> None:
 
 
 def containers() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
-    """Returns (container, pod) of every pod by the container's name."""
+    """Returns (container, pod) by the container's name, for all containers of all pods."""
     found = {}
     for part in PARTS:
         if part["kind"] in ("Deployment", "StatefulSet"):
@@ -123,7 +123,10 @@ def test_images_are_tagged_by_version() -> None:
 
 
 def test_in_compose_the_first_process_reaps_what_a_health_check_leaves() -> None:
-    """Containers have an init process: a killed health check leaves zombies, which count towards pids_limit."""
+    """Compose's containers have an init process, which reaps the processes of a killed health check; only Caddy's has none.
+
+    Without it, these would stay as zombies, which count towards pids_limit. Caddy's container has no health check.
+    """
     services = yaml.safe_load((ROOT / "docker-compose.yml").read_text())["services"]
     assert {name for name, service in services.items() if "pids_limit" in service and not service.get("init")} <= {"caddy"}
     assert "healthcheck" not in services["caddy"]
@@ -177,9 +180,9 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
 
 
 def test_what_follows_from_the_sources_is_found_while_the_workers_image_is_built() -> None:
-    """The digest of the sources is computed while the worker's image is built.
+    """The digest of the sources is computed when the worker's image is built, and stored in the image.
 
-    Containers have read-only sources, so each would compute it at its start, in a second of processor time.
+    Otherwise each container would compute it at its start, in a second of processor time, since its sources are read-only.
     """
     _, kernels, rest = re.split("^FROM base AS (?=kernels|worker)", (ROOT / "Dockerfile").read_text(), flags=re.MULTILINE)
     assert kernels.startswith("kernels\n")
@@ -195,7 +198,10 @@ EXAMPLE = re.findall(r"^#?(\w+)=", (ROOT / "deploy" / "rayfarm.env.example").rea
 
 @pytest.mark.parametrize("name", OURS)
 def test_every_container_of_ours_is_confined(name: str) -> None:
-    """Containers have a read-only root, no capabilities or new privileges, and limits on logs, memory and processes."""
+    """Each of our containers has a read-only root, except workers of an old release, which write beside their kernels.
+
+    Each has no capabilities, gains no privileges, and has limits on logs, memory and processes.
+    """
     container = COMPOSE[name]
     assert container["read_only"] is (name != "old-worker"), "workers up to 0.2 write beside their kernels"
     assert container["cap_drop"] == ["ALL"]
@@ -223,7 +229,7 @@ def test_no_secret_is_in_the_repository() -> None:
 
 
 def test_one_file_reaches_every_setting() -> None:
-    """The file .env can set every setting: the service's by `env_file`, others by Compose's substitution."""
+    """Every setting can be set in the file .env: the service's through `env_file`, the others through Compose's substitution."""
     fixed = {"RAYFARM_HOST", "RAYFARM_DATA", "RAYFARM_PUBLISHED", "RAYFARM_PUBLISHED_PORT", "RAYFARM_WEB", "RAYFARM_EXAMPLES"}
     settings = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields} - fixed
     text = (ROOT / "docker-compose.yml").read_text()

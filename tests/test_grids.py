@@ -1,4 +1,4 @@
-"""Tests that a grid's corner cells, or the cells named as ordinary, are in the default run."""
+"""Tests that the default run has the first and the last case of a grid, or those that the grid names as ordinary."""
 
 from __future__ import annotations
 

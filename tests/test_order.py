@@ -1,4 +1,4 @@
-"""Tests of the order in which test files are handed out to the processes of a run."""
+"""Tests of the order in which pytest-xdist hands out test files to its processes."""
 
 from __future__ import annotations
 
@@ -31,7 +31,10 @@ def test_the_farm_comes_first_and_files_that_wait_are_spread() -> None:
 
 
 def test_the_order_does_not_depend_on_the_order_of_collection() -> None:
-    """The order is the same in all processes, as xdist requires, although each collects other files first."""
+    """The order of test files is the same in all processes, as xdist requires.
+
+    Each process collects other files first.
+    """
     assert hand_out(FILES) == hand_out(FILES[::-1])
 
 

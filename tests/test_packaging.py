@@ -85,7 +85,10 @@ def test_the_wheel_says_what_it_is(wheel: Path) -> None:
 
 
 def test_a_wheel_takes_kernels_along_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A wheel with kernels is only for this Python and system; a folder without kernels is refused."""
+    """A wheel that is built with compiled kernels is tagged for this Python and system only.
+
+    Building fails if the given folder has no kernels.
+    """
     compiled = tmp_path / "compiled" / "kernels" / "abc"
     compiled.mkdir(parents=True)
     monkeypatch.setenv("RAYFARM_WHEEL_KERNELS", str(tmp_path / "compiled"))
@@ -112,7 +115,7 @@ def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) ->
 
 
 def everything_works(farm: Farm) -> None:
-    """Asserts that the page, an example, an upload and a picture work."""
+    """Asserts that the farm serves the page and the examples, and renders an uploaded scene."""
     page = httpx.get(farm.url)
     assert (page.status_code, "<title>" in page.text) == (200, True)
     module = httpx.get(f"{farm.url}/js/main.js")
@@ -127,7 +130,7 @@ def everything_works(farm: Farm) -> None:
 
 @pytest.mark.long
 def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
-    """`rayfarm up` runs from the unpacked wheel with this environment's packages; the long test installs it by pip."""
+    """`rayfarm up` runs from the unpacked wheel, with the dependencies of this environment, in any folder."""
     site, elsewhere, home = tmp_path / "site", tmp_path / "elsewhere", tmp_path / "home"
     elsewhere.mkdir()
     home.mkdir()
@@ -208,7 +211,7 @@ def test_a_slim_image_installs_what_it_imports(image: str, runs: list[str], grap
 
 
 def with_their_own(wanted: list[Requirement]) -> set[str]:
-    """Returns the distributions and all their dependencies."""
+    """Returns the names of the required distributions and of all that they depend on, directly or indirectly."""
     found: set[str] = set()
     seen: set[tuple[str, str]] = set()
     todo = [(each.name, extra) for each in wanted for extra in {"", *each.extras}]

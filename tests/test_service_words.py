@@ -23,7 +23,7 @@ WITH_NUMBERS = {"file-not-utf-8", "upload-name-not-utf-8", "upload-field-not-utf
 
 
 class Said(NamedTuple):
-    """A sentence found in the sources, with its code and place."""
+    """A `Sentence` found in the source code, with its code, its parameters, and its place (file:line)."""
 
     code: str
     template: str
@@ -47,14 +47,14 @@ def _of(path: Path) -> Iterator[Said]:
 
 
 def _calls(path: Path, start: re.Pattern[str]) -> Iterator[tuple[str, ast.Call]]:
-    """Yields each call that a pattern finds in a file, with its place."""
+    """Yields (place, call) for each call in the file whose start matches a pattern. The place is file:line."""
     at, source = str(path.relative_to(ROOT)), path.read_text(encoding="utf-8")
     for found in start.finditer(source):
         yield f"{at}:{source.count(chr(10), 0, found.start()) + 1}", _call(source, found.start())
 
 
 def _call(source: str, start: int) -> ast.Call:
-    """Returns the call that starts at an offset; parsing whole files takes ten times as long."""
+    """Returns the parsed call that starts at an offset of the source; parsing whole files takes ten times as long."""
     end = start
     while True:
         end = source.index(")", end) + 1
@@ -67,7 +67,10 @@ def _call(source: str, start: int) -> ast.Call:
 
 
 def _catalogue(language: str) -> dict[str, str]:
-    """Returns a language's texts by code; fails on a duplicate code, whose later text would silently replace the earlier."""
+    """Returns the texts of a language by code.
+
+    Fails if a code occurs twice, since the later text would silently replace the earlier.
+    """
     text = (ROOT / "web" / "words" / f"service.{language}.json").read_text(encoding="utf-8")
     pairs: list[tuple[str, str]] = json.loads(text, object_pairs_hook=list)
     assert not [code for code, count in Counter(code for code, _ in pairs).items() if count > 1]
@@ -75,7 +78,10 @@ def _catalogue(language: str) -> dict[str, str]:
 
 
 def test_a_code_has_one_template() -> None:
-    """A code has one template, ignoring a full stop at the end: `Sentence.removesuffix` keeps the code."""
+    """All sentences with the same code have the same English template.
+
+    A full stop at the end is ignored, since `Sentence.removesuffix` keeps the code.
+    """
     templates = defaultdict(set)
     for each in _sentences():
         templates[each.code].add(each.template.removesuffix("."))
@@ -83,7 +89,7 @@ def test_a_code_has_one_template() -> None:
 
 
 def test_a_template_has_one_code() -> None:
-    """An English text has the same code everywhere, whatever the names of its parameters."""
+    """All sentences with the same English template have the same code, even if their parameters have different names."""
     codes = defaultdict(set)
     for each in _sentences():
         text = PLACES.sub("{}", each.template).removesuffix(".")
@@ -153,7 +159,10 @@ def _tree(path: Path) -> ast.Module:
 
 
 def _prose(node: ast.expr) -> str | None:
-    """Returns the English text of an expression outside of `Sentence`, with {} for values; None if it contains none."""
+    """Returns the English text that an expression itself contains, with {} for values; None if it contains none.
+
+    Text within a `Sentence` does not count.
+    """
     if isinstance(node, ast.IfExp):
         return _prose(node.body) or _prose(node.orelse)
     if isinstance(node, ast.BoolOp):
@@ -175,7 +184,7 @@ def test_readers_raise_sentences_with_codes() -> None:
 
 
 def test_parameters_are_not_prose() -> None:
-    """A phrase in a sentence's parameters must be a `Sentence` of its own, so that the page translates it too."""
+    """No parameter of a sentence is English text, which would stay untranslated; a phrase must be a `Sentence` of its own."""
     assert not [f"{each.at}: {text}" for each in _sentences() for text in each.prose]
 
 
@@ -197,7 +206,7 @@ DEEPEST = 4
 
 
 class _Flow:
-    """Follows the expressions of one module to the texts that they may have."""
+    """Data flow of one module: finds the English texts that may be the value of an expression."""
 
     def __init__(self, tree: ast.Module) -> None:
         self._functions: dict[str, list[ast.expr]] = defaultdict(list)
@@ -227,7 +236,11 @@ class _Flow:
         return found
 
     def prose_of(self, node: ast.expr, function: ast.AST | None, depth: int = 0) -> str | None:
-        """Returns English text that an expression may have outside of `Sentence`; None if it has none."""
+        """Returns an English text outside of `Sentence` that may be the expression's value; None if there is none.
+
+        Variables, attributes and function calls are followed to at most DEEPEST assignments. function: the one that contains the
+        expression, or None.
+        """
         if (found := _prose(node)) is not None:
             return found
         if depth > DEEPEST:
@@ -265,7 +278,7 @@ class _Flow:
 
 
 def _spoken(tree: ast.Module) -> Iterator[tuple[ast.expr, ast.AST | None]]:
-    """Yields the expressions of a module that become problems, warnings, notes or states, with their functions."""
+    """Yields (expression, enclosing function or None) for each text that a module gives to an error, warning, note or state."""
 
     left: list[tuple[ast.AST, ast.AST | None]] = [(tree, None)]
     while left:
@@ -290,7 +303,10 @@ def _name(node: ast.AST | None) -> str:
 
 
 def test_no_prose_reaches_users_through_variables() -> None:
-    """Texts in faults, warnings, notes and parameters are sentences, also where variables, functions or attributes hold them."""
+    """No English text reaches users without a code, even if a variable, function or attribute holds it.
+
+    This covers the texts of errors, warnings, notes and sentences' parameters.
+    """
     plain = []
     for at, tree in _trees(("service", "worker", "protocol", "renderer/scene", "renderer/blender", "renderer/confine")):
         spoken = [] if at in TERMINAL else list(_spoken(tree))

@@ -31,7 +31,7 @@ SHAPES = Choices({"star": SettingTexts("Star", "Six points."), "dot": SettingTex
 
 @dataclass(frozen=True)
 class Snowy(RenderSettings):
-    """Render settings with two additional fields."""
+    """Render settings with two additional settings, which all interfaces must offer without further changes."""
 
     glitter: Annotated[
         float,
@@ -110,7 +110,10 @@ def test_scene_files_and_their_guide_have_it() -> None:
 
 
 def test_the_page_is_told_of_it() -> None:
-    """The page receives an added setting; tests/e2e/test_settings_form.py tests its field in the form."""
+    """The description of settings that the page receives contains an added setting.
+
+    tests/e2e/test_settings_form.py tests the setting's field in the form.
+    """
     told = {each["name"]: each for each in json.loads(json.dumps(described(ALL)))["settings"]}
     assert told["glitter"]["off"] == {"value": 0, "label": "dull"}
     assert told["glitter"]["integrators"] == ["path"]
@@ -128,7 +131,7 @@ def test_a_failing_batchs_command_has_it(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 def test_every_setting_is_described() -> None:
-    """Every setting has a description in sentences, and its choices are existing integrators and projections."""
+    """Every render setting has a description in whole sentences; its choices of integrators and projections exist."""
     told = described()
     integrators = {choice["name"] for choice in next(s for s in told["settings"] if s["name"] == "integrator")["choices"]}
     projections = {choice["name"] for choice in next(s for s in told["view"] if s["name"] == "projection")["choices"]}

@@ -1,6 +1,6 @@
 """Tests of deploy/images/slim.py, which removes unused files of libraries from a container image.
 
-They run it on a few libraries of this installation.
+The tests run it on copies of a few libraries of this installation.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ def library(package: str, pattern: str) -> Path:
 
 @pytest.fixture
 def venv(tmp_path: Path) -> Path:
-    """Returns the folder of a virtual environment with some used and some unused files."""
+    """Returns the folder of a simulated virtual environment that has both needed and removable files."""
     packages = tmp_path / "lib" / "python3.12" / "site-packages"
     for name in (
         "pip/main.py",
@@ -48,7 +48,7 @@ def venv(tmp_path: Path) -> Path:
 
 
 def slim(venv: Path) -> Path:
-    """Runs slim.py on the virtual environment; returns its folder of packages."""
+    """Runs slim.py on the simulated virtual environment, and returns the environment's folder of packages."""
     runpy.run_path(str(ROOT / "deploy" / "images" / "slim.py"))["main"](str(venv))
     return venv / "lib" / "python3.12" / "site-packages"
 

@@ -22,7 +22,7 @@ PLACE = re.compile(r"\{\w*\}")
 
 
 def test_a_text_is_found_wherever_it_stands() -> None:
-    """The extraction of texts, on which the other tests depend, finds all forms of calls."""
+    """`texts_of`, on which the other tests depend, finds the texts in all forms of calls to the page's translation functions."""
     source = 't("One {n}", { n }) + tn(f(a.b(c), 1), "{n} day", "{n} days") + t(\n  "Two") + at("none") + t(label)'
     assert texts_of(source) == {"One {n}", "{n} day", "{n} days", "Two"}
 
@@ -41,12 +41,12 @@ def test_every_text_is_in_the_catalogue_and_nothing_else(language: str) -> None:
 
 
 def texts_of_the_page() -> set[str]:
-    """Returns the literal texts in web/js."""
+    """Returns all literal texts in web/js that are passed to the translation functions."""
     return {text for path in (WEB / "js").rglob("*.js") for text in texts_of(path.read_text(encoding="utf-8"))}
 
 
 def texts_of(source: str) -> set[str]:
-    """Returns the literal texts in the source of a module."""
+    """Returns the literal texts that a JavaScript source passes to the translation functions."""
     return {json.loads(f'"{text}"') for found in (ONE.findall(source), *COUNTED.findall(source)) for text in found}
 
 

@@ -8,7 +8,7 @@ from rayfarm import preload
 
 
 def main() -> None:
-    """Runs the command line like `python -m rayfarm`."""
+    """Runs the command line with the program's arguments, as `python -m rayfarm` does."""
     preload.start_preloading(sys.argv[1:])
     from rayfarm.cli import main as run
     from rayfarm.local import supervisor

@@ -57,7 +57,7 @@ def browser() -> Iterator[Browser]:
 
 @dataclass
 class Watched:
-    """A page, its console errors, and all origins that it contacted."""
+    """A browser page under test, with the errors of its console and all origins that it contacted."""
 
     page: Page
     errors: list[str] = field(default_factory=list)
@@ -66,7 +66,7 @@ class Watched:
 
 @pytest.fixture(scope="package")
 def site() -> Iterator[Site]:
-    """Yields a server of the page's files without a farm."""
+    """Yields a running server that has the page's files and a fixed live picture, but no farm."""
     site = Site()
     yield site
     site.server.should_exit = True
@@ -75,7 +75,10 @@ def site() -> Iterator[Site]:
 
 @pytest.fixture(scope="package")
 def profile(browser: Browser, site: Site) -> Iterator[BrowserContext]:
-    """Yields a browser context with cached modules, so that not every test fetches and compiles them all."""
+    """Yields a browser context whose cache already contains the page's modules.
+
+    So not every test fetches and compiles them.
+    """
     # Small and without animations: every frame is drawn by the CPU.
     context = browser.new_context(viewport={"width": 1024, "height": 640}, accept_downloads=True, reduced_motion="reduce")
     context.set_default_timeout(20_000)
@@ -88,7 +91,7 @@ def profile(browser: Browser, site: Site) -> Iterator[BrowserContext]:
 
 @pytest.fixture
 def watched(profile: BrowserContext) -> Iterator[Watched]:
-    """Yields a fresh page, without stored state except for cached files."""
+    """Yields a new browser page, without stored state except for cached files, and records its errors and origins."""
     page = profile.new_page()
     result = Watched(page)
     page.on("console", lambda message: result.errors.append(message.text) if message.type == "error" else None)
@@ -112,7 +115,7 @@ def watched(profile: BrowserContext) -> Iterator[Watched]:
 
 @pytest.fixture
 def page(watched: Watched, site: Site) -> Page:
-    """Returns an empty document on the page's origin, from which tests import its modules."""
+    """Opens an empty document from the page's server, in which tests can import the page's modules; returns the tab."""
     watched.page.goto(f"{site.url}/blank")
     return watched.page
 

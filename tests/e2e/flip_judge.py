@@ -1,4 +1,7 @@
-"""FLIP (Andersson et al. 2020) in NumPy with full two-dimensional filters, the reference for the page's implementation."""
+"""FLIP (Andersson et al. 2020), an error metric of pictures, in NumPy with full two-dimensional filters.
+
+It is the reference for the page's implementation.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +41,7 @@ def _hyab(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def flip(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Returns the error of every pixel of two sRGB-encoded pictures, (h, w, 3) in 0 ... 1."""
+    """Returns the FLIP error of every pixel, (h, w), between two sRGB-encoded pictures, (h, w, 3) with values of 0 to 1."""
     seen, features = [], []
     for picture in (a, b):
         linear = np.where(picture <= 0.04045, picture / 12.92, ((picture + 0.055) / 1.055) ** 2.4)

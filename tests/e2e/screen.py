@@ -1,4 +1,4 @@
-"""Reads the displayed picture of a film from the screen, and computes its expected values."""
+"""Reads from a screenshot how the page displays a film, and computes how it should be displayed."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MARGIN = 3  # columns on each side that the divider's line covers
 
 
 def read_exr(url: str, folder: Path) -> np.ndarray:
-    """Returns the colour of an EXR of the service, (h, w, 3) float32."""
+    """Downloads an EXR from the service, and returns its colour, (h, w, 3) float32. folder: for the downloaded file."""
     path = folder / "film.exr"
     path.write_bytes(httpx.get(url).raise_for_status().content)
     picture = OpenImageIO.ImageInput.open(str(path))
@@ -33,12 +33,15 @@ def read_exr(url: str, folder: Path) -> np.ndarray:
 
 
 def shown(film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
-    """Returns a film's pixels as the page displays them, (h, w, 3) int: by RGB9E5, exposure and tone curve."""
+    """Returns the pixels that the page should display for a film, (h, w, 3) int from 0 to 255.
+
+    The film's colours are rounded to RGB9E5, then exposure and tone curve are applied. exposure: in stops.
+    """
     return tonemap.apply(rgbe9995.unpack(rgbe9995.pack(film)), exposure, curve).astype(int)
 
 
 def _one_to_one(page: Page) -> tuple[float, float]:
-    """Waits until the picture is drawn at 1:1; returns the position of its corner on the stage."""
+    """Waits until the picture is drawn at 1:1; returns the position (x, y) of its corner on the stage, in CSS pixels."""
     stage = page.locator(".stage")
     expect(stage).to_have_attribute("data-view", re.compile("^1 "))
     _, x, y = (float(v) for v in (stage.get_attribute("data-view") or "").split())
@@ -46,7 +49,10 @@ def _one_to_one(page: Page) -> tuple[float, float]:
 
 
 def on_screen(page: Page, width: int, height: int) -> np.ndarray:
-    """Returns the picture's displayed pixels at 1:1, (h, w, 3) uint8, from a screenshot: WebGL's readPixels may be empty."""
+    """Returns the pixels of the picture as displayed at 1:1, (h, w, 3) uint8.
+
+    They are read from a screenshot, since WebGL's readPixels may return nothing.
+    """
     x, y = _one_to_one(page)
     box = page.locator("canvas.film").bounding_box()
     assert box is not None
@@ -55,9 +61,10 @@ def on_screen(page: Page, width: int, height: int) -> np.ndarray:
 
 
 def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
-    """Asserts that the screen shows this picture within one 8-bit step, ignoring negative values; returns the screenshot.
+    """Waits until the screen shows the picture `wanted`, and returns the screenshot; fails otherwise.
 
-    The software renderer draws a frame in tens of milliseconds, the first one in seconds.
+    Each value may differ by one 8-bit step; pixels with negative values in `wanted` are not compared. The software renderer draws
+    a frame in tens of milliseconds, the first one in seconds.
     """
     height, width = wanted.shape[:2]
     seen = wanted >= 0
@@ -73,12 +80,15 @@ def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
 
 
 def assert_shows(page: Page, film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
-    """Asserts that the screen shows the film, encoded as RGB9E5, with exposure and tone curve; returns the screenshot."""
+    """Asserts that the screen shows this film as computed by `shown`; returns the screenshot.
+
+    exposure: in stops. curve: name of the tone curve.
+    """
     return assert_screen(page, shown(film, exposure, curve), f"{curve} at {exposure:+} EV")
 
 
 def rendered(farm: Farm, scene: str, **request: Any) -> str:
-    """Renders a job, and returns its id."""
+    """Renders a job of the scene, waits until it is finished, and returns its id."""
     with farm.client() as client:
         job = client.submit(scene, **request).id
         wait_until(lambda: client.job(job).state == "finished", 180, "the job is finished")
@@ -86,7 +96,10 @@ def rendered(farm: Farm, scene: str, **request: Any) -> str:
 
 
 def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
-    """Returns the expected picture of a comparison at the current wipe position: both sides, and -1 at the divider."""
+    """Returns the expected display of a comparison: `left` before the divider, `right` after it.
+
+    The divider is at its current position on the page; pixels that it covers are -1, which `assert_screen` ignores.
+    """
     x, y = _one_to_one(page)
     stage, divider = page.locator(".stage").bounding_box(), page.get_by_role("slider", name="Wipe").bounding_box()
     assert stage and divider

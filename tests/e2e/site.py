@@ -1,4 +1,4 @@
-"""Serves the page's files without a farm, with a fixed live picture."""
+"""Server of the page's files without a farm, which sends a fixed picture over the job's live channel."""
 
 from __future__ import annotations
 
@@ -35,12 +35,15 @@ def radiances() -> np.ndarray:
 
 
 def packet(seq: int, film: np.ndarray, spp: int) -> bytes:
-    """Returns a packet with a whole film as one live tile."""
+    """Returns the binary message of the live channel that has the whole film as one tile. seq: the message's sequence number."""
     return encode_tile(0, seq, (0, 0, WIDTH, HEIGHT), spp, rgbe9995.pack(film).astype("<u4").tobytes())
 
 
 class Site:
-    """Serves the page's files, and a live picture whose first client is disconnected. Records the clients' messages."""
+    """Serves the page's files, and a live picture over a WebSocket.
+
+    The first client is disconnected after its first acknowledgement. `acks` has the sequence numbers that clients acknowledged.
+    """
 
     def __init__(self) -> None:
         self.watchers = 0
@@ -74,5 +77,8 @@ class Site:
 
 
 def call(page: Page, module: str, body: str, argument: Any = None) -> Any:
-    """Runs a function body in the page, with a module `m` of the page and an argument `a`; returns its result."""
+    """Runs JavaScript in the browser page, and returns its result.
+
+    body: of an async function, in which `m` is the page's module `module`, and `a` is `argument`.
+    """
     return page.evaluate(f"async (a) => {{ const m = await import('/js/{module}.js'); {body} }}", argument)

@@ -1,4 +1,4 @@
-"""Tests that the page is loaded again if a module fails to load, or names the missing module."""
+"""Tests of a page of which a module fails to load: the page is loaded again, or else names the missing module."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from tests.service.conftest import until
 
 
 class Served:
-    """Serves only the page, as the service does; `asked` records the requested paths."""
+    """Serves the page's files as the service does, without the rest of the service; `asked` has the requested paths."""
 
     def __init__(self) -> None:
         self.asked: list[str] = []
@@ -36,7 +36,7 @@ class Served:
             await self.pages({**scope, "app": self}, receive, send)
 
     def of_the_page(self) -> list[str]:
-        """Returns the paths requested since the last call, except those of the API."""
+        """Returns and clears the recorded paths of requests, without those of the API."""
         asked, self.asked = [path for path in self.asked if not path.startswith("/api")], []
         return asked
 
@@ -50,13 +50,13 @@ def served() -> Iterator[Served]:
 
 
 def first_paint(page: Page) -> float:
-    """Returns the milliseconds from the start of the navigation to the first paint."""
+    """Returns the milliseconds from the start of the navigation to the first contentful paint."""
     page.wait_for_function("performance.getEntriesByName('first-contentful-paint').length > 0")
     return float(page.evaluate("performance.getEntriesByName('first-contentful-paint')[0].startTime"))
 
 
 def all_is_here(page: Page) -> None:
-    """Waits until the modules of all views are loaded, which are preloaded some time after the first view is shown."""
+    """Waits until the modules of all views are loaded; most are preloaded only some time after the first view is shown."""
     page.wait_for_function(
         """() => {
             const wanted = Object.values(JSON.parse(document.getElementById("view-modules").textContent)).flat();

@@ -1,4 +1,4 @@
-"""Tests of two pictures at a wipe: the first is shown left of the divider, the second right of it."""
+"""Tests of the comparison of two pictures: the first is shown left of a movable divider (the wipe), the second right of it."""
 
 from __future__ import annotations
 
@@ -22,7 +22,10 @@ SIZE = {"width": 96, "height": 64}
 
 
 def opened(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.ndarray]]:
-    """Opens the comparison of two pictures of a scene; returns their ids and expected displays."""
+    """Renders a scene with two maximum depths, and opens the comparison of the pictures.
+
+    Returns (ids of the two jobs, expected display of each picture).
+    """
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     jobs = [rendered(farm, scene, **SIZE, spp=4, max_depth=depth) for depth in (2, 9)]
     films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in jobs]
@@ -98,7 +101,10 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
 
 @pytest.mark.long
 def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
-    """A shot is compared with a still and with a shot of other frames, of which the nearest frame is shown."""
+    """In a comparison of two shots, each side shows its frame nearest to the selected one.
+
+    The link back to the picture, and a new comparison from there, keep the frame.
+    """
     parts = [("files", ("turns.glb", turning().glb()))]
     scene = httpx.post(f"{farm.url}/api/scenes", files=parts).raise_for_status().json()["id"]
     white = {"environment": {"color": [1, 1, 1]}}

@@ -21,7 +21,7 @@ NVIDIAS = 0.155813  # computed by flip-evaluator 1.7 for the two pictures below
 
 
 def two_pictures() -> tuple[np.ndarray, np.ndarray]:
-    """Returns two pictures, (48, 64, 3) uint8: soft colours; and the same with noise and a red bar."""
+    """Returns two pictures for comparison, (48, 64, 3) uint8: one of soft colours, and the same one with noise and a red bar."""
     y, x = np.mgrid[0:48, 0:64]
     a = np.stack([np.sin(x / 5) * 0.5 + 0.5, np.cos(y / 7) * 0.5 + 0.5, (x + y) / 110], -1)
     b = np.clip(a + np.random.default_rng(5).normal(0, 0.06, a.shape), 0, 1)

@@ -1,4 +1,7 @@
-"""Tests of the denoised picture on the page: next to the raw one or instead of it, without modifying it."""
+"""Tests of the denoised picture on the page: it is shown beside the raw picture or in its place.
+
+The film stays unchanged.
+"""
 
 from __future__ import annotations
 

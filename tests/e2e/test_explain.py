@@ -1,4 +1,4 @@
-"""Tests of the explanation of a pixel over its picture, the job's log, and the picture's tools."""
+"""Tests of a pixel's explanation, which is drawn over the picture, and of the job's log and the picture's tools."""
 
 from __future__ import annotations
 
@@ -33,7 +33,10 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
 
 @pytest.mark.long
 def test_a_pixel_is_explained_over_the_picture(farm: Farm, finished: str, watched: Watched) -> None:
-    """The tool's click and the pin's button both start an explanation; the table shows the service's answer; Escape ends it."""
+    """A pixel can be explained by a click with the tool, or by the button of a pinned pixel; Escape ends the explanation.
+
+    The table shows what the service answers about the pixel.
+    """
     page = watched.page
     x, y = PIXEL
     told = httpx.get(f"{farm.url}/api/jobs/{finished}/explain?x={x}&y={y}", timeout=60).raise_for_status().json()
@@ -96,7 +99,7 @@ def test_the_log_is_read_copied_and_taken_along(farm: Farm, finished: str, watch
 
 @pytest.mark.long
 def test_the_tools_do_what_they_say(farm: Farm, finished: str, watched: Watched) -> None:
-    """Tools copy the picture as displayed and the URL with all display options, and show the stage in fullscreen."""
+    """The picture's tools work: they copy the displayed picture, copy the URL with all display options, and show fullscreen."""
     page = watched.page
     page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=farm.url)
     open_job(page, farm, finished, "?ev=1.5&tone=agx")

@@ -21,7 +21,7 @@ PIXEL = bytes.fromhex(
 
 @pytest.fixture
 def finished(many: Service, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
-    """Returns the id of the latest still that the database lists as finished with samples."""
+    """Yields the id of a still that the database lists as finished with all its samples, although it has no film."""
     monkeypatch.setattr(many.farm.scrubber, "check_first", lambda job: None)  # otherwise it would be rendered again at once
     newest = select(Job.id).where(Job.state == "finished", Job.shot.is_(None)).order_by(Job.created.desc())
     with many.farm.sessions.begin() as session:

@@ -1,4 +1,4 @@
-"""Tests of upload, download, and an undone deletion, by keyboard alone."""
+"""Tests that the page can be used by keyboard alone: an upload, a download, and a deletion that is undone."""
 
 from __future__ import annotations
 
@@ -34,7 +34,10 @@ VISIBLE = """(element) => {
 
 
 def tab_to(page: Page, wanted: Locator) -> None:
-    """Presses Tab until the element has focus, and checks that every focused element on the way shows its focus."""
+    """Presses Tab until the element `wanted` has the focus.
+
+    Fails if a focused element on the way does not show that it is focused.
+    """
     wanted.wait_for()
     for _ in range(MOST_STOPS):
         page.keyboard.press("Tab")

@@ -35,7 +35,7 @@ def job(farm: Farm) -> str:
 
 @pytest.fixture(params=["de-AT", pytest.param("zh-CN", marks=pytest.mark.long)])
 def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[Page, str]]:
-    """Yields a page in a browser with a language other than English, and that language's locale."""
+    """Yields (page, locale) of a browser that is set to a language other than English."""
     context = browser.new_context(viewport=PHONE, reduced_motion="reduce", locale=request.param)
     context.set_default_timeout(20_000)
     context.add_init_script(SOON_CLEAR)
@@ -59,7 +59,7 @@ def assert_nothing_is_english(page: Page, locale: str) -> None:
 
 
 def assert_fits_and_is_named(page: Page) -> None:
-    """Asserts that a view is no wider than the screen, and that every visible control and picture has a name."""
+    """Asserts that a view is no wider than a phone's screen, and that every visible control and image has an accessible name."""
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     unnamed = page.evaluate(
         """() => [...document.querySelectorAll("button, a[href], input, select, textarea, img, [role=slider]")]
@@ -77,7 +77,7 @@ def assert_is_fit(page: Page, locale: str) -> None:
 
 
 def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, foreign: tuple[Page, str]) -> None:
-    """On a phone, every view is in the browser's language, fits the screen, and has names for its controls."""
+    """On a phone, every view is in the browser's language and fits the screen, and its controls have accessible names."""
     page, locale = foreign
     drop, render, save, jobs, tag = HEADINGS[locale]
     page.goto(farm.url)
@@ -105,7 +105,7 @@ def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, fore
 
 @pytest.fixture(scope="module")
 def warned(farm: Farm) -> dict[str, Any]:
-    """Returns the JSON of a scene with a warning that has a count, from a worker's confined reader."""
+    """Uploads a scene with one invalid vertex, and returns its JSON, whose warning about the vertex contains a count."""
     vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\n"
     scene = httpx.post(f"{farm.url}/api/scenes", files={"files": ("odd.obj", vertices)}).raise_for_status().json()["id"]
     with farm.client() as client:
@@ -115,7 +115,7 @@ def warned(farm: Farm) -> dict[str, Any]:
 
 
 def translated_warning(record: dict[str, Any], language: str) -> str:
-    """Returns the warning's text in another language, by the warning's code and parameters."""
+    """Returns the warning's expected text in a language: the catalogue's template for its code, with its parameters inserted."""
     at, coded = next((i, each) for i, each in enumerate(record["codes"]["warnings"]) if each and each["code"] == CODE)
     assert record["warnings"][at].startswith("odd.obj: 1 vertices") and 1 in coded["params"].values()
     words = json.loads((ROOT / "web" / "words" / f"service.{language}.json").read_text(encoding="utf-8"))
@@ -126,9 +126,9 @@ def translated_warning(record: dict[str, Any], language: str) -> str:
 
 
 def test_a_warning_of_a_reader_is_translated_by_its_code(farm: Farm, warned: dict[str, Any], program: str) -> None:
-    """A reader's warning is translated by its code, with its count, through service and page modules in Node.js.
+    """The page translates a scene reader's warning by the warning's code, and inserts the count.
 
-    A problem response has its code, too.
+    The warning passes from a worker through the service to the page's modules, run in Node.js. A problem response has a code too.
     """
     with Node(program, "de-DE") as node:
         shown = node.call("base/said", "return m.allSaidOf(a, 'warnings');", warned)

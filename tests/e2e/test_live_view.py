@@ -1,4 +1,4 @@
-"""Tests of the live view of a scene: camera arithmetic, and a farm that renders the camera that is navigated to."""
+"""Tests of a scene's live view: the arithmetic of its camera, and a farm that renders what the camera sees during navigation."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ def slots_of(farm: Farm) -> list[psutil.Process]:
 
 
 def stored_names(farm: Farm) -> tuple[set[str], set[str], set[str]]:
-    """Returns the names of the farm's stored (jobs, films, blobs)."""
+    """Returns the names of everything that the farm stores: (ids of jobs, file names of films, file names of blobs)."""
     jobs = {job["id"] for job in httpx.get(f"{farm.url}/api/jobs", params={"limit": 1000}).json()}
     films = {path.name for path in (farm.data / "films").iterdir()}
     return jobs, films, {path.name for path in (farm.data / "blobs").rglob("*") if path.is_file()}
 
 
 class LiveView:
-    """The live view of the scene "spheres", opened in a page."""
+    """Opens the live view of the example scene "spheres" in a page, and records the view's WebSockets."""
 
     def __init__(self, farm: Farm, watched: Watched) -> None:
         scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
@@ -64,11 +64,11 @@ class LiveView:
         return int(self.surface.get_attribute("data-samples") or 0)
 
     def number(self) -> int:
-        """Returns the number of the view whose picture is shown."""
+        """Returns the number of the requested view whose picture is displayed; each camera movement requests a new view."""
         return int(self.surface.get_attribute("data-view") or 0)
 
     def turn(self) -> None:
-        """Turns the view by dragging."""
+        """Drags with the mouse, which rotates the view."""
         first = self.number()
         box = self.surface.bounding_box()
         assert box
@@ -139,7 +139,7 @@ def test_the_view_flies_survives_a_killed_slot_and_keeps_what_is_found(farm: Far
 
 
 def farm_views(farm: Farm) -> str:
-    """Returns "views" if a slot of the farm renders a view at present, otherwise an empty string."""
+    """Returns "views" if a slot of the farm is rendering a live view, otherwise an empty string."""
     return "views" if any("view" in doing for w in httpx.get(f"{farm.url}/api/workers").json() for doing in w["current"]) else ""
 
 

@@ -24,7 +24,7 @@ LOOKS = {
 
 @grid("looks", LOOKS, ordinary=("each curve",))
 def test_the_shader_is_the_tone_mapping_of_python(looks: str, page: Page) -> None:
-    """All tone curves of the shader agree with Python's within one 8-bit step, over 21 stops."""
+    """The page's shader applies all tone curves as Python does, within one 8-bit step, over a range of 21 stops."""
     film = radiances()
     mount = """
         const view = new m.FilmView(a.width, a.height, { cursor() {}, moved() {} });
@@ -78,7 +78,10 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
 
 @pytest.mark.long
 def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
-    """While tiles arrive, areas are measured at once, and a pending request for a pinned pixel is not restarted."""
+    """While tiles arrive, the statistics of a pinned area are updated at once.
+
+    A pending request for a pinned pixel is not cancelled and sent again for each tile.
+    """
     body = """
         const { Store, Disposer } = await import("/js/base/store.js");
         const { Film } = await import("/js/film/film.js");

@@ -1,4 +1,4 @@
-"""Tests of a job in a notebook: the widget's Python part with a real farm, and its JavaScript part in a real browser."""
+"""Tests of the notebook widget that shows a job: its Python part with a real farm, its JavaScript part in a real browser."""
 
 from __future__ import annotations
 

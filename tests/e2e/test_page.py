@@ -24,7 +24,7 @@ ENDLESS_SPP = 60_000  # more samples than are rendered before the job is cancell
 
 
 def drop(page: Page, name: str, content: bytes) -> None:
-    """Drops a file with this name and content on the page, as by mouse."""
+    """Drops a file with this name and content on the page, as a user does with the mouse."""
     page.evaluate(
         """([name, base64]) => {
             const bytes = Uint8Array.from(atob(base64), (c) => c.charCodeAt(0));
@@ -38,12 +38,15 @@ def drop(page: Page, name: str, content: bytes) -> None:
 
 
 def samples_shown(page: Page) -> int:
-    """Returns the samples per pixel shown in the progress panel."""
+    """Returns the number of samples per pixel that the progress panel shows."""
     return int(page.get_by_label("Progress", exact=True).locator(".big").inner_text().replace(",", ""))
 
 
 def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm, watched: Watched, tmp_path: Path) -> None:
-    """An upload shows the preview of its mesh, then a job's picture with the film's pixels, which stays after cancellation."""
+    """A dropped file is shown first as a preview of its mesh, then as a job's picture with the film's pixels.
+
+    The picture stays when the job is cancelled.
+    """
     page = watched.page
     page.set_viewport_size({"width": 800, "height": 480})  # smaller, since drawing takes most of the test's time
     page.route_web_socket("**/viewport", lambda socket: None)  # keeps path-traced samples from replacing the mesh

@@ -39,7 +39,10 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
 
 @pytest.mark.long
 def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
-    """A finished picture shows the job list's JPEG until the film arrives, which takes one response without further tiles."""
+    """A finished picture is shown at once, by the JPEG of the job list, until the film has arrived.
+
+    The film arrives in one response, without tiles over the live channel.
+    """
     page = watched.page
     tiles: list[bytes] = []
     said: list[str] = []
@@ -85,7 +88,7 @@ def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched:
 
 
 def at(page: Page, x: float, y: float) -> tuple[float, float]:
-    """Returns the position on the page (CSS pixels) of a point in the picture."""
+    """Returns the position on the page, in CSS pixels, at which the point x, y of the picture is displayed."""
     stage = page.locator(".stage")
     scale, left, top = (float(v) for v in (stage.get_attribute("data-view") or "").split())
     box = page.locator("canvas.film").bounding_box()

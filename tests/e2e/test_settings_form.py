@@ -1,4 +1,7 @@
-"""Tests of the settings form: it has all of renderer/settings.py, and requests only values that differ from the scene's."""
+"""Tests of the form of render settings: it has every setting of renderer/settings.py.
+
+It requests only values that differ from the scene's own.
+"""
 
 from __future__ import annotations
 
@@ -51,7 +54,7 @@ def submitted(page: Page) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Sparkling(settings.RenderSettings):
-    """Render settings with one additional field."""
+    """Render settings with the additional setting `sparkle`, which the form must show without a change of the page."""
 
     sparkle: Annotated[
         float,
@@ -85,10 +88,10 @@ def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
 
 @pytest.mark.long
 def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Page) -> None:
-    """Each quality preset shows its estimated time and noise.
+    """Each quality preset shows the time and the noise that are expected for it.
 
-    Estimates follow from the scene's latest picture: one slot-microsecond per sample of a pixel, and a noise of 0.4 at one
-    sample.
+    Both follow from the scene's latest picture, which took a microsecond of one slot per sample of a pixel, and had a noise of
+    0.4 at one sample per pixel.
     """
     call(page, "news/farm", "m.workers.set([{ slots: 2, samples_per_s: 1 }]);")
     open_form(page, scene={**SCENE, "defaults": {"width": 1000, "height": 1000}, "measured": {"sample_s": 1e-6, "noise": 0.4}})
@@ -125,7 +128,10 @@ def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
 
 @pytest.mark.long
 def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
-    """The differences of two jobs include a disabled setting, a choice, a noise level and a camera, and name both sides."""
+    """The comparison lists each difference of two jobs' settings with the values of both.
+
+    Among them are a setting that is off, a choice, samples against a noise level, and the camera.
+    """
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     a = {"name": "Snow", "width": 8, "height": 8, "spp": 64, "noise": None}
     common = {"clamp_indirect": 0.0, "view": view, "environment": None}
@@ -158,9 +164,10 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
 
 @pytest.mark.long
 def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
-    """The differences of two jobs include changes of the scene between the jobs.
+    """The comparison of two jobs also lists what was changed in the scene between them: variant and environment.
 
-    Jobs of an older release have separate scenes with the same files and name; newer jobs store the difference themselves.
+    For jobs of an older release, the difference is found in their two scenes, which have the same name; newer jobs store it
+    themselves.
     """
     view = {"eye": [0, 0, 5], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 40, "projection": "perspective", "focus": None}
     job = {"name": "shoe", "width": 8, "height": 8, "spp": 64, "settings": {"integrator": "path", "view": view}}
@@ -211,7 +218,7 @@ def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
 
 @pytest.mark.long
 def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
-    """If cameras share a name, the name refers to the first of them; the others are requested by number."""
+    """Cameras with the same name can be selected separately: the first is requested by name, the others by number."""
     front, auto = SCENE["cameras"]  # type: ignore[misc]
     open_form(page, scene={**SCENE, "cameras": [front, {**front, "name": "side"}, front, {**front, "name": "auto"}, auto]})
     camera = page.get_by_label("Camera", exact=True)
@@ -224,7 +231,7 @@ def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
 
 @pytest.mark.long
 def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
-    """The form of a finished job submits all its settings again, except those that equal the scene's own."""
+    """The form for rendering a finished job again requests that job's settings, except those that equal the scene's own."""
     view = settings.View((0.1, 2, 3), (0, 0.5, 0), fov=33, aperture=0.02, focus=2.5)
     chosen = {"seed": 7, "integrator": "direct", "sampling": "bsdf", "light_samples": 3, "filter": "tent"}
     light = {"environment": (0.123456, 2.0, 0.5), "environment_strength": 0.7}

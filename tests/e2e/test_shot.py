@@ -227,7 +227,10 @@ def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> Non
 
 @pytest.mark.long
 def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> None:
-    """Playback keeps time and skips frames that arrive too late. Uses a simulated clock, since a busy machine draws late."""
+    """Playback keeps to the frame rate, and skips frames that would be drawn too late.
+
+    The page's clock is simulated, since a busy machine would draw late by itself.
+    """
     body = """
         const { ShotFrames } = await import("/js/shot/shot-frames.js");
         let now = 1000;

@@ -1,4 +1,4 @@
-"""Tests of the restart button of a job whose kind of workers no longer exists, with real workers of two releases."""
+"""Tests of the button that restarts a job for which no suitable workers exist any more, with real workers of two releases."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ SPP = 16384
 
 @contextmanager
 def worker_of(release: str, service: Service, folder: Path) -> Iterator[None]:
-    """Runs a worker process of that release in the `with` block, and ends it as by a machine's shutdown."""
+    """Runs a worker of this release in the `with` block, from the moment it is ready; ends it by SIGTERM, as a shutdown does."""
     command = [sys.executable, "-c", WORKER, release, f"--service={service.url}", "--slots=1", f"--name={release}"]
     log = folder / f"{release}.log"
     with log.open("wb") as out:

@@ -1,4 +1,7 @@
-"""Tests of pictures in place of a scene's live view: A alone, or A and B at a wipe, one of which may be the live view."""
+"""Tests of pictures shown in place of a scene's live view: one (A), or two (A and B) beside a movable divider.
+
+One of the two may be the live view itself.
+"""
 
 from __future__ import annotations
 
