@@ -1,4 +1,4 @@
-"""Tests of the fault campaign: its timeouts by idle time, and its counts of repeated batches."""
+"""Tests of the fault campaign's timeouts, which count only idle time, and of its counts of repeated batches."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of row `formats`: the mesh that is written in each format is read back unchanged."""
+"""Tests of row `formats` of the comparison: the mesh that it writes in each format is read back unchanged."""
 
 import numpy as np
 import pytest

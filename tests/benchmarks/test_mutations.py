@@ -47,7 +47,7 @@ def test_what_a_package_is_made_of_is_damaged_and_packed():
 
 
 def lost(number, _):
-    """Reads a file in a child process: for three of the numbers kills the process, hangs, or raises SystemError."""
+    """Reading function of a simulated campaign: for three of the numbers it kills its process, hangs, or raises SystemError."""
     if number == 3:
         os.kill(os.getpid(), signal.SIGKILL)
     if number == 5:

@@ -137,7 +137,7 @@ def test_a_row_that_is_not_there_gets_a_sentence(
 
 
 def test_some_lines_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
-    """Rows measure only the selected lines. Names may contain commas, and a common beginning selects several lines."""
+    """Only the selected lines are measured. A selection may be a name with commas, or a beginning that several lines share."""
     bench = importlib.import_module("tests.benchmarks.bench_peers")
     asked: list[str] = []
 
@@ -173,7 +173,7 @@ def test_what_is_measured_together_is_asked_for_by_either_name() -> None:
 @pytest.mark.long
 @pytest.mark.timeout(3600)
 def test_every_row_works(tmp_path: Path) -> None:
-    """A small run of one round yields every line of the table; its figures are not checked."""
+    """A run with small sizes and one round yields every line of the table; the measured figures are not checked."""
     if find_llvm() is None and not farm.may_install():
         pytest.skip("Mitsuba needs LLVM 16 or newer")
     if shutil.which("python3.11") is None and "RAYFARM_BPY_PYTHON" not in os.environ:

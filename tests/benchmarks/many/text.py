@@ -34,7 +34,7 @@ def obj_missing_textures(n: int) -> Files:
 
 
 def obj_switches(n: int) -> Files:
-    """Returns an OBJ file of n faces that alternate between two materials."""
+    """Returns an OBJ file of n faces that alternate between two materials, with a statement for each switch."""
     return {"a.obj": (_TRIANGLE + "".join(f"g g{i}\nusemtl m{i % 2}\nf 1 2 3\n" for i in range(n))).encode()}
 
 
@@ -99,7 +99,7 @@ def fbx_materials(n: int) -> Files:
 
 
 def fbx_levels(n: int) -> Files:
-    """Returns an FBX file with a level-of-detail group of n children."""
+    """Returns an FBX file with one level-of-detail group, which has n children as its levels of detail."""
     things = fbx_text.node(99, "lod", "LodGroup") + '\tNodeAttribute: 98, "NodeAttribute::", "LodGroup" {\n\t}\n'
     things += "".join(fbx_text.node(100 + i, f"n{i}") for i in range(n))
     links = [(99, 0), (98, 99), *(each for i in range(n) for each in ((10, 100 + i), (100 + i, 99)))]

@@ -18,7 +18,7 @@ _PICTURE = 'def Shader "T" {{ uniform token info:id = "UsdUVTexture"\nasset inpu
 
 
 def _stage(inside: str, head: str = "") -> Files:
-    """Returns the files of a USD layer with these statements. head: statements of the layer's header."""
+    """Returns a USD file, as its name and content. inside: the statements of the layer. head: statements of its header."""
     return {"a.usda": f"#usda 1.0\n({head})\n{inside}".replace(" }", "\n}").encode()}
 
 

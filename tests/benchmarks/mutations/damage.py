@@ -26,7 +26,7 @@ def _cut(data: bytes, dice: random.Random) -> bytes:
 
 
 def _swapped(data: bytes, dice: random.Random) -> bytes:
-    """Returns the data with two tokens, or two parts of a binary file, swapped."""
+    """Returns the data with two of its tokens swapped, or two byte ranges in a binary file. dice: random number generator."""
     tokens = [m.span() for m in _TOKEN.finditer(data, 0, 200_000)]
     if len(tokens) > 8:
         (a, b), (c, d) = sorted(dice.sample(tokens, 2))
@@ -50,7 +50,10 @@ def _dropped(data: bytes, dice: random.Random) -> bytes:
 
 
 def _huge(data: bytes, dice: random.Random) -> bytes:
-    """Returns the data with a number, or four bytes of a binary file, replaced by an invalid or far too large value."""
+    """Returns the data with one number replaced by an invalid or far too large one.
+
+    In a binary file, some bytes are overwritten with such a number instead. dice: random number generator.
+    """
     numbers = [m.span() for m in _NUMBER.finditer(data, 0, 200_000)]
     if numbers and dice.random() < 0.8:
         a, b = dice.choice(numbers)
@@ -71,7 +74,10 @@ WAYS: dict[str, Callable[[bytes, random.Random], bytes]] = {
 
 
 def damaged(data: bytes, dice: random.Random) -> tuple[bytes, str]:
-    """Returns the data damaged once or twice, and a description of the damage. dice: random number generator."""
+    """Damages the data in one or two random ways; returns (damaged data, description of the damage).
+
+    dice: random number generator.
+    """
     ways = dice.sample(sorted(WAYS), dice.choice([1, 1, 1, 2]))
     for way in ways:
         data = WAYS[way](data, dice) if data else data

@@ -1,4 +1,4 @@
-"""Valid files with compressed content: glTF's buffers and images, textures, zips, .blend files."""
+"""Valid files with compressed content, as input for damage: glTF's buffers and images, textures, zips, .blend files."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ def pictures() -> dict[str, bytes]:
 
 
 def textures() -> list[Seed]:
-    """Returns scenes of a square, each with one of the pictures as its texture."""
+    """Returns scenes of a textured square, one for each picture of `pictures`."""
     scene = "shapes: [{{type: quad, material: m}}]\ntextures: {{t: {{image: {0}}}}}\nmaterials: {{m: {{texture: t}}}}\n"
     lit = "shapes: [{{type: sphere}}]\nenvironment: {{image: {0}}}\n"
     found: list[Seed] = []
@@ -97,7 +97,10 @@ def textures() -> list[Seed]:
 
 
 def packed_gltf() -> list[Seed]:
-    """Returns glTF files whose compressed content is in separate files, so that damage affects compressed data, not JSON."""
+    """Returns glTF scenes whose compressed buffers and images are separate files.
+
+    So damage affects the compressed data, not the JSON around it.
+    """
     made = packed()
     found = [_apart(made)]
     points = np.random.default_rng(5).random((30, 3)).astype(np.float32)
@@ -139,7 +142,7 @@ def _apart(made: Gltf) -> Seed:
 
 
 def serialized_mesh() -> bytes:
-    """Returns a triangle with normals and texture coordinates in Mitsuba's serialized format."""
+    """Returns the bytes of a file in Mitsuba's serialized format, with one triangle, its normals and its texture coordinates."""
     places = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0]], "<f4")
     normals, uvs = np.tile(np.array([0, 0, 1], "<f4"), (3, 1)), np.ascontiguousarray(places[:, :2])
     body = (
@@ -150,7 +153,7 @@ def serialized_mesh() -> bytes:
 
 
 def zips(scene: dict[str, bytes]) -> list[Seed]:
-    """Returns a scene's files in a zip, compressed by each supported method."""
+    """Returns the scene's files packed in a zip, once for each supported compression method."""
     found: list[Seed] = []
     for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA):
         out = io.BytesIO()

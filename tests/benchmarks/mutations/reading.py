@@ -25,7 +25,10 @@ _NUMBER = 8
 
 @dataclass(frozen=True)
 class Came:
-    """The outcome of reading the file of this number. answer: None if the child process was lost."""
+    """Outcome of reading one file.
+
+    number: of the file in the campaign. answer: result of the reading function; None if the child process was lost.
+    """
 
     number: int
     seconds: float
@@ -34,7 +37,7 @@ class Came:
 
 @dataclass
 class _Child:
-    """A child process that reads files: it receives numbers of files, and answers each with a line."""
+    """A child process that reads one file after the other: it receives a file's number, and answers with a line."""
 
     slot: int
     child: int

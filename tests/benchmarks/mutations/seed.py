@@ -1,4 +1,4 @@
-"""A valid scene that is to be damaged."""
+"""The form in which a valid scene is stored that is to be damaged, and the random choice of the damage."""
 
 from __future__ import annotations
 
@@ -30,12 +30,19 @@ class Seed(NamedTuple):
 
 
 def kind_of(number: int, seed: int, seeds: dict[str, list[Seed]]) -> str:
-    """Returns the format of the file of this number in a campaign with random seed `seed`."""
+    """Returns the format of the file that a campaign draws for this number.
+
+    seed: of the campaign. seeds: valid scenes by format.
+    """
     return _kind(random.Random(f"{seed}:{number}"), seeds)
 
 
 def draw(number: int, seed: int, seeds: dict[str, list[Seed]]) -> tuple[str, str, dict[str, bytes], str]:
-    """Returns (format, main file, all files, description of the damage) of the file of this number in a campaign."""
+    """Draws the file for this number of a campaign, and damages it.
+
+    Returns (format, main file, all files, description of the damage). The result depends only on the arguments. seed: of the
+    campaign. seeds: valid scenes by format.
+    """
     dice = random.Random(f"{seed}:{number}")
     kind = _kind(dice, seeds)
     chosen = dice.choice(seeds[kind])
@@ -47,7 +54,7 @@ def draw(number: int, seed: int, seeds: dict[str, list[Seed]]) -> tuple[str, str
 
 
 def packed(main: str, parts: dict[str, bytes]) -> dict[str, bytes]:
-    """Returns a zip of the parts as the main file."""
+    """Packs all parts into a zip; returns the zip as the only file, by the name `main`."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in parts.items():

@@ -99,7 +99,7 @@ def _usd(folder: Path) -> list[Seed]:
 
 
 def from_folders(folders: Iterable[Path]) -> dict[str, list[Seed]]:
-    """Returns up to six small scene files of each suffix from folders, without the files that they refer to."""
+    """Returns, for each scene suffix, up to six small scene files found in the folders, without the files that they refer to."""
     found: dict[str, list[Path]] = defaultdict(list)
     for path in sorted(path for folder in folders for path in folder.rglob("*")):
         if path.suffix.lower() in SCENE_SUFFIXES and path.is_file() and 20 < path.stat().st_size < _LARGEST:
@@ -114,7 +114,7 @@ def from_folders(folders: Iterable[Path]) -> dict[str, list[Seed]]:
 
 
 def seeds() -> dict[str, list[Seed]]:
-    """Returns valid files by format."""
+    """Returns the valid scenes to be damaged, by format."""
     png = _png()
     with tempfile.TemporaryDirectory(prefix="rayfarm-seeds-") as name:
         folder = Path(name)

@@ -1,4 +1,7 @@
-"""Valid files of the formats read by assimp only: one or two triangles each, by the formats' specifications."""
+"""Valid files of formats that only assimp reads, as input for damage.
+
+They have one or two triangles each, and follow the formats' specifications.
+"""
 
 from __future__ import annotations
 
@@ -83,7 +86,7 @@ def _form(kind: bytes, data: bytes, order: str = ">") -> bytes:
 
 
 def _lwo() -> bytes:
-    """Returns a LightWave file, version 2."""
+    """Returns the bytes of a LightWave 2 (LWO2) file."""
     points = struct.pack(">9f", 0, 0, 0, 1, 0, 0, 0, 1, 0)
     face = b"FACE" + struct.pack(">4H", 3, 0, 1, 2)
     surface = b"red\0\0\0" + b"COLR" + struct.pack(">H3fH", 14, 0.8, 0.1, 0.1, 0)
@@ -107,7 +110,7 @@ def _b3d() -> bytes:
 
 
 def long_tail() -> list[Seed]:
-    """Returns one file of each format."""
+    """Returns one valid file of each format that only assimp reads."""
     made = {f"a{suffix}": text.encode() for suffix, text in _TEXTS.items()}
     made |= {"a.3ds": _three_ds(), "a.lwo": _lwo(), "a.b3d": _b3d()}
     zae = io.BytesIO()

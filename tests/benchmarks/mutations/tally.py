@@ -1,4 +1,4 @@
-"""The outcomes of damaged files as table rows."""
+"""Counts the outcomes of reading damaged files, and prints them as a table."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ OUTCOMES = ("read", "refused", "refused by the net", "too large", "too slow", "c
 
 @dataclass
 class Tally:
-    """The outcomes of the files of one format."""
+    """Counts of outcomes, longest time and most memory over all damaged files of one format."""
 
     outcomes: Counter[str] = field(default_factory=Counter)
     slowest_s: float = 0.0
     most_bytes: int = 0
 
     def add(self, outcome: str, seconds: float, memory: int) -> None:
-        """Counts one outcome, and its time and memory."""
+        """Counts a file's outcome, its time in processor seconds, and its peak memory."""
         self.outcomes[outcome] += 1
         self.slowest_s, self.most_bytes = max(self.slowest_s, seconds), max(self.most_bytes, memory)
 

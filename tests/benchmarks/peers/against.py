@@ -1,4 +1,7 @@
-"""Row `samples` compared with another commit: alternating, by processor time, over many short rounds."""
+"""Row `samples` of the comparison, with another commit of Rayfarm in place of Mitsuba.
+
+Both commits render in turn, over many short rounds; their processor times are compared.
+"""
 
 from __future__ import annotations
 
@@ -20,7 +23,7 @@ _SCRIPT = Path(__file__).with_name("one_side.py")
 
 
 class _Side:
-    """A process that renders a scene with the renderer of one working tree."""
+    """A process that renders one scene on request, with the code of one commit's working tree."""
 
     def __init__(self, tree: Path, name: str, size: str, spp: int) -> None:
         command = [sys.executable, str(_SCRIPT), name, size, str(spp)]
@@ -33,7 +36,10 @@ class _Side:
         return self._process.stdout.readline().strip()
 
     def render(self, seed: int) -> Taken:
-        """Renders once and returns the time: processor time, also in place of wall time, since other work affects it less."""
+        """Requests one render with this seed, and returns its processor time.
+
+        It is returned in place of the wall time too, since other work of the machine affects it less.
+        """
         assert self._process.stdin is not None
         self._process.stdin.write(f"{seed}\n")
         self._process.stdin.flush()
@@ -59,7 +65,10 @@ def _working_tree(commit: str, folder: Path) -> Iterator[Path]:
 
 
 def against_lines(sizes: Sizes, folder: Path, commit: str, quick: bool, rounds: int, spp: int) -> Iterator[Line]:
-    """Yields one line per scene: the speed relative to the commit's, the median of the rounds' ratios."""
+    """Compares this working tree with another commit, scene by scene; yields one line per scene.
+
+    A line's value is the commit's time divided by ours, the median over the rounds.
+    """
     size = "quick" if quick else "full"
     with _working_tree(commit, folder) as tree:
         for name in CASES:

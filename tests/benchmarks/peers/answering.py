@@ -1,6 +1,6 @@
-"""The peer's side of the line protocol of `asking.Peer`: answers requests. Uses the standard library only.
+"""Answers the requests of `asking.Peer`, in the process of the peer renderer. Uses the standard library only.
 
-The peer's own output goes to stderr, so that stdout holds answers only.
+Other output of the peer goes to stderr, so that stdout has only the answers.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ __all__ = ["answer"]
 
 
 def answer(commands: dict[str, Callable[..., dict[str, Any]]]) -> None:
-    """Answers requests from stdin until it ends.
+    """Answers requests from stdin, one JSON line each, until stdin ends. commands: functions by name.
 
-    A request is {"do": command, ...arguments}; the answer is the command's result.
+    A request is {"do": name, ...arguments}; the answer is the function's result.
     """
     out = os.fdopen(os.dup(1), "w")
     os.dup2(2, 1)

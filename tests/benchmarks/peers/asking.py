@@ -15,7 +15,7 @@ __all__ = ["Peer"]
 
 
 class Peer:
-    """A program of this folder, run by another Python; a context manager."""
+    """A peer renderer's program in this folder, run by another Python; a context manager that ends the program."""
 
     def __init__(self, python: Path, program: str) -> None:
         self._log = tempfile.TemporaryFile("w+")  # noqa: SIM115 - closed with the block
@@ -30,7 +30,10 @@ class Peer:
         )
 
     def ask(self, do: str, **arguments: Any) -> dict[str, Any]:
-        """Returns the peer's answer to a request; if it fails, raises RuntimeError with the end of the peer's error output."""
+        """Sends a request to the peer, and returns the answer. do: name of the command.
+
+        If the command fails, raises RuntimeError with the end of the peer's error output.
+        """
         assert self._process.stdin and self._process.stdout
         try:
             self._process.stdin.write(json.dumps({"do": do, **arguments}) + "\n")

@@ -29,7 +29,10 @@ _FIRST, _JOINS = "empty cache to the first tile", "a worker joins a farm that ha
 
 
 def cold_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields the two lines of waiting times; the first is measured in few rounds, since compiling takes long."""
+    """Measures both waiting times with empty kernel caches; yields a line for each.
+
+    The first, on a new farm, is measured in few rounds, since each compiles the kernels.
+    """
     cache = folder / "cache"
     if sizes.wants(_FIRST):
         first = []
@@ -53,7 +56,10 @@ def _line(name: str, seconds: list[float]) -> Line:
 
 
 def _until_handed_in(farm: Farm, cache: Path) -> None:
-    """Waits until the farm's first worker has uploaded its kernels, which it does in the background."""
+    """Waits until the farm's first worker has compiled all kernels and has uploaded them to the farm.
+
+    cache: the worker's cache folder.
+    """
 
     def is_at_rest() -> bool:
         handed_in = any(is_name(path.name) for path in (farm.data / "kernels").glob("*"))
@@ -67,7 +73,7 @@ def _until_handed_in(farm: Farm, cache: Path) -> None:
 
 
 def _join(farm: Farm, cache: Path) -> float:
-    """Returns the seconds until a worker with an empty cache is ready; ends the worker."""
+    """Starts a worker with an empty kernel cache, and ends it when it is ready; returns the seconds between."""
     command = [sys.executable, "-m", "rayfarm", "worker", "--join", farm.url, "--slots", "1", "--name", _NAME]
     environment = {**os.environ, "RAYFARM_TOKEN": farm.token, "RAYFARM_CACHE": str(cache)}
     begun = time.perf_counter()

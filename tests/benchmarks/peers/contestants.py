@@ -1,4 +1,4 @@
-"""Rayfarm and Mitsuba with a prepared scene: both render a picture for a number of samples and a seed."""
+"""Rayfarm and Mitsuba behind the same interface: each is given a scene, and renders pictures of a sample count and a seed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _AT_ONCE = 256  # samples per pixel of each part of a reference picture
 
 
 class Rayfarm:
-    """Rayfarm with its scrambled Sobol' sampler."""
+    """A scene prepared for Rayfarm, which renders with its default sampler (scrambled Sobol')."""
 
     def __init__(self, case: Case, pixels: int, **more: Any) -> None:
         self.scene = compile_scene(case.description)
@@ -30,13 +30,16 @@ class Rayfarm:
         self.stats = RenderStats()
 
     def picture(self, spp: int, seed: int, threads: int | None = None) -> np.ndarray:
-        """Returns the picture, (h, w, 3)."""
+        """Renders the scene, and returns the picture (h, w, 3). spp: samples per pixel."""
         settings = replace(self.settings, seed=seed)
         return mean(render_frame(self.scene, settings, spp, threads, stats=self.stats), settings.film_exponent)
 
 
 class Mitsuba:
-    """Mitsuba at its fastest: vectorised by LLVM, on all cores, with Russian roulette, one-sided surfaces, shared materials."""
+    """A scene prepared for Mitsuba with its fastest settings.
+
+    These are LLVM's vectorisation on all cores, Russian roulette, one-sided surfaces and shared materials.
+    """
 
     def __init__(self, case: Case, pixels: int, sampler: str, folder: Path) -> None:
         self.mi = mitsuba_with_llvm()
@@ -49,18 +52,21 @@ class Mitsuba:
         self.scene = self.mi.load_dict(made)
 
     def picture(self, spp: int, seed: int) -> np.ndarray:
-        """Returns the picture, (h, w, 3)."""
+        """Renders the scene, and returns the picture (h, w, 3). spp: samples per pixel."""
         return np.array(self.mi.render(self.scene, spp=spp, seed=seed))
 
 
 def converged(picture: Callable[[int, int], np.ndarray], spp: int) -> np.ndarray:
-    """Returns the mean of pictures with different seeds that have `spp` samples in total."""
+    """Calls `picture` with different seeds, for `spp` samples per pixel in all; returns the mean picture."""
     parts = max(1, spp // _AT_ONCE)
     return np.mean([picture(min(spp, _AT_ONCE), 1000 + part) for part in range(parts)], axis=0)
 
 
 def _shared(made: dict[str, Any]) -> dict[str, Any]:
-    """Returns the scene with shared materials, and without back faces, which no view shows."""
+    """Returns Mitsuba's scene dictionary with each material defined only once, and referred to by its shapes.
+
+    Two-sided materials become one-sided, since no view shows a back face.
+    """
     names: dict[int, str] = {}
     scene: dict[str, Any] = {}
     for key, part in made.items():

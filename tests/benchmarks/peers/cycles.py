@@ -31,7 +31,10 @@ _ONES = 5  # pictures of one sample; the fastest is subtracted
 
 
 def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
-    """Yields the lines for samples per second and for the error at equal time. kept: as in `error_lines`."""
+    """Compares Rayfarm with Cycles; yields a line for samples per second and one for the error at equal time.
+
+    kept: folder of converged pictures, reused between runs.
+    """
     if not (sizes.wants(_SAMPLES) or sizes.wants(_ERROR)):
         return
     glb = textured_objects(folder / "objects.glb", sizes.small_mesh // 8, sizes.texture)
@@ -49,7 +52,7 @@ def cycles_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterat
             return read_image(path.read_bytes(), path.name)[..., :3]
 
         def they(seed: int) -> Taken:
-            """Returns Cycles' time for `spp` samples: the time for 1 + spp samples minus that for one."""
+            """Returns Cycles' time for `spp` samples: the time of a render of 1 + spp samples, minus that of one sample."""
             took = cycles.ask("render", samples=1 + spp, seed=seed)
             return Taken(took["wall"] - one["wall"], took["cpu"] - one["cpu"])
 

@@ -1,4 +1,4 @@
-"""Cycles as a peer, in a Python with bpy."""
+"""Program that renders with Cycles for the comparison, in a Python that has bpy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Embree as a peer, in a Python with embreex, which calls rtcIntersect1 or rtcOccluded1 for each ray."""
+"""Program that traces rays with Embree for the comparison, in a Python that has embreex.
+
+embreex calls rtcIntersect1 or rtcOccluded1 for each ray.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ _kept: dict[str, Any] = {}
 
 
 def build(mesh: str) -> dict[str, Any]:
-    """Builds Embree's tree over the mesh of an .npz file on all cores; returns the time of rtcCommitScene only."""
+    """Builds Embree's BVH of a mesh on all cores; returns the time of rtcCommitScene only. mesh: path of an .npz file."""
     if _kept.get("mesh") != mesh:
         with np.load(mesh) as file:
             _kept.update(mesh=mesh, position=file["position"], triangle=file["triangle"])
@@ -29,7 +32,10 @@ def build(mesh: str) -> dict[str, Any]:
 
 
 def trace(rays: str, query: str, reach: float) -> dict[str, Any]:
-    """Traces the rays of an .npz file through the latest tree. reach: maximum distance, in lengths of the ray's direction."""
+    """Traces rays through the BVH that was built last. rays: path of an .npz file.
+
+    reach: maximum distance, in multiples of the length of a ray's direction.
+    """
     if _kept.get("rays") != rays:
         with np.load(rays) as file:
             _kept.update(rays=rays, origin=file["origin"], direction=file["direction"])

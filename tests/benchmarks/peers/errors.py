@@ -22,7 +22,10 @@ _NOT_ASKED = ("large mesh, rough plastic",)  # has the same noise as its diffuse
 
 
 def error_lines(sizes: Sizes, folder: Path, kept: Path | None = None) -> Iterator[Line]:
-    """Yields two lines per scene. kept: the folder of converged pictures, reused between runs."""
+    """Compares the errors of Rayfarm's and Mitsuba's pictures; yields two lines per scene: at equal time, at equal samples.
+
+    kept: folder of converged pictures, reused between runs.
+    """
     for name, make in CASES.items():
         if name not in _NOT_ASKED and sizes.wants(name):
             yield from _lines(name, make(sizes), References(sizes, kept), folder)
@@ -44,7 +47,10 @@ def _lines(name: str, case: Case, references: References, folder: Path) -> Itera
 
 
 def _times_faster(case: Case, sizes: Sizes, folder: Path) -> float:
-    """Returns Mitsuba's wall time divided by ours for a picture of the size of row `samples`, where start-up matters little."""
+    """Returns Mitsuba's wall time divided by ours, for pictures with equally many samples.
+
+    The pictures have the size of row `samples`, at which the start-up time of a render matters little.
+    """
     ours, theirs = Rayfarm(case, sizes.picture), Mitsuba(case, sizes.picture, "multijitter", folder)
     spp = sizes.error_spp
     ours.picture(1, 0)

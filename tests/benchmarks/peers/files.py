@@ -18,7 +18,10 @@ _TILT = 18.0
 
 
 def textured_objects(path: Path, triangles: int, texture: int) -> Path:
-    """Writes a GLB of textured rings and bumpy balls on the ground, rough, glossy and metallic, and a camera."""
+    """Writes a GLB file with a camera, and with rings and bumpy balls on the ground.
+
+    The objects are textured, and rough, glossy or metallic. texture: width of a texture in texels.
+    """
     glb = Glb()
     looks = [(0.0, 0.9), (0.0, 0.4), (1.0, 0.35), (0.0, 0.2)]
     materials = []
@@ -43,7 +46,7 @@ def textured_objects(path: Path, triangles: int, texture: int) -> Path:
 
 
 def large_file(path: Path, triangles: int) -> Path:
-    """Writes a GLB of one mesh of that many triangles, with normals and UVs."""
+    """Writes a GLB file of a single mesh with that many triangles, with normals and UVs; returns its path."""
     glb = Glb()
     gray = glb.add("materials", {"pbrMetallicRoughness": {"baseColorFactor": [0.7, 0.7, 0.7, 1], "metallicFactor": 0}})
     glb.add_node(mesh=_add(glb, displaced_sphere(triangles), gray))

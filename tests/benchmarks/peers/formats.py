@@ -1,6 +1,6 @@
-"""Row `formats`: one mesh in each format that can store it, from the file to a renderable scene. No peer.
+"""Row `formats`: reads the same mesh in each format that can store it, from the file to a renderable scene. No peer.
 
-Measured as in row `ready`, but by the processor time of all processes, since Blender is a separate one.
+It is measured as in row `ready`, but by the processor time of all processes, since Blender is a separate process.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ def _usdc(path: Path, mesh: Mesh) -> None:
 
 
 def _fbx(path: Path, mesh: Mesh) -> None:
-    """Writes FBX 7.4 as exporters do: compressed arrays, and normals and UVs per corner."""
+    """Writes the mesh as FBX 7.4, as exporters do: compressed arrays, and normals and UVs for each triangle corner."""
     points, normals, uvs, triangles = _arrays(mesh)
 
     def array(code: bytes, values: np.ndarray) -> bytes:
@@ -193,7 +193,10 @@ WRITERS: dict[str, Callable[[Path, Mesh], object]] = {
 
 
 def format_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields two lines per format: processor seconds, and bytes per triangle."""
+    """Measures the reading of each format; yields two lines per format.
+
+    The values are processor seconds, and bytes of memory per triangle.
+    """
     triangles = sizes.ready[0]
     mesh = displaced_sphere(triangles)
     environment = dict(os.environ)

@@ -1,4 +1,4 @@
-"""Clocks, alternating rounds, and errors relative to a converged picture."""
+"""Times and errors of the comparison: clocks, measurements in alternating rounds, and errors against a converged picture."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _FLOOR = 0.01  # share of the reference's mean square that is added, for black p
 
 @dataclass(frozen=True)
 class Taken:
-    """A measured time: wall seconds, and processor seconds of all threads, which are NaN if unknown."""
+    """Time taken by a call: wall seconds, and processor seconds of all threads (NaN if unknown)."""
 
     wall: float
     cpu: float = math.nan
@@ -27,10 +27,10 @@ class Taken:
 
 @dataclass
 class Line:
-    """A line of the comparison's table.
+    """One line of the comparison's table: a measurement of one row.
 
-    value: compared with the target. spread: minimum and maximum over the rounds. ours, peers: the measurements by round, in
-    `unit`. notes: further figures by name.
+    value: the number that is compared with the target. spread: minimum and maximum over the rounds. ours, peers: measurements of
+    Rayfarm and of the peer by round, in `unit`. notes: further figures by name.
     """
 
     row: str
@@ -44,7 +44,7 @@ class Line:
 
 
 def taken(work: Callable[[], Any]) -> Taken:
-    """Returns the wall and processor time that this process takes for a call of `work`."""
+    """Calls `work`, and returns the wall and processor time that this process takes meanwhile."""
     wall, cpu = time.perf_counter(), time.process_time()
     work()
     return Taken(time.perf_counter() - wall, time.process_time() - cpu)
@@ -52,7 +52,10 @@ def taken(work: Callable[[], Any]) -> Taken:
 
 @dataclass(frozen=True)
 class Race:
-    """The times of both sides by round, and the clock by which they are compared."""
+    """Times of Rayfarm and of a peer, by round.
+
+    clock: which of a round's two times is compared.
+    """
 
     ours: list[Taken]
     theirs: list[Taken]
@@ -60,24 +63,30 @@ class Race:
 
     @property
     def seconds(self) -> tuple[list[float], list[float]]:
-        """Times of both sides by round: (ours, theirs)."""
+        """Times of all rounds by `clock`: (Rayfarm's, the peer's)."""
         return [getattr(t, self.clock) for t in self.ours], [getattr(t, self.clock) for t in self.theirs]
 
     @property
     def ratios(self) -> list[float]:
-        """Their time divided by ours, by round."""
+        """The peer's time divided by Rayfarm's, for each round."""
         return [b / a for a, b in zip(*self.seconds, strict=True)]
 
     @property
     def cpu_ratio(self) -> float:
-        """Ratio of processor times in the fastest rounds, which depends less on other work of the machine."""
+        """The peer's processor time divided by Rayfarm's, each in its own fastest round.
+
+        Other work of the machine affects this ratio less.
+        """
         return min(t.cpu for t in self.theirs) / min(t.cpu for t in self.ours)
 
 
 def race(
     ours: Callable[[int], Taken], theirs: Callable[[int], Taken], rounds: int, clock: Literal["wall", "cpu"] = "wall"
 ) -> Race:
-    """Measures our and the peer's function in alternating rounds; each function receives the number of the round."""
+    """Calls `ours` and `theirs` in alternating rounds, and returns the times that they report.
+
+    Both receive the round's number.
+    """
     results = Race([], [], clock)
     for number in range(rounds):
         sides = [(ours, results.ours), (theirs, results.theirs)]
@@ -94,9 +103,9 @@ def ratio_line(
 
 
 def error_line(row: str, name: str, ours: Sequence[float], peers: Sequence[float], **notes: Any) -> Line:
-    """Returns a line with the peer's mean error divided by ours.
+    """Returns a line whose value is the peer's mean error divided by ours.
 
-    Errors are not paired by round, since their seeds are unrelated.
+    The errors of a round are not divided by each other, since both sides use unrelated seeds.
     """
     return ratio_line(row, name, [statistics.fmean(peers) / error for error in ours], "relMSE", ours, peers, **notes)
 

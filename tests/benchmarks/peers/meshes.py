@@ -42,9 +42,9 @@ def checks(size: int, seed: int = 0) -> Image:
 
 
 def _grid(name: str, points: np.ndarray, material: int, poles: bool = False) -> Mesh:
-    """Returns a mesh over a grid of points (rows + 1, columns + 1, 3), whose front is the side of rows x columns.
+    """Returns a mesh over a grid of points (rows + 1, columns + 1, 3), with smooth normals that face away from the origin.
 
-    poles: whether the first and the last row are single points.
+    poles: whether all points of the first row coincide, and all of the last; their triangles without area are left out.
     """
     rows, columns = points.shape[0] - 1, points.shape[1] - 1
     corner = (np.arange(rows)[:, None] * (columns + 1) + np.arange(columns)).ravel()
@@ -70,7 +70,10 @@ def _grid(name: str, points: np.ndarray, material: int, poles: bool = False) -> 
 
 
 def _vertex_normals(positions: np.ndarray, triangles: np.ndarray, rows: int, columns: int) -> np.ndarray:
-    """Returns the mean face normal at each grid point; the first and last columns coincide."""
+    """Returns the mean normal of the adjacent triangles for each grid point.
+
+    The first and the last column count as the same points.
+    """
     corner = positions[triangles]
     face = np.cross(corner[:, 1] - corner[:, 0], corner[:, 2] - corner[:, 0])
     total = np.stack([np.bincount(triangles.ravel(), np.repeat(face[:, k], 3), len(positions)) for k in range(3)], -1).reshape(

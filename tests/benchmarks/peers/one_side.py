@@ -1,7 +1,7 @@
-"""Renders a scene of row `samples` on request, in the working tree of one of two commits that are compared.
+"""Renders a scene of row `samples` on request, with the code of one of two commits that against.py compares.
 
-Run it in the root of the working tree to be measured. It reads a scene's name and a size from the command line, then renders once
-for each line of standard input, and writes the processor seconds of each.
+Run in the root of the commit's working tree. The command line has the scene's name and a size. For each line of standard input it
+renders once, and prints the processor seconds.
 """
 
 from __future__ import annotations

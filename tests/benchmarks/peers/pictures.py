@@ -17,16 +17,16 @@ __all__ = ["sample_lines"]
 
 
 def sample_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields one line per scene."""
+    """Compares samples per second of Rayfarm and Mitsuba; yields one line per scene."""
     for name, make in CASES.items():
         if sizes.wants(name):
             yield _line(name, make(sizes), sizes, folder)
 
 
 def _line(name: str, case: Case, sizes: Sizes, folder: Path) -> Line:
-    """Returns the measured line of one scene, after a warm-up.
+    """Renders one scene in alternating rounds, after a warm-up, and returns its line.
 
-    Both sides do equal work: one light sample and one BSDF sample per path vertex.
+    Both renderers do equal work: one light sample and one BSDF sample per path vertex.
     """
     ours, theirs = Rayfarm(case, sizes.picture, splitting=1), Mitsuba(case, sizes.picture, "independent", folder)
     spp = sizes.spp

@@ -1,4 +1,4 @@
-"""Plots of the rows: bars with targets, and curves of cost."""
+"""Plots of the comparison's rows: bars with targets, or curves of cost for row `scaling`."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ _OURS, _ASKED = "#3b6ea5", "#c0392b"
 
 
 def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
-    """Plots a bar per line with the spread over rounds and its target; a dotted line marks the geometric mean's target."""
+    """Plots a row's lines as bars, each with its spread over the rounds and its target.
+
+    A dotted line marks the target of the row's geometric mean.
+    """
     target = TABLE[row]
     figure, axes = pyplot.subplots(figsize=(8, 1.2 + 0.42 * len(lines)), layout="constrained")
     for y, line in enumerate(lines):
@@ -43,7 +46,7 @@ def plot_row(row: str, lines: Sequence[Line], path: Path) -> None:
 
 
 def plot_curves(row: str, lines: Sequence[Line], path: Path) -> None:
-    """Plots processor seconds over each varied count (triangles, lights, ...), with the allowed growth."""
+    """Plots the processor seconds of a row's lines over the varied count, such as triangles, with the allowed growth."""
     figure, axes = pyplot.subplots(1, len(lines), figsize=(3.4 * len(lines), 3.4), layout="constrained", squeeze=False)
     for plot, line in zip(axes[0], lines, strict=True):
         notes = line.notes or {}

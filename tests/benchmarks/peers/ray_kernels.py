@@ -10,7 +10,11 @@ __all__ = ["trace_any", "trace_closest"]
 
 @entry
 def trace_closest(bvh, stack, origin, direction, reach, distance, primitive):
-    """Writes each ray's hit distance, in lengths of its direction, and the hit primitive, -1 for none."""
+    """Traces each ray to its closest hit; writes the hit's distance and primitive.
+
+    distance: in multiples of the length of the ray's direction. primitive: -1 for no hit. reach: maximum distance, in the same
+    unit.
+    """
     for i in range(len(origin)):
         o = (origin[i, 0], origin[i, 1], origin[i, 2])
         d = (direction[i, 0], direction[i, 1], direction[i, 2])
@@ -21,7 +25,7 @@ def trace_closest(bvh, stack, origin, direction, reach, distance, primitive):
 
 @entry
 def trace_any(bvh, stack, origin, direction, reach, met):
-    """Writes 0 to `met` for each ray that hits anything, and -1 for the others."""
+    """Traces each ray until it hits anything; writes 0 to `met` for rays that hit, and -1 for the others."""
     for i in range(len(origin)):
         o = (origin[i, 0], origin[i, 1], origin[i, 2])
         d = (direction[i, 0], direction[i, 1], direction[i, 2])

@@ -34,7 +34,10 @@ Rays = tuple[np.ndarray, np.ndarray]
 
 
 def ray_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields ten lines, five per mesh: camera, random and bounce rays for closest hit, random and bounce rays for any hit."""
+    """Compares rays per second with Embree; yields ten lines, five for each of two meshes.
+
+    The five are closest hit for camera, random and bounce rays, and any hit for random and bounce rays.
+    """
     with Peer(python_with_embree(), "embree_peer") as embree:
         for name, triangles in (("small mesh", sizes.small_mesh), ("large mesh", sizes.large_mesh)):
             if not sizes.wants(name):
@@ -82,7 +85,10 @@ def _line(name: str, rounds: int, bvh: Bvh, embree: Peer, query: str, rays: Rays
 
 
 def build_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields two lines with the build times of our 8-wide tree compared with Embree's, without copying the mesh to Embree."""
+    """Compares the build times of our 8-wide BVH and of Embree's; yields two lines.
+
+    Copying the mesh to Embree does not count.
+    """
     if not sizes.wants(_BUILT):
         return
     mesh, path = _mesh(sizes.large_mesh, folder)

@@ -21,15 +21,15 @@ _MADE_BY = ("contestants.py", "cycles.py", "files.py", "meshes.py", "scenes.py")
 
 @dataclass(frozen=True)
 class References:
-    """The converged pictures of a run. folder: the cache; None: no cache."""
+    """Cache of the converged pictures with which a run compares. folder: where they are stored; None: they are not stored."""
 
     sizes: Sizes
     folder: Path | None
 
     def of(self, case: str, side: str, picture: Callable[[int, int], np.ndarray]) -> np.ndarray:
-        """Returns the converged picture (h, w, 3) of a case, from the cache or rendered by `picture`.
+        """Returns a converged picture (h, w, 3): the cached one, or a new one rendered by `picture`.
 
-        side: renderer and version.
+        case: name of the scene. side: the renderer and its version.
         """
         if self.folder is None:
             return converged(picture, self.sizes.reference_spp)
@@ -42,6 +42,6 @@ class References:
         return np.asarray(np.load(path))
 
     def _name(self, case: str, side: str) -> str:
-        """Returns the picture's cache key, a hash of everything that the picture depends on."""
+        """Returns the part of the cached file's name that changes with everything that the picture depends on (a hash)."""
         sources = [(Path(__file__).parent / name).read_text() for name in _MADE_BY]
         return hashlib.sha256("\0".join([case, side, repr(self.sizes), *sources]).encode()).hexdigest()[:16]

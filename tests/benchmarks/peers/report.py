@@ -1,4 +1,4 @@
-"""The measurements as text, as JSON, and as one plot per row."""
+"""All measurements of a run of the comparison, and their output as text, as JSON, and as a plot for each row."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ __all__ = ["Report", "Verdict"]
 
 @dataclass(frozen=True)
 class Verdict:
-    """The value of a line compared with its target."""
+    """A measured value of a row, with the target that it should meet."""
 
     row: str
     name: str
@@ -51,7 +51,10 @@ class Report:
         return {row: lines for row in TABLE if (lines := [line for line in self.lines if line.row == row])}
 
     def verdicts(self) -> Iterable[Verdict]:
-        """Yields the verdicts of all lines with a target, and of the rows' geometric means."""
+        """Yields a verdict for each line that has a target, and one for each row whose geometric mean has one.
+
+        Means are left out if only some lines were requested.
+        """
         for row, lines in self.rows().items():
             target = TABLE[row]
             for line in lines:

@@ -25,7 +25,10 @@ _MOST_ROUNDS = 3
 
 
 def scaling_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields five lines (triangles, lights, pixels, samples, depth), each with its curve of cost in the notes."""
+    """Measures how the cost of a picture grows with five quantities; yields a line for each.
+
+    The quantities are triangles, lights, pixels, samples and depth. The notes of a line contain its curve of cost.
+    """
     box = cornell_box(sizes)
     spp, many = sizes.scaling_spp, min(sizes.rounds, _MOST_ROUNDS)
 
@@ -46,7 +49,7 @@ def _logarithm(n: int) -> float:
 
 
 def _seconds(case: Case, rounds: int, size: int, spp: int, depth: int) -> list[float]:
-    """Returns the processor seconds of each round; building the scene is not counted."""
+    """Renders the scene in several rounds; returns the processor seconds of each, without those of building the scene."""
     scene, settings = compile_scene(case.description), replace(case.settings(size), max_depth=depth)
     render_frame(scene, settings, 1)
     return [taken(lambda: render_frame(scene, settings, spp)).cpu for _ in range(rounds)]

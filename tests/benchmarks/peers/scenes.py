@@ -1,4 +1,4 @@
-"""Scenes rendered by both Rayfarm and Mitsuba, with the changes that Mitsuba's description needs."""
+"""Scenes that Rayfarm and Mitsuba render for the comparison, with the changes that Mitsuba's version needs."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ _GOLD = {"eta": (0.143, 0.375, 1.442), "k": (3.983, 2.386, 1.603)}
 
 @dataclass
 class Case:
-    """A scene and its view, rendered by both renderers.
+    """A scene and its view, for both renderers.
 
-    twin: the description to convert for Mitsuba instead, if Mitsuba has no equal material. theirs: function that modifies
+    twin: description converted for Mitsuba in place of ours, where Mitsuba has no equal material. theirs: function that changes
     Mitsuba's scene dictionary where its parameters differ.
     """
 
@@ -39,12 +39,12 @@ class Case:
     twin: SceneDescription | None = None
 
     def settings(self, pixels: int, **more: Any) -> RenderSettings:
-        """Returns the settings of a square picture."""
+        """Returns the render settings of a square picture. pixels: its width and height. more: further settings."""
         return RenderSettings(pixels, pixels, self.view, max_depth=DEPTH, filter="box", **more)
 
 
 def cornell_box(sizes: Sizes) -> Case:
-    """Returns the Cornell box; Mitsuba renders the Cornell box that is part of Mitsuba."""
+    """Returns the Cornell box. Mitsuba renders its own Cornell box, which is part of the package."""
 
     def shipped(mi: Any, made: dict[str, Any]) -> None:
         scene = mi.cornell_box()
@@ -68,7 +68,10 @@ def large_mesh_diffuse(sizes: Sizes) -> Case:
 
 
 def large_mesh_plastic(sizes: Sizes) -> Case:
-    """Returns a plastic mesh. The plastic models differ, so each renderer is compared with its own converged picture."""
+    """Returns a large mesh of plastic.
+
+    The renderers' plastic models differ, so the picture of each is compared with the renderer's own converged picture.
+    """
     color = (0.7, 0.3, 0.2)
     case = displaced(sizes.large_mesh, Material(kind="metallic_roughness", base_color=color, roughness=ROUGHNESS))
 

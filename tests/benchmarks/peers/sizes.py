@@ -1,4 +1,7 @@
-"""Sizes of the benchmark: full, or small for checking that every row works; and the selection of lines."""
+"""Sizes of the comparison's scenes and pictures, and the selection of lines.
+
+There are full sizes, and small ones for a check that every row works.
+"""
 
 from __future__ import annotations
 
@@ -8,7 +11,7 @@ __all__ = ["FULL", "QUICK", "Sizes", "begins"]
 
 
 def begins(name: str, line: str) -> bool:
-    """Returns whether a line has this name, or a name that begins with it up to a comma."""
+    """Returns whether the name of a line equals `name`, or begins with `name` and a comma."""
     return f"{line}, ".startswith(f"{name}, ")
 
 
@@ -40,7 +43,10 @@ class Sizes:
     only: tuple[str, ...] = field(default=(), repr=False)
 
     def wants(self, name: str) -> bool:
-        """Returns whether a line, or any of a group of lines with this common beginning, is to be measured."""
+        """Returns whether a line was requested.
+
+        name: the line's name, or the common beginning of a group; for a group, one requested line suffices.
+        """
         return not self.only or any(begins(name, wanted) or begins(wanted, name) for wanted in self.only)
 
 

@@ -1,4 +1,4 @@
-"""Locations of the peers: Mitsuba in this environment with the system's LLVM; Embree and Blender in separate environments."""
+"""Finds the peers: Mitsuba in this environment with the system's LLVM, Embree and Blender in their own environments."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The targets of each row of the comparison; all target figures are defined here."""
+"""Targets of the comparison: all target figures of all rows are defined here."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ __all__ = ["TABLE", "Goal", "Target", "at_least", "at_most"]
 
 @dataclass(frozen=True)
 class Goal:
-    """A lower or an upper bound."""
+    """A target figure that a value must reach (lower bound) or must not exceed (upper bound)."""
 
     bound: float
     side: Literal["at least", "at most"]
@@ -35,10 +35,10 @@ def at_most(bound: float) -> Goal:
 
 @dataclass(frozen=True)
 class Target:
-    """The targets of the lines of one row.
+    """The targets of one row.
 
-    mean: target of the geometric mean of the lines without a separate target. each: target of each of these lines. lines:
-    separate targets by line name.
+    lines: targets of single lines, by their names. each: target of every other line. mean: target of the geometric mean of these
+    other lines.
     """
 
     title: str
@@ -48,7 +48,7 @@ class Target:
     lines: dict[str, Goal] = field(default_factory=dict)
 
     def goal_of(self, line: str) -> Goal | None:
-        """Returns the separate target of a line; None if the line has none."""
+        """Returns the target of the line with this name: its own, or else `each`; None if both are missing."""
         return self.lines.get(line, self.each)
 
 

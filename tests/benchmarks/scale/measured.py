@@ -1,4 +1,4 @@
-"""A service under the load of simulated slots: starts and stops it, and measures its cost and the exactness of its film."""
+"""Measures a service under the load of simulated slots: its cost, and whether its film has exactly the sent sums."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ MANY = 1 << 20  # more samples than any run renders
 
 @dataclass(frozen=True)
 class Load:
-    """The simulated load of a service: slots, tiles, viewers and requests."""
+    """What loads the service during a measurement: slots, tile and frame size, viewers, and requests for pictures."""
 
     slots: int
     tile: int = 128
@@ -94,7 +94,7 @@ class Taken:
 
 
 class Served:
-    """A Redis server and a service, started in a folder for one measurement."""
+    """A Redis server and a service that run in a folder for one measurement."""
 
     def __init__(self, folder: Path, **environment: str) -> None:
         self.folder = folder
@@ -146,7 +146,10 @@ class Served:
         return False
 
     def scene(self) -> str:
-        """Uploads a scene and returns its id; slots prepare the scene when they start."""
+        """Uploads the test scene, and returns its id.
+
+        Each slot prepares the scene when it starts.
+        """
         return str(self.http.post("/api/scenes", files={"files": ("scene.obj", OBJ)}).raise_for_status().json()["id"])
 
     def job(self, scene: str, load: Load, spp: int = MANY) -> str:
@@ -161,7 +164,7 @@ class Served:
         return {name: int(float(value)) for name, value in found}
 
     def samples(self, job: str) -> int:
-        """Returns the number of a job's samples, over all pixels."""
+        """Returns the number of samples that a job has so far, summed over all pixels."""
         return int(self.http.get(f"/api/jobs/{job}").raise_for_status().json()["samples"])
 
     def processor_s(self) -> tuple[float, float]:
@@ -289,7 +292,11 @@ def _watching(served: Served, job: str, load: Load) -> subprocess.Popen[str] | N
 
 @contextlib.contextmanager
 def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Iterator[None]:
-    """Runs clients that request pictures of the job, in a separate process so that their processor time does not count."""
+    """Runs `many` clients that request pictures of the job during the `with` block.
+
+    The number of answers by HTTP status is added to `answers`. The clients run in a separate process, so that their processor
+    time is not attributed to the service.
+    """
     if not many:
         yield
         return
@@ -305,15 +312,18 @@ def _pictures(served: Served, job: str, many: int, answers: Counter[int]) -> Ite
 
 
 def _between(spent: list[list[float]], column: int, begin: float, end: float) -> float:
-    """Returns how much a cumulative value in column `column` grew between two times."""
+    """Returns by how much a growing value increased between two times, by linear interpolation.
+
+    spent: rows that begin with their time. column: the value's index in a row.
+    """
     times = [row[0] for row in spent]
     return float(np.interp(end, times, values := [row[column] for row in spent]) - np.interp(begin, times, values))
 
 
 def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, measured: tuple[float, float]) -> dict[str, int]:
-    """Waits until the service has merged all sent batches, and returns the slots' counts.
+    """Waits until the service has merged all batches that were sent, then ends the slots; returns the sums of their counts.
 
-    measured: interval (begin, end) within which the slots' time counts.
+    measured: interval (begin, end) of which the slots' time without work, and their lost time, are added to `taken`.
     """
     deadline = time.monotonic() + SETTLES_S
     while time.monotonic() < deadline and (_in_hand(served) or served.store.xlen(RESULTS)):
@@ -333,7 +343,7 @@ def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, m
 
 
 def _in_hand(served: Served) -> int:
-    """Returns the number of batches and messages that workers hold, by their reports of the last two seconds."""
+    """Returns the number of batches and messages that workers and sites hold, according to their latest reports in Redis."""
     keys = [*served.store.scan_iter(WORKER_KEYS), *served.store.scan_iter(site_key("*"))]
     found = 0
     for value in served.store.mget(keys) if keys else ():  # type: ignore[union-attr]

@@ -22,9 +22,10 @@ _TILES = "pixels along a tile's side"
 
 
 def plot(rows: Sequence[tuple[Load, Taken]], path: Path) -> None:
-    """Draws three plots over the varied quantity: used share of the slots, the service's processor time, and its time per batch.
+    """Plots three figures over the quantity in which the rows differ, such as the number of slots.
 
-    If both tile and frame sizes vary, there is a curve for each frame size.
+    They are the used share of the slots, the service's processor time, and its time per batch. If both tile and frame size
+    differ, each frame size has its own curve.
     """
     name, label = _axis([load for load, _ in rows])
     curves: dict[str, list[tuple[Load, Taken]]] = {}
@@ -62,7 +63,7 @@ def _frame(load: Load) -> str:
 
 
 def _axis(loads: Sequence[Load]) -> tuple[str, Callable[[Load], str]]:
-    """Returns the name of the quantity in which the loads differ, and a function that returns its value as text."""
+    """Returns (name, function) of the quantity in which the loads differ; the function returns a load's value as text."""
     if len({load.tile for load in loads}) > 1:
         return _TILES, lambda load: f"{load.tile}"
     if len({_frame(load) for load in loads}) > 1:

@@ -1,6 +1,6 @@
-"""Finds the bottleneck: the processor time of each process, and how long it waited for a processor (Linux, /proc).
+"""Measures the processor time of each process, and the time that it waited for a processor (Linux, /proc).
 
-A thread that used a processor all the time was the bottleneck. If a thread waited for a processor, the machine was.
+These show the bottleneck: a thread that used a processor all the time, or the machine if threads waited for a processor.
 """
 
 from __future__ import annotations
@@ -17,7 +17,10 @@ _Times = dict[int, tuple[float, float]]  # thread id -> seconds on a processor, 
 
 
 class Share(NamedTuple):
-    """Processor time per wall time, used and waited for, of a process and of its busiest thread."""
+    """Processor time of a process, and time for which it waited for a processor, both divided by the wall time.
+
+    The last two fields are the same values for the busiest of its threads.
+    """
 
     used: float
     waited: float
@@ -31,7 +34,7 @@ class Share(NamedTuple):
 
 
 class Processors:
-    """Measures processor time from its creation on."""
+    """Stopwatch for the processor time of several processes, which starts on construction."""
 
     def __init__(self, processes: Mapping[str, int]) -> None:
         """processes: process ids by name."""

@@ -1,6 +1,6 @@
-"""Clients that repeatedly request pictures of a job, in a separate process, each with another exposure.
+"""Clients that request pictures of a job again and again, each with another exposure; run as a separate process.
 
-The last line of output has the number of answers by status.
+The last line of output has the number of answers by HTTP status.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ __all__ = ["main"]
 
 
 async def read_all(url: str, job: str, many: int) -> Counter[int]:
-    """Requests pictures until the process receives a signal."""
+    """Runs `many` clients until the process receives a signal; returns the number of answers by HTTP status."""
     answers: Counter[int] = Counter()
     is_over = asyncio.Event()
     asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, is_over.set)

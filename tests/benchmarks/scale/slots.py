@@ -52,7 +52,10 @@ PACKED_KEPT = 64
 
 
 def of_one_sample(sums: Sums) -> Sums:
-    """Returns the sums with their counts reduced to one sample, since a service rejects more samples per pixel than requested."""
+    """Returns the sums with sample counts of at most one per pixel.
+
+    A service rejects a result that has more samples per pixel than were requested.
+    """
     one = sums.copy()
     counts = [film.SAMPLES, film.SAMPLES_HALF]
     one[counts] = np.minimum(one[counts], 1)
@@ -61,7 +64,10 @@ def of_one_sample(sums: Sums) -> Sums:
 
 @dataclass
 class _Joint:
-    """The batches of one tile that the slots of one machine render and add up, and their sums so far."""
+    """A message with several batches of one tile, rendered by the slots of one machine.
+
+    The machine adds up the sums of finished batches (`done`), and sends them together; `left` counts unfinished batches.
+    """
 
     message: str
     hold_s: float
@@ -73,7 +79,7 @@ class _Joint:
 
 @dataclass
 class _Machine:
-    """A simulated worker: its free slots, and the batches waiting for them."""
+    """A simulated worker: its idle slots, and the batches that wait for one of them."""
 
     name: str
     free: list[int]
@@ -83,7 +89,7 @@ class _Machine:
 
 @dataclass
 class _Batches:
-    """The batches of one message that a slot renders, in order."""
+    """The batches of one message which a slot renders one after the other."""
 
     message: str
     machine: _Machine
@@ -192,7 +198,7 @@ class Slots(PeerWorker):
             all_at_once.execute()
 
     def _serve_site(self) -> None:
-        """Reads the workers' terms from Redis, and consumes the queues that the service requests in these."""
+        """Reads the terms that the service has set for the workers of the site, and consumes the queues that these terms name."""
         if self.site:
             names = [machine.name for machine in self._machines]
             said: Any = self.redis.mget([terms_key(name) for name in names])
@@ -201,7 +207,10 @@ class Slots(PeerWorker):
             self._queues = [*sorted(asked), render_queue(self.kind)]
 
     def _take(self) -> bool:
-        """Assigns waiting batches to free slots, those of the same machine first; returns whether new messages were read."""
+        """Assigns waiting batches to idle slots of their machine, then reads new messages for the other idle slots.
+
+        Returns whether there were new messages.
+        """
         now = time.monotonic()
         many = 0
         for machine in self._machines:
@@ -281,7 +290,10 @@ class Slots(PeerWorker):
         return True
 
     def _add(self, now: float, machine: _Machine, joint: _Joint, work: RenderBatch, seconds: float) -> None:
-        """Adds sums of a joint batch, and sends them once all batches have arrived or the hold time has passed."""
+        """Adds a finished batch to its joint message.
+
+        The sums are sent once all batches of the message are finished, or the hold time has passed since the first unsent one.
+        """
         joint.since = joint.since if joint.done else now
         joint.done.append((work, seconds))
         joint.left -= 1
@@ -299,7 +311,10 @@ class Slots(PeerWorker):
             machine.joints.pop(joint.message, None)
 
     def _send_sums(self, machine: _Machine, run: list[tuple[RenderBatch, float]], of: Run | None = None) -> None:
-        """Sends the sums of a machine's batches as one result. of: the run of the joint message, if the batches have one."""
+        """Sends the sums of successive batches of a machine as one result.
+
+        of: the run of the joint message, if the batches have one.
+        """
         work, seconds = run[0]
         event = {"type": "batch", **self._words(work), "worker": machine.name, "seconds": seconds, "bad": [], "bad_count": 0}
         if len(run) > 1:
@@ -337,7 +352,7 @@ class Slots(PeerWorker):
 
 
 def _with_pieces(message: bytes, pieces: tuple[Piece, ...]) -> bytes:
-    """Returns the message of a joint batch that contains only these pieces."""
+    """Returns a joint message with only these pieces of its work, for other machines."""
     whole = json.loads(message)
     positional, arguments, more = json.loads(base64.b64decode(whole["body"]))
     arguments["joint"]["pieces"] = [list(piece) for piece in pieces]

@@ -1,4 +1,7 @@
-"""Many viewers of one job that acknowledge every packet; measures the intervals between the packets' rounds."""
+"""Viewers of one job, which acknowledge every packet.
+
+The service sends packets in rounds, one after each pause; measured are the intervals between the starts of rounds.
+"""
 
 from __future__ import annotations
 
@@ -18,9 +21,9 @@ SEQUENCE = struct.Struct("<4xI")
 
 
 async def watch(url: str, warm_s: float, seconds: float, rounds: list[float], received: list[int]) -> None:
-    """Watches the job as one viewer, without the initial snapshot.
+    """Watches the job as one viewer for `seconds`, after `warm_s` seconds that are not measured.
 
-    rounds: receives the intervals between rounds of packets, in seconds. received: receives the packets' sizes in bytes.
+    The intervals between rounds of packets, in seconds, are appended to `rounds`, and the packets' sizes in bytes to `received`.
     """
     begun = time.monotonic()
     last_packet = last_round = None
@@ -44,7 +47,7 @@ async def watch(url: str, warm_s: float, seconds: float, rounds: list[float], re
 
 
 async def watch_all(url: str, many: int, warm_s: float, seconds: float) -> tuple[list[float], list[int]]:
-    """Runs `many` viewers; returns the intervals between rounds of packets, and the size in bytes of each packet."""
+    """Runs `many` viewers at once; returns (intervals between rounds of packets in seconds, sizes of all packets in bytes)."""
     rounds: list[float] = []
     received: list[int] = []
     await asyncio.gather(*(watch(url, warm_s, seconds, rounds, received) for _ in range(many)))
