@@ -144,7 +144,7 @@ class Campaign:
                     sys.exit(f"The sound file {each.main} of {kind} is not read: {result['sentence']}")
 
     def run(self, numbers: range, until: float) -> Iterator[tuple[int, float, dict[str, Any]]]:
-        """Reads the damaged files of these numbers; yields (number, processor seconds, outcome), in any order.
+        """Reads the damaged files of these numbers; yields (number, wall seconds, outcome), in any order.
 
         No further file is begun after `until`, in seconds of time.monotonic().
         """

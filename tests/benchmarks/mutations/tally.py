@@ -22,7 +22,7 @@ class Tally:
     most_bytes: int = 0
 
     def add(self, outcome: str, seconds: float, memory: int) -> None:
-        """Counts a file's outcome, its time in processor seconds, and its peak memory."""
+        """Counts a file's outcome, its time (processor seconds; wall seconds if the child was lost), and its peak memory."""
         self.outcomes[outcome] += 1
         self.slowest_s, self.most_bytes = max(self.slowest_s, seconds), max(self.most_bytes, memory)
 

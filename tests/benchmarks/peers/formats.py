@@ -195,7 +195,7 @@ WRITERS: dict[str, Callable[[Path, Mesh], object]] = {
 def format_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
     """Measures the reading of each format; yields two lines per format.
 
-    The values are processor seconds, and bytes of memory per triangle.
+    The values are processor seconds, and bytes of the compiled scene per triangle.
     """
     triangles = sizes.ready[0]
     mesh = displaced_sphere(triangles)

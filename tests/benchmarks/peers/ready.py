@@ -21,7 +21,7 @@ __all__ = ["ready_lines"]
 
 
 def ready_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
-    """Yields two benchmark lines for each size of file: seconds until its scene is ready, and bytes per triangle."""
+    """Yields two lines for each size of file: seconds until its scene is ready, and bytes of the compiled scene per triangle."""
     for triangles in sizes.ready:
         name = f"{triangles / 1e6:g} M triangles"
         if not sizes.wants(name):
