@@ -67,17 +67,20 @@ def scene(
 
 
 def as_rendered(made: CompiledScene) -> CompiledScene:
-    """Returns a static scene with the argument types of already compiled kernels, for use in test kernels."""
+    """Returns the scene with the argument types of already compiled kernels, which test kernels can then call."""
     return strip_absent_features(made, "full")
 
 
 def still(bvh: Bvh) -> Bvh:
-    """Returns a tree with the argument types of already compiled kernels, as `as_rendered` does for a scene."""
+    """Returns a tree of static primitives with the argument types that compiled kernels already have; see `as_rendered`."""
     return kept(bvh)._replace(motion=None, instance_motion=None, keyed_packets=None)
 
 
 def kept(bvh: Bvh) -> Bvh:
-    """Returns the tree with its first four arrays read-only, as `build` returns them; for trees assembled by a test."""
+    """Returns a tree that a test has assembled, with its first four arrays read-only, as in trees that `build` returns.
+
+    Compiled kernels thus need no new compilation.
+    """
     views = {name: getattr(bvh, name).view() for name in Bvh._fields[:4]}
     for view in views.values():
         view.flags.writeable = False
@@ -87,7 +90,10 @@ def kept(bvh: Bvh) -> Bvh:
 def settings(
     eye: tuple[float, ...], target: tuple[float, ...], fov: float = 1.0, size: int = 24, **more: object
 ) -> RenderSettings:
-    """Returns settings for a square picture with square pixels, and an `up` vector not parallel to the line of sight."""
+    """Returns settings for a square picture from `eye` towards `target`, `fov` degrees wide, and of `size` pixels a side.
+
+    Further settings are in `more`. The `up` vector is never parallel to the line of sight.
+    """
     more.setdefault("filter", "box")
     sight = np.subtract(target, eye)
     up = (0.0, 1.0, 0.0) if abs(sight[1]) < 0.9 * np.linalg.norm(sight) else (0.0, 0.0, 1.0)

@@ -1,4 +1,4 @@
-"""Reflectance of an isotropically scattering half-space (Chandrasekhar, "Radiative Transfer", 1950)."""
+"""Computes the reflectance of an isotropically scattering half-space (Chandrasekhar, "Radiative Transfer", 1950)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Statistical assertions for random results: by their own standard error, and by a chi-squared test."""
+"""Statistical assertions for random results, which use the results' own standard error or a chi-squared test."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def sidak(alpha: float, tests: int) -> float:
 
 
 def limit(tests: int) -> float:
-    """Returns the allowed deviation of a mean in standard errors: 3 for one test, more for a family of tests."""
+    """Returns by how many standard errors a mean may deviate in a family of `tests` tests: 3 for one test, more for several."""
     return float(scipy.stats.norm.isf(sidak(2 * scipy.stats.norm.sf(3.0), tests) / 2))
 
 
@@ -34,7 +34,7 @@ def mean_and_error(sums: Sums, film_exponent: int = 24) -> tuple[float, float]:
 
 
 def assert_mean(sums: Sums, expected: float, slack: float = 1e-5, most_error: float = 0.01, tests: int = 1) -> None:
-    """Asserts that the mean is within three standard errors of `expected`.
+    """Asserts that the film's mean differs from `expected` by at most limit(tests) standard errors: 3 for one test.
 
     slack: allowed relative rounding error. most_error: largest relative standard error, above which the test would prove nothing.
     tests: number of such comparisons in the family.

@@ -24,7 +24,7 @@ STRUCTS = [
 def blend(*blocks: tuple[str, bytes], form: str = "BLENDER-v405", count: int = 1) -> bytes:
     """Returns a .blend file with the given blocks.
 
-    blocks: pairs of a struct name and the block's data, which begin with its ID where the struct has one.
+    blocks: pairs (name of a struct, the block's data); the data of a struct with an ID begin with that ID.
     form: the file header, from which byte order and pointer size follow.
     count: the number of structs that each block's header declares.
     """

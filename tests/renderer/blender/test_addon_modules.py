@@ -1,4 +1,7 @@
-"""Tests that the add-on's modules have the names that the conversion inside Blender uses, which imports them by strings."""
+"""Tests that the add-on's modules have the names by which the conversion that runs inside Blender imports them.
+
+The conversion imports the modules by strings, which type checkers do not check.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,7 @@ def holds_modules(node: ast.expr) -> bool:
 
 
 def used_names() -> set[str]:
-    """Returns `module` and `module.name` for every use in the conversion."""
+    """Returns the add-on names that the conversion uses: `module` for each module, and `module.name` for each name in it."""
     found: set[str] = set()
     for path in INSIDE.glob("*.py"):
         of_file = MODULES.get(path.name, {})

@@ -16,7 +16,7 @@ SQUARE = np.array([(0, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0)], np.float32)
 
 
 class Meant:
-    """A substitute for a mesh as rayfarm_addon exports it: in Blender's axes, with one part per material."""
+    """A substitute for a mesh as the add-on exports it: with Blender's axes, and with one part per material."""
 
     positions = SQUARE
     normals = np.tile(np.float32((0, 0, 1)), (4, 1))

@@ -47,7 +47,7 @@ def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
 
 
 def without_a_tree(position: np.ndarray, triangle: np.ndarray, sphere: np.ndarray, o: object, d: object) -> Hits:
-    """Returns the hits found by testing all primitives without a tree, in leaves of eight."""
+    """Returns the nearest hits among all primitives, which are tested eight at a time in trees of a single leaf."""
     nearest: Hits | None = None
     for first in range(0, len(triangle), 8):
         hits = trace(build(position, triangle[first : first + 8], NO_SPHERES), o, d)
@@ -74,7 +74,10 @@ def _nearer(a: Hits | None, b: Hits, first: int) -> Hits:
 
 
 def triangles_by_numpy(position: np.ndarray, triangle: np.ndarray, o: np.ndarray, d: np.ndarray, slack: float) -> np.ndarray:
-    """Returns distances (rays, triangles) in float64, inf for a miss. `slack` widens the edges, in barycentric coordinates."""
+    """Returns hit distances (rays, triangles), computed in float64; inf for a miss.
+
+    slack: barycentric coordinates down to -slack count as hits, which widens each triangle.
+    """
     a, b, c = (position[triangle[:, k]].astype(np.float64) for k in range(3))
     o, d = np.asarray(o, np.float64).reshape(-1, 1, 3), np.asarray(d, np.float64)[:, None]
     e1, e2 = b - a, c - a
@@ -91,7 +94,7 @@ def triangles_by_numpy(position: np.ndarray, triangle: np.ndarray, o: np.ndarray
 
 
 def spheres_by_numpy(sphere: np.ndarray, o: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Returns distances (rays, spheres) in float64, inf for a miss."""
+    """Returns hit distances (rays, spheres), computed in float64; inf for a miss."""
     f = np.asarray(o, np.float64).reshape(-1, 1, 3) - sphere[:, :3].astype(np.float64)
     d = np.asarray(d, np.float64)[:, None]
     a, b = (d * d).sum(-1), -(f * d).sum(-1)

@@ -1,4 +1,4 @@
-"""Tests of tree construction: for any input each primitive is contained once, in boxes that enclose it."""
+"""Tests of building trees: for any input, each primitive is in the tree once, and all boxes above it enclose it."""
 
 import numpy as np
 import pytest
@@ -17,7 +17,10 @@ NO_TRIANGLES = np.zeros((0, 3), np.int32)
 
 
 def leaves(bvh):
-    """Returns (primitive, triangle corners or sphere, enclosing boxes) for all leaves, and checks the tree's structure."""
+    """Returns (primitive number, triangle corners or sphere, enclosing boxes) of each primitive in the tree's leaves.
+
+    Asserts that the tree's structure is valid.
+    """
     child = bvh.node[:, ROW_CHILD].view(np.int32)
     number = bvh.packet[:, ROW_PRIMITIVE].view(np.int32)
     nodes, packets, deepest = set(), set(), 0
@@ -123,9 +126,9 @@ def test_a_tree_cut_into_small_parts_is_whole_and_the_same_by_any_number_of_thre
 
 
 def test_a_heap_far_from_the_rest_is_cut_into_parts_too(monkeypatch):
-    """A dense cluster far from the other primitives is cut into parts too.
+    """A dense cluster of primitives far from the others is itself divided into parts, for parallel construction.
 
-    All primitives but one are in one cell of the first grid, and all but one of those in one cell of the second.
+    All primitives but one are in one cell of the first grid, and all but one of those are in one cell of the second.
     """
     monkeypatch.setattr("renderer.bvh.top.LEAST_PART", 16)
     rng = np.random.default_rng(6)

@@ -1,4 +1,7 @@
-"""Tests of the grid cells over which the top of a tree is built: each primitive is in one cell, for any number of threads."""
+"""Tests of dividing primitives among the cells of a grid, over which the top of a tree is built.
+
+Each primitive is in one cell, for any number of threads.
+"""
 
 import numpy as np
 import pytest
@@ -13,7 +16,9 @@ SOLIDS = 19_000
 
 @pytest.fixture(scope="module")
 def boxes():
-    """Returns the boxes of primitives in a flat layout, (N, 8) as in boxes.py, and the bounds of their doubled centroids."""
+    """Returns the boxes (N, 8), in the format of boxes.py, of primitives in a flat region, and the bounds of their centroids
+    times 2.
+    """
     rng = np.random.default_rng(2)
     centre = rng.uniform(-1, 1, (COUNT, 3)) * (50, 2, 30)
     half = rng.uniform(0, 0.3, (COUNT, 3))

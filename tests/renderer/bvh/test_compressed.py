@@ -1,4 +1,4 @@
-"""Tests of the compressed tree of graphics cards, traversed on the CPU: its hits are those of the CPU's tree to the bit."""
+"""Tests of the compressed tree for graphics cards, traversed on the CPU: it has bit-identical hits to the CPU's own tree."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from tests.renderer.bvh.test_traverse import directions, soup
 
 
 class Hits(NamedTuple):
-    """Everything that a traversal returns for each ray."""
+    """The results of a traversal for n rays."""
 
     distance: np.ndarray  # (n, 3) f32: of the closest hit, of a camera ray's, of the hits in sequence along a shadow ray
     number: np.ndarray  # (n, 4) i32: primitives and instances of the first two
@@ -77,7 +77,7 @@ def trace(bvh: Bvh, o: Any, d: Any, time: Any) -> Hits:
 
 
 def assert_same_hits(bvh: Bvh, o: Any, d: Any, time: Any = 0.5) -> Hits:
-    """Checks that both trees give the same bits for rays, and returns the hits."""
+    """Asserts that the compressed and the ordinary tree return the same bits for the rays (o, d, time); returns the hits."""
     expected = trace(kept(bvh), o, d, time)
     found = trace(card_tree(bvh), o, d, time)
     for name, a, b in zip(Hits._fields, found, expected, strict=True):
@@ -131,7 +131,10 @@ def test_rays_within_a_flat_grid_and_along_its_edges_have_the_same_hits(axis: in
 
 
 def test_of_hits_at_equal_distance_the_lower_number_wins() -> None:
-    """Coincident primitives, each several times, in an order that differs from that of the leaves."""
+    """Of hits at the same distance, both trees return the one with the lowest primitive number.
+
+    Each triangle occurs four times, each sphere three times, in random order.
+    """
     random = np.random.default_rng(5)
     position, triangle, sphere = soup(random, 60, 20, 0.4)
     triangle = triangle[random.permutation(np.repeat(np.arange(60), 4))]

@@ -1,4 +1,4 @@
-"""Tests of the sort keys for a node's children and a packet's nearest hit, against sorting."""
+"""Tests of the integer keys that sort a node's children and find a packet's nearest hit: their order equals NumPy's."""
 
 import numpy as np
 
@@ -12,7 +12,7 @@ ZERO = np.uintp(0)
 
 @entry
 def _visit(distances, limits, order, count):
-    """Writes each row's lanes with a distance below the row's limit to `order`, nearest first, and their number to `count`."""
+    """Writes to order[i] the lanes whose distance is below the limit, nearest first, and to count[i] their number."""
     for i in range(len(distances)):
         distance = load(distances[i], ZERO)
         keys = hit_keys(less(distance, load(limits[i], ZERO)), distance)
@@ -40,7 +40,7 @@ def _exceed(numbers, number, found):
 
 
 def rows(n, seed):
-    """Returns distances and limits, (n, 8) f32 each, of many magnitudes; some are equal, some infinite, some 0."""
+    """Returns two arrays (n, 8) float32: distances and limits of many magnitudes; some are equal, infinite or 0."""
     rng = np.random.default_rng(seed)
     distance = rng.uniform(0, 1, (n, LANES)) * 10.0 ** rng.integers(-6, 7, (n, 1))
     distance[rng.random((n, LANES)) < 0.1] = np.inf

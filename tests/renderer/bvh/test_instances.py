@@ -1,4 +1,4 @@
-"""Tests of instances: the same hits as with triangles copied to world space, for any transforms."""
+"""Tests of instances: rays have the same hits as with the instances' triangles copied to world space, for any transforms."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of trees over moving primitives: their boxes enclose the whole motion while the shutter is open."""
+"""Tests of trees over moving primitives: each box encloses its primitives during all of the time that the shutter is open."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,7 @@
-"""Tests of the order of hits along a ray: by distance, instance and primitive; each hit is found once, even if coincident."""
+"""Tests of the order in which all hits along a ray are found: by distance, then by instance, then by primitive.
+
+Each hit is found once, also among coincident primitives.
+"""
 
 from __future__ import annotations
 
@@ -42,7 +45,10 @@ def _hits(bvh: Bvh, o: np.ndarray, d: np.ndarray) -> np.ndarray:
 
 
 def _layers(count: int, rng: np.random.Generator, gap: float) -> tuple[np.ndarray, np.ndarray]:
-    """Returns `count` squares in one oblique plane, or `gap` apart; each is split along either diagonal and faces either side."""
+    """Returns (vertices, triangles) of `count` parallel squares in oblique planes with distance `gap`; 0: in one plane.
+
+    Each square is split along either diagonal, and faces either side.
+    """
     position, triangle = [], []
     turn = np.linalg.qr(np.array([(1.0, 2.0, 3.0), (-2.0, 1.0, 0.5), (0.3, -1.0, 2.0)]))[0]
     for k in range(count):

@@ -1,4 +1,7 @@
-"""Tests of trees with subsets hidden from some kinds of rays, against trees built without these subsets."""
+"""Tests of trees in which some primitives are hidden from some kinds of rays.
+
+Their hits equal those of trees built without the hidden primitives.
+"""
 
 from __future__ import annotations
 
@@ -26,7 +29,10 @@ def _trace(bvh, stack, o, d, time, met, blocked):
 
 
 def trace(bvh: Bvh, rays: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
-    """Returns primitives hit by ordinary and camera rays, (n, 2) int32, and whether shadow rays are occluded, (n,) bool."""
+    """Traces each ray as an ordinary, a camera and a shadow ray.
+
+    Returns the primitives hit by the first two, (n, 2) int32, and whether the shadow ray is occluded, (n,) bool.
+    """
     met, blocked = np.empty((len(rays[0]), 2), np.int32), np.empty(len(rays[0]), np.bool_)
     _trace(kept(bvh), new_stack(), *rays, met, blocked)
     return met, blocked

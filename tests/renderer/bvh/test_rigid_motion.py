@@ -36,7 +36,7 @@ def places(keys, time):
 
 
 def inverses(keys, time):
-    """Returns the inverses of the transforms that `places` returns."""
+    """Returns the inverses of the transforms interpolated between keys at the given shutter times."""
     return _filled(_inverses, keys, time)
 
 
@@ -66,9 +66,9 @@ def test_a_matrix_is_a_turn_and_a_stretch(squeeze):
 
 @pytest.mark.long
 def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
-    """A body that rotates by 3/4 of a turn about an axis away from the origin does so between its four keys.
+    """A body that rotates about an axis away from the origin does so between its keys as well.
 
-    The body is also mirrored and scaled.
+    It makes 3/4 of a turn in four keys, and is also mirrored and scaled.
     """
     axis, through, shape = (1, 2, -0.5), np.array([3.0, -1.0, 2.0]), np.diag([1.0, -2.0, 0.5])
 

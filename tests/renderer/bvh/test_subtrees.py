@@ -1,4 +1,7 @@
-"""Tests of trees assembled from parts: the same hits as one tree over everything, for any order in the arrays."""
+"""Tests of trees assembled from separately built trees: they have the same hits as one tree built over all primitives.
+
+This holds for any order of the primitives in the arrays.
+"""
 
 import numpy as np
 import pytest

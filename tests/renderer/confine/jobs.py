@@ -1,4 +1,4 @@
-"""Jobs that tests run in confined reader processes."""
+"""Functions that tests run in confined (sandboxed) reader processes."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def _refused(action: Callable[[], Any]) -> bool:
 
 
 def probe(link: Link) -> dict[str, Any]:
-    """Returns what a confined reader can access and what is denied."""
+    """Returns the reader's environment, open files and restrictions, and which of several forbidden operations are refused."""
     link.send({"step": "probing"})
     descriptors = [str(path.readlink()) for path in Path("/proc/self/fd").iterdir() if path.is_symlink()]
     status = dict(line.split(":", 1) for line in Path("/proc/self/status").read_text().splitlines())
@@ -58,7 +58,7 @@ def crash(link: Link) -> dict[str, Any]:
 
 
 def abort(link: Link) -> dict[str, Any]:
-    """Ends by SIGABRT."""
+    """Ends the process by SIGABRT."""
     os.abort()
 
 

@@ -1,6 +1,6 @@
-"""Runs a job under a limit on address space, and prints the kind and the sentence of its error. Arguments: JOB BYTES FOLDER.
+"""Runs a job under a limit on address space, and prints the kind and the message of its error. Arguments: JOB BYTES FOLDER.
 
-BYTES: 0 for no limit. The job `size` prints the address space in bytes that a reader has when it starts.
+BYTES: the limit; 0 for none. The job `size` prints the address space in bytes that a reader has when it starts.
 """
 
 from __future__ import annotations
@@ -15,7 +15,10 @@ from tests.renderer.confine import jobs
 
 
 def main(job: str, limit: str, folder: str) -> None:
-    """Runs the job."""
+    """Runs the job named `job` in a reader process that may access `folder`.
+
+    limit: largest address space in bytes; 0 for no limit.
+    """
     if int(limit):
         resource.setrlimit(resource.RLIMIT_AS, (int(limit), resource.getrlimit(resource.RLIMIT_AS)[1]))
     try:

@@ -99,7 +99,10 @@ def test_a_reader_that_hangs_is_ended(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("what", [OSError(errno.EMFILE, "Too many open files", "t.png"), RuntimeError("can't start new thread")])
 def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: Exception) -> None:
-    """An error caused by missing resources is not reported as a damaged file, for which parsers raise nearly every exception."""
+    """An error caused by missing resources of the machine is not reported as a damaged file.
+
+    A parser that lacks memory, for example, may raise nearly any exception, which otherwise counts as damage.
+    """
 
     def lacking(*_: Any, **__: Any) -> None:
         raise what
@@ -128,9 +131,9 @@ def test_what_confines_readers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux")
 def test_what_is_available_is_what_a_process_gets() -> None:
-    """The restrictions that are found to be available take effect in a process.
+    """The restrictions that this machine is found to support take effect in a process.
 
-    This is a separate process, since a process cannot undo its restrictions.
+    They are tested in a separate process, since a process cannot undo its restrictions.
     """
     has, _ = rules.available_features()
     program = "from renderer.confine import rules; print(rules.restrict_files([('/', rules.READ)]), rules.filter_calls())"

@@ -1,4 +1,7 @@
-"""Runs the optimised LLVM module for graphics cards on the CPU, which tests all of code generation but instruction selection."""
+"""Runs the LLVM module for graphics cards, as optimised, on the CPU.
+
+This tests all of code generation for graphics cards except instruction selection.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +52,7 @@ _engines: list[llvm.ExecutionEngine] = []  # the engines own the machine code an
 
 @functools.cache
 def card_module(variant: str) -> llvm.ModuleRef:
-    """Returns a variant's optimised module, built once for all tests."""
+    """Returns the optimised LLVM module of a kernel variant; each is built once for all tests."""
     return card_module_of(variant)
 
 

@@ -1,4 +1,4 @@
-"""Tests of the PTX files of kernel variants in the kernel cache."""
+"""Tests of the PTX files, one per kernel variant, that are stored in the kernel cache."""
 
 from __future__ import annotations
 

@@ -249,7 +249,7 @@ def test_a_device_without_a_driver_is_an_error_with_the_reason(tmp_path: Path, m
 
 
 def test_a_workers_message_for_a_card_has_the_bits_of_the_cpu(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Tiles joined for one launch on a graphics card are sent one by one, with the same bits as rendered by the CPU."""
+    """Tiles that are rendered in one launch on a graphics card are sent as separate results, bit-identical to the CPU's."""
     scene, settings = made("diffuse")
     tiles = tiles_of(settings.width, settings.height, 8)
     sent: list[Result] = []

@@ -1,4 +1,7 @@
-"""Tests of the graphics card's kernel, run on the CPU from the LLVM code that becomes PTX: films have the CPU kernel's bits."""
+"""Tests that the kernel for graphics cards renders films that are bit-identical to the CPU kernel's.
+
+The LLVM code that becomes PTX is run on the CPU.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tests of image variants of various programs: straight alpha, layers, windows, orientations, wrong suffixes, bit depths."""
+"""Tests of image files as various programs write them.
+
+They differ in straight alpha, layers, data windows, orientations, wrong suffixes and bit depths.
+"""
 
 import io
 import struct

@@ -1,4 +1,4 @@
-"""Tests of RGB9E5 against the equations of EXT_texture_shared_exponent, one pixel at a time."""
+"""Tests of RGB9E5 encoding against the equations of EXT_texture_shared_exponent, evaluated for one pixel at a time."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""A material under test: described as in a scene, compiled, and evaluated or sampled for many directions by one kernel each."""
+"""Evaluates and samples a material under test for many directions; the material is described and compiled as in a scene."""
 
 from __future__ import annotations
 
@@ -53,7 +53,10 @@ def facing_up(**fields) -> Surface:
 
 
 class Subject:
-    """A material seen from its front or back, in the local frame (z up, on the viewer's side)."""
+    """A material under test, seen from its front or back.
+
+    Directions are in the local frame, whose z axis points to the viewer's side.
+    """
 
     def __init__(self, material: Material, front: bool = True):
         self.material = material
@@ -62,14 +65,17 @@ class Subject:
         self._layers = np.zeros(LAYER_SLOTS, np.float32)
 
     def sample(self, wo, n=200_000, seed=0):
-        """Returns samples (wi, weight, pdf, scale) for wo (3,) or (n, 3)."""
+        """Returns n samples (wi, weight, pdf, scale) for directions wo (3,) or (n, 3).
+
+        scale: eta^2 for refracted samples, by which radiance changes between media; 1 for others.
+        """
         u = np.random.default_rng(seed).random((n, 3), np.float32)
         wi, weight, pdf = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty((n, 2), np.float32)
         _sample(self.compiled, self._surface, self._layers, many(wo, n), u, wi, weight, pdf)
         return wi, weight, pdf[:, 0], pdf[:, 1]
 
     def eval(self, wo, wi):
-        """Returns (f |cos|, pdf) of the pairs of directions."""
+        """Returns (f |cos|, pdf) of n pairs of directions wo (3,) or (n, 3) and wi (n, 3)."""
         n = len(wi)
         f, pdf = np.empty((n, 3), np.float32), np.empty(n, np.float32)
         _eval(self.compiled, self._surface, self._layers, many(wo, n), np.ascontiguousarray(wi, np.float32), f, pdf)

@@ -1,4 +1,4 @@
-"""Tests of the service's pixel directions against the kernel's camera."""
+"""Tests that the service computes the same direction for a pixel as the kernel's camera."""
 
 from __future__ import annotations
 

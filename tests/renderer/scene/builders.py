@@ -75,7 +75,7 @@ class Gltf:
 
 
 def world(description, instance=0):
-    """Returns the world-space triangle corners of an instance, (T, 3, 3)."""
+    """Returns the triangle corners (T, 3, 3) of one instance of a scene description, in world space."""
     shown = description.instances[instance]
     mesh = description.meshes[shown.mesh]
     positions = mesh.positions @ shown.transform[:3, :3].T + shown.transform[:3, 3]
@@ -93,9 +93,9 @@ VARIANTS = "KHR_materials_variants"
 
 
 def shoe(**more):
-    """Builds a file with material variants and two primitives; the second is black.
+    """Builds a file with material variants and two primitives, of which the second is always black.
 
-    The first is red by default, green as "beach" and "day", blue as "night".
+    The first primitive is red by default, green in the variants "beach" and "day", and blue in "night".
     """
     g = Gltf()
     for color in ([1, 0, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1], [0, 0, 0, 1]):

@@ -1,4 +1,7 @@
-"""Builds one small scene in every format, moved by an offset: a floor, a cube, and a camera and a lamp if the format has them."""
+"""Builds one small scene in every format, translated by an offset.
+
+It has a floor and a cube, and also a camera and a lamp if the format has them.
+"""
 
 from __future__ import annotations
 
@@ -192,7 +195,10 @@ def pbrt(offset: Any) -> str:
 
 
 def _split(offset: Any, how: str) -> tuple[Any, Any, Any]:
-    """Returns the offsets of (vertices, nodes, their parent node); only the one that `how` names is not zero."""
+    """Returns the three offsets of (vertices, nodes, the nodes' parent): `offset` for the one named by `how`, 0 for the others.
+
+    how: `vertices`, `nodes` or `above`.
+    """
     parts = [np.asarray(offset) if how == each else ORIGIN for each in ("vertices", "nodes", "above")]
     return parts[0], parts[1], parts[2]
 

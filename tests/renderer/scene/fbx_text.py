@@ -1,4 +1,4 @@
-"""FBX files in text form as 3ds Max and Maya write them: a triangle and whatever a test adds."""
+"""Builds FBX files in text form, as 3ds Max and Maya write them: a triangle, and whatever objects a test adds."""
 
 HEAD = """; FBX 7.5.0 project file
 FBXHeaderExtension:  {
@@ -88,9 +88,9 @@ def camera(number, **values):
 
 
 def arnold(number, names):
-    """Returns the objects that declare a material as Arnold's: an implementation, and a binding table of property names.
+    """Returns the FBX objects that declare a material to be one of Arnold's.
 
-    The table has the object number after `number`.
+    These are an implementation with the object number `number`, and a binding table of property names with the number after it.
     """
     entries = "".join(f'\t\tEntry: "{n}", "FbxPropertyEntry", "{n[5:]}", "FbxSemanticEntry"\n' for n in names)
     said = properties({"RenderAPI": "ARNOLD_SHADER_ID", "RootBindingName": "root"})

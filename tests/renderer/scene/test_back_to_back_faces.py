@@ -168,7 +168,10 @@ def test_behind_decals_in_the_plane_of_a_wall_the_wall_is_seen(at, moves, wall_f
     ordinary=("2 moving", "3 moving", "5 still"),
 )
 def test_layers_in_one_plane_let_their_product_through_to_the_camera_and_to_lights(opacities, moves):
-    """Coplanar layers transmit the product of 1 - opacity, both to the camera and to a small light above the floor."""
+    """Coplanar layers transmit the product of their (1 - opacity).
+
+    This holds for rays to the camera and for shadow rays to a small light above the floor.
+    """
     product = float(np.prod([1 - each for each in opacities]))
     materials = [Material(base_color=(1.0, 1.0, 1.0))]
     materials += [Material(base_color=(0.0, 0.0, 0.0), opacity=each, alpha_mode="blend", double_sided=True) for each in opacities]
@@ -193,7 +196,10 @@ def test_layers_in_one_plane_let_their_product_through_to_the_camera_and_to_ligh
 
 
 def test_scattered_rays_meet_the_wall_behind_a_decal_in_its_plane():
-    """Below an emissive ceiling with a clear decal in its plane, a floor gets the ceiling's light, and none from behind it."""
+    """A floor below an emissive ceiling receives all of the ceiling's light, and none from behind it.
+
+    In the plane of the ceiling is a clear decal, through which scattered rays hit the ceiling.
+    """
 
     def picture(decals: int) -> float:
         materials = [Material(base_color=(0.5, 0.5, 0.5)), Material(base_color=(0.0, 0.0, 0.0), emission=(1.0, 1.0, 1.0))]

@@ -31,7 +31,10 @@ def soon():
 
 
 def doubled(first, each, levels):
-    """Returns `first` followed by `levels` items, each of which refers to the previous one twice."""
+    """Returns a text of `first` and `levels` further items, each of which refers twice to the item before it.
+
+    The last item thus expands to 2**levels copies of the first. each: an item's template, with its number and the one before.
+    """
     return first + "".join(each.format(i + 1, i) for i in range(levels))
 
 

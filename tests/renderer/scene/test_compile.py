@@ -131,7 +131,10 @@ def test_lights_are_chosen_by_power():
 
 
 def test_textured_emission_counts_by_its_mean_over_each_triangle():
-    """The triangles of an emissive square, split along a diagonal, are weighted by their mean texel; its right half is black."""
+    """The triangles of an emissive square are sampled in proportion to the mean of their texels.
+
+    The square is split along a diagonal, and its right half is black.
+    """
     pixels = np.zeros((64, 64, 4), np.uint8)
     pixels[:, :32] = 255
     corners = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float32)
@@ -197,7 +200,10 @@ def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
 
 @pytest.mark.long
 def test_what_the_tables_leave_out_bsdf_sampling_finds():
-    """Sampling tables of only the luminance above the mean, with BSDF sampling of the rest, yield the picture of full tables."""
+    """Sampling only the environment's luminance above its mean by tables, and the rest by BSDF sampling, yields the same picture.
+
+    It is compared with a picture whose tables contain all luminance.
+    """
     ours = compile_scene(described(ellipsoid(), studio_for_accents=True))
     bright = luminance(ours.environment.astype(np.float64))
     rows = bright.sum(axis=1) * -np.diff(np.cos(np.linspace(0, np.pi, len(bright) + 1)))

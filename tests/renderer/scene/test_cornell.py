@@ -62,7 +62,10 @@ def test_nothing_is_left_to_warn_of(ours):
 
 @pytest.mark.long
 def test_its_mean_is_mitsubas(ours):
-    """The mean over R, G and B equals Mitsuba's at depth 8, 0.1471. A wider filter also sees beyond the walls: 1 % less."""
+    """The mean over R, G and B equals Mitsuba's, 0.1471 at depth 8.
+
+    A wider pixel filter also sees beyond the walls, and would lower the mean by 1 %.
+    """
     scene = compile_scene(ours)
     means = []
     for seed in range(8):

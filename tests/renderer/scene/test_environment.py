@@ -1,4 +1,4 @@
-"""Tests of the constant part of an environment, which is left to BSDF sampling."""
+"""Tests of leaving the constant part of an environment to BSDF sampling, so that light sampling covers only the rest."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ def test_where_shadow_rays_pass_what_others_meet_both_are_needed():
 
 
 def test_nothing_is_left_of_the_noise_where_nothing_stands_before_an_even_sky():
-    """A ball in a constant sky has no noise: all samples are equal, and each traces three rays, two of them to the sky."""
+    """A picture of a ball in a constant sky has no noise: all samples are equal.
+
+    Each sample traces three rays, two of them to the sky.
+    """
     made = scene([GRAY], spheres=(Sphere((0, 0, 0), 1.0, 0),), environment=0.5)
     stats = RenderStats()
     picture = mean(render_frame(made, RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0), fov=10.0)), 16, stats=stats), 24)

@@ -1,4 +1,4 @@
-"""Tests that files far from the origin, in every format, yield the same scene and picture as at the origin."""
+"""Tests that a scene far from the origin, in every format, is read as the same scene as at the origin, with the same picture."""
 
 from __future__ import annotations
 
@@ -39,7 +39,10 @@ def _corners(description: SceneDescription) -> np.ndarray:
 
 
 def _middle(description: SceneDescription) -> np.ndarray:
-    """Returns the centre of all meshes; moving the scene moves it by the offset in our axes, whatever the format's axes."""
+    """Returns the centre of all meshes in our axes, whatever the file's axes.
+
+    An offset of the scene changes the centre by this offset.
+    """
     corners = _corners(description)
     return (corners.min(axis=0) + corners.max(axis=0)) / 2
 

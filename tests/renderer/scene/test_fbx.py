@@ -1,4 +1,4 @@
-"""Tests of FBX: Blender's file against Blender's own values, and text files as other programs write them."""
+"""Tests of FBX files: one from Blender, against values that Blender computed, and text files as other programs write them."""
 
 import json
 import math
@@ -18,7 +18,7 @@ Y_UP = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]])  # from Blender's axes
 
 @pytest.fixture(scope="module")
 def kit():
-    """Returns for each frame Blender's values of the objects, and the scene that we read from Blender's file."""
+    """Returns by frame (values of the objects as computed by Blender, the scene that we read from Blender's FBX file)."""
     shot = Shot(KIT, "kit.fbx")
     said = json.loads((KIT / "kit.json").read_text())
     return {int(frame): (objects, shot.scene_at(Moment(float(frame)))) for frame, objects in said.items()}

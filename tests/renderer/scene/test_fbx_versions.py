@@ -1,4 +1,4 @@
-"""Tests of FBX files: inactive rotations, visibility in animation layers, and embedded images with their own names."""
+"""Tests of FBX files with inactive rotations, visibility in animation layers, or embedded images with their own names."""
 
 import io
 
@@ -19,7 +19,10 @@ LIMITS = 'P: "RotationSpaceForLimitOnly", "bool", "", "",1'
 
 
 def turned(x, y):
-    """Returns the triangle's corners in metres, rotated by R = Ry Rx as in rotation order XYZ."""
+    """Returns the corners (3, 3) in metres of the file's triangle, rotated by x degrees about X, then by y degrees about Y.
+
+    This is the rotation order XYZ.
+    """
     a, b = np.radians([x, y])
     rx = np.array([[1, 0, 0], [0, np.cos(a), -np.sin(a)], [0, np.sin(a), np.cos(a)]])
     ry = np.array([[np.cos(b), 0, np.sin(b)], [0, 1, 0], [-np.sin(b), 0, np.cos(b)]])

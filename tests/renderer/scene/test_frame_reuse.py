@@ -1,4 +1,7 @@
-"""Tests of the cache between frames: it returns the value for an equal key, recomputes it for another, drops unused entries."""
+"""Tests of the cache of values between frames: an equal key returns the stored value, another key recomputes it.
+
+Entries that a frame does not use are dropped.
+"""
 
 import numpy as np
 

@@ -14,7 +14,10 @@ MULTIPLE = [0.8, 0.5, 0.0]
 
 @pytest.fixture
 def look(scene):
-    """Returns a function `look(NAME={...}, ...)` that reads a material with these extensions."""
+    """Returns a function `look(NAME={...}, ...)` that reads a material with the extensions KHR_materials_NAME.
+
+    A NAME that begins with RAYFARM is the full name of the extension.
+    """
 
     def make(color=(0.1, 0.2, 0.3, 1.0), **extensions):
         g = Gltf()
@@ -58,7 +61,7 @@ def test_where_light_goes_in_diffusely_it_is_subsurface_scattering(look):
 
 
 def test_a_sheet_scatters_to_both_sides(look):
-    """A sheet without a volume scatters the light that it does not transmit clearly, (1 + g) / 2 of it forwards.
+    """A sheet without a volume scatters the light that it does not transmit clearly: (1 + g) / 2 of it forwards, the rest back.
 
     Energy is conserved.
     """
@@ -91,9 +94,9 @@ def test_what_blenders_files_say(look):
 
 
 def test_what_is_in_a_medium_of_blenders_is_not_absorbed_a_second_time(look):
-    """A material with a medium of Blender's is not attenuated a second time.
+    """A material in a medium of Blender's is attenuated only once.
 
-    The exporter writes the colour of the same nodes as attenuation too.
+    Blender's exporter writes the colour of the same nodes also as attenuation, which is ignored.
     """
     found = look(
         transmission={"transmissionFactor": 1},

@@ -1,4 +1,4 @@
-"""Tests of IES profiles: each standard, type and symmetry, by intensities in directions; and warnings about bad files."""
+"""Tests of IES profiles of each standard, type and symmetry: intensities in given directions, and warnings about bad files."""
 
 import itertools
 import math

@@ -1,4 +1,4 @@
-"""Tests that both backends render the same bits, feature by feature."""
+"""Tests that the path pool and the single-path integrator ("backends") render bit-identical films, for each feature in turn."""
 
 from __future__ import annotations
 

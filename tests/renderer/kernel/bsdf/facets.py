@@ -1,7 +1,7 @@
-"""A random walk over the facets of a Smith-GGX surface: the reference for multiple scattering.
+"""Traces random walks over the facets of a Smith-GGX surface, as the reference for multiple scattering.
 
 Heitz, Hanika, d'Eon & Dachsbacher, "Multiple-Scattering Microfacet BSDFs with the Smith Model" (2016), in NumPy and float64,
-independent of the renderer. Facets are perfect mirrors, heights uniform between -1 and 1.
+independent of the renderer. Facets are perfect mirrors; their heights are uniformly distributed between -1 and 1.
 """
 
 from __future__ import annotations

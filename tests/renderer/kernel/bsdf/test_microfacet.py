@@ -86,7 +86,10 @@ def test_a_white_microfacet_mirror_scatters_once_what_is_known():
 
 @pytest.mark.long
 def test_the_tables_are_what_makes_them():
-    """The stored tables equal their generator: all nodes of the microfacet table, some of the sheen table, both last rows."""
+    """The stored tables equal what their generator computes.
+
+    Compared are all nodes of the microfacet table, some of the sheen table, and the last row of both.
+    """
     np.testing.assert_allclose(np.load(table_path("ggx_albedo")), ggx_table(), atol=2e-6)
     table = np.load(table_path("sheen_albedo"))
     for i, j in np.random.default_rng(3).integers(6, SIZE, (60, 2)):

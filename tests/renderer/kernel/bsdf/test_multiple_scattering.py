@@ -37,7 +37,10 @@ def test_what_facets_scatter_once_is_what_the_tables_say(alpha, cosine):
 @pytest.mark.long
 @grid("alpha", FARTHEST, ordinary=(0.5,))
 def test_light_scattered_more_than_once_goes_about_where_the_walk_takes_it(alpha):
-    """The directions of multiple scattering differ boundedly: the model's lobe is diffuse, the random walk's biased forwards."""
+    """The model's directions of multiple scattering differ from the random walk's by a limited amount.
+
+    The model's lobe is diffuse, while the random walk scatters more light forwards.
+    """
     white = Subject(
         Material(kind="metallic_roughness", base_color=(1.0, 1.0, 1.0), metallic=1.0, roughness=float(np.sqrt(alpha)))
     )

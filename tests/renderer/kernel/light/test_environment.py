@@ -150,7 +150,10 @@ def test_every_row_of_a_tall_image_has_its_solid_angle(height):
 
 @pytest.mark.parametrize("rotation", [0.0, 30.0, 90.0])
 def test_radiance_is_bilinear_between_texels(rotation):
-    """Radiance equals NumPy's in float64; the image's middle column faces -z, its top row up."""
+    """The environment's radiance equals bilinear interpolation in NumPy and float64.
+
+    The middle column of the image is in direction -z, its top row up.
+    """
     pixels = np.random.default_rng(3).random((5, 7, 3))
     sky = Sky(pixels, rotation)
     d = np.random.default_rng(4).standard_normal((20_000, 3))
@@ -169,7 +172,7 @@ def test_radiance_is_bilinear_between_texels(rotation):
 
 @pytest.mark.parametrize("d", [(0, 1, 0), (0, -1, 0), (0, 0, 1), (-0.0, 0, 1), (0, 0, -1), (np.nan,) * 3, (0, 1.0000001, 0)])
 def test_every_direction_has_a_density(d):
-    """Directions at the poles and the seam, and invalid directions, have a density; none reads outside the tables."""
+    """Every direction has a density, also at the poles and the seam, and even if it is invalid; none reads outside the tables."""
     sky = Sky(random_sky())
     assert sky.pdf([d])[0] >= 0
     assert np.isfinite(sky.at([d])).all() or np.isnan(d).any()
@@ -214,9 +217,9 @@ def test_the_search_from_a_table_finds_what_the_binary_search_finds(count):
 
 
 def test_the_search_begins_where_the_part_begins():
-    """The search starts at one of a table's cut points, computed for each image row separately.
+    """The search in a cdf starts at a cut point, which is stored for each of equal intervals of the random number.
 
-    Their number is a power of two per row, with one for one to four texels.
+    Each image row has its own cut points. Their number is a power of two per row; it is one for one to four texels.
     """
     cdf = np.stack([peaked(300, seed) for seed in range(4)])
     start = cutpoints(cdf)

@@ -1,6 +1,7 @@
-"""Tests of light sampling against brute force: uniform directions that hit a light by chance.
+"""Tests of light sampling against brute force, in which uniformly distributed directions hit a light by chance.
 
-Unlike tests of densities, they cover textures, sides and occluders, and that lights which are never chosen contribute nothing.
+Unlike tests of densities, they also cover textures, sides and occluders, and that lights that are never chosen illuminate
+nothing.
 """
 
 import math

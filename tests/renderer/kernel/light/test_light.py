@@ -1,4 +1,4 @@
-"""Tests of light sampling: directions follow the density used for MIS, and both MIS strategies use the same density."""
+"""Tests of light sampling: directions follow the stated pdf, and both MIS strategies compute the same pdf for a direction."""
 
 import math
 from dataclasses import replace
@@ -52,7 +52,10 @@ def _density(made, stack, p, n, direction, pdf):
 
 
 def sample(made, p=P, n=N, seed=0, normal=NO_NORMAL):
-    """Returns n light samples as arrays (direction, end, radiance, pdf)."""
+    """Returns n light samples at point p as arrays (direction, end, radiance, pdf).
+
+    normal: the surface normal at p, or zero for a point in a medium.
+    """
     u = np.random.default_rng(seed).random((n, 3), np.float32)
     vectors = [np.zeros((n, 3), np.float32) for _ in range(3)]
     pdf = np.zeros(n, np.float32)

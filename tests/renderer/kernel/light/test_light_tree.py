@@ -1,4 +1,4 @@
-"""Tests of the light tree: lights are chosen with the stated probability, and every contributing light can be chosen."""
+"""Tests of the light tree: it chooses lights with the probability that it states, and can choose every contributing light."""
 
 import numpy as np
 import pytest
@@ -76,7 +76,7 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
     child, end = (made.light_node[:, row].view(np.int32) for row in (CHILD, END))
 
     def lights_below(node, begin):
-        """Returns the number of lights up to and including the last one of a node of the light tree."""
+        """Asserts that the lights below a node are numbered in order, from `begin`; returns the number after the last of them."""
         for k in np.flatnonzero(end[node] != NO_END):
             begin = lights_below(child[node, k], begin) if child[node, k] >= 0 else begin + (child[node, k] == ~begin)
             assert end[node, k] == begin
@@ -93,9 +93,9 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
 
 @pytest.mark.long
 def test_chances_sum_to_one_but_for_dead_ends(made):
-    """The probabilities of all lights sum to 1 except at dead ends, where no light is sampled.
+    """The probabilities of all lights sum to at most 1: less if the descent can end at a node without any light.
 
-    At a dead end a node's bounds may contribute to a point to which neither child's bounds contribute.
+    At such a dead end, the bounds of a node may contribute to a point, although the bounds of neither child do.
     """
     sums = np.array([chances(made, p, n).astype(float).sum() for p, n in zip(*points_and_normals(), strict=True)])
     assert sums.max() < 1 + 1e-5
@@ -123,16 +123,19 @@ def angle(a, b):
 
 
 def received(towards, radius, n):
-    """Returns the tree's irradiance estimate for a sphere of unit intensity; for zero n, from all directions."""
+    """Returns the irradiance that the light tree estimates at a point with normal n, from a sphere of unit intensity.
+
+    towards: the vector from the point to the sphere's centre. If n is zero, the estimate is independent of direction.
+    """
     far = max(np.linalg.norm(towards), np.sqrt(0.3) * radius)
     height = np.dot(towards, n)
     return (np.clip((max(height, 0.3 * height) + 0.3 * radius) / far, 0, 1) if n.any() else 1.0) / far**2
 
 
 def plain_importance(light, p, n):
-    """Returns one light's importance, computed from angles in float64.
+    """Returns the importance of one light at a point p with normal n, computed from angles in float64.
 
-    NaN at the edge of a spot's cone, where the tree has a margin for float32 rounding.
+    It is NaN near the edge of a spot's cone, where the tree has a margin for float32 rounding.
     """
     if light.kind == "directional":
         towards = -np.array(light.direction) / np.linalg.norm(light.direction)
@@ -222,7 +225,10 @@ def test_no_light_that_reaches_a_point_is_passed_over(made):
 
 
 def test_a_near_lamp_is_chosen_over_a_far_one():
-    """In a row of equal lamps the one above the point is chosen far more often than 1 in `count`, those behind it never."""
+    """In a row of equal lamps, the lamp above the point is chosen far more often than each would be by chance (1 in `count`).
+
+    Lamps behind the point are never chosen.
+    """
     lamps = tuple(Light("point", gray(1.0), (float(x), 1.0, 0.0)) for x in range(0, 100, 2))
     made = scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),), lights=lamps)
     chance = chances(made, (40.0, 0.0, 0.0), (0, 1, 0))

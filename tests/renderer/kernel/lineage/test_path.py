@@ -88,7 +88,7 @@ def _weights(a, b, weight):
 
 
 def weights(a, b):
-    """Returns the MIS weights (heuristics, N) of samples with densities a, against densities b of another strategy."""
+    """Returns the MIS weights (heuristics, N) of samples with pdf a, which another strategy samples with pdf b."""
     weight = np.empty((len(HEURISTICS), len(a)), np.float32)
     _weights(a, b, weight)
     return weight

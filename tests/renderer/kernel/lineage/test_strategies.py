@@ -94,7 +94,10 @@ def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
 @pytest.mark.long
 @pytest.mark.parametrize("floor", [0.15, 0.5, MAX_FLOOR])
 def test_roulette_with_a_floor_is_unbiased_and_follows_dark_paths_further(floor):
-    """At reflectance 0.1 roulette by throughput ends most paths within three bounces; with a floor more survive, without bias."""
+    """Russian roulette with a minimum survival probability ("floor") is unbiased, and traces more rays than without one.
+
+    At reflectance 0.1, roulette by throughput alone ends most paths within three bounces.
+    """
     furnace = scene([emitter(0.9, 0.1, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=200, roulette_floor=floor, sampler="independent")
     counts = RenderStats(), RenderStats()
@@ -182,9 +185,10 @@ def under_a_lamp(height, side=0.05):
 
 @pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 def test_the_mistakes_are_made_as_their_names_say(integrator):
-    """Under a small lamp at height h, E = L A / h^2, and each deliberate mistake changes E as its name says.
+    """Each deliberate mistake of the renderer changes the irradiance below a small lamp as its name says.
 
-    `attenuation` divides by h^2 again, `light-cutoff` is sqrt(1000).
+    Without mistakes, E = L A / h^2 at height h. `attenuation` divides by h^2 again; `light-cutoff` removes lamps farther away
+    than sqrt(1000).
     """
     for height, mistake, factor in (
         (3.0, "", 1.0),

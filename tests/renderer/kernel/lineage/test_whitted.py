@@ -23,7 +23,10 @@ def whitted(made, view, spp=4, **more):
 
 
 def test_a_square_light_is_looked_at_in_its_middle():
-    """Whitted ray tracing samples a square light only at its centre: L A / h^2 / pi, where integration yields 0.752275 / pi."""
+    """Whitted ray tracing samples a square light only at its centre: the radiance is L A / h^2 / pi.
+
+    Integration over the square would yield 0.752275 / pi.
+    """
     made = scene([WHITE, emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)))
     np.testing.assert_allclose(mean(whitted(made, BELOW, 16), 24), 1 / math.pi, rtol=1e-3)
 

@@ -55,7 +55,10 @@ def compiled(material, images=(), textures=()):
 
 
 def look_at(scene, uv=(0.5, 0.5), uv1=(0.5, 0.5), color=(1, 1, 1, 1), front=True, u=0.5, carried=(1, 1, 1)):
-    """Returns the material kernel's results at a point, by name."""
+    """Returns the material kernel's results, by name, at a surface point with the given texture coordinates and vertex colour.
+
+    front: whether it is seen from the front. u: a random number. carried: the path's throughput.
+    """
     uv, uv1, color, carried = (tuple(np.float32(v) for v in values) for values in (uv, uv1, color, carried))
     surface = facing_up(uv=uv, uv1=uv1, color=color, front=front)
     out = np.zeros(16, np.float32)
@@ -67,7 +70,7 @@ def look_at(scene, uv=(0.5, 0.5), uv1=(0.5, 0.5), color=(1, 1, 1, 1), front=True
 
 
 def look(material, images=(), textures=(), **at):
-    """Returns `look_at` for a scene of this material."""
+    """Returns the material kernel's results, by name, at a point of a square with this material; `at`: arguments of `look_at`."""
     return look_at(compiled(material, images, textures), **at)
 
 
@@ -124,9 +127,9 @@ def test_absorption_leaves_the_attenuation_colour_after_its_distance():
 
 @pytest.mark.parametrize("front", [True, False])
 def test_dispersion_keeps_one_colour_and_the_expectation(front):
-    """Dispersion keeps one colour per path, unbiased: red and blue indices differ from green's by (n - 1) 0.025 dispersion.
+    """Dispersion keeps one colour channel per path, and is unbiased.
 
-    See KHR_materials_dispersion.
+    The indices of red and blue differ from green's by (n - 1) 0.025 dispersion; see KHR_materials_dispersion.
     """
     prism = compiled(Material(kind="glass", ior=1.5, dispersion=2.0))
     carried = np.array((0.2, 0.3, 0.5))

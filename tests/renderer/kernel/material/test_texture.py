@@ -230,7 +230,7 @@ def test_light_may_add_up_to_more_than_white():
 
 @pytest.mark.long
 def test_a_wall_shows_its_stack():
-    """Each pixel's albedo equals the layered texture at the point that it sees."""
+    """In a picture of a wall, the albedo of each pixel equals the layered texture at the point that the pixel sees."""
     layers = (TextureLayer(1), TextureLayer(2, "multiply", 0.5))
     textures = [Texture(0, layers=layers), Texture(1, transform=MOVED), Texture(2)]
     made = compiled(textures, Material(base_color=(1, 1, 1), base_color_texture=0))
@@ -249,9 +249,9 @@ def test_a_wall_shows_its_stack():
 @grid("kind", ["square", "square with others", "sphere"], ordinary=("square with others",))
 @pytest.mark.parametrize("uv_set", [0, 1])
 def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):
-    """A lamp lit only by a layer with a hole lights a floor as a sum over the emitter's points says.
+    """A lamp whose emission is only a texture layer with a hole lights a floor as computed by a sum over the emitter's points.
 
-    An emitter without second coordinates uses its first, whether or not other meshes have second ones.
+    An emitter without second texture coordinates uses its first ones, whether or not other meshes have second ones.
     """
     spot = np.zeros((8, 8, 4), np.uint8)
     spot[1:4, 2:5] = (255, 255, 255, 255)

@@ -26,7 +26,10 @@ def _fly(sigma_t, sigma_s, throughput, reach, u, carried, ends):
 
 
 def flown(sigma_t: np.ndarray, sigma_s: np.ndarray, reach: float, throughput: np.ndarray = THROUGHPUT) -> tuple[np.ndarray, ...]:
-    """Returns (throughputs (N, 3), whether each flight ends in scattering, their distances)."""
+    """Samples N free flights up to the distance `reach`; returns three arrays of N values.
+
+    These are the throughputs (N, 3), whether the flight ends in scattering, and its distance.
+    """
     carried, ends = np.empty((N, 3), np.float32), np.empty((N, 2), np.float32)
     u = np.random.default_rng(2).random((N, 2), np.float32)
     told = (np.array(each, np.float32) for each in (sigma_t, sigma_s, throughput))

@@ -1,4 +1,4 @@
-"""Tests of nested media packed in one word, against an unbounded list."""
+"""Tests of the stack of nested media, packed into one word, against an unlimited list."""
 
 from __future__ import annotations
 

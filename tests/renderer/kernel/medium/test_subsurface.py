@@ -1,4 +1,4 @@
-"""Tests of the subsurface albedo derived from the surface's colour."""
+"""Tests of the albedo of a subsurface medium, which is derived from the colour that the surface shall have."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ def albedo(color: np.ndarray, g: float = 0.0) -> np.ndarray:
 
 
 def test_a_half_space_of_it_has_that_colour() -> None:
-    """A half-space with the derived albedo has the surface's colour within 0.005, van de Hulst's stated accuracy.
+    """A half-space of a medium with the derived albedo has the requested colour within 0.005, van de Hulst's stated accuracy.
 
-    The reflectance is computed by Chandrasekhar's H.
+    The half-space's reflectance is computed by Chandrasekhar's H function.
     """
     color = np.linspace(0.05, 0.95, 10)
     found = [diffuse_reflectance(each) for each in albedo(color)]

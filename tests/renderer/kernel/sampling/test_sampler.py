@@ -87,7 +87,7 @@ def test_low_bits_are_random_too(runs, name):
 
 
 def test_the_mean_of_n_samples_nears_a_half_as_it_should():
-    """Over 4096 pixels, the means of 64 samples have the spread of a normal distribution."""
+    """The means of 64 samples, over 4096 pixels, are normally distributed with the expected standard deviation."""
     pixel = np.arange(4096 * 64) // 64
     values = numbers(x=pixel % 64, y=pixel // 64, sample=np.arange(4096 * 64) % 64)
     means = (values.reshape(4096, 64, 4).mean(1, dtype=np.float64) - 0.5) * np.sqrt(12 * 64)
@@ -208,7 +208,10 @@ def test_where_a_path_goes_from_two_vertices_fills_four_dimensions(first, then):
 
 @pytest.mark.parametrize("n", [4, 16, 64, 256])
 def test_sobol_integrates_better_than_independent_numbers(n):
-    """For a disk's area in the square and a smooth bump, the spread over 1024 pixels is below that of 1 / sqrt(n)."""
+    """The Sobol' sampler integrates with less error than independent numbers, whose error falls as 1 / sqrt(n).
+
+    Compared is the spread over 1024 pixels, for the area of a disk in the unit square and for a smooth bump.
+    """
     pixel = np.arange(1024 * n) // n
     errors = {}
     for kind in (SOBOL, INDEPENDENT):

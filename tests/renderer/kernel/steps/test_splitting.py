@@ -1,4 +1,4 @@
-"""Tests of path splitting at the first vertex: less noise, the same picture."""
+"""Tests of splitting a path into several branches at its first vertex: the noise is lower, and the expected picture the same."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ VIEW = ((0, 2, 6), (0, 0.8, 0), 30)
 
 
 def _both(compiled, asked: RenderSettings, spp: int) -> list[tuple[float, float]]:
-    """Returns (mean, standard error) of the picture with one branch per path, and with two."""
+    """Returns [(mean, standard error)] of two pictures: with one branch per path, and with two."""
     asked = replace(asked, sampler="independent")
     return [mean_and_error(render_frame(compiled, replace(asked, splitting=n, seed=n), spp)) for n in (1, 2)]
 

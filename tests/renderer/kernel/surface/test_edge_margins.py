@@ -1,4 +1,4 @@
-"""Tests of triangle margins against the inscribed circle, computed by elementary geometry."""
+"""Tests of the edge margins of triangles, compared with the radius of the inscribed circle, from elementary geometry."""
 
 import numpy as np
 
@@ -17,7 +17,7 @@ def _fill(corner, found):
 
 
 def margins(corners):
-    """Returns the margins (T, 2) of triangles (T, 3, 3)."""
+    """Returns the edge margins (T, 2) of the triangles with these corners (T, 3, 3)."""
     corner = np.asarray(corners, np.float32)
     found = np.empty((len(corner), 2), np.float32)
     _fill(corner, found)

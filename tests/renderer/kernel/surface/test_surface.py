@@ -72,7 +72,7 @@ def turned(rng, scale=1.0, mirror=False, at=(0, 0, 0)):
 
 @pytest.fixture(params=["copied", "kept once"])
 def sharing(request, monkeypatch):
-    """Runs the test with instances kept and with instances copied to world space; returns which of them."""
+    """Runs the test twice, with instances copied to world space and with instances kept; returns the name of the current way."""
     keep_as(request.param, monkeypatch)
     return request.param
 
@@ -231,7 +231,7 @@ def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
 
 
 def test_a_lifted_point_is_on_the_sphere_that_normals_speak_of():
-    """Ray origins offset from a coarse ball with smooth normals are on the sphere, whose facets lie up to 5 % inside it."""
+    """Ray origins on a coarse ball with smooth normals are offset to the true sphere; its facets lie up to 5 % further inside."""
     ball = painted(1)
     made = compile_scene(description_of(ball, [np.eye(4)], [Material()]))
     found = look(made, (0, 0, 3), directions(np.random.default_rng(6), 40_000))
@@ -253,7 +253,7 @@ def test_flat_triangles_are_not_lifted():
 
 
 def test_bent_normals_let_nothing_through(monkeypatch):
-    """No ray leaves rooms with strongly bent normals: a ball with random ones, and a box with smoothed edges."""
+    """No ray leaves a closed room with strongly bent normals: neither a ball with random ones nor a box with smoothed edges."""
     rng = np.random.default_rng(9)
     ball = icosphere(2)
     ball.normals = directions(rng, len(ball.positions))

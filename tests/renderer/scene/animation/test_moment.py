@@ -1,4 +1,4 @@
-"""Tests of the conversion of frames to times."""
+"""Tests of converting frame numbers to times: frame n is at n / fps seconds."""
 
 import pytest
 

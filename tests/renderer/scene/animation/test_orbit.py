@@ -1,4 +1,4 @@
-"""Tests of the camera of a turntable animation."""
+"""Tests of the camera of a turntable animation, which orbits about an axis at constant distance and height."""
 
 import numpy as np
 import pytest

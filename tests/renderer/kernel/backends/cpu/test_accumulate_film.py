@@ -1,4 +1,4 @@
-"""Tests that each terminated path is added to the film once, to its pixel's sums."""
+"""Tests that each terminated path is added once to the sums of its pixel in the film."""
 
 from __future__ import annotations
 

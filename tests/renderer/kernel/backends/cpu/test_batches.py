@@ -1,4 +1,4 @@
-"""Tests that a film's bits do not depend on how paths are grouped in the pool, for any division into tiles and batches."""
+"""Tests that a film's bits do not depend on how paths are grouped in the path pool, nor on tiles and batches."""
 
 from __future__ import annotations
 

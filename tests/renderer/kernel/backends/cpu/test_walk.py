@@ -1,4 +1,4 @@
-"""Tests of joint traversal of many rays: each has the same hit as if traced alone, to the bit."""
+"""Tests of traversing a tree with many rays together: each ray has the same hit, to the bit, as if it were traced alone."""
 
 from __future__ import annotations
 
@@ -86,7 +86,10 @@ class _Room:
         self.pool, self.lists = line_floats(ROWS * int(ROW)), np.zeros(LISTS * LIST_SIZE, np.uint32)
 
     def batches(self, column: int, values: np.ndarray, kernel: object, bvh: Bvh, out: np.ndarray) -> None:
-        """Traces all rays, `values` (n, 6), in full and partial batches, and writes the results to `out`."""
+        """Traces the rays `values` (n, 6), origins and directions, in full and partial batches; writes the results to `out`.
+
+        column: the first column of the rays in the path pool. kernel: the function that traces one batch.
+        """
         rows = self.pool.reshape(ROWS, int(ROW))
         first, turn = 0, 0
         while first < len(values):
