@@ -1,4 +1,4 @@
-"""Tests of the AOV planes: values, channels and display."""
+"""Tests of the AOV planes (depth, normals, ids, ...): their values, their channels in files, and their colours on the screen."""
 
 import numpy as np
 import pytest

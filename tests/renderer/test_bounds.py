@@ -17,7 +17,10 @@ from tests.renderer.kernel.backends.features import FEATURES
 
 
 def rendered(side: str, kernel: str, names: list[str], **environment: str) -> None:
-    """Renders features in a separate process with fenced arrays; fails with the name of the feature that crashed."""
+    """Renders features in a separate process, with an inaccessible page at the given side of each array (see fenced.py).
+
+    Fails with the name of the feature during which the process crashed.
+    """
     command = [sys.executable, "-m", "tests.renderer.fenced", side, kernel, *names]
     done = subprocess.run(command, capture_output=True, text=True, check=False, env={**os.environ, **environment})
     assert done.returncode == 0, f"{done.stdout.splitlines()[-1:]} died of {-done.returncode}: {done.stderr[-2000:]}"

@@ -23,7 +23,7 @@ LIT = 0.5  # reflectance of a wall, and its radiance under an irradiance of pi
 
 
 def mean(description: SceneDescription, spp: int, **settings: object) -> float:
-    """Returns the mean of a picture of 16 x 16 pixels."""
+    """Returns the mean of a rendered picture of 16 x 16 pixels with `spp` samples each."""
     asked = RenderSettings(16, 16, VIEW, **settings)
     sums = render_frame(compile_scene(description), asked, spp)
     return float(sums[COLOR].mean()) * 2.0**-asked.film_exponent / spp
@@ -62,15 +62,18 @@ def test_panes_of_clear_glass_in_a_white_furnace_are_white(count: int, material:
 
 
 def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
-    """If max_depth counts every transmission, two glass bounces above the limit leave only reflections."""
+    """If every transmission counts as a bounce for max_depth, nested glass is dark: only reflections remain.
+
+    With a max_depth of 64 it is as bright as its surroundings.
+    """
     assert mean(panes(4, GLASS), 64, transmission_depth=0) < 0.2
     assert mean(panes(4, GLASS), 64, transmission_depth=0, max_depth=64) == pytest.approx(1.0, abs=5e-3)
 
 
 def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> None:
-    """The limit of transmissions is exact: a pane of index 1 takes two of them and reflects nothing.
+    """The limit of transmissions is exact: four clear panes with an index of 1 need a limit of eight, two for each pane.
 
-    Transmissions through rough panes count in max_depth.
+    Transmissions through clear panes do not count in max_depth; those through rough panes do.
     """
     clear = panes(4, replace(GLASS, ior=1.0))
     assert mean(clear, 4, transmission_depth=8) == pytest.approx(1.0, abs=1e-3)

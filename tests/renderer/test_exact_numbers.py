@@ -26,7 +26,7 @@ VIEW = View((0.1, 1.7, 5.3), (-0.3, 0.7, 0.2), up=(0.1, 1.0, 0.3), fov=41.3)
 
 @pytest.fixture
 def bare(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Removes the functions whose bits depend on the host."""
+    """Makes the functions whose last bits depend on the host, such as np.sin, raise an AssertionError."""
 
     def refuse(*_: Any, **__: Any) -> Any:
         raise AssertionError("the result depends on the host")

@@ -1,4 +1,4 @@
-"""Tests of the film's arithmetic on synthetic sums."""
+"""Tests of the film's arithmetic on made-up sums: its planes, mean, digest, noise and error."""
 
 import hashlib
 

@@ -1,4 +1,7 @@
-"""Tests that products in sums are fused exactly as in the source: the same bits for one value and for eight lanes."""
+"""Tests that a product in a sum is fused (fma) exactly where the source says so.
+
+One value and eight lanes have the same bits.
+"""
 
 from __future__ import annotations
 
@@ -56,7 +59,7 @@ def _eight(columns, sums, rounded):
 
 
 def _nearest(value: Fraction, dtype: Any) -> Any:
-    """Returns a float within two ulps of the fraction, rounded by way of float64."""
+    """Returns the best of three neighbouring floats for a fraction, around its value rounded by way of float64."""
     middle = dtype(float(value))
     nearby = [middle, np.nextafter(middle, dtype(-np.inf)), np.nextafter(middle, dtype(np.inf))]
     return min(nearby, key=lambda each: abs(Fraction(float(each)) - value))

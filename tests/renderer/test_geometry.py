@@ -1,4 +1,4 @@
-"""Tests that the picture depends neither on the storage of geometry nor on its scale."""
+"""Tests that a picture depends neither on whether meshes are stored as instances or copies, nor on the scale of the scene."""
 
 import numpy as np
 import pytest
@@ -52,7 +52,7 @@ def kept(monkeypatch):
 
 
 def test_instances_and_copies_give_one_picture(monkeypatch):
-    """Renders of instances and of copies differ by noise only, pixel by pixel; ids and normals of sample 0 are equal."""
+    """Pictures of instances and of copied meshes differ by noise only, in each pixel; ids and normals of sample 0 are equal."""
     films = []
     for seed, worth in ((1, 0), (2, 10**9), (1, 10**9)):
         monkeypatch.setattr("renderer.scene.instances._MIN_SAVED_TRIANGLES", worth)

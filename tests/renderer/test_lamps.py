@@ -44,7 +44,7 @@ def planes(sums: Sums) -> np.ndarray:
     ],
 )
 def test_the_camera_sees_what_is_behind(kernel: dict[str, object]) -> None:
-    """The first-hit planes show the surface behind a hidden lamp: they are identical to those without the lamp."""
+    """The first-hit planes show the surface behind a lamp that is hidden from the camera, as if the lamp did not exist."""
     with_lamp = picture([WHITE, LAMP], FLOOR, BEFORE, spp=4, **kernel)
     without = picture(
         [WHITE, emitter(4.0)], FLOOR, replace(BEFORE, positions=BEFORE.positions + np.float32(100)), spp=4, **kernel

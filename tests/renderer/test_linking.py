@@ -63,7 +63,7 @@ def test_what_was_kept_is_linked_too(cold: None) -> None:
 
 @entry
 def caller(values):
-    """Writes twice the kernel's result."""
+    """Writes the kernel's result times 2."""
     return 2.0 * kernel(values)
 
 

@@ -49,7 +49,7 @@ def film(scene: Any, view: View = AHEAD, spp: int = 64, **more: Any) -> Any:
 
 
 def seen(scene: Any, view: View = NARROW, spp: int = 1, **more: Any) -> np.ndarray:
-    """Returns the picture's mean rgb."""
+    """Returns the mean colour (r, g, b) of a rendered picture."""
     return np.asarray(mean(film(scene, view, spp, **more), 24).reshape(-1, 3).mean(0))
 
 
@@ -99,7 +99,7 @@ def test_media_in_media_each_take_their_part() -> None:
 
 
 def test_bodies_that_overlap_are_left_one_by_one() -> None:
-    """In two overlapping bodies the medium entered last applies until the ray leaves its body, then the other medium."""
+    """In two overlapping bodies, the medium entered last applies until the ray leaves its body, and then the other one again."""
     first, second = interface(sigma_a=gray(0.2)), interface(sigma_a=gray(0.5))
     balls = (Sphere((0, 0, 0.5), 1.0, 0), Sphere((0, 0, -0.5), 1.0, 1))
     assert seen(described([first, second], balls)) == pytest.approx(gray(np.exp(-1 * 0.2 - 2 * 0.5)), rel=3e-4)
@@ -210,7 +210,10 @@ def test_subsurface_looks_as_bright_as_the_colour_that_it_is_given(name: str) ->
 
 
 def test_layers_over_subsurface_are_those_over_the_diffuse_base() -> None:
-    """A varnished body is equally bright with a subsurface and with a diffuse base: all light that enters leaves again."""
+    """A body with a clear coat is equally bright with a subsurface base and with a diffuse base of the same colour.
+
+    All light that enters leaves again.
+    """
     skin = {"kind": "metallic_roughness", "base_color": COLORED, "roughness": 0.5, "clearcoat": 0.5, "clearcoat_roughness": 0.2}
     bodies = (Material(**skin), Material(**skin, **SKIN), Material(**skin, **{**SKIN, "subsurface": 0.4}))
     without, *others = (film(described([body], meshes=(slab(1e3, 1e4),)), spp=256) for body in bodies)

@@ -110,7 +110,7 @@ class Part:
 
 
 class Deadly(Part):
-    """A part that kills the process that compiles it, unless that is the test's own process."""
+    """A compilable part that kills the process that compiles it, except the test's own process."""
 
     def compile(self, arguments: Any) -> None:
         if os.getppid() == arguments[0]:
@@ -120,7 +120,7 @@ class Deadly(Part):
 
 @pytest.fixture
 def parts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, tuple[int]]]:
-    """Returns the parts shared with one helper process, which may be forked; nothing else is compiled."""
+    """Returns an empty list, to which a test adds the parts that this process and one helper process compile; nothing else is."""
     found: list[tuple[Any, tuple[int]]] = []
     monkeypatch.setattr(parallel_compile, "pool_stages", lambda *_: found)
     monkeypatch.setattr(parallel_compile, "_helpers", lambda: 1)

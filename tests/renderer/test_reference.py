@@ -55,7 +55,7 @@ def _read(outer, out):
 
 @entry
 def read(outer, out):
-    """Writes values read by reference and values read by value."""
+    """Writes values of a NamedTuple that is passed by reference."""
     _read(by_reference(outer), out)
 
 

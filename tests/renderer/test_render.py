@@ -254,7 +254,10 @@ def test_a_dark_scene_is_lit_by_the_settings_environment():
 
 
 def spread_and_estimate(sampler, spp, seeds=48):
-    """Returns the spread over pictures of different seeds, the film's noise estimate, and the standard error of that estimate."""
+    """Returns three values, relative to the mean: the spread over pictures, the film's noise estimate, and that estimate's error.
+
+    The spread is the standard deviation of a pixel over pictures of different seeds; the error is a standard error.
+    """
     made = varied()
     pictures, estimates = [], []
     for seed in range(seeds):

@@ -52,7 +52,7 @@ def test_those_of_the_wheel_are_taken_where_none_are_named(
 
 
 def test_a_kernel_is_taken_before_it_is_compiled(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A shipped kernel is copied instead of compiled, also by `rayfarm render`."""
+    """A kernel that is shipped in the image is copied to the cache instead of compiled, also by `rayfarm render`."""
     taken: list[Path] = []
 
     def stop(cache: Path) -> None:

@@ -68,7 +68,10 @@ def test_it_lights_what_is_matt_as_before() -> None:
 def lit(
     lamp: Material | None, *lights: Light, height: float = 1.0, spp: int = 256, below: Material = WHITE, **more: object
 ) -> Sums:
-    """Returns the film sums of a floor below a ball lamp of radius 0.8 at `height`; below the lights `below` if there is none."""
+    """Returns the film sums of a floor under a ball lamp of radius 0.8 at `height`, and under further lights.
+
+    lamp: the material of the ball; None for no ball. below: the material of the floor.
+    """
     spheres = [Sphere((0.0, height, 0.0), 0.8, 1)] if lamp is not None else []
     materials = [below, *([lamp] if lamp is not None else [])]
     made = scene(materials, (FLOOR,), tuple(spheres), lights=lights)

@@ -90,7 +90,7 @@ def seen(view: View, points: F64) -> F64:
 
 
 def known(points: list[F64], views: list[View]) -> F64:
-    """Returns the expected motion vectors of points, given the points and the camera views at three times."""
+    """Returns the expected motion vectors of points from their positions and the camera views at three times."""
     before, now, after = (seen(view, each) for view, each in zip(views, points, strict=True))
     ways = [before - now, now - after]
     for way in ways:

@@ -20,7 +20,7 @@ def moved(x, scale=1.0):
 
 
 def many(meshes, copies, materials=None, **more):
-    """Returns a description with an instance of every mesh at each of `copies` places."""
+    """Returns a description of a scene with `copies` instances of every mesh, each at its own place."""
     return SceneDescription(
         meshes=meshes,
         instances=[Instance(m, moved(5.0 * i), name=f"copy {i}") for i in range(copies) for m in range(len(meshes))],

@@ -1,4 +1,4 @@
-"""Tests of light profiles and projected images in each format, by the intensity sent towards a point of the scene."""
+"""Tests of lights with profiles or projected images, in each format: the intensity that a light sends to a point of the scene."""
 
 import math
 
@@ -39,7 +39,7 @@ def sent(light, point):
 
 
 def angles_of(w, axis, right):
-    """Returns the angle of w to the axis and its azimuth, from `right` towards right x axis, in degrees."""
+    """Returns two angles of the direction w in degrees: to the axis, and the azimuth from `right` towards `right` x `axis`."""
     w, axis, right = (np.array(v, float) / np.linalg.norm(v) for v in (w, axis, right))
     return math.degrees(math.acos(w @ axis)), math.degrees(math.atan2(w @ np.cross(right, axis), w @ right))
 

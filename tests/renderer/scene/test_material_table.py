@@ -30,7 +30,7 @@ def other(parameter):
 
 
 def row(material):
-    """Returns the columns and the texture slots of the packed material."""
+    """Compiles a scene of one material; returns the material's row of packed columns, and its row of texture slots."""
     images = [Image("i", np.full((1, 1, 4), 9, np.uint8))]
     packed = pack(SceneDescription(materials=[material], textures=[Texture(0)], images=images))
     return packed.material[0], packed.material_texture[0]

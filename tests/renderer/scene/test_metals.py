@@ -1,4 +1,4 @@
-"""Tests of named metals: their numbers follow from measurements, and their colours match published ones."""
+"""Tests of metals by name: their optical constants follow from measurements, and their colours match published ones."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of mixtures of two materials as one material. tests/peers/test_mitsuba_walls.py renders mixtures."""
+"""Tests of replacing a mixture of two materials by one material; tests/peers/test_mitsuba_walls.py renders mixtures."""
 
 from dataclasses import replace
 

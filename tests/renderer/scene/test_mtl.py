@@ -14,7 +14,10 @@ TETRAHEDRON = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nusemtl m\nf 1 3 2\nf 1 2 4\nf
 
 @pytest.fixture
 def material(scene):
-    """Returns a function `material(mtl, files)` that reads a triangle with these statements: (description, material)."""
+    """Returns a function `material(mtl, files)` that reads a triangle whose MTL file has these statements.
+
+    The function returns (scene description, material).
+    """
 
     def read(statements, others=None, faces=TRIANGLE + "usemtl m\nf 1 2 3\n"):
         description = scene("a.obj", f"mtllib a.mtl\n{faces}", {"a.mtl": f"newmtl m\n{statements}\n", **(others or {})})

@@ -1,4 +1,4 @@
-"""Tests of files from another program with damage that leaves valid JSON: each yields a scene or a reader's own error."""
+"""Tests of glTF files of another program with mutated JSON that is still valid: each is read, or refused by the reader itself."""
 
 import json
 import struct
@@ -79,7 +79,7 @@ def test_a_mutated_glb_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
 
 
 def sample(samples, png, file):
-    """Returns the bytes of one of FILES."""
+    """Returns the bytes of the unmodified file that is named `file` in FILES."""
     made = {"full": full_gltf, "moving": moving_gltf}.get(file)
     return made(png).glb() if made else (samples / file).read_bytes()
 

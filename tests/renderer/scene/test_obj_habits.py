@@ -16,7 +16,7 @@ def column(count, sides, lids="s off"):
 
 
 def bends(mesh):
-    """Returns the angles (T, 3) in degrees between face normals and corner normals; zeros without normals."""
+    """Returns the angles (T, 3) in degrees between the face normal and the vertex normals of each triangle; 0 without normals."""
     corners = mesh.positions[mesh.triangles].astype(float)
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     face /= np.linalg.norm(face, axis=1, keepdims=True)

@@ -1,4 +1,7 @@
-"""Tests that scenes far from the origin have the same shape and picture as at the origin, in the file's coordinates."""
+"""Tests that a scene far from the origin has the same shape and picture as at the origin.
+
+Its bounds, cameras and paths are still reported in the file's coordinates.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,7 @@
-"""Tests of diffuse paint under a coat, against a photon random walk between both as in pbrt-v4's LayeredBxDF."""
+"""Tests of diffuse paint under a dielectric coat, against a random walk of photons between paint and coat.
+
+pbrt-v4's LayeredBxDF walks in the same way.
+"""
 
 import math
 
@@ -26,9 +29,9 @@ def test_a_smooth_coat_that_takes_nothing_has_a_closed_form():
 
 
 def test_a_thick_coat_takes_light_by_its_thickness():
-    """A thick coat attenuates light by exp(-t / cosine) on its way in and out.
+    """A coat of thickness t attenuates light by exp(-t / cosine) on its way in, and again on its way out.
 
-    No light is reflected a second time by the coat.
+    The index of the coat is nearly 1, so that no light is reflected back to the paint.
     """
     clear, dark = (coat_of(1.0001, 0.0, thickness, 2) for thickness in (0.0, 0.5))
     cosine = np.sqrt((np.arange(4096) + 0.5) / 4096)
@@ -69,7 +72,7 @@ def matt(random):
 
 
 def walked(reflectance, ior, alpha):
-    """Returns the paint's reflectance under uniform light, by a random walk of 10 steps, each through the coat."""
+    """Returns the reflectance of coated paint under uniform light, by a random walk of photons that pass the coat 10 times."""
     random = np.random.default_rng(3)
     way, left = boundary(matt(random), ior, alpha, False, random)
     found = 0.0

@@ -22,7 +22,7 @@ def pbrt(scene):
 
 
 def area_and_way(mesh):
-    """Returns a mesh's area, and its area weighted by the cosine between face and vertex normals."""
+    """Returns a mesh's area, and its area with faces weighted by the cosine between their normal and their vertex normals."""
     faces = face_normals(mesh.positions, mesh.triangles)
     along = np.einsum("tc,tc->t", faces, mesh.normals[mesh.triangles].mean(axis=1))
     return np.linalg.norm(faces, axis=1).sum() / 2, along.sum() / 2

@@ -16,7 +16,7 @@ from tests.renderer.scene.builders import TRIANGLE, Gltf, clip
 
 
 def moving(description):
-    """Returns the names of the moving and of the deforming instances."""
+    """Returns two sets of instance names: the moving ones, and those whose mesh deforms."""
     moved = {i.name for i in description.instances if i.moves}
     return moved, {i.name for i in description.instances if description.meshes[i.mesh].deforms}
 

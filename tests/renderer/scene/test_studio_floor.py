@@ -1,4 +1,4 @@
-"""Tests of the floor of the default studio."""
+"""Tests of the default studio's floor: it lies below the model, does not move with it, and fades into the horizon."""
 
 from __future__ import annotations
 

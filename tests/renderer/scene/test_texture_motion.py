@@ -62,7 +62,10 @@ def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
 
 
 def test_textures_that_lie_alike_for_a_moment_slide_by_themselves() -> None:
-    """Textures that are identical at one time but move differently stay separate, although readers merge identical textures."""
+    """Textures that are identical at one time but move differently stay separate.
+
+    Readers merge textures that are identical.
+    """
 
     def parting(t: float) -> SceneDescription:
         still, moved = Texture(0), Texture(0, transform=(1.0, 0.0, max(t, 0.0), 0.0, 1.0, 0.0))

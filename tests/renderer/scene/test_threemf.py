@@ -216,7 +216,7 @@ def test_rows_belong_where_they_stand_whatever_lists_there_are_before(scene, bef
 
 
 def boxes(first, second):
-    """Returns the names of the shown parts of an object with two parts, and the warnings."""
+    """Returns a 3MF package with an object of two parts, whose subtypes in the slicer's settings are `first` and `second`."""
     config = f'<config><object id="3"><part id="1" subtype="{first}"/><part id="2" subtype="{second}"/></object></config>'
     group = '<object id="3"><components><component objectid="1"/><component objectid="2"/></components></object>'
     text = model(solid(1, name="body") + solid(2, name="cut") + group, '<item objectid="3"/>')

@@ -29,7 +29,10 @@ def shaded(tmp_path, png):
 
 
 def preview(**inputs):
-    """Returns a function that makes a UsdPreviewSurface material with these inputs."""
+    """Returns a function that makes a UsdPreviewSurface material.
+
+    inputs: (type, value), or (type, function that makes an output).
+    """
 
     def make(made):
         given = {name: (kind, value(made) if callable(value) else value) for name, (kind, value) in inputs.items()}
@@ -93,7 +96,7 @@ def linear(code):
 
 
 def seen(description, number, channel=0):
-    """Returns the upper left texel of a texture as the shader reads it."""
+    """Returns one channel of the upper left texel of texture `number`, decoded as shaders read it."""
     picture = description.images[description.textures[number].image]
     code = int(picture.pixels[0, 0, channel])
     return linear(code) if picture.srgb and channel < 3 else code / 255

@@ -88,7 +88,7 @@ def pictures(tmp_path):
 
 
 def values_of(found, number):
-    """Returns a texture's values (h, w, 3) as shaders read them."""
+    """Returns the values (h, w, 3) of texture `number`, decoded as shaders read them."""
     picture = found.images[found.textures[number].image]
     values = picture.pixels[..., :3].astype(float) / (255 if picture.pixels.dtype == np.uint8 else 1)
     return np.vectorize(lambda x: linear(255 * x))(values) if picture.pixels.dtype == np.uint8 and picture.srgb else values

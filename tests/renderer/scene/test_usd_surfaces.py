@@ -217,7 +217,10 @@ def test_widths_vary_along_curves_of_any_number_of_points_and_ribbons_are_named(
 
 
 def lattice(made, how, split=False):
-    """Makes a flat 4 x 4 lattice whose UVs equal its points; `split` moves the UVs of a column of faces away."""
+    """Adds a flat mesh of 3 x 3 quads to the stage, as a Catmull-Clark surface whose UVs equal its points; returns the mesh.
+
+    how: the interpolation of the UVs. split: moves the UVs of one column of faces away from the others.
+    """
     points = [(x + 0.2 * np.sin(2 * y), y + 0.1 * x * x, 0) for y in range(4) for x in range(4)]
     corners = [v for y in range(3) for x in range(3) for v in (4 * y + x, 4 * y + x + 1, 4 * y + x + 5, 4 * y + x + 4)]
     moved = [10 * (split and k // 4 % 3 == 2) for k in range(len(corners))]

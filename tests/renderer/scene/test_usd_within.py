@@ -45,7 +45,7 @@ def test_a_sheet_scatters_to_its_other_side(looks):  # noqa: F811
 
 @pytest.mark.parametrize(("kind", "weight"), [(STANDARD, "transmission"), (OPEN_PBR, "transmission_weight")])
 def test_glass_is_filled_with_what_scatters(looks, kind, weight):  # noqa: F811
-    """Attenuation in glass over its depth is split into scattering and absorption.
+    """The attenuation of light in glass, given by a colour at a depth, is divided into scattering and absorption.
 
     If scattering exceeds attenuation in a channel, absorption is raised equally in all channels.
     """

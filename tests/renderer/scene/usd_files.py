@@ -72,7 +72,10 @@ def cube(on, path, **options):
 
 
 def material(on, path, kind="UsdPreviewSurface", context="", **inputs):
-    """Adds a material and returns (material, surface shader). inputs: (type, value) or (type, connected output)."""
+    """Adds a material with a surface shader of this kind; returns (material, shader).
+
+    inputs: (type, value) or (type, connected output).
+    """
     made = UsdShade.Material.Define(on, path)
     shader = UsdShade.Shader.Define(on, f"{path}/surface")
     shader.CreateIdAttr(kind)

@@ -1,4 +1,4 @@
-"""Evaluates a formula for eight lanes at once and for each lane alone, to compare the results."""
+"""Evaluates a formula both for eight lanes at once and for each lane alone, so that tests can compare the results."""
 
 from __future__ import annotations
 
@@ -51,7 +51,10 @@ def keep(typingctx, table, index, lanes, values):
 
 @template
 def in_both(formula, width, given, order, eight, one):
-    """Evaluates the formula on the numbers of each row: for eight rows at a time into `eight`, for each row alone into `one`."""
+    """Evaluates a formula on each row of `given`: eight rows at a time, with results in `eight`, and row by row, in `one`.
+
+    width: numbers per row. order: the numbers of the rows, of which eight consecutive ones are evaluated together.
+    """
     for i in range(0, len(given), LANES):
         number = load_ints(order, np.uintp(i))
         keep(eight, i, number, formula(row(given, number, width)))

@@ -33,7 +33,10 @@ def pairs(rng, n=N):
 
 
 def assert_scatters_alike(eight, one, given):
-    """Asserts equal bits, f = pdf = 0 (result columns 0 to 3) for a direction below the horizon, and a positive pdf elsewhere."""
+    """Asserts that the results for eight lanes (`eight`) and for each lane alone (`one`) have the same bits.
+
+    Results 0 to 3, f and pdf, must be 0 for a direction below the horizon, and the pdf positive for others.
+    """
     below = (given[:, 2] <= 0) | (given[:, 5] <= 0)
     np.testing.assert_array_equal(eight[:4, below], 0)
     assert (eight[3, ~below] > 0).all()

@@ -190,7 +190,10 @@ def _lifts(tables, given, order, eight, one):
 
 
 def test_lifts():
-    """Offsets of ray origins by eight lanes equal those of one, for a smooth ball, bent normals and a triangle without area."""
+    """Offsets of ray origins have the same bits for eight lanes as for each lane alone.
+
+    They are tested on a smooth ball, on bent normals and on a triangle without area.
+    """
     rng = np.random.default_rng(9)
     ball = icosphere(2)
     normal = ball.positions + rng.choice([0, 1.5], (len(ball.positions), 1)) * directions(rng, len(ball.positions))

@@ -26,7 +26,10 @@ N = 8 * 500
 
 @template
 def in_both(formula, made, width, given, order, eight, one):
-    """Like `in_both` of both.py, for a formula that reads a scene."""
+    """Evaluates a formula that reads the scene `made`, for eight rows of `given` at a time and for each alone.
+
+    Otherwise as both.in_both, which stores the results in `eight` and `one`.
+    """
     for i in range(0, len(given), LANES):
         number = load_ints(order, np.uintp(i))
         keep(eight, i, number, formula(made, row(given, number, width)))
@@ -42,7 +45,7 @@ FLOOR = (square((0, 0, -9), (1, 0, 0), (0, 1, 0), 0),)
 
 
 def plain(made):
-    """Returns the scene without absent features, in the variant in which it is rendered."""
+    """Returns the scene with its absent features removed, as the kernel variant that renders it receives it."""
     return strip_absent_features(made, variant_of(made))
 
 

@@ -167,7 +167,7 @@ def _branches(given, order, eight, one):
 
 
 def test_branches():
-    """Eight lanes take a branch if any of them does."""
+    """A branch is executed for eight lanes if its condition holds in any of them."""
     a, b, c = np.random.default_rng(3).standard_normal((3, N)).astype(np.float32)
     b += np.repeat(np.random.default_rng(4).choice([-5, 0, 2, 5], N // 8), 8).astype(np.float32)
     eight, one = both(_branches, np.stack([a, b, c], 1), 4)
