@@ -15,7 +15,10 @@ _KINDS = {"C": 1, "B": 2, "A": 3}
 
 
 def ies(vertical, horizontal, candela, kind="C", header=HEADERS[3], tilt="TILT=NONE\n", multiplier=1, ballast=(1, 1)):
-    """Returns an IES file's bytes. candela: (h, v), or a function of (vertical angles, one horizontal angle) in degrees."""
+    """Returns the bytes of an IES file; all angles are in degrees.
+
+    candela: (h, v), or a function of (all vertical angles, one horizontal angle).
+    """
     if callable(candela):
         candela = [candela(np.asarray(vertical, float), h) for h in horizontal]
     lines = [
@@ -40,7 +43,10 @@ def _look_up(maps, windows, texels, local, found):
 
 
 def looked_up(emission, local):
-    """Returns the kernel's values (n, 3) of an emission map in directions (n, 3), given as components along r, u and f."""
+    """Looks up an emission map by the kernel's function; returns its values (n, 3) in the directions `local` (n, 3).
+
+    Directions are given by their components along the map's axes r, u and f.
+    """
     tables = tabulate_emission([emission])
     local = np.ascontiguousarray(local, np.float32)
     found = np.zeros((len(local), 3), np.float32)
@@ -49,7 +55,7 @@ def looked_up(emission, local):
 
 
 def candela_of(photometry, theta, phi):
-    """Returns the profile's candela at angles theta to its axis and one angle phi about it, in degrees."""
+    """Returns a profile's intensity in candela at angles theta to its axis and one angle phi about the axis, in degrees."""
     theta, phi = np.radians(np.asarray(theta, float)), np.radians(float(phi))
     local = np.stack([np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi), np.cos(theta)], axis=-1)
     return looked_up(photometry.emission, local)[:, 0]

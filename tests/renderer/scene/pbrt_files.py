@@ -16,5 +16,5 @@ SQUARE = (
 
 
 def world(inside, head=HEAD):
-    """Returns a pbrt file with these statements in its world block. head: statements before it."""
+    """Returns the text of a pbrt file with the statements `inside` in its world block, and the statements `head` before it."""
     return head + inside + "\n"

@@ -1,4 +1,4 @@
-"""Sample files written by trimesh, a program that writes differently from the tests' own builders."""
+"""Writes sample files with trimesh, whose files differ from those of the tests' own builders."""
 
 import io
 import zipfile
@@ -52,7 +52,7 @@ def toy() -> trimesh.Scene:
 
 
 def modes() -> trimesh.Scene:
-    """Returns a scene with one box for each alpha mode."""
+    """Returns a scene with one box for each alpha mode of glTF."""
     scene = trimesh.Scene()
     for i, (name, mode) in enumerate(MODES.items()):
         box = trimesh.creation.box()
@@ -63,7 +63,7 @@ def modes() -> trimesh.Scene:
 
 
 def write(folder: Path) -> None:
-    """Writes all samples to the folder; those with further files have a subfolder each."""
+    """Writes all sample files to the folder; a sample of several files has a subfolder."""
     (folder / "toy.glb").write_bytes(toy().export(file_type="glb"))
     (folder / "modes.glb").write_bytes(modes().export(file_type="glb"))
     for name, data in trimesh.exchange.gltf.export_gltf(toy()).items():  # one file per buffer
@@ -93,7 +93,7 @@ def _bytes(data: str | bytes) -> bytes:
 
 
 def _mac_zip(path: Path, mesh: trimesh.Trimesh) -> None:
-    """Writes a zip of three models as macOS packs a folder: with folder entries and an AppleDouble file for each file."""
+    """Writes a zip of three models as macOS packs folders: with entries for folders, and an AppleDouble file beside each file."""
     picture = io.BytesIO()
     checks().save(picture, "PNG")
     small = trimesh.creation.box()

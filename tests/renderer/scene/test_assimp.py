@@ -76,7 +76,7 @@ def collada(up="Y_UP", meter=1.0):
 
 
 def corners(description):
-    """Returns the first corner of each instance in world space."""
+    """Returns the world-space position of the first vertex of each instance, in sorted order."""
     return sorted(
         tuple((i.transform @ [*description.meshes[i.mesh].positions[0].tolist(), 1])[:3].round(5)) for i in description.instances
     )
@@ -98,7 +98,10 @@ def test_collada_with_all_that_it_has(scene):
 
 
 def test_collada_cameras_have_what_they_say(scene):
-    """Collada cameras have the file's values, also those that assimp drops: orthographic size, near plane, Blender's shift."""
+    """Cameras of Collada files have the file's values, even those that assimp ignores.
+
+    These are the orthographic size, the near plane and Blender's lens shift.
+    """
     wide, tall = "<aspect_ratio>1.6</aspect_ratio>", "<aspect_ratio>0.5</aspect_ratio>"
     shift = '<extra><technique profile="blender"><shiftx>0.1</shiftx><shifty>-0.2</shifty></technique></extra>'
     for optics, more, expected in (
@@ -258,7 +261,7 @@ def test_entities_are_refused(scene):
 
 
 def x3d(appearance, more=""):
-    """Returns an X3D file with a triangle with texture coordinates."""
+    """Returns an X3D file of one triangle with texture coordinates, with the given appearance node and further nodes."""
     return (
         f'<?xml version="1.0"?><X3D profile="Interchange" version="3.3"><Scene>{more}<Shape><Appearance>{appearance}</Appearance>'
         '<IndexedFaceSet coordIndex="0 1 2 -1" texCoordIndex="0 1 2 -1"><Coordinate point="0 0 0 1 0 0 0 1 0"/>'

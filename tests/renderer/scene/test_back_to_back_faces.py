@@ -1,4 +1,4 @@
-"""Tests of back-to-back faces and decals: which of nearly coincident surfaces a viewer sees."""
+"""Tests of which of two nearly coincident surfaces a viewer sees: faces with opposite normals, and decals on a surface."""
 
 from __future__ import annotations
 
@@ -63,7 +63,10 @@ def test_of_faces_back_to_back_the_one_that_faces_the_viewer_is_seen(order, eye,
 @pytest.mark.parametrize("scale", [1.0, 3.7])
 @pytest.mark.parametrize(("eye", "color"), [((0.3, 0.2, 4.0), RED), ((3.0, 0.5, -1.5), BLUE)])
 def test_of_faces_back_to_back_cut_differently_the_one_that_faces_the_viewer_is_seen(order, scale, eye, color):
-    """If coincident faces have opposite normals, the one facing the camera is visible, for any diagonals and transforms."""
+    """Of coincident faces with opposite normals, the one that faces the camera is visible.
+
+    This holds however the faces are split into triangles, and for any transform.
+    """
     description = SceneDescription(environment=Environment((0.0, 0.0, 0.0)))
     for which in order:
         mesh = quad("quad")
@@ -130,7 +133,7 @@ def _grid(steps: int, size: float, diagonal: int, material: int) -> Mesh:
 
 
 def _oblique(z: float, at: tuple[float, float, float]) -> np.ndarray:
-    """Returns a transform to a plane parallel to an oblique plane through `at`, at distance z above it."""
+    """Returns a transform from the plane z = 0 to an oblique plane through `at`, shifted by z along its normal."""
     place = np.eye(4)
     place[:3, :3] = np.linalg.qr(np.array([(1.0, 2.0, 3.0), (-2.0, 1.0, 0.5), (0.3, -1.0, 2.0)]))[0]
     place[:3, :3] *= np.sign(np.linalg.det(place[:3, :3]))

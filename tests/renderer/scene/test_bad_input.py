@@ -1,4 +1,7 @@
-"""Tests of untrusted files: only SceneError is raised, its sentence names the file, and no file outside the folder is opened."""
+"""Tests of reading untrusted files.
+
+Readers raise only SceneError, whose message names the file, and open no file outside the scene's folder.
+"""
 
 import json
 import os
@@ -151,7 +154,7 @@ def test_a_missing_scene_file(tmp_path):
 
 @pytest.fixture
 def secret(tmp_path):
-    """Returns a file next to the scene's folder, which readers must not open, and the scene's folder."""
+    """Returns (the scene's folder, a file beside this folder), of which readers must not open the file."""
     folder = tmp_path / "scene"
     folder.mkdir()
     (tmp_path / "secret.bin").write_bytes(np.eye(3, dtype=np.float32).tobytes())
@@ -302,7 +305,10 @@ def test_a_gltf_with_any_value_anywhere_gives_a_scene_or_a_sentence(tmp_path, pn
 
 
 def test_names_that_no_text_can_hold_are_mended_or_refused(scene):
-    """Names with half of a surrogate pair, valid in JSON and YAML, are replaced or refused: they cannot be stored or sent."""
+    """Names with half of a surrogate pair, which JSON and YAML allow, are replaced or refused.
+
+    Such names can neither be stored nor sent, since they have no UTF-8 encoding.
+    """
     g = Gltf()
     g.mesh()
     g.root["nodes"][0] |= {"name": "half \ud800, whole \U0001f600", "camera": 0}

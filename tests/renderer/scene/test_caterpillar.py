@@ -89,7 +89,7 @@ def test_a_skin_bends_a_body_travels_and_the_camera_goes_along():
     assert np.linalg.norm(np.subtract(first.cameras[0].view.eye, later.cameras[0].view.eye)) > 0.5
 
     def distances(description):
-        """Returns the distances between some pairs of points of the caterpillar."""
+        """Returns the distances between all pairs of every hundredth vertex of the caterpillar's skin."""
         skin = max((mesh.positions for mesh in description.meshes if mesh.deforms), key=len)
         return np.linalg.norm(skin[::100, None] - skin[None, ::100], axis=-1)
 

@@ -91,7 +91,7 @@ def test_a_file_that_is_too_long_is_refused(path):
 
 
 def rewritten(path, change):
-    """Writes the file again with its header changed by `change`."""
+    """Rewrites a compiled scene's file with its header changed by the function `change`."""
     data = path.read_bytes()
     length = int.from_bytes(data[:8], "little")
     header = json.loads(data[8 : 8 + length])

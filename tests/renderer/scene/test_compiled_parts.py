@@ -1,4 +1,7 @@
-"""Tests of compiled scenes stored in parts: arrays are restored, shared parts written once, damage detected."""
+"""Tests of compiled scenes stored in several files (parts).
+
+All arrays are restored, parts that scenes share are written once, and damage is detected.
+"""
 
 import json
 
@@ -26,7 +29,10 @@ def same(ours, theirs):
 
 @pytest.fixture(params=["mapped", "copied"])
 def way(request, monkeypatch):
-    """Runs the test with parts mapped over each other, as on systems with pages of 4 KiB, and with parts copied, as on others."""
+    """Runs the test twice: with a scene's parts mapped into one memory area, and with parts copied into it.
+
+    Parts can be mapped on systems with memory pages of 4 KiB, and are copied on others.
+    """
     if request.param == "copied":
         monkeypatch.setattr(parts_file, "_maps_over", None)
 

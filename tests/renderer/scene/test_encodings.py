@@ -1,4 +1,4 @@
-"""Tests of names and numbers in various text encodings and notations."""
+"""Tests of scene files in various text encodings, and with various notations of numbers, such as decimal commas."""
 
 import unicodedata
 

@@ -48,7 +48,10 @@ def _middle(description: SceneDescription) -> np.ndarray:
 
 
 def _shape(description: SceneDescription) -> dict[str, np.ndarray]:
-    """Returns all positions of a description relative to its centre."""
+    """Returns the values of a scene description, by kind, that a translation of the scene must not change.
+
+    Positions are relative to the centre of all meshes.
+    """
     middle = _middle(description)
     views = [camera.view for camera in description.cameras]
     ways = [np.subtract(view.target, view.eye) for view in views]
