@@ -1,4 +1,4 @@
-"""Tests of the choice of the main scene file among many files."""
+"""Tests of choosing the main scene file among many: the format with the most information first, then the shallowest folder."""
 
 import sys
 from importlib import import_module

@@ -1,4 +1,4 @@
-"""Tests of parsing frame ranges."""
+"""Tests of frame ranges such as 0-3: they are parsed in the written order, printed, and used in file names."""
 
 import pytest
 

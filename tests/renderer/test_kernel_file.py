@@ -1,4 +1,4 @@
-"""Tests of compiled kernels packed in one signed file."""
+"""Tests of packing compiled kernels into one signed file: only files signed with the key are unpacked."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of settings from environment variables: values, and files that contain values."""
+"""Tests of settings from environment variables: X takes precedence over the file named by X_FILE."""
 
 from __future__ import annotations
 

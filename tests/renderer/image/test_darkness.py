@@ -1,4 +1,7 @@
-"""Tests of the warning about pictures that look black although they contain light."""
+"""Tests of the warning about pictures that look black although they contain light.
+
+The warning states the exposure that makes the brightest parts white.
+"""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the warnings about unsupported colour information in image files."""
+"""Tests of the warnings about colour information in image files that we do not use; usual files cause none."""
 
 import io
 

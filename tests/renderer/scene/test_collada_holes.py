@@ -1,4 +1,4 @@
-"""Tests of Collada polygons with holes."""
+"""Tests of Collada polygons with holes: holes are cut out, and those that cannot be cut out are counted in a warning."""
 
 import numpy as np
 import pytest

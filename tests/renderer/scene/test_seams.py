@@ -1,4 +1,4 @@
-"""Tests of concave faces and of material boundaries, in formats that other libraries read for us."""
+"""Tests of formats that other libraries read: concave faces are filled, and normals agree where two materials meet."""
 
 import numpy as np
 import pytest

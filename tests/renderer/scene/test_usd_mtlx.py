@@ -1,4 +1,4 @@
-"""Tests of USD stages that refer to MaterialX documents."""
+"""Tests of USD stages that refer to MaterialX documents: their materials are shown, and damaged documents are named."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Tests of layered textures in scene files."""
+"""Tests of layered textures in scene files: a list of textures is read as layers, and errors name the line and the layer."""
 
 import pytest
 
