@@ -63,7 +63,7 @@ def _bound(value: float | None) -> float | None:
 
 
 def _default(each: DeclaredSetting) -> str | bool:
-    """Returns the default to show in the help text; False for none.
+    """Returns the default that the help text of an option shows; False for none.
 
     Camera settings show none. For a setting that scene files may define, the text mentions the scene first.
     """

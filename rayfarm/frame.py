@@ -41,7 +41,7 @@ __all__ = ["PictureOrder", "camera_options", "moment_options", "motion_of", "ren
 
 @dataclass(frozen=True)
 class PictureOrder:
-    """Options that apply to every frame: the picture, further outputs, and their format."""
+    """Options of the command line that apply to every frame: the picture, further outputs, and their format."""
 
     picture: Picture
     planes: list[str]  # further layers

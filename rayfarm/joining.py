@@ -101,9 +101,9 @@ def run(
 
 
 def _reason(log: str, prefix: str) -> str:
-    """Returns the last message of the log that starts with `prefix`, without it; if there is none, the last message.
+    """Returns the last message of the log that starts with `prefix`, without the prefix.
 
-    A library may print lines while the process exits, after its message.
+    If no message starts with it, returns the last message. A library may print lines while the process exits, after the message.
     """
     messages = [_sentence(line) for line in log.splitlines()] or [""]
     return next((each for each in reversed(messages) if each.startswith(prefix)), messages[-1]).removeprefix(prefix)
@@ -117,13 +117,16 @@ def _sentence(line: str) -> str:
 
 
 def _follow(shown: dict[Path, int]) -> None:
-    """Prints new bytes of the processes' logs. shown: number of bytes printed so far of each log; updated."""
+    """Prints what was appended to the processes' logs since the last call.
+
+    shown: number of bytes of each log that are printed already; updated.
+    """
     for log, size in shown.items():
         shown[log] = _print_from(log, size)
 
 
 def _print_from(log: Path, offset: int) -> int:
-    """Prints the log from byte `offset` on. Returns the size of the log printed so far, in bytes."""
+    """Prints the log from byte `offset` to its end. Returns the offset of the end of the printed part."""
     try:
         with log.open("rb") as file:
             if file.seek(0, os.SEEK_END) < offset:

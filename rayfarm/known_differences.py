@@ -39,7 +39,7 @@ def known_differences(scene: SceneDescription, other: str) -> list[str]:
 
 
 def _lost_energy(scene: SceneDescription, is_meant: Callable[[Material], bool]) -> dict[str, float]:
-    """Returns, by material name, the energy lost by single scattering on microfacets, relative to the remaining energy."""
+    """Returns the energy that single scattering on microfacets loses, by material name, relative to the remaining energy."""
     return {
         material.name: lost
         for material in _used_materials(scene)

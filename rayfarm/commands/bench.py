@@ -45,7 +45,10 @@ def register(app: typer.Typer) -> None:
 
 @dataclass
 class Row:
-    """Settings of one run of the benchmark; all runs render the same picture."""
+    """Settings, time and result of one run of the benchmark. All runs render the same picture.
+
+    bvh: whether the BVH is used. digest: of the picture.
+    """
 
     bvh: bool
     threads: int
@@ -114,7 +117,10 @@ def _timed(compiled: CompiledScene, settings: RenderSettings, spp: int, threads:
 
 
 def _expected_s(compiled: CompiledScene, settings: RenderSettings, spp: int) -> float:
-    """Returns the estimated time of the whole picture with one thread, in seconds, from a smaller picture that is timed."""
+    """Returns the estimated time, in seconds, to render the whole picture with one thread.
+
+    The estimate is extrapolated from a smaller picture, whose rendering is timed.
+    """
     small = replace(settings, width=max(settings.width // PROBE_FACTOR, 1), height=max(settings.height // PROBE_FACTOR, 1))
     return _timed(compiled, small, 1, 1)[0] * settings.width * settings.height * spp / (small.width * small.height)
 

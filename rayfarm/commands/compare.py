@@ -150,7 +150,7 @@ def _pbrt_picture(program: str, scene: Path, spp: int) -> Any:
 
 
 def _blocks(ours: Any, theirs: Any) -> Any:
-    """Returns the relative difference between the two pictures' means in each block of pixels."""
+    """Returns the relative difference between the means of the two pictures in each block of pixels."""
     import numpy as np
 
     height, width = (max(side // BLOCK, 1) for side in ours.shape[:2])

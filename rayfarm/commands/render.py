@@ -199,7 +199,7 @@ def render(
 
 
 def _say_darkness(picture: F32, output: Path, exposure: float) -> None:
-    """If a tone-mapped picture looks black, prints a note with the exposure that makes it visible."""
+    """Prints a note if a tone-mapped picture looks black, with the exposure that makes it visible."""
     from renderer.image.darkness import darkness
 
     if output.suffix.lower() in LINEAR or (dark := darkness(picture * 2.0**exposure)) is None:

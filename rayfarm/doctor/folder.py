@@ -68,7 +68,7 @@ def check_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator
 
 
 def _check_dead_letters(data: Path) -> Iterator[Finding]:
-    """Checks for messages of workers that the service could not handle."""
+    """Checks whether there are messages of workers that the service could not handle (dead letters). Yields the findings."""
     try:
         told = [json.loads(line) for line in (data / FILE).read_text(encoding="utf-8").splitlines()]
     except (OSError, ValueError):

@@ -1,4 +1,4 @@
-"""Renders on a farm, with intermediate pictures."""
+"""Renders a scene on a farm, for `render` and `progressive`. Yields intermediate pictures."""
 
 from __future__ import annotations
 
@@ -59,9 +59,9 @@ def submit_ready_scene(farm: Client, ready: Scene, arguments: RenderArguments) -
 
 
 def images(farm: Client, job: str, arguments: RenderArguments, at_once: bool = False) -> Generator[Image]:
-    """Yields the job's picture whenever it has new samples; the last one is final. at_once: only the last. Raises ClientError.
+    """Yields the job's picture whenever it has new samples; the last one is final. Raises ClientError.
 
-    Closing the iterator early does not affect the job.
+    at_once: yields only the final one. Closing the iterator early does not affect the job.
     """
     from rayfarm.client import ClientError
 

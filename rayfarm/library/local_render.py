@@ -1,4 +1,4 @@
-"""Renders in this process, pass by pass."""
+"""Renders a scene in this process, for `render` and `progressive`, and yields the picture after each pass over it."""
 
 from __future__ import annotations
 

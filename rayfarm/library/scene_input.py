@@ -124,7 +124,7 @@ class _Writer:
         return {**holder, "image": self._folder / file}
 
     def _link(self, named: str | Path, where: str) -> str:
-        """Links a file named in a dict, and all files that it refers to, into the folder. Returns its name there."""
+        """Links a file named in a scene dict, and all files that this file refers to, into the folder. Returns its name there."""
         path = (self._base / Path(named).expanduser()).resolve()
         if path.parent == self._folder.resolve():
             return path.name

@@ -27,9 +27,10 @@ IDLE_S = 300  # seconds; clients reconnect, and a blocked BRPOP does not count a
 
 
 def find_server() -> Path:
-    """Returns the path of the server program: the first without known security flaws, else the first that is new enough.
+    """Returns the path of the Redis or Valkey program to use.
 
-    Raises CommandError if there is none.
+    This is the first one found without known security flaws, or else the first that is new enough. Raises CommandError if there
+    is none.
     """
     known = [(program, server_release(program)) for program in _programs()]
     usable = [(program, found) for program, found in known if not found.is_too_old]
@@ -57,7 +58,7 @@ def _programs() -> Iterator[Path]:
 
 @cache
 def server_release(program: Path) -> RedisRelease:
-    """Returns the release of a server program; unknown if the program does not run."""
+    """Returns the release of a Redis or Valkey program. Its version is unknown if the program does not run."""
     try:
         told = subprocess.run([program, "--version"], capture_output=True, text=True, timeout=PATIENCE_S, check=False).stdout
     except (OSError, subprocess.TimeoutExpired):

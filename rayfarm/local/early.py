@@ -28,7 +28,10 @@ def waiting_command(module: str) -> list[str]:
 
 
 def start_processes(modules: Sequence[str]) -> None:
-    """Starts a waiting process for each module. If one cannot be started, the supervisor tries again and reports the reason."""
+    """Starts one process for each module, which imports the module and waits for its options.
+
+    If one cannot be started, the supervisor tries again later and reports the reason.
+    """
     atexit.register(end_processes)
     for module in modules:
         try:

@@ -179,7 +179,7 @@ class LocalFarm:
         self._restart_if_blocked()
 
     def _restart_if_blocked(self) -> None:
-        """Restarts Redis if it is blocked by a script that cannot be ended. The service ends scripts that can be."""
+        """Restarts Redis if a script that cannot be ended blocks it. The service ends all other blocking scripts itself."""
         if time.monotonic() < self._look_at_redis:
             return
         self._look_at_redis = time.monotonic() + REDIS_EVERY_S
@@ -286,7 +286,7 @@ class LocalFarm:
         return {name: part.process.pid for name, part in self._parts.items() if part.process is not None}
 
     def _announce(self) -> None:
-        """Writes farm.json. After a failure, as on a full disk, the farm continues and retries later."""
+        """Writes the addresses of the running farm to farm.json. If that fails, as on a full disk, the farm tries again later."""
         pids = self._pids()
         about = FarmAddress(self.url, self.secrets.token, self.redis_url, os.getpid(), pids, self.public_url, self._certificate)
         try:
