@@ -14,7 +14,7 @@ __all__ = ["I64", "U8", "U16", "U32", "Field", "Kind", "Layout"]
 
 
 class Kind(NamedTuple):
-    """An integer type: its name in documentation, and its `struct` code."""
+    """Integer type of a field. name: as in the documentation, such as "u8". code: as in the module `struct`."""
 
     name: str
     code: str
@@ -24,7 +24,7 @@ U8, U16, U32, I64 = Kind("u8", "B"), Kind("u16", "H"), Kind("u32", "I"), Kind("i
 
 
 class Field(NamedTuple):
-    """A field of a layout. at: its offset in bytes."""
+    """One field of a binary layout. at: its offset from the record's start, in bytes."""
 
     name: str
     kind: Kind
@@ -36,7 +36,10 @@ R = TypeVar("R", bound=NamedTuple)
 
 
 class Layout(Generic[R]):
-    """The binary layout of the record type `row`. If it has a version and a kind, these are its first two bytes."""
+    """The binary layout of records of one NamedTuple type, `row`.
+
+    If version and kind are given, they are the first two bytes of each record.
+    """
 
     def __init__(self, name: str, row: type[R], version: int | None = None, kind: int | None = None) -> None:
         self.name = name

@@ -121,7 +121,10 @@ class TilePicture(NamedTuple):
 
 
 class FilmPicture(NamedTuple):
-    """A decoded film. samples: per pixel, of each tile row by row; words: RGB9E5, shape (h, w)."""
+    """A decoded film. words: RGB9E5, shape (h, w).
+
+    samples: samples per pixel of each tile, tiles row by row.
+    """
 
     head: FilmHead
     samples: Words
@@ -145,7 +148,10 @@ class ViewPicture(NamedTuple):
 
 
 def encode_tile(frame: int, seq: int, rect: Rect, spp: int, words: bytes) -> bytes:
-    """Encodes a live tile. frame: integer part of the frame number; words: RGB9E5, little-endian."""
+    """Encodes a live tile.
+
+    frame: integer part of the frame number. seq: number that the client acknowledges. words: RGB9E5, little-endian.
+    """
     return TILE.pack(TileHead(frame % FRAMES, seq % NUMBERS, *rect, spp)) + words
 
 
@@ -158,7 +164,10 @@ def decode_tile(packet: bytes) -> TilePicture:
 
 
 def encode_film(frame: int, size: tuple[int, int], side: int, samples: Sequence[int] | Words, planes: Planes) -> list[memoryview]:
-    """Encodes a film as a list of buffers that need not be copied. frame: integer part of the frame number; planes: (4, h, w)."""
+    """Encodes a film as a list of buffers, which can be sent without joining them.
+
+    frame: integer part of the frame number. planes: byte planes of the RGB9E5 words, (4, h, w).
+    """
     head = FILM.pack(FilmHead(frame % FRAMES, *size, side)) + np.asarray(samples, "<u4").tobytes()
     return [memoryview(head), planes.reshape(-1).data]
 
@@ -176,7 +185,7 @@ def decode_film(packet: bytes) -> FilmPicture:
 
 
 def planes_of(words: Words) -> Planes:
-    """Splits words into byte planes, shape (4, *shape), lowest byte first."""
+    """Splits words into four byte planes, lowest byte first. Their shape is (4, *words.shape)."""
     return np.ascontiguousarray(np.moveaxis(words.astype("<u4")[..., None].view(np.uint8), -1, 0))
 
 
