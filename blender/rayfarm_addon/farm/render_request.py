@@ -61,7 +61,7 @@ class TileUpdate:
 
 @dataclass(frozen=True)
 class FinishedPicture:
-    """Event: the finished image. Channels by their EXR names, each (h, w) float32, rows from the top."""
+    """Event: the rendering has finished. The image has a (h, w) float32 plane for each EXR channel name, rows from the top."""
 
     channels: dict[str, npt.NDArray[np.float32]]
     job: str

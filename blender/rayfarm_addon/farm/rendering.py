@@ -36,7 +36,7 @@ class _OverError(FarmError):
 
 
 def light_of(light: Light, uploads: Uploads, progress: Callable[[int, int], None]) -> dict[str, Any] | None:
-    """Returns the `environment` field of a job's request; None to use the scene file's environment.
+    """Returns the `environment` field of a job's request for a light; None to use the scene file's environment.
 
     An image is uploaded if the farm lacks it. Raises FarmError, or Cancelled if `progress` does.
     """

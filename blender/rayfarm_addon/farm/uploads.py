@@ -19,7 +19,10 @@ UNUSED_SHARE = 0.5  # fraction of unused bytes from which on a scene is uploaded
 
 
 class Uploads:
-    """The uploads to one farm. Each scene is uploaded as changes to the previous scene: unchanged files are not sent again."""
+    """The record of what one farm has received: scenes and environment images.
+
+    Each scene is uploaded as changes to the previous scene; unchanged files are not sent again.
+    """
 
     def __init__(self, client: Client, digest: Callable[[bytes | Path], str], project: str = "") -> None:
         self.client = client
@@ -81,7 +84,10 @@ class Uploads:
             return self._images[digest]
 
     def delete_viewed(self, scene: str) -> None:
-        """Deletes a scene from the farm unless a job has used it. Raises FarmError if the request fails."""
+        """Deletes a scene that was uploaded only for viewing; does nothing if a job has used the scene.
+
+        Raises FarmError if the request fails.
+        """
         if scene in self.rendered:
             return
         if scene == self.scene:

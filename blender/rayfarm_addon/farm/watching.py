@@ -27,9 +27,10 @@ AGAIN_S = 2.0
 
 @dataclass(frozen=True)
 class ViewPicture:
-    """An image of a view. rgb: (h, w, 3) linear, rows from the top. id: number of the view. whole: size of the complete view.
+    """An image of a view that the farm has rendered.
 
-    samples: per pixel. done: True if no better image follows.
+    rgb: (h, w, 3) linear, rows from the top. id: number of the view. whole: size of the complete view. samples: per pixel. done:
+    True if no better image follows.
     """
 
     rgb: npt.NDArray[np.float32]
@@ -40,7 +41,10 @@ class ViewPicture:
 
 
 class LiveView:
-    """The live view of one viewport. Only `join` blocks. If several scenes or views are set, the newest is used."""
+    """A thread that keeps the image of one viewport up to date.
+
+    Only `join` blocks. If several scenes or views have been set, only the newest is shown.
+    """
 
     def __init__(self, client: Client, uploads: Uploads, title: str) -> None:
         self._client, self._uploads, self._title = client, uploads, title
@@ -78,7 +82,7 @@ class LiveView:
 
     @property
     def number(self) -> int:
-        """The number of the view that was set last."""
+        """The number of the view that was set last, which is the `id` of that view's images."""
         return self._number
 
     @property

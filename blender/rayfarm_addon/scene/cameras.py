@@ -18,7 +18,7 @@ PANORAMA = "PANO"
 
 
 def lens_of(scene: Scene | None, camera: Any) -> Lens:
-    """Returns the Lens (depth of field and clipping) of a camera object."""
+    """Returns a camera object's lens data: depth of field and clipping."""
     data = camera.data
     near = float(data.clip_start)
     if not data.dof.use_dof or data.type == PANORAMA:

@@ -25,9 +25,9 @@ MOST_NAMES = 5
 
 
 class _CheckedSetting(NamedTuple):
-    """A Cycles setting that needs a warning if `differs` returns True for its value.
+    """A Cycles setting, and the condition on its value for a warning to the user.
 
-    sentence: returns the warning for a value.
+    differs: returns True if the value needs a warning. sentence: returns the warning for a value.
     """
 
     owner: str
@@ -267,7 +267,10 @@ def warn_of_volumes(scene: Any, warn: Warn) -> None:
 
 
 class Flags:
-    """Collects the unsupported flags of objects during the export, since the objects may no longer exist when the export ends."""
+    """Records which objects have Cycles flags that Rayfarm does not support.
+
+    They are recorded during the export, since the objects may no longer exist when it ends.
+    """
 
     def __init__(self, scene: Any, layer: Any) -> None:
         self._asked = OF_MOVING if takes_time(scene, layer) else ()
@@ -294,7 +297,7 @@ class Flags:
 
 
 def warn_of_material(material: Any, warn: Warn) -> None:
-    """Warns about a material's flags that Rayfarm does not support."""
+    """Warns about the settings of a material that Rayfarm does not support."""
     if not getattr(material, "use_transparent_shadow", True) and _is_transparent(material):
         warn(
             Sentence("cycles-transparent-shadows", "light passes its transparent parts, unlike in Blender (Transparent Shadows)")

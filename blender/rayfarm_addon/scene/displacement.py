@@ -13,7 +13,7 @@ __all__ = ["Heights", "displaced"]
 
 
 class Heights:
-    """A Displacement node, with the interface of a Bump node.
+    """A Displacement node that can be evaluated in place of a Bump node: it has the same methods and inputs.
 
     scale: the object's scale, by which heights are multiplied unless the node's space is the world's.
     """
@@ -24,7 +24,7 @@ class Heights:
         self.node = SimpleNamespace(invert=False, type="BUMP")
 
     def input(self, *names: str) -> Any:
-        """Returns the value for the first of these input names of a Bump node."""
+        """Returns the socket or constant that stands for an input of a Bump node, given by one or more alternative names."""
         if names[0] == "Strength":
             return ConstantValue(1.0)
         if names[0] == "Distance":

@@ -51,9 +51,9 @@ ExportedMeshes = dict[str, tuple[Mesh, Corners] | None]
 
 
 class _Density:
-    """A callable that returns the length of a mesh's surface per unit of a UV set, across and up, in world units.
+    """A callable that returns how long a mesh's surface is, in world units, per unit of a UV set: (across, up).
 
-    It returns None if the UV set does not exist.
+    The callable returns None if the mesh lacks that UV set.
     """
 
     def __init__(self, mesh: Mesh, place: F64) -> None:
@@ -118,7 +118,10 @@ class _SceneExport:
         return made
 
     def _rays(self, found: Any, thing: Any) -> dict[str, bool]:
-        """Returns kind of ray -> whether such rays hit the object, by the flags of the object and of its instancer."""
+        """Returns a dict of kind of ray -> whether such rays hit the object. Warns of flags that Rayfarm does not support.
+
+        An object is hit only if neither it nor its instancer hides it from such rays.
+        """
         owners = [thing] if not found.is_instance or found.parent is None else [thing, found.parent]
         seen = {kind: all(getattr(each, f"visible_{kind}", True) for each in owners) for kind in RAYS}
         layer = self._layer

@@ -40,10 +40,10 @@ def object_names(scene: Scene) -> list[Node]:
 
 
 def _groups(scene: Scene) -> list[list[Node]]:
-    """Returns groups of nodes, each exported as one glTF node with instances.
+    """Returns groups of nodes; each group is exported as one glTF node, with an instance for each member.
 
-    Static instances that are equal except for their transform form a group if they are many; every other node is a separate
-    group.
+    Static nodes that are equal except for their transforms form a group if there are at least MANY of them; every other node is a
+    group by itself.
     """
     alike: dict[Any, list[Node]] = defaultdict(list)
     for node in scene.nodes:

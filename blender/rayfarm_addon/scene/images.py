@@ -138,7 +138,7 @@ def png(values: npt.NDArray[np.uint8]) -> bytes:
 
 
 def lights_with(image: Any) -> Image | None:
-    """Returns a world's image as an environment file; None if it has no pixels."""
+    """Returns the image of a world as an environment image file; None if the image has no pixels."""
     if image.source == "FILE" and not image.is_dirty and image.file_format in ("HDR", "OPEN_EXR"):
         suffix = ".hdr" if image.file_format == "HDR" else ".exr"
         path = Path(image.filepath_from_user())

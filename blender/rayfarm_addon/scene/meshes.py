@@ -21,7 +21,7 @@ TRIANGLE = 12  # bytes
 
 
 class Corners(NamedTuple):
-    """The split of a mesh's face corners into vertices, recorded so that its shape at another time is split in the same way."""
+    """The vertices into which a mesh's face corners were split, recorded so that later shapes of the mesh are split alike."""
 
     counts: tuple[int, int, int]  # vertices, corners, triangles
     vertex: I32  # of each new vertex, the old one
@@ -223,7 +223,10 @@ def _split_vertices(vertex_of: I32, vertices: int, attributes: list[F32]) -> tup
 
 
 def _columns(values: F32) -> list[npt.NDArray[Any]]:
-    """Returns the bits of an array's rows as columns of integers, to compare rows; two numbers per integer for even widths."""
+    """Returns the columns of an array as integers with the same bits, for comparing its rows.
+
+    If the array has an even number of columns, each integer combines two of them.
+    """
     if values.shape[1] % 2:
         return [np.ascontiguousarray(column) for column in values.view(np.uint32).T]
     return [np.ascontiguousarray(column) for column in np.ascontiguousarray(values).view(np.uint64).T]

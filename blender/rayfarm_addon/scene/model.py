@@ -44,8 +44,9 @@ class Mesh:
 class Node:
     """An instance of a mesh.
 
-    materials: material keys by slot. place: its transform; places: the transforms at the shutter's keys, if it moves. number: its
-    pass index. unseen: invisible to the camera. shadeless: does not block the light of lamps.
+    materials: material keys by slot. place: the instance's transform. places: if the instance moves, its transforms at the
+    shutter's keys. number: the object's pass index. unseen: the instance is invisible to the camera. shadeless: the instance does
+    not block the light of lamps.
     """
 
     name: str
@@ -68,7 +69,7 @@ class Image:
 
 @dataclass(frozen=True)
 class TextureUse:
-    """The use of an image on a surface: the image with its mapping and the other properties of a glTF texture reference."""
+    """An image as it is applied to a surface: the file, the mapping and the other properties of a glTF texture reference."""
 
     image: str
     uv_set: int = 0
@@ -91,10 +92,9 @@ class Material:
 
 @dataclass
 class World:
-    """The environment light exported from Blender's world.
+    """The environment light exported from Blender's world. rotation: degrees about the farm's up axis.
 
-    It is sent with the request, not in the scene, so that a change of it needs no new scene. rotation: degrees about the farm's
-    up axis.
+    The light is sent with the request and not in the scene, so that the scene need not be uploaded again when the light changes.
     """
 
     color: list[float] | None = None

@@ -38,18 +38,18 @@ class SocketInGroups(NamedTuple):
 
 
 class Source(NamedTuple):
-    """A shader node, its output that is used, and the node groups that enclose it."""
+    """A shader node, with the one of its outputs that is used, and the node groups that enclose the node."""
 
     node: Any
     output: Any
     groups: tuple[Any, ...]
 
     def input(self, *names: str) -> SocketInGroups | None:
-        """Returns the node's first input with one of these names; None if the node has none of them."""
+        """Returns the node's first input that has one of these names; None if no input has."""
         return SocketInGroups(self.output, self.groups).input(self.node, *names)
 
     def input_at(self, number: int) -> SocketInGroups:
-        """Returns the node's input with this number."""
+        """Returns the node's input with this index, from 0."""
         return SocketInGroups(self.node.inputs[number], self.groups)
 
 
@@ -81,7 +81,10 @@ class SquareRoot(NamedTuple):
 
 
 def source_of(socket: Any) -> tuple[Source | None, SocketInGroups | None]:
-    """Returns (the Source connected to an input, None), or if none is connected (None, the socket whose own value is used)."""
+    """Returns what determines an input's value: a connected Source, or the input's own setting.
+
+    The result is (Source, None), or (None, socket) if no node is connected, where `socket` has the value.
+    """
     if isinstance(socket, ConstantValue | Blend | Product | SquareRoot):
         return None, None
     for _ in range(DEEPEST):

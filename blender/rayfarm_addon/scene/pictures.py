@@ -25,11 +25,11 @@ class Pictures:
         self._scene, self._name = scene, name
 
     def name(self, value: Value, as_color: bool) -> str | None:
-        """Exports a value's image and returns its file name; None if it has no pixels."""
+        """Exports the image of a Value and returns the image's file name; None if the image has no pixels."""
         return images.register(self._scene, value.image, as_color)
 
     def image_use(self, value: Value, as_color: bool) -> Any:
-        """Returns the TextureUse of a value's image with all its channels; None if it has no pixels."""
+        """Returns the TextureUse of the image of a Value, with all channels; None if the image has no pixels."""
         if value.inverted:
             return self.packed([(value, 0), (value, 1), (value, 2)], value, as_color)
         name = self.name(value, as_color)

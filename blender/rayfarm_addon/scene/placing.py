@@ -48,7 +48,7 @@ def _quaternions(r: F64) -> F64:
 
 
 def followed(rotations: F64) -> F64:
-    """Returns the quaternions with signs for which interpolation between successive ones takes the shorter arc."""
+    """Returns the quaternions, negated where necessary so that interpolation from each to the next takes the shorter arc."""
     found = rotations.copy()
     for i in range(1, len(found)):
         if found[i] @ found[i - 1] < 0:

@@ -51,9 +51,9 @@ OF_GLOSS = ("Roughness", "IOR", "Specular IOR Level", "Specular Tint", "Anisotro
 
 
 class PrincipledLook:
-    """A shader expressed by the inputs of a Principled BSDF ("look").
+    """A shader expressed by the inputs of a Principled BSDF; called a "look" in this package.
 
-    inputs: by input name. beneath: returns inputs that are not in `inputs`. is_matt: whether the look only reflects diffusely.
+    inputs: by input name. beneath: returns inputs that are not in `inputs`. is_matt: whether the shader only reflects diffusely.
     """
 
     is_clear = False  # whether the surface is completely transparent
@@ -186,12 +186,15 @@ def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | Non
 
 
 def _skin_input(method: str) -> dict[str, Any]:
-    """Returns the look's input that states whether the subsurface radius is interpreted as for skin. method: Blender's method."""
+    """Returns the Principled BSDF input "Subsurface Skin": 1 if the subsurface radius is to be interpreted as for skin, else 0.
+
+    method: Blender's subsurface method.
+    """
     return {"Subsurface Skin": ConstantValue(float(method == "RANDOM_WALK_SKIN"))}
 
 
 def _transmitted_color(socket: Callable[..., Any]) -> dict[str, Any]:
-    """Returns the base colour of a transmissive shader.
+    """Returns the "Base Color" input of a shader that only transmits light: the square root of its colour; empty for others.
 
     Cycles applies the square root of the colour at each of two surfaces, glTF the full colour once.
     """
@@ -201,7 +204,7 @@ def _transmitted_color(socket: Callable[..., Any]) -> dict[str, Any]:
 
 
 def _pane(color: Any) -> PrincipledLook:
-    """Returns the PrincipledLook of a coloured pane without refraction."""
+    """Returns a smooth, coloured, transparent surface that does not refract, as a PrincipledLook."""
     said = {
         "Base Color": color,
         "Transmission Weight": ConstantValue(1.0),
@@ -252,7 +255,7 @@ def _mix_shaders(source: Source, warn: Callable[[str], None]) -> PrincipledLook 
 
 
 def _as_coated_diffuse(share: Any, first: PrincipledLook, second: PrincipledLook) -> PrincipledLook | None:
-    """Returns a mix of a diffuse shader and a metal as the diffuse shader under a coat; None if the mix is of another kind.
+    """Converts a mix of a diffuse shader and a metal to the diffuse shader under a coat; returns None for any other mix.
 
     share: the constant weight of `second`. The coat's reflectance at normal incidence equals the metal's weight.
     """
@@ -272,7 +275,7 @@ def _as_coated_diffuse(share: Any, first: PrincipledLook, second: PrincipledLook
 def _with_reflection(
     fresnel: Source, beneath: PrincipledLook, gloss: PrincipledLook, warn: Callable[[str], None]
 ) -> PrincipledLook:
-    """Returns a mix of two looks by Fresnel's law as the look `beneath` with a reflection of the roughness of `gloss`.
+    """Converts a mix of two shaders by Fresnel's law to one shader: `beneath` with a reflection as rough as the shader `gloss`.
 
     fresnel: the node that computes the factor.
     """
@@ -320,7 +323,7 @@ def _is_black(surface: PrincipledLook) -> bool:
 
 
 class _Mix(PrincipledLook):
-    """A mix of two looks. share: weight of the second."""
+    """A blend of two converted shaders (PrincipledLook). share: the weight of the second, 0 to 1."""
 
     def __init__(
         self, share: SocketInGroups | ConstantValue, first: PrincipledLook, second: PrincipledLook, warn: Callable[[str], None]

@@ -33,7 +33,10 @@ def _unknown(_: int) -> None:
 
 
 class Surfaces:
-    """Exports the materials of one scene. primary: names of the UV maps that come first in their meshes."""
+    """Exports the materials of one scene.
+
+    primary: the names of the UV maps that are exported as the first one of their meshes.
+    """
 
     def __init__(self, scene: Scene, primary: set[str]) -> None:
         self._scene, self._primary = scene, primary

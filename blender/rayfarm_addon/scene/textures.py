@@ -54,7 +54,10 @@ def one_minus(value: Value) -> Value:
 
 
 class Values:
-    """Reads the sockets of one material. primary: names of the UV maps that come first in their meshes."""
+    """Reads the values of the node sockets of one material.
+
+    primary: the names of the UV maps that are exported as the first one of their meshes.
+    """
 
     def __init__(self, scene: Scene, name: str, primary: set[str]) -> None:
         self._scene, self._name, self._primary = scene, name, primary

@@ -33,7 +33,7 @@ class Lens:
 
 @dataclass(frozen=True)
 class Shot:
-    """A view to request, and the part of its image that is needed: x, y of the upper left corner, w, h."""
+    """A view to request from the farm, and the needed part of the requested image: x, y of the upper left corner, w, h."""
 
     view: dict[str, Any]
     width: int

@@ -77,7 +77,7 @@ def _read_connected(socket: SocketInGroups, warn: Warn, depth: int) -> Medium | 
 
 
 def _sum(parts: list[Medium | None], weights: list[float]) -> Medium | None:
-    """Returns the weighted sum of media in one place: coefficients are added, and g is the mean weighted by scattering."""
+    """Returns a medium with the weighted sum of the media's coefficients; g is the mean of theirs, weighted by scattering."""
     found = [(part, weight) for part, weight in zip(parts, weights, strict=True) if part is not None]
     if not found:
         return None

@@ -81,7 +81,7 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
 
 
 def _is_known(scene: Scene, top: Source) -> bool:
-    """Returns True if the world is supported without baking: a colour, or an image with the farm's mapping.
+    """Returns True if the world can be exported without baking: as a colour, or as an image whose mapping the farm supports.
 
     Worlds that depend on the kind of ray count as supported; another function warns about them.
     """
@@ -121,7 +121,7 @@ def _warn_of_ray_visibility(scene: Scene, world: Any) -> None:
 
 
 def _background(scene: Scene, source: Source | None) -> Source | None:
-    """Returns the shader that lights the scene, with a warning if camera rays see another one."""
+    """Returns the shader of a world that lights the scene; warns if camera rays see another shader."""
     if (
         source is not None
         and source.node.type == "MIX_SHADER"
@@ -133,7 +133,10 @@ def _background(scene: Scene, source: Source | None) -> Source | None:
 
 
 def _painted(scene: Scene, socket: SocketInGroups | None, strength: float) -> World | None:
-    """Returns the light of panoramas that nodes modify, evaluated texel by texel; None if the nodes use other images."""
+    """Returns the light of a world whose nodes modify panoramas, evaluated texel by texel.
+
+    Returns None if a node is not supported, or if an image is not an equirectangular panorama.
+    """
 
     def turn_of(source: Source) -> Any:
         node = source.node

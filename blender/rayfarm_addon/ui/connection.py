@@ -17,7 +17,10 @@ _notes: list[str] = []
 
 
 class Connection:
-    """A connection to a farm with one user's token and one project. Raises FarmError if the address is invalid."""
+    """The client and the upload cache for one farm, with one user's token and one project.
+
+    Raises FarmError if the address is invalid.
+    """
 
     def __init__(self, url: str, token: str, project: str) -> None:
         self.client = Client(url, token)

@@ -28,7 +28,7 @@ PATIENCE_S = 5.0  # timeout for cancelling a job on the farm
 
 
 class RayfarmEngine(bpy.types.RenderEngine):
-    """The entry "Rayfarm" in Blender's list of render engines."""
+    """Blender's render engine "Rayfarm", which renders images and viewports on a farm."""
 
     bl_idname = "RAYFARM"
     bl_label = "Rayfarm"

@@ -63,7 +63,7 @@ def planes_of(passes: list[Pass]) -> tuple[str, ...]:
 
 
 def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32:
-    """Returns the values of a render pass in Blender's form, (h * w, channels), rows from the bottom.
+    """Returns the values of a render pass as Blender expects them: (h * w, channels), rows from the bottom.
 
     channels: the farm's image by EXR channel names. shot: the view and the needed part. ids: tables of pass indices.
     """

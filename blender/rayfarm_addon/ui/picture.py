@@ -29,7 +29,7 @@ LARGEST = 16_384  # pixels per side
 
 @dataclass(frozen=True)
 class Picture:
-    """A request for the image of a frame, the part of the image that is needed, and the warnings of the export."""
+    """The exported frame as a request to the farm, with the part of the image that is needed and the warnings of the export."""
 
     asked: RenderRequest
     shot: Shot
@@ -62,7 +62,9 @@ def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | N
 def picture_of(
     depsgraph: Any, place_of: Callable[[Any], F64], go_to: Callable[[float], None], planes: tuple[str, ...], title: str
 ) -> Picture:
-    """Exports the current frame and returns its Picture (the request). Raises ValueError if there is nothing to render.
+    """Exports the current frame; returns the Picture, which contains the request.
+
+    Raises ValueError if there is nothing to render.
 
     place_of: returns a camera's transform. go_to: sets Blender to a frame number, possibly between two frames.
     """

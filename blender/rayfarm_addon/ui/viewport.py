@@ -28,7 +28,7 @@ SETTLED_S = 0.15  # pause after the last change before an export, so that not ev
 
 
 class PendingChanges:
-    """Collects the changes in Blender's data since the last export."""
+    """The changes in Blender's data since the last export."""
 
     def __init__(self) -> None:
         self.all = True
@@ -117,7 +117,7 @@ class Viewport:
             self._begin_at = 0.0 if not self._known else time.monotonic() + SETTLED_S
 
     def read(self, depsgraph: Any) -> None:
-        """Continues the export for the duration of one tick."""
+        """Continues the export of the scene for a few milliseconds."""
         if self._watching is None:
             return
         now = time.monotonic()

@@ -58,7 +58,7 @@ class UploadedFiles:
         return [name for name in self._files.values() if name.lower().endswith(".blend")]
 
     def path_to_open(self, name: str) -> Path:
-        """Returns the path at which Blender opens an uploaded file; for a .blend, the path of its sanitised copy."""
+        """Returns the path of the file to open in Blender: for a .blend its sanitised copy, else the uploaded file itself."""
         return (self._copies if name.lower().endswith(".blend") else self._folder) / name
 
     def resolve(self, path: str, beside: str) -> str:

@@ -33,7 +33,7 @@ class Glb:
             self._append_padded(memoryview(data)[at + _CHUNK.size : at + _CHUNK.size + size])
 
     def array(self, values: Any, shape: str, component: int, is_bounded: bool = False) -> int:
-        """Adds an accessor for a numpy array; returns its number.
+        """Adds the values of a numpy array as a glTF accessor; returns the accessor's number.
 
         component: glTF's component type. is_bounded: adds the array's minimum and maximum.
         """

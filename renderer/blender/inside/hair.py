@@ -70,7 +70,7 @@ def _mesh_of(bpy: Any, scene: Any, thing: Any, data: Any, tubes: Any, notes: lis
 
 
 def _move_alike(target: Any, thing: Any) -> None:
-    """Sets the parent and the animation of `target` to those of the object `thing`."""
+    """Makes `target` move like the object `thing`: sets the same parent and the same animation."""
     target.rotation_mode = thing.rotation_mode
     target.parent, target.parent_type, target.parent_bone = thing.parent, thing.parent_type, thing.parent_bone
     target.matrix_parent_inverse = thing.matrix_parent_inverse.copy()

@@ -25,9 +25,10 @@ SHEARED = 1e-5
 
 
 class _Shown(NamedTuple):
-    """An instance of an object. key: identifies the instance at all frames. place: its transform.
+    """An instance that Blender shows of an object.
 
-    thing: the instanced object. mesh: the object's evaluated mesh.
+    key: identifies the instance at all frames. place: the instance's transform. thing: the instanced object. mesh: the object's
+    evaluated mesh.
     """
 
     key: Any
@@ -119,7 +120,7 @@ def _key(instance: Any) -> Any:
 def _over_frames(
     bpy: Any, scene: Any, visible_names: set[str], frames: list[int], found: list[_Shown], notes: list[str]
 ) -> dict[Any, list[Any]]:
-    """Returns instance key -> transforms at all frames, for instances that move."""
+    """Returns a dict of instance key -> transforms at all frames, with only the instances that move."""
     if len(frames) < 2 or not found:
         return {}
     if len(frames) * len(found) > MOST_PLACES:

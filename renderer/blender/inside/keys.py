@@ -113,7 +113,7 @@ def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
 
 
 def over_frames(scene: Any, frames: Iterable[int], state_functions: dict[str, Callable[[], Any]]) -> dict[str, list[Any]]:
-    """Returns name -> the results of the function state_functions[name] at each of the frames."""
+    """Evaluates functions at each of the frames; returns a dict of function name -> results in the order of the frames."""
     found: dict[str, list[Any]] = {name: [] for name in state_functions}
     for frame in frames:
         scene.frame_set(frame)

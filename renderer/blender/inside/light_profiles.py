@@ -23,7 +23,10 @@ VIEW_DEPENDENT_NODES = ("LIGHT_FALLOFF", "LIGHT_PATH")  # nodes that depend on t
 
 
 class EmissionImage(NamedTuple):
-    """A linear image, stored next to the scene file, that multiplies the emission which the light has without its nodes."""
+    """A linear image of a light's emission by direction, stored next to the scene file.
+
+    It multiplies the emission that the light has without its nodes.
+    """
 
     file: str
     is_window: bool  # whether it covers the light's cone, instead of all directions

@@ -258,7 +258,10 @@ def _kind(thing: Any, thrown: EmissionImage | None) -> dict[str, Any]:
 
 
 def _area_of(data: Any, scale: Any) -> float:
-    """Returns a factor of a light's power: the light's area if its power is per square metre ("Normalize" is off), else 1."""
+    """Returns the factor of a light's power that is due to its size.
+
+    It is 1 unless "Normalize" is off: then the light's area, or for a sun the projected solid angle of its disk.
+    """
     if getattr(data, "normalize", True):
         return 1.0
     if data.type == "SUN":

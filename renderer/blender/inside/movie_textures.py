@@ -49,7 +49,7 @@ def _nodes(tree: Any, visited: set[str]) -> list[Any]:
 
 
 def _number(scene: Any, user: Any) -> int:
-    """Returns which image of a sequence is shown at the current frame, as its number."""
+    """Returns the number of the image, in an image sequence, that is shown at the current frame."""
     last = max(user.frame_duration, 1)
     at = scene.frame_current - user.frame_start + 1
     at = (at - 1) % last + 1 if user.use_cyclic else min(max(at, 1), last)
@@ -57,7 +57,7 @@ def _number(scene: Any, user: Any) -> int:
 
 
 def _image_of_number(bpy: Any, image: Any, number: int) -> Any:
-    """Returns the image of a sequence with this number; None if its file is missing, or if `image` is a movie."""
+    """Returns the image with this number of a sequence; None if the image's file is missing, or if `image` is a movie."""
     if image.source == "MOVIE":
         return None
     path = Path(bpy.path.abspath(image.filepath))

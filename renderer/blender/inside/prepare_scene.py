@@ -1,4 +1,4 @@
-"""Prepares the scene as it is rendered, with only such objects as the glTF exporter supports.
+"""Changes the open scene so that it appears as in a render and contains only objects that the glTF exporter supports.
 
 Modifiers are applied, and instances become objects with meshes.
 """
