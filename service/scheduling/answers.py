@@ -151,7 +151,10 @@ class Answers:
             self._pace.record_unread(max(unread, 0), self._results.size)
 
     def _gather(self) -> None:
-        """Waits before the next read while results arrive at a high rate, so that the results of a tile are stored together."""
+        """Sleeps until `gather_s` of the pacing has passed since the last call.
+
+        Results of the same tile that arrive in the meantime are then stored together.
+        """
         left_s = self._last_gathered + self._pace.gather_s - time.monotonic()
         if left_s > 0:
             time.sleep(left_s)
@@ -224,10 +227,10 @@ class Answers:
     def _isolated(
         self, entry: Entry, message: Message | None, action: Callable[[], object], instead: Callable[[], object] | None = None
     ) -> None:
-        """Handles one message; if that raises an error that the message caused, moves the message to the dead-letter list.
+        """Handles one message by calling `action`; moves the message to the dead-letter list if it caused an error.
 
-        message: its work is dispatched again in that case; None: it is not. instead: further action in that case. Errors of
-        Redis, the database, the machine, a film or a job are raised.
+        message: the decoded message, whose work is then dispatched again; None: no work is. instead: called in that case, if not
+        None. Errors that the message did not cause (of Redis, the database, the machine, a film or a job) are raised.
         """
         try:
             action()

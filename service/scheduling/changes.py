@@ -33,7 +33,10 @@ class Changes:
         self._new.put((what, id))
 
     def pending(self) -> list[Change]:
-        """Returns the pending changes, oldest first. If they are fewer than `AT_A_TIME`, adds low-priority ones."""
+        """Returns the pending changes in the order in which they were taken up.
+
+        If there are fewer than `AT_A_TIME`, low-priority changes are added until there are that many or none is left.
+        """
         while not self._new.empty():
             change = self._new.get()
             self._later.pop(change, None)

@@ -39,7 +39,10 @@ class Destination:
 
 
 class UnfitMachines:
-    """Faults of machines by owner: a scene, a job, or a client's request."""
+    """Faults of machines, by the owner of the work that they cannot do, and by worker.
+
+    An owner is a scene, a job, or a client's request.
+    """
 
     def __init__(self) -> None:
         self._faults: dict[str, dict[str, MachineFault]] = {}  # by owner and worker

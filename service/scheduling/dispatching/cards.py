@@ -36,9 +36,9 @@ class CardPlace:
     room: int
 
     def accepts(self, job: ActiveJob) -> bool:
-        """Returns True if the graphics cards render a job.
+        """Returns True if this worker's graphics cards may render a job.
 
-        Jobs whose batches are rendered twice for verification use CPU slots only.
+        False if the job's batches are rendered twice for verification, or if the worker has refused the job for its cards.
         """
         return not job.verify and self.worker not in job.card_refusals
 
