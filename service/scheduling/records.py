@@ -207,8 +207,8 @@ class Records:
             changed = session.execute(update(Job).where(Job.id == id, Job.state.in_(ACTIVE_STATES)).values(late=since))
             return bool(changed.rowcount)  # type: ignore[attr-defined]
 
-    def store_overdue(self, now: float) -> list[str]:
-        """Returns the ids of the unfinished jobs whose deadline has passed and that are not stored as late."""
+    def find_overdue(self, now: float) -> list[str]:
+        """Returns the ids of the unfinished jobs whose deadline has passed, but that are not yet marked late."""
         with self._sessions() as session:
             query = select(Job.id).where(Job.state.in_(ACTIVE_STATES), Job.deadline < now, Job.late.is_(None))
             return list(session.scalars(query))

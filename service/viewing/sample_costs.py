@@ -1,4 +1,4 @@
-"""Estimates of the cost of a sample in each scene, measured on the pieces of its views."""
+"""Estimates the seconds that a sample of each scene takes on a slot, from the measured parts of its live views."""
 
 from __future__ import annotations
 

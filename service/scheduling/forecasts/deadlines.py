@@ -34,7 +34,7 @@ class DeadlineRecords(Protocol):
     def store_lateness(self, id: str, since: float | None) -> bool:
         """Stores the time since which a job is late; None: it is not late. Returns False if the job has ended or is deleted."""
 
-    def store_overdue(self, now: float) -> list[str]:
+    def find_overdue(self, now: float) -> list[str]:
         """Returns the ids of the jobs whose deadline has passed and that are not stored as late."""
 
 
@@ -110,6 +110,6 @@ class Deadlines:
 
     def _record_overdue(self, active: dict[str, ActiveJob], now: float) -> None:
         """Marks overdue jobs as late that are not active in the engine, such as those waiting for a scene or for other jobs."""
-        for id in self._records.store_overdue(now):
+        for id in self._records.find_overdue(now):
             if id not in active and self._records.store_lateness(id, now):
                 self._tell("job", id)

@@ -35,7 +35,7 @@ FRAMES_PER_STEP = 2000  # frames per step
 
 
 class ActiveJob:
-    """An active job. Changed only by the engine's thread; other threads read its numbers."""
+    """The state in memory of a job that has not ended. Changed only by the engine's thread; other threads read its numbers."""
 
     def __init__(
         self,

@@ -55,7 +55,7 @@ def moving(camera: bool, thing: bool) -> Gltf:
 
 
 class Bench:
-    """A scene and its compiled base, from which frames are prepared both as by a worker and as by `rayfarm render`."""
+    """A scene and its compiled base. Prepares frames as a worker and as `rayfarm render` does, so that tests can compare."""
 
     def __init__(self, folder: Path, scene: Gltf, **asked: Any) -> None:
         self.scene = folder / "scene"

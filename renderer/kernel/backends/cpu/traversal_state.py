@@ -70,7 +70,7 @@ def load_vector(pool, place):
 
 @device
 def load_index(array, place):
-    """Returns the integer at a flat index of an array, converted to an array index."""
+    """Returns the integer at the flat index `place` of an array, as an unsigned integer that can index another array."""
     return np.uintp(np.uint32(load_int(array, place)))
 
 

@@ -38,7 +38,7 @@ class Records:
         self.lates.append((id, since))
         return self.is_there
 
-    def store_overdue(self, now: float) -> list[str]:
+    def find_overdue(self, now: float) -> list[str]:
         return self.past
 
 
