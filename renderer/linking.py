@@ -116,7 +116,7 @@ class InlinedLibrary(_Kernel):
             variable.linkage = "linkonce_odr"  # dropped if unused
         super()._optimize_final_module()
         if any(self._environments()):
-            raise NotImplementedError(f"{self.name} asks for something of Python's while it runs")
+            raise NotImplementedError(f"{self.name} uses Python objects at run time, which compiled kernels cannot")
 
     def _environments(self) -> list[Any]:
         return [variable for variable in self._final_module.global_variables if variable.name.startswith(_ENVIRONMENT)]

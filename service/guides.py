@@ -7,16 +7,19 @@ import re
 from collections.abc import Callable, Iterator
 from html import escape
 from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
-from markdown_it import MarkdownIt
-from markdown_it.token import Token
 from starlette.concurrency import run_in_threadpool
 from starlette.responses import Response
 from starlette.types import Scope
 
 from renderer import __version__
 from service.pages import Content, Pages, file_response
+
+if TYPE_CHECKING:
+    from markdown_it import MarkdownIt
+    from markdown_it.token import Token
 
 __all__ = ["GROUPS", "Guides"]
 
@@ -126,6 +129,8 @@ def summary_of(text: str) -> tuple[str, str]:
 
 
 def _parser() -> MarkdownIt:
+    from markdown_it import MarkdownIt  # not at the service's start, where it takes 50 ms
+
     return MarkdownIt("commonmark").enable(["table", "strikethrough"])
 
 

@@ -117,7 +117,7 @@ def oidc_of(settings: Settings, sessions: Sessions) -> Oidc | None:
         raise StartupError(f"RAYFARM_OIDC_ROLES gives the role {unknown[0]!r}; there are view, submit and admin.")
     url = urlsplit(settings.oidc_discovery)
     if url.scheme != "https" and url.hostname not in ("127.0.0.1", "localhost", "::1"):
-        raise StartupError("RAYFARM_OIDC_DISCOVERY must begin with https://, so that nobody can forge the provider's answers.")
+        raise StartupError("RAYFARM_OIDC_DISCOVERY must begin with https://, since answers over plain HTTP can be forged.")
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # the library warns of future renamings

@@ -192,8 +192,3 @@ def _modifiers(bpy: Any, scene: Any, visible_names: set[str], frames: list[int],
                 names=first_items(bending.left, 5),
             )
         )
-
-
-def _listed(names: list[str]) -> str:
-    more = f" and {len(names) - 5} more" if len(names) > 5 else ""
-    return ", ".join(names[:5]) + more

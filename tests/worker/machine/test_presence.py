@@ -1,4 +1,4 @@
-"""Tests of detecting whether somebody uses the machine, with a simulated system."""
+"""Tests of detecting whether the machine is in use, with a simulated system."""
 
 from __future__ import annotations
 
