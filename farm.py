@@ -28,6 +28,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from pathlib import Path
 
@@ -56,7 +57,11 @@ def main():
     find_python()
     command, rest = arguments[0], arguments[1:]
     if command == "test":
-        return run_tests(install(FOR_BENCHMARKS if "--long" in rest else FOR_TESTS), rest)
+        programs = threading.Thread(target=need_programs)
+        programs.start()
+        python = install(FOR_BENCHMARKS if "--long" in rest else FOR_TESTS)
+        programs.join()
+        return run_tests(python, rest)
     if command == "check":
         return run_checks(install(FOR_TESTS))
     if command in PICTURES:
@@ -241,7 +246,7 @@ def apt_install(package):
     print_progress("installing Debian's " + package + " ...")
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
     environment = dict(os.environ, DEBIAN_FRONTEND="noninteractive")
-    command = ["apt-get", "install", "-y", "--no-install-recommends", package]
+    command = ["apt-get", "-o", "DPkg::Lock::Timeout=600", "install", "-y", "--no-install-recommends", package]
     if subprocess.call(command, env=environment, **quiet) == 0:
         return True
     subprocess.call(["apt-get", "update"], env=environment, **quiet)
@@ -250,9 +255,8 @@ def apt_install(package):
 
 def run_tests(python, arguments):
     """Runs all tests, with the checks and kernel compilation in parallel. pytest's summary line comes last."""
-    need_chromium()
-    need_postgresql()
     need_typescript()
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes from the same sources
     is_long = "--long" in arguments
     arguments = [a for a in arguments if a != "--long"]
     is_whole = not arguments
@@ -261,28 +265,21 @@ def run_tests(python, arguments):
     beside = (
         [ParallelProcess("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(5))] if is_whole else []
     )
-    environment = dict(os.environ)
-    environment.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes from the same sources
     # One more than the number of processors, since a third of the tests mostly wait.
     processes = min(max(os.cpu_count() or 1, 2), 8) + 1
-    command = [
-        *(nice(5) if is_whole else []),
-        str(python),
-        "-m",
-        "pytest",
-        "-n",
-        str(processes),
-        "--dist",
-        "loadfile",
-        "--no-loadscope-reorder",
-        *([] if is_long else ["-m", "not long"]),
-    ]
-    failed = subprocess.call([*command, *arguments], cwd=str(ROOT), env=environment)
+    pytest = [*(nice(5) if is_whole else []), str(python), "-m", "pytest", *([] if is_long else ["-m", "not long"])]
+    if is_whole:
+        # One process writes the bytecode of all test modules. In a fresh clone each of pytest-xdist's would do so by itself.
+        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
+        subprocess.call([*pytest, "--collect-only", "-qq"], cwd=str(ROOT), **quiet)
+    spread = ["-n", str(processes), "--dist", "loadfile", "--no-loadscope-reorder"]
+    failed = subprocess.call([*pytest, *spread, *arguments], cwd=str(ROOT))
     return max([failed, *(each.result() for each in beside)])
 
 
 def run_checks(python):
     """Runs only the checks: style, types and imports."""
+    need_npm()
     need_typescript()
     return max([each.result() for each in start_checks(python)])
 
@@ -399,6 +396,19 @@ def run_benchmarks(arguments):
     return 1 if any(results) else 0
 
 
+def need_programs():
+    """Ensures that the programs that tests start are installed: Chromium, PostgreSQL and Node.js."""
+    need_chromium()
+    need_postgresql()
+    need_npm()
+
+
+def need_npm():
+    """Ensures that npm is installed, and Node.js, which it depends on; may fail."""
+    if shutil.which("npm") is None and may_install():
+        apt_install("npm")
+
+
 def need_chromium():
     """Ensures that Debian's Chromium is installed, for the browser tests."""
     if any(shutil.which(name) for name in ("chromium", "chromium-browser", "google-chrome")):
@@ -422,8 +432,6 @@ def need_typescript():
     """Ensures that TypeScript's compiler is installed, which checks the types of web/."""
     package = ROOT / "web" / "package.json"
     npm = shutil.which("npm")
-    if npm is None and may_install() and apt_install("nodejs") and apt_install("npm"):
-        npm = shutil.which("npm")
     if npm is None:
         print_progress("Node.js is not installed: the page's logic and types are not checked. On Debian: apt install nodejs npm")
         return

@@ -187,6 +187,7 @@ def test_many_samples_are_several_launches(card: CardRenderer, monkeypatch: pyte
     assert (sums == render_batch(scene, settings, tile, 0, 3).sums).all()
 
 
+@pytest.mark.long  # compiles the kernel that lists such samples
 def test_samples_that_are_not_finite_are_left_out_counted_and_named(card: CardRenderer) -> None:
     scene, settings = made("diffuse")
     scene = scene._replace(environment=np.full((1, 1, 3), np.nan, np.float32))
