@@ -1,13 +1,15 @@
 """Data exchange between a worker and the service: blobs and kernels to the worker, results to the service.
 
 link.py               HTTP client of the service
-foreign_server.py     error sentence for an address that is not a farm's
+foreign_server.py     error messages for an address at which another server answers
 trust.py              selects the TLS certificate to trust
 cache.py              blobs by hash on this machine
 kernels.py            download and upload of compiled kernels
-ready.py              makes a kernel ready
-kernel_precompile.py  compiles the next kernel in advance
+ready.py              downloads or compiles a kernel
+kernel_precompile.py  compiles the full-featured kernel in advance
 results.py            sends events and sums on the Redis stream of results
+chunked_socket.py     Redis connection whose timeout applies to each chunk of a large command
+heartbeat_message.py  a heartbeat's commands to Redis, and the replies
 errors.py             the errors, by their cause
 retry.py              retries after failures of the worker or its connection
 """

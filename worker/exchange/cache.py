@@ -125,7 +125,7 @@ class BlobCache:
                     )
 
     def _evicting_if_full(self, target: Path, write: Callable[[], None]) -> None:
-        """Calls `write`. If the disk is full, evicts all other blobs and calls it again."""
+        """Calls `write`, which creates the file `target`. If the disk is full, evicts all other blobs and calls it again."""
         try:
             write()
         except OSError as error:
@@ -154,9 +154,9 @@ class BlobCache:
 
     @contextlib.contextmanager
     def _locked(self, sha256: str) -> Iterator[None]:
-        """Context manager that holds an exclusive file lock, so that one process downloads a blob while others wait.
+        """Context manager that holds an exclusive file lock for a blob, so that one process downloads it while others wait.
 
-        The operating system releases locks of killed processes.
+        The operating system releases locks of killed processes. Blobs whose hashes have the same first two digits share a lock.
         """
         with (self._created_folder(self.folder / "locks") / sha256[:2]).open("wb") as file:
             fcntl.flock(file, fcntl.LOCK_EX)
@@ -190,7 +190,10 @@ class BlobCache:
         return folder
 
     def _evict(self, keep: Path, max_bytes: int) -> None:
-        """Deletes the least recently used files until the others fit `max_bytes`, and partial files of killed processes."""
+        """Deletes the least recently used files, but never `keep`, until the total size is at most `max_bytes`.
+
+        Also deletes partial files of killed processes.
+        """
         files = []
         for path in self.folder.glob("??/*"):
             with contextlib.suppress(OSError):
@@ -238,9 +241,9 @@ def _sync_folder(folder: Path) -> None:
 
 
 def _service_blob_folder(farm: FarmAnswer) -> Path | None:
-    """Returns the service's blob folder if this process can read it: if its `instance` file contains the service's id.
+    """Returns the service's blob folder if this process can read it, else None.
 
-    Else None.
+    The folder is the service's if the file `instance` in the data folder contains the service's id.
     """
     if not farm.data_dir:
         return None

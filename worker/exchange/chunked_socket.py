@@ -1,7 +1,7 @@
-"""Redis connection for large commands on slow connections: the timeout applies to each piece sent, not to the whole command.
+"""Redis connection for large commands on slow connections: the timeout applies to each chunk sent, not to the whole command.
 
-Python's `sendall` applies a socket's timeout to the whole buffer. A result has hundreds of kilobytes; on a connection that needs
-longer than the timeout of ten seconds for it, every attempt would time out and start again.
+Python's `sendall` applies a socket's timeout to the whole buffer. A result has hundreds of kilobytes. If sending it took longer
+than the timeout of ten seconds, every attempt would fail and start again.
 """
 
 from __future__ import annotations

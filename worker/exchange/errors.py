@@ -1,7 +1,7 @@
 """Errors of a worker, by their cause.
 
 WorkerError            base class; the message is one sentence
-├── TemporaryError     failure of the worker, not of a scene; may be temporary: the work is retried, then returned
+├── TemporaryError     failure of the worker, not of a scene; the worker retries, then gives the work back to the service
 │   ├── LinkError      the service cannot be reached, or answers with a server error
 │   │   └── DamagedError the content differs from the request: corrupted in transit or on the service's disk
 │   ├── TokenError     the service does not accept this worker's token

@@ -36,7 +36,10 @@ def is_loopback(url: str) -> bool:
 
 
 def not_a_farm(url: str, description: str) -> str:
-    """Returns the error sentence. description: description of the response, from `describe_answer`."""
+    """Returns the error message for `url`, at which a server other than a Rayfarm service answers.
+
+    description: description of that server's response, from `describe_answer`.
+    """
     return Sentence(
         "not-a-farm",
         "{url} answers, but it is not a Rayfarm service: {description}. Give the address that `rayfarm up` shows, as "

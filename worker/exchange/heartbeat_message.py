@@ -32,8 +32,10 @@ _UNREACHABLE = (redis.RedisError, OSError)
 class HeartbeatReply:
     """Redis's replies to a heartbeat.
 
-    is_taken: whether Redis stored the report. is_paused: whether the worker must pause. is_asked: whether a message that asks the
-    worker's slots to render a waiting piece is queued. waiting: number of queued tasks for workers of its kind.
+    is_taken: whether Redis stored the report. is_paused: whether the service has paused the worker. terms: the run-time
+    settings that the service requires (protocol/terms.py), serialized; None if there are none. is_log_wanted: whether the
+    service requests the log. is_asked: whether a help message (protocol/joint.py) waits in this worker's queue. waiting: number
+    of queued tasks for workers of this kind.
     """
 
     is_taken: bool
@@ -53,7 +55,11 @@ class HeartbeatConnection:
         self._sent: deque[tuple[float, int]] = deque()  # pending messages: time sent, and number of commands
 
     def send(self, report: WorkerReport, offer: Offer | None, more_commands: list[tuple[Any, ...]]) -> None:
-        """Sends a report. offer: the worker's offer, or None. more_commands: further commands, whose replies are ignored."""
+        """Sends a report, and the queries whose replies `receive` returns.
+
+        offer: the worker's capabilities and settings (protocol/terms.py), or None. more_commands: further Redis commands, whose
+        replies are ignored.
+        """
         name, kind = report.name, report.kind
         commands: list[tuple[Any, ...]] = [
             ("CLIENT", "SETNAME", lifeline(name)),  # repeated, since the connection may be new

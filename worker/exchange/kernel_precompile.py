@@ -1,8 +1,8 @@
 """Compiles the full-featured kernel (with textures and everything else) in advance, while a new worker waits or renders.
 
-Without it, the first such scene would wait half a minute. Runs as a separate process at low priority:
-`python -m worker.exchange.kernel_precompile --service URL`, with the farm's token in RAYFARM_TOKEN. A slot that needs the kernel
-meanwhile waits for it (renderer.jit.compiling).
+Otherwise the first scene that needs this kernel would wait half a minute for it. Runs as a separate process at low priority:
+`python -m worker.exchange.kernel_precompile --service URL`, with the farm's token in RAYFARM_TOKEN. If a slot needs the kernel
+before it is complete, the slot waits (renderer.jit.compiling).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ NICE_INCREMENT = 5  # nice levels; moderate, so that a slot waiting for the kern
 def precompile_full_kernel(link: Link) -> None:
     """Starts the compiling process, unless this machine has the kernel.
 
-    It starts work after START_DELAY_S seconds, and ends with this process.
+    The process waits START_DELAY_S seconds before it compiles, and ends together with this one.
     """
     if jit.is_cached(kernel_name(variant=FULL)):
         return

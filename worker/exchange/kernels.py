@@ -30,9 +30,9 @@ _PATIENCE_S, _PAUSE_S = 60.0, 1.0
 
 
 def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
-    """Downloads a kernel to this folder (renderer.jit.cache_folder).
+    """Downloads the kernel of this name (renderer.render.kernel_name) from the farm into `folder`, the cache of kernels.
 
-    Returns whether the farm had the kernel, and a sentence for the log.
+    Returns whether it was downloaded, and a sentence for the log.
     """
     with tempfile.TemporaryFile() as file:
         try:
@@ -45,7 +45,7 @@ def fetch_kernel(link: Link, folder: Path, kernel: str) -> tuple[bool, str]:
 
 
 def upload_kernel(link: Link, folder: Path, kernel: str) -> None:
-    """Uploads the kernel in this folder, unless the farm has it. Raises WorkerError or OSError."""
+    """Uploads a kernel from `folder`, unless the farm has it. Raises WorkerError or OSError."""
     name = name_of(folder, kernel)
     if link.has_kernels(name):
         return
@@ -55,7 +55,7 @@ def upload_kernel(link: Link, folder: Path, kernel: str) -> None:
 
 
 def upload_kernel_in_background(link: Link, folder: Path, kernel: str) -> None:
-    """Like `upload_kernel`, but some seconds later, in a child process that ends with this one."""
+    """Like `upload_kernel`, but starts after some seconds, in a child process that ends together with this one."""
     command = [
         *delayed_command("worker.exchange.kernels", _LATER_S),
         f"--service={link.service}",
@@ -74,7 +74,7 @@ def upload_kernel_in_background(link: Link, folder: Path, kernel: str) -> None:
 
 
 def main() -> int:
-    """Uploads the kernel once. Returns the exit code. A failure is only logged, since the next worker can compile."""
+    """Uploads the kernel once. Returns the exit code. A failure is only logged: the next worker compiles the kernel itself."""
     parser = argparse.ArgumentParser(prog="python -m worker.exchange.kernels", description="Gives a farm what was compiled here.")
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--folder", required=True, type=Path, help="where the kernels are")

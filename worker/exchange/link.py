@@ -37,8 +37,8 @@ RETRYABLE_STATUS = (408, 425, 429)
 class FarmAnswer:
     """The service's response to a worker that joins.
 
-    instance: the service's id. data_dir: its data folder on its own machine. reduces: whether it accepts sums added up by a site
-    (protocol/site.py).
+    redis_url: address of the farm's Redis. instance: the service's id. data_dir: the service's data folder, a path on the
+    service's machine. reduces: whether the service accepts results that a site's reducer has added up (protocol/site.py).
     """
 
     redis_url: str
@@ -159,7 +159,10 @@ class Link:
             )
 
     def fetch_means(self, job: str, frame: int, out: BinaryIO) -> tuple[str, int]:
-        """Downloads a frame's means to `out` (format: DenoiseFrame). Returns the film's version and number of samples."""
+        """Downloads a frame's mean colour, albedo and normal to `out`. Returns the film's version and number of samples.
+
+        protocol.contract.DenoiseFrame describes the format.
+        """
         with self._stream("GET", f"/api/farm/films/{job}/{frame}") as response:
             try:
                 about = response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
@@ -220,7 +223,7 @@ class Link:
             self._body(response)
 
     def _fetch_object(self, path: str, *needed: str) -> dict[str, Any]:
-        """Downloads the JSON object at `path`. Raises NotAFarmError if it lacks one of the required keys."""
+        """Downloads the JSON object at `path`. Raises NotAFarmError if it is not an object with all keys in `needed`."""
         with self._stream("GET", path) as response:
             body = self._body(response)
         try:
@@ -252,7 +255,7 @@ class Link:
 
     @contextmanager
     def _stream(self, method: str, path: str, **kwargs: Any) -> Iterator[httpx.Response]:
-        """Context manager that yields a successful response before its body is read."""
+        """Context manager that sends a request and yields the response before its body is read. Raises for an error status."""
         try:
             with self.client.stream(method, path, **kwargs) as response:
                 self._check_status(response)
@@ -350,7 +353,10 @@ def check_redis_url(url: str) -> None:
 
 
 def _reachable_redis_url(redis_url: str, service: str) -> str:
-    """Returns Redis's address as reached from here: a loopback host is replaced by the host at which the service was reached."""
+    """Returns Redis's address as reached from this machine.
+
+    A loopback host in it means the service's machine, and is replaced by the host of the address `service`.
+    """
     url, host = urlsplit(redis_url), urlsplit(service).hostname
     if url.hostname not in LOOPBACK or host is None or host in LOOPBACK:
         return redis_url

@@ -24,7 +24,7 @@ def make_kernel_ready(
 ) -> None:
     """Makes a kernel ready: downloads it from the farm if possible; otherwise compiles it, and uploads it in the background.
 
-    helpers: as for renderer.jit's `warm_up`, which compiles it.
+    variant: which scene features it supports. helpers: processes that compile parts of it in parallel.
     """
     if not fetch_or_compile(link, settings, variant, helpers):
         upload_kernel_in_background(link, jit.cache_folder(), kernel_name(settings, variant))
@@ -33,7 +33,10 @@ def make_kernel_ready(
 def fetch_or_compile(
     link: Link, settings: RenderSettings | None = None, variant: str = PLAIN, helpers: Helpers | None = None
 ) -> bool:
-    """Downloads a kernel from the farm, or else compiles it; does not upload it. Returns whether the kernel was downloaded."""
+    """Downloads a kernel from the farm, or else compiles it; does not upload it. Returns whether the farm had the kernel.
+
+    Parameters as for `make_kernel_ready`.
+    """
     folder = jit.cache_folder()
     farm_has_it = False
 
@@ -50,7 +53,7 @@ def fetch_or_compile(
 
 @contextlib.contextmanager
 def _without_collections() -> Iterator[None]:
-    """Disables Python's garbage collector: its collections would take a fifth of the time of compiling a kernel."""
+    """Context manager that disables Python's garbage collector, which would take a fifth of the time of compiling a kernel."""
     was_enabled = gc.isenabled()
     gc.disable()
     try:

@@ -40,8 +40,8 @@ class ResultStream:
     def send(self, result: Result, patience_s: float | None = None) -> bool:
         """Appends a result. Returns False if the stream stays full, or Redis unreachable, for `patience_s` seconds.
 
-        patience_s: None: the default; 0: for events that may be dropped. A retry after a lost reply may append a result twice;
-        merging into the film drops the duplicate.
+        patience_s: None means the default of two minutes; 0 makes one attempt, for events that may be dropped. A retry after a
+        lost reply may append a result twice; merging into the film drops the duplicate.
         """
         fields = result.to_fields()
         patience_s = self.patience_s if patience_s is None else patience_s

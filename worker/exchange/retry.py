@@ -1,4 +1,4 @@
-"""Retries a call while it raises TemporaryError, which may be temporary."""
+"""Repeats a call while it raises TemporaryError."""
 
 from __future__ import annotations
 

@@ -17,9 +17,10 @@ CERTIFICATE_END = "-----END CERTIFICATE-----"
 def verify_option(certificate: str | None = None) -> ssl.SSLContext | bool:
     """Returns the value for httpx's `verify`.
 
-    certificate: path of the farm's own certificate (PEM); default $RAYFARM_TLS_CERT; empty: the machine's trust store. Only the
-    first certificate in the file is then accepted, for any host name, since a farm may use a self-signed one. Raises OSError if
-    the file cannot be read, and ValueError if it contains no certificate.
+    certificate: path of the farm's own certificate (PEM). None: the path in $RAYFARM_TLS_CERT. If the path is empty,
+    certificates are verified with the machine's trust store. If there is a path, only the first certificate in the file is
+    accepted, for any host name, since a farm may use a self-signed one. Raises OSError if the file cannot be read, and
+    ValueError if it contains no certificate.
     """
     path = os.environ.get(TRUST_VARIABLE, "") if certificate is None else certificate
     if not path:
@@ -52,8 +53,8 @@ def verify_option(certificate: str | None = None) -> ssl.SSLContext | bool:
 
 
 def verify_option_for(trusted: ssl.SSLContext | bool, url: str) -> ssl.SSLContext | bool:
-    """Returns the value of `verify` for a client that uses only this address: False for plain HTTP.
+    """Returns the value of httpx's `verify` for a client that uses only the address `url`: `trusted`, or False for plain HTTP.
 
-    That saves loading the machine's trust store, which takes a tenth of a second.
+    False saves loading the machine's trust store, which takes a tenth of a second.
     """
     return False if url.startswith("http://") else trusted
