@@ -4,5 +4,5 @@ health_file.py   a file with the worker's state, for the health check of its con
 process_tree.py  all processes of this worker
 presence.py      whether a user is at the machine
 status.py        the current work of each slot, in shared memory
-joint_pieces.py  the folder that slots share while they render a tile together
+joint_pieces.py  the folder by which slots share the work on one tile
 """

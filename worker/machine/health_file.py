@@ -1,6 +1,7 @@
 """Health file of a worker, read by the health check of its container (worker/healthy.py).
 
-$RAYFARM_ALIVE is its path. It contains the worker's pid and state. The age of the file is the time since the event loop last ran.
+$RAYFARM_ALIVE is its path. It contains the worker's pid and state. The worker's event loop rewrites it regularly, so an old
+file means that the loop hangs.
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
-"""Pieces of joint batches, shared by the slots of a worker: free pieces, and the sums of rendered ones.
+"""Work of joint batches that the slots of one worker share: pieces to render, and the sums of rendered pieces.
 
-They are files in a folder, which needs no server process and outlives any slot. A slot claims a piece by renaming its file, which
-only one slot can do. The piece that a killed slot was rendering remains under its process id and is abandoned: its sums never
-existed, so the service dispatches it again. Sums that it was about to send are sent by another slot; if both send them, the film
-accepts them once.
+A joint batch (protocol/joint.py) is a range of samples of one tile, cut into pieces that slots render at the same time.
+
+Pieces are files in a folder, which needs no server process and outlives any slot. A slot claims a piece by renaming its file,
+which only one slot can do. If a slot is killed while it renders a piece, the claim is deleted, and the service dispatches the
+piece again. Sums that a killed slot was about to send are sent by another slot; if both send them, the film accepts them once.
 
 SINCE.HOLD.MESSAGE/about        the message, as JSON
                    todo-I       a free piece
@@ -42,7 +43,7 @@ log = logging.getLogger(__name__)
 
 
 class ClaimedPiece(NamedTuple):
-    """A piece that this process has claimed."""
+    """A piece that this process has claimed. folder: that of its message. number: the piece's index in the joint batch."""
 
     folder: Path
     number: int
@@ -50,7 +51,10 @@ class ClaimedPiece(NamedTuple):
 
 
 class Pieces:
-    """The folder of pieces, created by the parent before it forks. Methods raise OSError if the disk fails."""
+    """The folder of pieces, created by the parent before it forks. Methods raise OSError if the disk fails.
+
+    `message` is always the id of the Celery message that brought a joint batch.
+    """
 
     def __init__(self) -> None:
         """Creates the folder, and deletes folders left by killed workers."""
@@ -67,7 +71,11 @@ class Pieces:
         self._lock.close()
 
     def add_message(self, message: str, about: bytes, pieces: Iterable[int], hold_s: float) -> None:
-        """Adds the pieces with these numbers of a message. Raises ValueError if the message's id cannot be a file name."""
+        """Adds a joint batch's free pieces. Raises ValueError if the message's id cannot be a file name.
+
+        about: the joint batch, serialized. pieces: the indices of its pieces. hold_s: seconds after which the sums of rendered
+        pieces are sent although others are missing.
+        """
         if not _MESSAGE.fullmatch(message):
             raise ValueError(f"{message!r} is not a message id")
         new = Path(tempfile.mkdtemp(prefix="new-", dir=self.root))
@@ -99,10 +107,10 @@ class Pieces:
             (piece.folder / f"doing-{piece.number}-{os.getpid()}").unlink()
 
     def due_results(self, at_once: bool = False) -> Iterator[list[Result]]:
-        """Yields the results that are due, one list per message, in the order of the pieces. Advancing the iterator marks them as
-        sent.
+        """Yields the results to send now, one list per message, in the order of the pieces.
 
-        Due are messages that are complete, or of which a result has waited too long. at_once: all results are due.
+        A message is due if all its pieces are rendered, or if a rendered one has waited for its `hold_s`. at_once: all messages
+        are due. Advancing the iterator deletes the files of the results that it yielded before.
         """
         for left in [*self._abandoned_folders()]:
             yield from self._sent_results(left)
@@ -126,9 +134,9 @@ class Pieces:
         return sum(len(_names(folder, "todo-")) for folder in self._groups())
 
     def withdraw_unfinished(self, message: str) -> list[int] | None:
-        """Removes a message's free pieces, and those claimed by slots that have ended; returns the numbers of these pieces.
+        """Removes a message's free pieces, and those claimed by slots that have ended. Returns the indices of these pieces.
 
-        None if the folder does not have the message.
+        Returns None if the folder does not have the message.
         """
         for folder in self._groups():
             if _message(folder) == message:
@@ -137,7 +145,7 @@ class Pieces:
         return None
 
     def withdraw(self) -> list[tuple[bytes, list[int]]]:
-        """Removes all free pieces. Returns the JSON of each of their messages, with the numbers of the removed pieces."""
+        """Removes all free pieces. Returns for each message its serialized joint batch, and the indices of these pieces."""
         taken = []
         for folder in self._groups():
             if numbers := _claimed_numbers(folder, sorted(_names(folder, "todo-"))):
@@ -172,7 +180,7 @@ class Pieces:
                     (folder / name).unlink()
 
     def _remove_if_finished(self, folder: Path) -> None:
-        """Deletes the folder of a message that is finished or expired."""
+        """Deletes a message's folder if it has neither pieces nor results, or is too old."""
         if not _names(folder, "todo-", "doing-", "done-") or time.time() - _creation_time(folder) > STALE_S:
             shutil.rmtree(folder, ignore_errors=True)
 
@@ -204,9 +212,9 @@ def _is_alive(pid: int) -> bool:
 
 
 def _claimed_numbers(folder: Path, names: list[str]) -> list[int]:
-    """Deletes the files of these pieces.
+    """Deletes the files with these names from a message's folder.
 
-    Returns the numbers of the pieces whose files this process deleted before any other did.
+    Returns the indices of the pieces whose files this call deleted; another process may have deleted or renamed the others.
     """
     numbers = []
     for name in names:

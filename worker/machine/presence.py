@@ -1,6 +1,6 @@
 """Detects whether a user is at this machine.
 
-From the processor time of other programs, typing in terminals, the desktop's reports to logind (Wayland and X11), and the X11
+Sources: processor time of other programs, input in terminals, the desktop's reports to logind (Wayland and X11), and the X11
 screen if `xprintidle` is installed and the worker runs in that session. Not detected: a user who only reads, unless the desktop
 reports it, and a program that waits.
 """
@@ -53,7 +53,7 @@ class Presence:
         if (desktop := _desktop_idle_s(now)) is not None:
             seen.append("desktop")
             self._present = max(self._present, now - desktop)
-        if (screen := _last_screen_input()) is not None:
+        if (screen := _screen_idle_s()) is not None:
             seen.append("screen")
             self._present = max(self._present, now - screen)
         self.by = tuple(seen)
@@ -73,7 +73,7 @@ class Presence:
         return max(every - before[1] - (own - before[2]), 0.0) / (now - before[0])
 
     def _last_terminal_input(self) -> float | None:
-        """Returns the time of the last input in any terminal; None if there are no terminals."""
+        """Returns the Unix time of the last input in any terminal; None if there are no terminals."""
         times = []
         for folder, pattern in ((self._dev / "pts", "[0-9]*"), (self._dev, "tty[1-9]*")):
             for path in folder.glob(pattern):
@@ -120,8 +120,8 @@ def _output_of(command: list[str]) -> str:
         return ""
 
 
-def _last_screen_input() -> float | None:
-    """Returns for how many seconds keyboard and mouse of this X session have been idle; None if xprintidle cannot be used."""
+def _screen_idle_s() -> float | None:
+    """Returns for how many seconds keyboard and mouse of this X session are idle; None if xprintidle cannot be used."""
     program = shutil.which("xprintidle")
     if program is None or not os.environ.get("DISPLAY"):
         return None

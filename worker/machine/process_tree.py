@@ -9,9 +9,9 @@ __all__ = ["process_times"]
 
 
 def process_times(proc: Path = Path("/proc")) -> dict[int, int]:
-    """Returns the processor time of each process and of its ended children, in clock ticks, by pid.
+    """Returns, by pid, the processor time of each process of this worker and of its ended children, in clock ticks.
 
-    Empty if the system does not report it.
+    The dict is empty if the system does not report these times. proc: where procfs is mounted.
     """
     parents: dict[int, int] = {}
     ticks: dict[int, int] = {}

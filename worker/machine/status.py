@@ -23,7 +23,7 @@ class SlotBoard:
         self._memory = mmap.mmap(-1, RECORD * slots)
 
     def write(self, slot: int, current: dict[str, Any], samples_per_s: float = 0.0) -> None:
-        """Writes a slot's current work; {} while it waits. samples_per_s: 0 leaves the slot's last value."""
+        """Writes a slot's current work; {} means that the slot is free. samples_per_s: 0 keeps the slot's last value."""
         if not 0 <= slot < self.slots:
             return
         speed = samples_per_s or self._read(slot).get("speed", 0.0)

@@ -1,4 +1,4 @@
-"""Applies a worker's terms (protocol/terms.py), in the parent's event loop at each heartbeat."""
+"""Applies the run-time settings of a worker (protocol/terms.py) in the parent's event loop, at each heartbeat."""
 
 from __future__ import annotations
 
@@ -30,15 +30,16 @@ _limit = mmap.mmap(-1, 8)  # shared with the slots, which are forked later
 
 
 def memory_limit() -> int:
-    """Returns the memory limit of this worker's processes in bytes; 0: unlimited. May be called in any of these processes."""
+    """Returns the memory limit of this worker in bytes; 0 means unlimited. Works in the parent and in every slot."""
     return int(struct.unpack("q", _limit[:8])[0])
 
 
 @dataclass
 class TermsKeeper:
-    """The terms of one worker, and whether the worker rests (takes no tasks) because of them.
+    """The run-time settings of one worker, and whether they keep it from taking tasks at present.
 
-    own: the terms it was started with.
+    own: the settings with which it was started. asked: those that the service requires. why: a sentence on why it takes no
+    tasks; None if it takes them. trouble: a sentence on which setting cannot be applied; None if all are.
     """
 
     slots: int  # processes that it has
@@ -56,7 +57,7 @@ class TermsKeeper:
 
     @property
     def terms(self) -> Terms:
-        """The terms in effect: the required ones, or else the start values."""
+        """The settings in effect: the required ones, and start values where none is required."""
         return self.asked.with_defaults(self.own)
 
     @property
@@ -65,12 +66,15 @@ class TermsKeeper:
         return min(self.terms.slots or self.slots, self.slots)
 
     def may_precompile(self) -> bool:
-        """Returns True if the worker may compile kernels in advance. False if any of its terms limits its use of the machine."""
+        """Returns True if the worker may compile kernels in advance: if it was started without limits on machine use."""
         own = self.own
         return not (own.hours or own.idle_minutes or own.memory or own.nice)
 
     def request(self, data: bytes | None) -> None:
-        """Stores the terms that the service requires, as serialized; None: no requirements. Ignores invalid terms."""
+        """Stores the settings that the service requires. Ignores invalid ones.
+
+        data: as `Terms.to_bytes` returns them; None: the service requires none.
+        """
         try:
             asked = Terms.from_bytes(data) if data is not None else Terms()
         except ValueError as error:
@@ -84,7 +88,7 @@ class TermsKeeper:
         self.asked = asked
 
     def refresh(self) -> None:
-        """Updates the reason why the worker takes no tasks under its terms (None: it does), and its nice level."""
+        """Updates `why` from the time of day, user activity and memory use; applies the nice level and the memory limit."""
         terms = self.terms
         struct.pack_into("q", _limit, 0, terms.memory or 0)
         self._set_nice_level(terms.nice)
@@ -95,7 +99,7 @@ class TermsKeeper:
         self._beats += 1
 
     def offer(self) -> Offer:
-        """Returns the worker's offer: its capabilities and the terms in effect."""
+        """Returns the worker's capabilities and the settings in effect, for the service."""
         terms = self.terms
         self._total = self._total or (found.memory_total if (found := vitals.read_vitals()) else 0)
         return Offer(
@@ -133,9 +137,9 @@ class TermsKeeper:
         )
 
     def _memory_reason(self, terms: Terms) -> str | None:
-        """Returns a sentence on why the worker rests for its memory use; None if it does not.
+        """Returns a sentence if the worker takes no tasks because of its memory use; None otherwise.
 
-        It rests from when its processes exceed the memory limit until they use much less.
+        It takes none from the time when its processes exceed the memory limit until they use 10 % less than the limit.
         """
         if not terms.memory:
             self._is_over = False
@@ -150,7 +154,7 @@ class TermsKeeper:
         )
 
     def _set_nice_level(self, nice: int | None) -> None:
-        """Sets the nice level of all processes of the worker; later forks inherit it. None: the start value."""
+        """Sets the nice level of all processes of the worker; later forks inherit it. None: the level at the start."""
         wanted = self._first_nice if nice is None else nice
         if os.getpriority(os.PRIO_PROCESS, 0) == wanted:
             return

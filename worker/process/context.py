@@ -33,7 +33,10 @@ __all__ = ["WorkerContext", "cpu_name", "current", "set_current"]
 
 @dataclass
 class WorkerContext:
-    """A worker: its name, its kind, and its connections."""
+    """The state of a worker that all its processes share: its name, its kind, its connections, and its slots' current work.
+
+    kind: `renderer.jit.kind()`; only workers of the same kind add samples to the same film.
+    """
 
     name: str
     slots: int
@@ -80,7 +83,7 @@ class WorkerContext:
 
     @property
     def sites(self) -> SiteLink:
-        """The connection to the reducer of the worker's site; each process opens its own."""
+        """The connection to the reducer that adds up the results of this site; each process opens its own."""
         if self._sites is None:
             self._sites = SiteLink(self.redis_url)
         return self._sites

@@ -1,8 +1,8 @@
 """Order in which a worker reads its queues.
 
-Live views first, then pieces of joint batches that this machine has started, then batches with requirements that not every worker
-meets; the other queues take turns. Preparation gets a turn after each view, since a view may wait for it, for instance for a
-scene with other lighting.
+Live views come first, then pieces of joint batches that this worker has begun, then batches with requirements that only some
+workers meet. The other queues are read in turn. After each message of a view, preparation of scenes comes first once, since a
+view may wait for it, for instance for a scene with other lighting.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ PREPARE_QUEUES = prepare_queue("")
 
 
 class ViewsFirstOrder(round_robin_cycle):
-    """Kombu's round robin of queues, except that the queues of views, pieces and requirements come first."""
+    """Kombu's round robin of queues, except that the queues of views, help messages and requirements come first."""
 
     _was_view = False
 

@@ -1,4 +1,4 @@
-"""Number of the slot that this process is."""
+"""The number of the slot that this process is."""
 
 from __future__ import annotations
 

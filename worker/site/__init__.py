@@ -1,8 +1,8 @@
-"""Sites: the machines of a site add up their sums of a tile before sending them to the service.
+"""Sites: the machines at one location add up their results of a tile before one result is sent to the service.
 
 reducer.py          the process that adds up the results of a site's machines
 sums.py             its unsent sums, on disk
 merging.py          adds up sums of one tile
-link.py             a worker's connection to it
+link.py             a worker's connection to the reducer
 socket_deadline.py  reads from a socket with a time limit
 """

@@ -1,6 +1,6 @@
 """A worker's connection to its site's reducer.
 
-If the reducer is away, slow or rejects sums, they are sent to the service directly.
+If the reducer is unreachable, slow or rejects sums, the worker sends them to the service directly.
 """
 
 from __future__ import annotations
@@ -42,14 +42,14 @@ class _ReducerAddress(NamedTuple):
 
 
 class SiteLink:
-    """The connection of one process to the reducer."""
+    """A process's connection to the reducers of sites, whose addresses it reads from Redis."""
 
     def __init__(self, redis_url: str) -> None:
         self._redis = redis.Redis.from_url(redis_url, socket_timeout=2, socket_connect_timeout=2)
         self._known: dict[str, tuple[float, _ReducerAddress | None]] = {}  # until when, and where
 
     def send(self, result: Result) -> bool:
-        """Sends sums to the reducer of their site. Returns False if they must be sent to the service instead."""
+        """Sends a result to the reducer of its site. Returns False if the caller must send it to the service instead."""
         run = Run.of(result.event.get("run"))
         if run is None or result.sums is None:
             return False

@@ -1,4 +1,4 @@
-"""Merges results of consecutive batches. Integer sums are exact, and a result of any size costs the service about the same."""
+"""Merges results of consecutive samples. Integer sums are exact; the service's cost of a result depends little on its size."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ MOST_LINES = 20  # that were warned of
 
 
 def merged_results(results: Iterable[Result]) -> Iterator[Result]:
-    """Yields the results, with those whose samples are contiguous merged into one."""
+    """Yields the results; neighbours in the given order whose samples of a tile are consecutive are merged into one."""
     run: list[Result] = []
     for result in results:
         if run and _end_key(run[-1]) != (*_tile_key(result), result.event["first"]):
@@ -29,7 +29,10 @@ def merged_results(results: Iterable[Result]) -> Iterator[Result]:
 
 
 def batches_of_event(event: dict[str, Any]) -> list[list[Any]]:
-    """Returns the batches in an event: batch, first, count, seconds, and, if known, the worker that rendered it."""
+    """Returns the batches in a result's event. Each is a list: id, first sample, number of samples, seconds.
+
+    A fifth item is the name of the worker that rendered the batch, if it is known.
+    """
     if event["type"] == "batches":
         return [list(part) for part in event["parts"]]
     return [[event[key] for key in ("batch", "first", "count", "seconds")]]

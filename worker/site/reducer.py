@@ -1,7 +1,7 @@
 """`python -m worker.site.reducer --service URL --name SITE`: adds up the results of a site's machines for each tile.
 
-Sends them to the service as one result. `rayfarm site` starts one. It stores nothing permanently: lost results are rendered
-again. Workers that cannot reach it send to the service directly.
+The reducer sends the results of consecutive samples to the service as one result. `rayfarm site` starts a reducer. If results
+are lost with it, they are rendered again. Workers that cannot reach it send to the service directly.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ log = logging.getLogger("worker")
 
 
 class Reducer:
-    """Receives sums in many threads and sends them from one."""
+    """Receives results from workers in many threads, and sends their sums to the service from one."""
 
     def __init__(self, name: str, sums: SiteSums, redis_url: str) -> None:
         self.name = name
@@ -82,20 +82,20 @@ class Reducer:
         self._count = threading.Lock()
 
     def is_signed(self, body: bytes, claimed: str) -> bool:
-        """Returns True if `claimed` is a valid signature of this body by a worker of the farm."""
+        """Returns True if `claimed` is a worker's valid signature of this body (protocol/site.py)."""
         return any(secrets.compare_digest(signature(secret, body).encode(), claimed.encode()) for _, secret in self._secrets)
 
     def is_announced(self, size: int, signature: str) -> bool:
-        """Returns True if `signature` is a valid signature of this size by a worker of the farm."""
+        """Returns True if `signature` is a worker's valid signature of this size, which it sends before the body."""
         return any(
             secrets.compare_digest(size_signature(secret, size).encode(), signature.encode()) for _, secret in self._secrets
         )
 
     @contextlib.contextmanager
     def reserve_memory(self, size: int, is_ours: bool = False) -> Iterator[bool]:
-        """Context manager that reserves memory for a request's body; yields False if there is not enough.
+        """Context manager that reserves memory for a request's body; yields False if the limit is reached.
 
-        is_ours: whether the sender is a worker of the farm.
+        is_ours: whether the size is signed by a worker of the farm. Other senders have a limit of their own.
         """
         with self._count:
             is_there = self._coming[is_ours] + size <= MAX_INCOMING_BYTES
@@ -107,14 +107,17 @@ class Reducer:
                 self._coming[is_ours] -= size if is_there else 0
 
     def store(self, body: bytes) -> None:
-        """Stores sums. Raises ValueError if they are invalid, SumsFullError if the store is full, or OSError."""
+        """Stores a result until it is sent. Raises ValueError if it is invalid, SumsFullError if the store is full, or OSError.
+
+        body: the result as protocol/result_bytes.py packs it.
+        """
         self.sums.store(result_of(body))
         with self._count:
             self.results += 1
             self.bytes_in += len(body)
 
     def send_ripe(self, at_once: bool = False) -> None:
-        """Sends the sums that are due."""
+        """Sends the sums that are complete or have waited too long. at_once: sends all sums."""
         for results in self.sums.due_results(at_once):
             for result in results:
                 self._stream.send(Result({**result.event, "worker": f"site {self.name}"}, result.sums))
@@ -122,7 +125,7 @@ class Reducer:
                 self.bytes_out += len(result.sums or b"")
 
     def report(self, address: str, port: int) -> None:
-        """Publishes this reducer's address, report and signing key. Raises redis.RedisError."""
+        """Publishes this reducer's address, report and signing key in Redis. Raises redis.RedisError."""
         now = time.monotonic()
         if not self._secrets or now - self._secrets[0][0] > SECRET_S:
             self._secrets = [(now, secrets.token_bytes(32)), *self._secrets[:1]]
@@ -150,7 +153,7 @@ class _Server(ThreadingHTTPServer):
         self._lock = threading.Lock()
 
     def verify_request(self, request: Any, client_address: Any) -> bool:
-        """Returns True if a request may be accepted: each takes a thread, and no client may take all of them."""
+        """Returns False above the limit of connections, in total or from one address, since each takes a thread."""
         who = str(client_address[0])
         with self._lock:
             here = list(self._here.values())
@@ -166,7 +169,7 @@ class _Server(ThreadingHTTPServer):
         super().shutdown_request(request)
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Ignores errors of broken connections, since the sender handles them."""
+        """Ignores errors of broken connections: the sender then sends its result to the service."""
         log.debug("a connection of %s broke", client_address, exc_info=True)
 
 
@@ -221,9 +224,9 @@ class _Handler(BaseHTTPRequestHandler):
 
 
 def main() -> int:
-    """Runs the reducer until a signal.
+    """Runs the reducer until a signal. Returns the exit code.
 
-    Returns the exit code; 3: there is no farm, or it rejects this reducer: a retry does not help.
+    Exit code 3: the address is not that of a farm, or the farm rejects this reducer, so a restart does not help.
     """
     options = _options()
     if options.log_format:
@@ -294,7 +297,10 @@ def _report_until_stopped(reducer: Reducer, address: str, port: int, stop: threa
 
 
 def _join_farm(link: Link, stop: threading.Event) -> FarmAnswer | None:
-    """Joins the farm once the service is reachable; None if stopped. Raises WorkerError if a retry does not help."""
+    """Joins the farm once the service is reachable; returns None if `stop` is set.
+
+    Raises WorkerError if a retry does not help.
+    """
     pause, said = FIRST_PAUSE_S, ""
     while not stop.is_set():
         try:

@@ -1,7 +1,7 @@
-"""Unsent sums of a site's reducer, stored in a folder, so that the successor of a killed reducer can send acknowledged sums.
+"""Unsent sums of a site's reducer. They are stored in a folder, so that after a crash the next reducer sends them.
 
 SINCE-NUMBER/FIRST      a result, as result_bytes.py packs it; all of a folder belong to one run (protocol.joint.Run)
-sending-SINCE-NUMBER/   the same, being sent or sent: left unchanged, so that a second delivery equals the first
+sending-SINCE-NUMBER/   results that are being sent: left unchanged, so that a second delivery equals the first
 """
 
 from __future__ import annotations
@@ -39,12 +39,15 @@ log = logging.getLogger(__name__)
 
 
 class SumsFullError(Exception):
-    """Raised for sums that do not fit until others are sent."""
+    """Raised for sums that do not fit into the store until others are sent."""
 
 
 @dataclass
 class _Group:
-    """The stored results of one run (protocol.joint.Run): samples of a tile that the site's machines render."""
+    """The stored results of one run: consecutive samples of a tile that the site's machines render (protocol.joint.Run).
+
+    since: time of the first result. spans: number of samples of each result, by its first sample.
+    """
 
     folder: Path
     run: Run
@@ -56,10 +59,13 @@ class _Group:
 
 
 class SiteSums:
-    """Unsent sums. Thread-safe, but only one thread may call `due_results`."""
+    """Sums that the reducer has not sent yet. Thread-safe, but only one thread may call `due_results`."""
 
     def __init__(self, folder: Path, most_bytes: int, clock: Callable[[], float] = time.monotonic) -> None:
-        """Loads the sums left in the folder. Raises OSError."""
+        """Loads the sums that an earlier process left in the folder. Raises OSError.
+
+        most_bytes: limit on the total size of stored sums.
+        """
         folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         self._folder = folder
         self._most_bytes = most_bytes
@@ -83,9 +89,10 @@ class SiteSums:
             return [batch for group in [*self._groups.values(), *self._sending.values()] for batch in group.batches]
 
     def store(self, result: Result) -> None:
-        """Stores sums until all sums of their run (protocol.joint.Run) are stored.
+        """Stores a result until its run is complete or has waited too long.
 
-        Raises ValueError for malformed or conflicting sums, SumsFullError if they do not fit, and OSError.
+        Raises ValueError for a malformed result or one with samples already stored, SumsFullError if it does not fit, and
+        OSError.
         """
         run, result = _parse_result(result)
         event = result.event
@@ -124,9 +131,10 @@ class SiteSums:
             self._groups[key] = group
 
     def due_results(self, at_once: bool = False) -> Iterator[list[Result]]:
-        """Yields the results that are due, one list per run (protocol.joint.Run). Advancing the iterator marks them as sent.
+        """Yields the results to send now, one list per run of samples (protocol.joint.Run), merged where possible.
 
-        Due are runs that are complete or have waited too long. at_once: all runs are due.
+        A run is due if all its samples are stored or it has waited for its `hold_s`. at_once: all runs are due. Advancing the
+        iterator deletes the results that it yielded before.
         """
         with self._lock:
             for key, group in list(self._groups.items()):
@@ -170,9 +178,9 @@ class SiteSums:
 
 
 def _parse_result(result: Result) -> tuple[Run, Result]:
-    """Validates sums. Returns their run (protocol.joint.Run), and the result with the worker's name added to each batch.
+    """Validates a worker's result. Returns its run of samples, and the result with the worker's name added to each batch.
 
-    Raises ValueError.
+    Raises ValueError if the result is invalid.
     """
     try:
         event = {name: value for name, value in result.event.items() if name != "run"}
@@ -205,7 +213,7 @@ def _parse_result(result: Result) -> tuple[Run, Result]:
 
 
 def _results_in(folder: Path) -> list[Result]:
-    """Returns the results stored in the folder of one run; empty if it cannot be read, so that they are rendered again."""
+    """Returns the results stored in a folder; an empty list if it cannot be read, in which case they are rendered again."""
     try:
         return [found for path in sorted(folder.iterdir()) if (found := _read(path)) is not None]
     except OSError as error:

@@ -1,4 +1,4 @@
-"""Collects this slot's warnings while it renders a batch, and the duration of each step.
+"""Collects this slot's warnings while it renders a batch, and how long each step took.
 
 They are sent with the batch's result and stored in its job's log.
 """

@@ -41,7 +41,7 @@ def set_up() -> tuple[LogTail, JsonLines | None]:
 
 
 def _without_traceback(record: logging.LogRecord) -> bool:
-    """Logging filter: replaces the traceback of a lost connection by its message. Returns True: all records are logged."""
+    """Logging filter that replaces the traceback of a lost connection by its message. Always returns True."""
     error = record.exc_info[1] if record.exc_info else None
     if isinstance(error, (redis.RedisError, OSError)):
         said = record.getMessage().rstrip()

@@ -1,4 +1,4 @@
-"""Ids in a task's message, added to the log lines of the task and to its span."""
+"""Ids in a Celery task's message, added to the task's log lines and to its span."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ class Steps:
         self._begun = 0.0
 
     def begin_step(self, name: str | None) -> None:
-        """Ends the current step and begins the next. None: begins no step."""
+        """Ends the current step and begins the one named `name`. None: only ends the current step."""
         if name != self._name:
             if self._name is not None:
                 tracing.record_span(self._name.lower(), self._begun, time.time(), tracing.current_span())
@@ -46,8 +46,8 @@ class Steps:
 def traced_task(task: Callable[[Any, Any], None], span: str) -> Callable[..., None]:
     """Wraps a Celery task so that its log lines contain the message's ids and its run is recorded as a span.
 
-    The parent span is in Celery's message; without it no span is recorded. span: the span's name; empty if batches have spans of
-    their own.
+    The parent span is in Celery's message; without it no span is recorded. span: the span's name; empty to record none, for
+    tasks whose batches record their own.
     """
 
     @functools.wraps(task)
