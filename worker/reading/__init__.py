@@ -1,7 +1,8 @@
 """Jobs of confined processes (renderer/confine/), which read untrusted files for a worker's slots.
 
-They access neither the service nor Redis. Paths are passed as bytes, and output is written to the given folder. The slot's side
-of each is the module of the same name in the package worker.work.
+They access neither the service nor Redis. Parameters common to all jobs: `folder` is the path of the scene's files as bytes,
+`base_folder` that of compiled scenes, `out` an output folder, `result` an output file, `link` the connection to the slot. The
+module of the same name in the package worker.work runs the job for a slot.
 
 kernels.py       kernels that the launcher loads, so that readers share them
 scene_folder.py  compiled scenes that the slot has linked into the reader's folder

@@ -14,7 +14,10 @@ __all__ = ["denoise"]
 
 
 def denoise(means: bytes, result: bytes, width: int, height: int, link: Link) -> dict[str, Any]:
-    """Writes the denoised colour as float32 to the file `result`. means: path of the file with mean colour, albedo and normal."""
+    """Writes the denoised colour as float32 to the file `result`. Returns an empty answer.
+
+    means: path of the file with the frame's mean colour, albedo and normal, float32, each (height, width, 3).
+    """
     color, albedo, normal = np.fromfile(folder_of(means), "<f4").reshape(3, height, width, 3)
     library.denoise(color, albedo, normal).astype("<f4").tofile(folder_of(result))
     return {}

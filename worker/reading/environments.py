@@ -20,7 +20,10 @@ NARROWEST, WIDEST = 1.9, 2.1  # an equirectangular image is twice as wide as hig
 
 
 def write_thumbnail(folder: bytes, name: str, width: int, result: bytes, link: Link) -> dict[str, Any]:
-    """Writes the thumbnail of the image `name` in `folder` to the file `result`. width: in pixels. Raises SceneError."""
+    """Writes the thumbnail of the image `name` in `folder` to the JPEG file `result`. Raises SceneError.
+
+    width: in pixels.
+    """
     folder_of(result).write_bytes(encode.encode(small_picture(_pixels(folder_of(folder), name), width), "jpg"))
     return {}
 
@@ -48,7 +51,11 @@ def _pixels(folder: Path, path: str) -> np.ndarray:
 
 
 def small_picture(pixels: np.ndarray, width: int) -> np.ndarray:
-    """Reduces radiance (h, w, 3) to (width / 2, width, 3) by averaging blocks, exposed as if there were no lamps."""
+    """Returns the radiance (h, w, 3) of an environment reduced to (width / 2, width, 3) by averaging blocks.
+
+    The result is scaled to a mean brightness of 0.6; the brightest pixels count with limited weight, so that lamps do not
+    darken the rest.
+    """
     height = width // 2
     rows = np.linspace(0, len(pixels), height + 1).astype(int)
     columns = np.linspace(0, pixels.shape[1], width + 1).astype(int)

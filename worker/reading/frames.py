@@ -1,4 +1,4 @@
-"""Compiles frames of a shot: opens files and decodes pictures once, and compiles only the animated parts for each frame."""
+"""Compiles frames of a shot (an animated scene): reads each file once, and compiles only what moves for each frame."""
 
 from __future__ import annotations
 
@@ -34,7 +34,11 @@ __all__ = ["OpenScene", "frame_answerer", "serve_requests"]
 def serve_requests(
     folder: bytes, manifest: Manifest, work: PrepareFrames, base_folder: bytes, out: bytes, idle_s: float, link: Link
 ) -> dict[str, Any]:
-    """Answers requests for frames until there has been none for `idle_s` seconds; then empties the folder `out`."""
+    """Compiles the frames that the slot requests, until no request comes for `idle_s` seconds; then empties the folder `out`.
+
+    folder: the scene's files. work: the shot's settings, and the hash of the scene compiled at its start, which is in
+    `base_folder`. link: connection to the slot.
+    """
     answer = frame_answerer(folder_of(folder), manifest, work, mapped_scene(base_folder, work.base), folder_of(out))
     for request in link.requests(idle_s):
         answer(request["frames"], link.send)
@@ -46,7 +50,10 @@ def serve_requests(
 def frame_answerer(
     folder: Path, manifest: Manifest, work: PrepareFrames, base: CompiledScene, out: Path
 ) -> Callable[[list[int], Send], None]:
-    """Returns a function that compiles frames and sends a message for each: the result, or the error as `failed`."""
+    """Returns a function that compiles the given frames, and sends for each its result, or its error as `failed`.
+
+    base: the scene compiled at the shot's start. out: folder for compiled scenes.
+    """
     begun = time.monotonic()
     shot = Shot(folder, manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
     stage = OpenScene(shot, work, base, out)
@@ -69,7 +76,7 @@ def frame_answerer(
 
 
 class OpenScene:
-    """A scene over time. Its state at a moment does not depend on the moments requested before."""
+    """A scene over time. A frame's result does not depend on which frames were compiled before."""
 
     def __init__(self, shot: Shot, work: PrepareFrames, base: CompiledScene, out: Path) -> None:
         self._shot = shot
@@ -86,7 +93,10 @@ class OpenScene:
         self._still: SceneDescription | None = None  # the description of a static scene, read once
 
     def frame_message(self, moment: Moment) -> dict[str, Any]:
-        """Compiles a frame and returns the message about it. Raises SceneError, and SettingsError if its view is invalid."""
+        """Compiles the scene at a moment. Returns the message about it: file, view, motion keys, defaults and warnings.
+
+        Raises SceneError, and SettingsError if the frame's view is invalid.
+        """
         read = self._still or self._shot.over_shutter(moment, self._work.shutter)
         self._still = None if read.moves else read
         described, compiled, file = self._compiled(read)
@@ -105,7 +115,10 @@ class OpenScene:
         }
 
     def _compiled(self, read: SceneDescription) -> tuple[SceneDescription, CompiledScene, Path | None]:
-        """Returns the description, its compiled scene, and the scene's file; None for the file if it equals the base scene's."""
+        """Returns the scene description, its compiled scene, and the compiled scene's file.
+
+        The file is None if the compiled scene equals the one at the shot's start.
+        """
         if compiles_alike(read, self._start):
             return read, self._base, None
         if self._last is not None and compiles_alike(read, self._last[0]):
@@ -123,10 +136,9 @@ class OpenScene:
         return read, compiled, file
 
     def _views(self, description: SceneDescription, compiled: CompiledScene) -> tuple[View, tuple[View, ...]]:
-        """Returns the view to render, and its motion keys.
+        """Returns the view to render, and its motion keys: views at times within the shutter, none if the camera does not move.
 
-        The view is the request's own, or a camera of the scene at this moment. There are keys if it moves while the shutter is
-        open.
+        The view is the one requested, or else a camera of the scene.
         """
         if self._work.view is not None:
             return View.from_json(_without_none(self._work.view)), ()
@@ -135,7 +147,7 @@ class OpenScene:
         return (cameras[number].view, cameras[number].keys) if number < len(cameras) else (self._auto_view(), ())
 
     def _auto_view(self) -> View:
-        """Returns the view of the automatic camera, which frames the scene at the start of the clip and does not move."""
+        """Returns the view of the automatic camera. It does not move, and frames the scene at the start of the clip."""
         if self._auto is None:
             read = self._shot.scene_at(Moment(self._shot.start, self._work.fps, self._work.clip))
             if compiles_alike(read, self._start):
@@ -146,7 +158,7 @@ class OpenScene:
 
 
 def _copied_description(description: SceneDescription) -> SceneDescription:
-    """Returns a copy of the description for compiling, which appends to its lists but does not change their items."""
+    """Returns a copy of the description with lists of its own, since compiling a description appends to its lists."""
     held = {f.name: getattr(description, f.name) for f in fields(description)}
     copied: dict[str, Any] = {name: copy.copy(value) for name, value in held.items() if isinstance(value, list | dict)}
     return replace(description, **copied)

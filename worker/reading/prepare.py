@@ -27,9 +27,10 @@ PREVIEW = "preview.mesh"
 
 
 def prepare(folder: bytes, manifest: Manifest, out: bytes, link: Link) -> dict[str, Any]:
-    """Returns the scene's summary, with the name of its compiled manifest in `out` and the kernel variant that renders it.
+    """Compiles a scene into the folder `out`, and returns its summary. Raises RayfarmError.
 
-    Raises RayfarmError.
+    The summary also has the name of the compiled scene's manifest in `out`, and the kernel variant that renders the scene.
+    link: connection to the slot, which receives the progress and a preview.
     """
 
     def progress(step: str, fraction: float) -> None:

@@ -18,19 +18,20 @@ __all__ = ["relight", "save_relit"]
 
 
 def relight(folder: bytes, light: str, base_folder: bytes, base: str, power: float, out: bytes, link: Link) -> dict[str, Any]:
-    """Writes the scene with its new environment. Returns the name of its manifest in `out` as `compiled`.
+    """Compiles a scene with another environment. Returns the name of its manifest in `out` as `compiled`.
 
-    light: path of an image in `folder`, or a preset. base: hash of the compiled scene to start from. power: total power of the
-    scene's other lights.
+    light: the environment: name of an image in `folder`, or of a preset. base: hash of the compiled scene to start from, in
+    `base_folder`. power: total power of the scene's other lights. link: connection to the slot.
     """
     data = (folder_of(base_folder) / base).read_bytes()
     return {"compiled": save_relit(folder_of(folder), light, mapped_scene(base_folder, base), data, power, folder_of(out)).name}
 
 
 def save_relit(folder: Path, light: str, base: CompiledScene, data: bytes, power: float, out: Path) -> Path:
-    """Writes the changed parts and the manifest of `base` with another environment. Returns the path of the new manifest.
+    """Writes the parts of a compiled scene that a new environment changes, and its manifest. Returns the manifest's path.
 
-    data: the manifest of `base`.
+    light: name of an image in `folder`, or of a preset. base, data: the compiled scene to start from, and its manifest. power:
+    total power of the scene's other lights. out: the output folder.
     """
     description = SceneDescription(name="light")
     environment_light(SceneFiles(folder, light), light, description)

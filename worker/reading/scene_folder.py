@@ -11,7 +11,7 @@ __all__ = ["folder_of", "mapped_scene"]
 
 
 def folder_of(path: bytes) -> Path:
-    """Returns a folder as a Path. path: its path as bytes, as the slot sends it."""
+    """Returns a path that the slot has sent as bytes as a Path."""
     return Path(os.fsdecode(path))
 
 

@@ -22,7 +22,10 @@ SECONDS = 0.3  # seconds; passes double in samples, so it may take twice this, a
 
 
 def thumbnail_settings(view: dict[str, Any], defaults: dict[str, Any]) -> RenderSettings:
-    """Returns the render settings of a thumbnail. view: of the scene's first camera. defaults: the scene's own settings."""
+    """Returns the render settings of a thumbnail.
+
+    view: the view of the scene's first camera. defaults: settings in the scene's file, of which the aspect ratio is used.
+    """
     width, height = defaults.get("width", 16), defaults.get("height", 9)
     small_height = min(max(WIDTH * height // width, 64), 2 * WIDTH)
     return RenderSettings(WIDTH, small_height, View.from_json(view), max_depth=6)
@@ -31,9 +34,10 @@ def thumbnail_settings(view: dict[str, Any], defaults: dict[str, Any]) -> Render
 def render_thumbnail(
     base_folder: bytes, compiled: str, view: dict[str, Any], defaults: dict[str, Any], result: bytes, link: Link
 ) -> dict[str, Any]:
-    """Renders a small, denoised and tone-mapped PNG to the file `result`, with as many samples as a short time limit permits.
+    """Renders a small, denoised and tone-mapped PNG to the file `result`, within a short time limit.
 
-    compiled: hash of the compiled scene in `base_folder`.
+    compiled: hash of the compiled scene in `base_folder`. view, defaults: as for `thumbnail_settings`. link: connection to the
+    slot.
     """
     scene = mapped_scene(base_folder, compiled)
     settings = thumbnail_settings(view, defaults)

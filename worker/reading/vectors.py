@@ -1,4 +1,4 @@
-"""Motion vectors of a frame, computed from the scene at its time and at the times of the neighbouring frames."""
+"""Motion vectors of a frame, computed from the scene at the frame's time and at the times of the neighbouring frames."""
 
 from __future__ import annotations
 
@@ -23,7 +23,10 @@ __all__ = ["vectors"]
 
 
 def vectors(folder: bytes, manifest: Manifest, work: FrameVectors, result: bytes, link: Link) -> dict[str, Any]:
-    """Writes the motion vectors as float32 to the file `result`. Raises RayfarmError."""
+    """Writes the motion vectors of a frame as float32 to the file `result`. Raises RayfarmError.
+
+    folder: path of the scene's files. work: the frame, its size and its view. link: connection to the slot.
+    """
     shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
     moment = Moment(frame_number(work.frame), work.fps, work.clip)
     read = shot.between_frames(moment)
@@ -39,7 +42,7 @@ def vectors(folder: bytes, manifest: Manifest, work: FrameVectors, result: bytes
 
 
 def _views(shot: Shot, described: SceneDescription, compiled: CompiledScene, work: FrameVectors) -> tuple[View, tuple[View, ...]]:
-    """Returns the requested view; if its camera moves, also its views at the three moments."""
+    """Returns the frame's view; if its camera moves, also its views at the times of the previous, this and the next frame."""
     if work.view is not None:
         return _view(work.view), ()
     cameras = own_cameras(described, compiled)

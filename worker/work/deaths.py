@@ -1,4 +1,4 @@
-"""Counts how often a unit of work has killed its process."""
+"""Counts how often a piece of work (a batch, a scene, a message) has killed the process that did it."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ def is_redelivered(task: Any) -> bool:
 
 
 def count_deaths(task: Any, worker: WorkerContext, work: str) -> int:
-    """Returns how often this work has killed its process, including this redelivery; 0 for a first delivery.
+    """Returns how often this work has killed its process, including just before this redelivery; 0 for a first delivery.
 
-    The broker redelivers the work of killed processes without a limit. The counter is in Redis; 0 if Redis is unreachable.
+    The broker redelivers messages of killed processes without a limit. work: id of the work. The counter is in Redis; returns 0
+    if Redis is unreachable.
     """
     if not is_redelivered(task):
         return 0
@@ -36,7 +37,7 @@ def count_deaths(task: Any, worker: WorkerContext, work: str) -> int:
 
 
 def reset_deaths(task: Any, worker: WorkerContext, work: str) -> None:
-    """Resets the counter of work that its process has survived: another batch of the same message may have caused the deaths."""
+    """Resets the counter of work that succeeded after a redelivery: another batch of its message may have been the cause."""
     if is_redelivered(task):
         with contextlib.suppress(redis.RedisError):
             worker.results.redis.delete(_key(work))

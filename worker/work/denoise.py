@@ -1,6 +1,6 @@
 """Denoises a frame: downloads the film's means, runs Open Image Denoise in a confined process, and stores the result as a blob.
 
-A separate process, because the library does not release its threads and memory.
+A separate process is used because the library does not release its threads and memory.
 """
 
 from __future__ import annotations
@@ -26,7 +26,10 @@ DENOISED = "denoised.f32"
 
 
 def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
-    """Denoises a frame. Returns its blob, and the film's version and samples. Raises WorkerError and OSError."""
+    """Denoises a frame. Returns the blob's hash, and the film's version and number of samples.
+
+    Raises WorkerError and OSError.
+    """
     with ReaderFolder("denoise") as room:
         means = room.scene / "means.f32"
         version, samples = retry_on_trouble(lambda: _fetch(worker, work, means), PATIENCE_S)

@@ -30,11 +30,11 @@ Work = TypeVar("Work", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 @dataclass(frozen=True)
 class ArtifactTask(Generic[Work]):
-    """A Celery task for one type of artifact.
+    """A Celery task that makes one type of artifact.
 
-    read: parses the message; raises ValueError. make: does the work and returns fields for the event; may raise anything. made,
-    failed: types of the events. shown_as: key under which the slot reports the work. task: a sentence that
-    completes the phrase "could not".
+    read: parses the message; raises ValueError. make: does the work and returns fields for the event; may raise any error.
+    made, failed: types of the event on success and on failure. shown_as: key under which the worker's report shows the job.
+    task: the action as a phrase for error messages, such as "denoise the picture".
     """
 
     read: Callable[[Any], Work]
@@ -110,7 +110,7 @@ class ArtifactTask(Generic[Work]):
             return self._failure(worker, work.work, sentence)
 
     def _failure(self, worker: WorkerContext, work: Any, error: str, unfit: bool = False) -> dict[str, Any]:
-        """Returns the event of a failure. unfit: this machine is the cause, so another worker may succeed."""
+        """Returns the event of a failure. work: id of the request. unfit: whether another worker may succeed."""
         event = {"type": self.failed, "work": work, "worker": worker.name, "error": error}
         return {**event, "unfit": True} if unfit else event
 

@@ -21,7 +21,7 @@ THUMBNAIL = "thumbnail.jpg"
 
 
 def show_environment(worker: WorkerContext, work: ShowEnvironment) -> dict[str, Any]:
-    """Makes the thumbnail and returns its blob. Raises WorkerError and OSError."""
+    """Makes and stores the thumbnail. Returns its blob's hash as `sha256`. Raises WorkerError and OSError."""
     with ReaderFolder("environment") as room:
         place_files(worker, Manifest("", work.path, [BlobRef(work.path, work.sha256, work.size)]), room.scene)
         job = partial(write_thumbnail, os.fsencode(room.scene), work.path, work.width, os.fsencode(room.out / THUMBNAIL))

@@ -32,7 +32,10 @@ log = logging.getLogger(__name__)
 
 
 def send_answer(worker: WorkerContext, message: str, type: str, **more: Any) -> None:
-    """Appends an answer to the message's list in Redis. If Redis is unreachable, only logs that."""
+    """Appends an answer of this type to a message's list in Redis. If Redis is unreachable, only logs that.
+
+    more: further fields of the answer.
+    """
     try:
         with worker.results.redis.pipeline(transaction=False) as at_once:
             at_once.rpush(explained_key(message), json.dumps(encoded({"type": type, "worker": worker.name, **more})))
@@ -43,7 +46,7 @@ def send_answer(worker: WorkerContext, message: str, type: str, **more: Any) -> 
 
 
 def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable[[bool], None]) -> None:
-    """Renders the pixel's samples and sends the answer.
+    """Renders a pixel's samples again, traces some of their paths, and sends the answer.
 
     compiling: called with True before the scene's kernel is made ready, and with False afterwards.
     """
@@ -113,7 +116,7 @@ def _open_scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
 
 
 def explanation_json(scene: CompiledScene, found: PixelPaths) -> dict[str, Any]:
-    """Returns an explanation as JSON data. Numbers that are not finite become null."""
+    """Returns the traced paths as JSON data for the client. Numbers that are not finite become null."""
     paths = [_path(scene, path) for path in found.paths]
     return {"samples": found.samples, "sums": list(found.sums), "finite": found.finite, "paths": paths}
 

@@ -1,4 +1,4 @@
-"""A scene's files in a folder on this machine, and the memory limit for reading them."""
+"""Puts a scene's files into a folder on this machine, and limits the memory for reading them."""
 
 from __future__ import annotations
 
@@ -20,13 +20,16 @@ _LEAST_MEMORY = 1 << 30  # bytes of address space, a lower limit: less is not en
 
 
 def place_files(worker: WorkerContext, manifest: Manifest, folder: Path) -> None:
-    """Puts the files of a scene into a folder. Raises as `prepare_scene` does."""
+    """Links or copies the files of a scene into a folder; downloads missing ones. Raises the errors of `prepare_scene`."""
     for file in manifest.files:
         _place_blob(worker.cache.path(file.sha256, file.size), folder, file.path)
 
 
 def _place_blob(blob: Path, folder: Path, name: str) -> None:
-    """Links or copies a blob to its uploaded name, encoded as UTF-8 in any locale, as readers expect."""
+    """Links or copies a blob to the path `name` in a folder. Raises WorkError if that path leads out of the folder.
+
+    The file name on disk is UTF-8 in any locale, as readers expect.
+    """
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\0" in name:
         raise WorkError(Sentence("file-path-outside-upload", "{name} leads out of the upload; rename it.", name=repr(name)))
@@ -65,8 +68,8 @@ def link_or_copy(blob: Path, target: Path) -> None:
 def memory_budget() -> int:
     """Returns the memory limit of a process that reads one scene, in bytes.
 
-    $RAYFARM_PREPARE_MEMORY_MB, or three quarters of the memory that is free on the machine and in the process's cgroups; at most
-    the worker's own limit. Raises ValueError if the variable is not a number.
+    The limit is $RAYFARM_PREPARE_MEMORY_MB, or three quarters of the memory that is free on the machine and in the process's
+    cgroups; at most the worker's own limit. Raises ValueError if the variable is not a number.
     """
     limit = memory_limit() or (1 << 60)
     if named := os.environ.get("RAYFARM_PREPARE_MEMORY_MB"):

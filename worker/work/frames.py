@@ -54,7 +54,7 @@ class _OpenScene:
             raise
 
     def request(self, frames: list[int], take: Callable[[dict[str, Any]], None]) -> None:
-        """Requests frames from the reader; `take` receives its messages. Prepares none if the reader has ended.
+        """Requests frames from the reader, and calls `take` with each of its messages. Does nothing if the reader has ended.
 
         Raises WorkError and UnfitError, after which the reader has ended.
         """
@@ -66,7 +66,7 @@ class _OpenScene:
             self.reader.close()
 
     def keep_only(self, files: Path) -> None:
-        """Deletes the compiled files of all frames except those in the folder `files`, which the next frame may reuse."""
+        """Deletes the compiled files of earlier frames; keeps the folder `files`, since the next frame may share its files."""
         if self._latest not in (None, files):
             shutil.rmtree(self._latest, ignore_errors=True)
         self._latest = files
@@ -149,9 +149,9 @@ def prepare_frames(worker: WorkerContext, manifest: Manifest, work: PrepareFrame
 
 
 def compiled_frame(worker: WorkerContext, manifest: Manifest, work: PrepareFrames) -> CompiledScene | None:
-    """Returns the compiled scene of the first of the frames, for use in this process only.
+    """Returns the compiled scene of the first requested frame, for use in this process only.
 
-    None if it equals the scene compiled for the shot's start. Raises WorkError, TemporaryError or RefusedError.
+    Returns None if it equals the scene compiled at the shot's start. Raises WorkError, TemporaryError or RefusedError.
     """
     found: list[str | None] = []
 

@@ -1,10 +1,10 @@
-"""Joint rendering: the slots of a worker render pieces of one tile, and send the sum of their results.
+"""Joint rendering: the slots of a worker render pieces of one tile, and the worker sends the sum of their results.
 
-Integer sums are exact, and every result costs the service about the same, so fewer results are cheaper.
+Integer sums are exact. A result costs the service about the same whatever its number of samples, so few large results are best.
 
-The slot that takes a joint batch from the queue makes its pieces available to all slots, sends them help messages, which precede
-other batches, and renders one piece itself. The slot that finishes the last piece, or finds sums whose hold time is over, sends
-the available sums.
+The slot that takes a joint batch from the queue makes its pieces available to all slots, sends them help messages, which
+precede other batches, and renders one piece itself. The slot that renders the last piece sends the sums. If sums have waited
+for the batch's `hold_s` seconds, a slot that ends a piece sends them without the missing ones.
 """
 
 from __future__ import annotations
@@ -36,9 +36,9 @@ log = logging.getLogger(__name__)
 
 
 def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message: str) -> bool:
-    """Makes the pieces available to all slots of this worker. Returns False if the files cannot be written.
+    """Makes a joint batch's pieces available to all slots of this worker. Returns False if the files cannot be written.
 
-    Pieces beyond the number of slots return to the queue.
+    message: id of the Celery message. Returns pieces beyond the number of slots to the queue.
     """
     if worker.pieces is None:
         return False
@@ -58,7 +58,10 @@ def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message:
 
 
 def remaining_pieces(worker: WorkerContext, joint: JointBatch, message: str) -> list[int]:
-    """Returns the numbers of the pieces of a redelivered message that no live slot of this machine has rendered or claimed."""
+    """Returns the indices of the pieces of a redelivered message that no live slot of this worker has rendered or claimed.
+
+    Returns all pieces if the folder of pieces does not have the message.
+    """
     with contextlib.suppress(OSError):
         if worker.pieces is not None and (left := worker.pieces.withdraw_unfinished(message)) is not None:
             return left
@@ -66,9 +69,9 @@ def remaining_pieces(worker: WorkerContext, joint: JointBatch, message: str) -> 
 
 
 def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
-    """Sends messages that ask this many slots to render waiting pieces.
+    """Sends this many messages to this worker's own queue, each asking a slot to render a waiting piece.
 
-    If Redis is unreachable, the next heartbeat sends them.
+    If Redis is unreachable, the heartbeat sends them later.
     """
     options = {"queue": help_queue(worker.name), "ignore_result": True, "retry": False}
     try:
@@ -94,7 +97,7 @@ def render_waiting_piece(worker: WorkerContext) -> None:
 
 
 def send_all_sums(app: Celery, worker: WorkerContext) -> None:
-    """Sends all available sums and returns unstarted pieces to the queue, at a worker's shutdown."""
+    """Sends all sums at once and returns unclaimed pieces to the queue, when the worker shuts down."""
     if worker.pieces is None:
         return
     try:

@@ -43,8 +43,9 @@ def prepare_scene(
 ) -> SceneInfo:
     """Prepares an uploaded scene and stores the results at the service.
 
-    show: called with what viewers can draw, once the scene was read. Raises WorkError with a sentence if the files are not a
-    scene; TemporaryError, UnfitError or RefusedError if the service or this machine cannot be used.
+    progress: called with the name of the current step and the completed fraction. show: called with a preview once the scene is
+    read. Raises WorkError with a sentence if the files are not a scene; TemporaryError, UnfitError or RefusedError if the
+    service or this machine cannot be used.
     """
     begun = time.monotonic()
     try:
@@ -145,7 +146,7 @@ def _compile_kernel(variant: Any, progress: Progress) -> None:
 
 
 def _convert_with_blender(manifest: Manifest, folder: ReaderFolder) -> list[str]:
-    """Converts the scene with Blender into the folder WRITTEN of the reader's folder.
+    """Converts a .blend scene with Blender into the subfolder CONVERTED_FOLDER of the reader's folder.
 
     Returns the names of the written files, main file first. Raises WorkError.
     """

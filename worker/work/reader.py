@@ -1,4 +1,4 @@
-"""Runs confined readers (renderer/confine/) for a slot: their folders and limits, and their failures as the worker's errors.
+"""Runs confined readers (renderer/confine/) for a slot. Creates their folders, sets their limits, and converts their errors.
 
 A reader's folder is temporary: `scene`, `base` and other folders that the slot puts there are read-only; `out` and `temporary`
 are writable. A reader's answers are untrusted: names and values are checked here, blobs by their hash when they are stored.
@@ -56,7 +56,7 @@ def begin_launcher() -> None:
 
 @contextlib.contextmanager
 def translated_errors() -> Iterator[None]:
-    """Context manager that converts errors of the renderer: to UnfitError for limits of the machine, otherwise to WorkError."""
+    """Context manager that converts the renderer's errors: limits of this machine to UnfitError, all others to WorkError."""
     try:
         yield
     except faults.MachineError as error:
@@ -110,7 +110,10 @@ class ReaderFolder:
     ) -> dict[str, Any]:
         """Runs a job in a reader and returns its answer; see renderer.confine.running.Reader. Raises WorkError and UnfitError.
 
-        memory: limit in bytes; None: the worker's budget. reads: other folders that the reader may read.
+        subject: name of the file for error messages. seconds: time limit. on_message: called with each message of
+        the job. memory: limit in bytes; None: the worker's budget. preload: modules to import before the job starts, or
+        "module:function" to call. calls: functions of this process that the reader may call, by name. reads: other folders that
+        the reader may read.
         """
         with (
             translated_errors(),
@@ -129,7 +132,7 @@ class ReaderFolder:
         calls: Mapping[str, Callable[..., Any]] | None = None,
         reads: Sequence[Path] = (),
     ) -> running.Reader:
-        """Starts a reader with the job; parameters as in `run`. Raises UnfitError."""
+        """Starts a reader with the job. Parameters as for `run`. Raises UnfitError."""
         bounds = Bounds(
             memory_budget() if memory is None else memory,
             seconds,

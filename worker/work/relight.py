@@ -27,9 +27,9 @@ SECONDS = 300.0
 
 
 def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
-    """Prepares the scene with its new environment; None if it must be compiled in full. Raises as `prepare_scene` does.
+    """Prepares the scene with its new environment; returns None if it must be compiled in full. Raises as `prepare_scene` does.
 
-    Reads only the manifest's replacement environment, no other file of the scene.
+    Of the scene's files, reads only the new environment.
     """
     known = _base_scene(worker, manifest)
     if known is None or manifest.environment is None:
@@ -57,7 +57,7 @@ def relight(worker: WorkerContext, manifest: Manifest) -> SceneInfo | None:
 def _base_scene(worker: WorkerContext, manifest: Manifest) -> tuple[SceneInfo, CompiledScene, bytes] | None:
     """Returns the scene with its original environment: its info, its compiled scene, and the bytes of its manifest.
 
-    None if it cannot be reused.
+    Returns None if the compiled scene cannot be reused.
     """
     if manifest.base is None:
         return None

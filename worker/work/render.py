@@ -45,7 +45,7 @@ _open: OrderedDict[str, CompiledScene] = OrderedDict()
 
 
 def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> Result:
-    """Renders a batch. Returns its exact sums, or an event with the reason for the failure.
+    """Renders a batch. Returns its exact sums, or the event of a failed or returned batch with the reason.
 
     compiling: called with True before the scene's kernel is made ready, and with False afterwards.
     """
@@ -108,18 +108,18 @@ def rendered_result(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, 
 
 
 def failure_event(worker: WorkerContext, batch: RenderBatch, error: str, trace: str = "") -> Result:
-    """Returns the result of a failed batch. trace: the last lines of the traceback."""
+    """Returns the result of a failed batch. error: the reason, as a sentence. trace: the last lines of the traceback."""
     command = batch_command(batch.settings, batch.tile, batch.first, batch.count)
     return Result({**batch_event(worker, batch, "batch-failed"), "error": error, "reproduce": command, "trace": trace})
 
 
 def returned_event(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
-    """Returns the result for a batch that this worker sends back because of a fault of the worker, such as a full disk."""
+    """Returns the result of a batch that this worker gives back because of a fault of its own, such as a full disk."""
     return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
 
 
 def not_understood_event(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
-    """Returns the result for a batch that this release cannot parse. batch: the message, from RenderBatch.to_json."""
+    """Returns the result of a batch that this release cannot parse. batch: the message, from RenderBatch.to_json."""
     event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
     sentence = Sentence(
         "worker-batch-unreadable",
@@ -131,7 +131,7 @@ def not_understood_event(worker: WorkerContext, batch: dict[str, Any], error: Ex
 
 
 def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[str, Any]:
-    """Returns the fields that all events about a batch have."""
+    """Returns the fields that all events about a batch have. kind: the event's type."""
     return {
         "type": kind,
         "batch": batch.batch,
@@ -145,7 +145,7 @@ def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[st
 
 
 def mapped_scene(worker: WorkerContext, sha256: str) -> CompiledScene:
-    """Returns the compiled scene, mapped once per slot."""
+    """Returns the compiled scene with this hash. Each slot maps it once."""
     scene = _open.get(sha256)
     if scene is None:
         scene = open_scene(worker.cache, sha256)

@@ -1,6 +1,6 @@
-"""Compiled scenes at the service and in this machine's cache: a single file, or a manifest and its parts.
+"""Uploads compiled scenes to the service, and opens those in this machine's cache.
 
-See renderer/scene/compiled_parts.py.
+A compiled scene is a single file, or a manifest and its parts (renderer/scene/compiled_parts.py).
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ def store(worker: WorkerContext, path: Path) -> BlobRef:
 
 
 def store_scene(worker: WorkerContext, path: Path, stored_parts: Collection[str] = ()) -> BlobRef:
-    """Uploads a compiled scene written by `renderer.scene.compiled.save` or a Saver; only parts that the service lacks.
+    """Uploads a compiled scene, but only those parts that the service lacks.
 
-    stored_parts: hashes of parts that the service certainly has; they are not checked. The parts are also added to this
-    machine's cache, for later frames that share them, since the service may delete them. Raises TemporaryError if a part of an
-    earlier frame no longer exists.
+    path: the scene, written by `renderer.scene.compiled.save` or a Saver. stored_parts: hashes of parts that the service
+    certainly has; they are not checked. Also adds the parts to this machine's cache, for later frames that share them. Raises
+    TemporaryError if a part of an earlier frame no longer exists.
     """
     parts = parts_of(path)
     for part in parts:

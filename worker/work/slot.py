@@ -1,4 +1,4 @@
-"""Current work of a slot, for the worker's report."""
+"""Reports what a slot does at present."""
 
 from __future__ import annotations
 
@@ -40,18 +40,21 @@ class SlotTask:
         self._worker.board.write(slot(), {}, self.speed)
 
     def turn_to(self, doing: dict[str, Any]) -> None:
-        """Reports the part of the task that begins now."""
+        """Reports the next part of the task. doing: fields that describe it."""
         self._doing = doing
         self._worker.board.write(slot(), doing)
 
     def report_compiling(self, is_compiling: bool) -> None:
-        """Writes to the worker's board whether this slot is compiling a kernel."""
+        """Reports whether this slot is compiling a kernel for the task."""
         self._worker.board.write(slot(), self._doing | {"compiling": is_compiling})
 
 
 @contextmanager
 def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], Result]]:
-    """Context manager in which the slot reports that it renders this batch; yields the function that renders the batch."""
+    """Context manager in which the slot is reported as rendering a batch; yields the function that renders it.
+
+    message: id of the Celery message.
+    """
     about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
     with SlotTask(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 

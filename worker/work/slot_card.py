@@ -68,9 +68,10 @@ class _ReturnedError(Exception):
 
 
 def blocks_of(batches: Sequence[RenderBatch], most: int = BLOCK_SAMPLES) -> list[Block]:
-    """Joins batches of adjacent tiles to rectangular blocks: first within a row of tiles, then across rows.
+    """Groups batches of adjacent tiles into rectangular blocks: first within a row of tiles, then across rows.
 
-    most: maximum number of samples of a joined block, over all pixels.
+    Only batches of the same frame and the same samples are grouped. most: maximum number of samples of a block, over all
+    pixels.
     """
     groups: dict[object, list[RenderBatch]] = {}
     for batch in batches:
@@ -96,7 +97,7 @@ def _joined(blocks: list[Block], join: Callable[[Tile, Tile], Tile | None], most
 
 
 def _union_with_right(a: Tile, b: Tile) -> Tile | None:
-    """Returns the rectangle that tile `a` and tile `b` to its right fill; None if they do not fill one."""
+    """Returns the union of tile `a` and tile `b` if `b` is its right neighbour of equal height, else None."""
     return Tile(a.x, a.y, a.w + b.w, a.h) if (a.y, a.h, a.x + a.w) == (b.y, b.h, b.x) else None
 
 
@@ -105,10 +106,10 @@ def _union_with_lower(a: Tile, b: Tile) -> Tile | None:
 
 
 def render_on_card(worker: WorkerContext, work: CardBatches, show: Show) -> float:
-    """Renders the batches with this slot's graphics card, and sends their sums.
+    """Renders the batches with this slot's graphics card, and sends their sums. Returns samples per second, 0 without any.
 
-    Returns the samples per second; 0 if it rendered none. Batches that the card cannot render are sent back to the service,
-    which dispatches them to CPU slots.
+    Sends batches that the card cannot render back to the service, which dispatches them to CPU slots. show: called before each
+    block with the block and whether its kernel is being compiled.
     """
     left = {batch.batch: batch for batch in work.batches}
     samples, seconds = 0, 0.0
@@ -133,14 +134,14 @@ def render_on_card(worker: WorkerContext, work: CardBatches, show: Show) -> floa
 
 
 def return_to_cpus(worker: WorkerContext, batches: Iterable[RenderBatch], reason: str) -> None:
-    """Sends batches back to the service, for CPU slots."""
+    """Sends batches back to the service, which dispatches them to CPU slots. reason: a sentence."""
     for batch in batches:
         event = returned_event(worker, batch, reason)
         worker.results.send(Result({**event.event, "for_cpu": True}))
 
 
 def _rendered(worker: WorkerContext, work: CardBatches, show: Show) -> Iterator[tuple[Block, BatchSums, float]]:
-    """Yields each block with its sums and the seconds that it took. Raises _UnusableError or _ReturnedError with the reason."""
+    """Yields each rendered block with its sums and the seconds it took. Raises _UnusableError or _ReturnedError."""
     card = worker.cards[slot()]
     try:
         for block in blocks_of(work.batches):
@@ -166,9 +167,10 @@ def _rendered(worker: WorkerContext, work: CardBatches, show: Show) -> Iterator[
 def _ready(
     worker: WorkerContext, card: Card, batch: RenderBatch, compiling: Callable[[bool], None]
 ) -> tuple[CardRenderer, CompiledScene]:
-    """Returns the renderer of a graphics card with the kernel for a batch loaded, and the batch's scene.
+    """Returns the renderer of a graphics card, with the kernel for a batch loaded, and the batch's scene.
 
-    Raises _UnusableError, and the errors of opening the scene and loading the kernel.
+    compiling: called with True before a kernel is loaded, and with False afterwards. Raises _UnusableError, and the errors of
+    opening the scene and loading the kernel.
     """
     if not is_for_cards(batch.settings):
         raise _UnusableError(

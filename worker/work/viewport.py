@@ -1,4 +1,4 @@
-"""Renders parts of interactive views, and prepares the frames that views show."""
+"""Renders parts of live views (interactive pictures without a job), and prepares the animation frames that views show."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class ViewAnswers:
         self._key, self._view = view_key(work.watch), str(work.view).encode()
 
     def send(self, type: str, sums: bytes = b"", **more: Any) -> None:
-        """Sends an answer of this type."""
+        """Sends an answer of this type. sums: the packed sums of a part. more: further fields."""
         answer = ViewAnswer(type, *self._about, more, sums).to_bytes()
         try:
             with self._redis.pipeline(transaction=False) as at_once:
@@ -68,7 +68,7 @@ class ViewAnswers:
 
 
 def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[bool], None]) -> float:
-    """Renders parts of a view until all are done or the view is outdated. Returns samples per second; 0 if none was rendered.
+    """Renders parts of a view until all are done or the viewer has changed it. Returns samples per second, 0 without any.
 
     compiling: called with True before the scene's kernel is made ready, and with False afterwards.
     """
@@ -129,7 +129,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
 
 
 def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
-    """Prepares the frames of a view, and sends an answer for each."""
+    """Compiles the animation frames that a view requests, and sends an answer for each."""
     answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
         return
@@ -168,7 +168,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
 
 
 def _shown_planes(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Returns the sums with zeros in the planes that a view does not use; these take no space when packed."""
+    """Returns a copy of the sums in which the planes that a view does not use are zero, so that they pack into little space."""
     seen = np.zeros_like(sums)
     seen[COLOR], seen[SAMPLES] = sums[COLOR], sums[SAMPLES]
     return seen
