@@ -76,7 +76,7 @@ EXIT_REFUSED = 3
 def main(arguments: Sequence[str] | None = None) -> int:
     """Joins the farm, makes the kernels ready and processes tasks. Returns the exit code.
 
-    3: there is no farm, or it rejects this worker; a retry does not help.
+    Exit code 3: the address is not that of a farm, or the farm rejects this worker, so a restart does not help.
     """
     options = _options(arguments)
     if options.log_format:
@@ -193,7 +193,7 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
 
 
 def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
-    """Returns the worker's tags: those from the command line, and automatic ones such as its host."""
+    """Returns the worker's tags, which jobs can require: those from the command line, and automatic ones such as its host."""
     able = [*(["denoiser"] if denoise.is_available() else []), *([blends.TAG] if options.blender is not None else [])]
     where = [f"host:{host.lower()}", *([f"{SITE}{options.site}"] if options.site else [])]
     own = [*where, *able, f"kind:{kind.lower()}"]
@@ -201,7 +201,7 @@ def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:
 
 
 def _command_line_terms(options: argparse.Namespace) -> Terms:
-    """Returns the terms set on the command line. Raises ValueError."""
+    """Returns the limits on the use of this machine that the command line sets. Raises ValueError if one is out of range."""
     memory = round(options.memory * 1e9)
     return Terms(options.hours, options.idle, options.nice, memory=memory).checked()
 
@@ -209,7 +209,7 @@ def _command_line_terms(options: argparse.Namespace) -> Terms:
 def _check_settings(options: argparse.Namespace) -> Blender | None:
     """Checks the settings that would otherwise make the first task fail. Returns the Blender to use, or None.
 
-    Raises RefusedError.
+    Raises RefusedError if a setting is invalid.
     """
     try:
         if options.redis:
@@ -234,9 +234,10 @@ def _check_settings(options: argparse.Namespace) -> Blender | None:
 
 
 def _choose_cards(options: argparse.Namespace) -> tuple[tuple[Card, ...], tuple[str, ...]]:
-    """Returns the graphics cards to use, and sentences on why others are not used.
+    """Returns the graphics cards to use, and for each other card a sentence on why it is not used.
 
-    With graphics cards, `options.slots` becomes their number. Raises RefusedError if a card is missing or cannot be used.
+    Sets `options.slots` to the number of cards if there are any. Raises RefusedError if a requested card is missing or cannot
+    be used.
     """
     if options.gpu == "none" and (options.paired or not has_nvidia_hardware()):
         return (), ()
@@ -250,7 +251,7 @@ def _choose_cards(options: argparse.Namespace) -> tuple[tuple[Card, ...], tuple[
 
 
 def _inspect_blender(named: str) -> Blender:
-    """Returns the Blender at the given path. Raises RefusedError if it cannot be used."""
+    """Returns the Blender at the path `named`, or any Blender found if it is empty. Raises RefusedError if none can be used."""
     try:
         found = program.inspect_blender(named) if named else program.find()
     except program.BlenderError as error:

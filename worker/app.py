@@ -107,7 +107,7 @@ def _on_slot_start(**_: Any) -> None:
 
 
 def _on_ready(**_: Any) -> None:
-    """Called when the worker is ready: starts to compile the kernel for scenes with textures in advance."""
+    """Called when the worker is ready: starts to compile in advance the kernel that supports all scene features."""
     worker = context.current()
     if worker.keeping is None or worker.keeping.may_precompile():
         precompile_full_kernel(worker.link)

@@ -1,7 +1,7 @@
 """`python3 -IS worker/healthy.py [--ready]`: health check of the worker in this container; the result is the exit code.
 
-It checks neither the service nor Redis: a worker that waits for them is healthy, and a restart would not help. A worker whose
-event loop hangs is unhealthy. --ready: also checks that it accepts work. worker/machine/health_file.py writes the file.
+The check reads the file that worker/machine/health_file.py writes. A worker whose event loop hangs is unhealthy. A worker that
+waits for the service or Redis is healthy, since a restart would not help. --ready: also checks that the worker accepts work.
 """
 
 import os
@@ -12,7 +12,10 @@ MAX_AGE_S = 30.0
 
 
 def unhealthy_reason(path: str, ready: bool = False) -> str:
-    """Returns a sentence on why the worker is unhealthy; "" if it is healthy. ready: also require that it accepts work."""
+    """Returns a sentence on why the worker is unhealthy; "" if it is healthy. ready: also require that it accepts work.
+
+    path: the worker's health file.
+    """
     try:
         with open(path) as file:  # noqa: PTH123 - pathlib takes longer to import than the rest
             pid, state = file.read().split()

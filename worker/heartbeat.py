@@ -1,8 +1,8 @@
 """A worker's heartbeat: writes its report to Redis under a key that expires.
 
 The event loop that fetches the worker's tasks also writes its report, so a worker whose loop hangs stops reporting, and the
-service notices. Each beat also resets a watchdog, and detects a worker that is idle although its queue is full (Celery issues
-8030, 9054, 10205). In both cases the process ends, and its supervisor restarts it.
+service notices. Each beat also resets a watchdog timer, and detects that no task arrives although the queue has some (Celery
+issues 8030, 9054, 10205). If the timer expires or no task arrives, the process ends, and its supervisor restarts it.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class Heartbeat(bootsteps.StartStopStep):
             self.timer = None
 
     def beat(self) -> None:
-        """Sends the report, resets the watchdog, applies the service's terms, and checks that this worker gets queued tasks."""
+        """Sends the report, resets the watchdog, applies required run-time settings, and checks that queued tasks arrive."""
         health_file.write_state(WorkerState.WORKING)
         heard = self.telling.receive()  # on a slow line, the reply to an earlier beat
         self._send_report()
@@ -154,8 +154,9 @@ class Heartbeat(bootsteps.StartStopStep):
             os.kill(os.getpid(), signal.SIGTERM)
 
     def _request_help(self, report: WorkerReport, reply: HeartbeatReply) -> None:
-        """Sends help requests if pieces of joint batches wait but no request is queued: the slot that should take them may have
-        died.
+        """Asks free slots to render the waiting pieces of joint batches, if no such request is queued (protocol/joint.py).
+
+        A slot that received an earlier request may have died.
         """
         free = sum(not doing for doing in report.current)
         if self.worker.pieces is not None and report.in_hand and free and not reply.is_asked:
@@ -189,9 +190,10 @@ class Heartbeat(bootsteps.StartStopStep):
         self._consume_needs_queues(() if wanted or keeping is None else keeping.terms.queues)
 
     def _consume_needs_queues(self, queues: tuple[str, ...]) -> None:
-        """Serves exactly these queues for requirements, in addition to the worker's own queues.
+        """Makes this worker serve exactly these requirement queues, in addition to its own queues.
 
-        A worker with graphics cards does not, as the service sends all its batches to its own queue.
+        A requirement queue has the batches that need certain tags or memory. A worker with graphics cards serves none: the
+        service sends all its batches to its own queue.
         """
         if card_queue(self.worker.name) in self.worker.queues:
             self.served = queues
@@ -209,7 +211,10 @@ class Heartbeat(bootsteps.StartStopStep):
         self.served = queues
 
     def _apply_terms(self) -> None:
-        """Applies the terms that the service requires, including the number of slots. Running tasks are always finished."""
+        """Applies the run-time settings (protocol/terms.py) that the service requires, including the number of slots.
+
+        Running tasks are always finished.
+        """
         if (keeping := self.worker.keeping) is None:
             return
         keeping.request(self.heard.terms)

@@ -41,9 +41,10 @@ class Joined:
 
 
 class FarmJoin:
-    """Joins the service, retrying until it responds; then reports `starting` until the worker's own heartbeat starts.
+    """Joins the farm in a thread that retries until the service responds.
 
-    redis_url: None: the service's. report: returns the worker's report for a given name.
+    Then reports the worker as `starting`, until its own heartbeat starts. redis_url: address of Redis; None: the one that the
+    service gives. report: returns the worker's report for a given name. say: logs a message.
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class FarmJoin:
             self._report_until_stopped(self._joined)
 
     def _join_with_retries(self) -> Joined | None:
-        """Joins once service and Redis are reachable; None if stopped. Logs each distinct reason for waiting once."""
+        """Joins once service and Redis are reachable; returns None if `finish` ends the wait. Logs each new reason to wait."""
         said = ""
         pause = FIRST_PAUSE_S
         while not self._stop.is_set():

@@ -1,7 +1,7 @@
 """Reports a worker's running tasks while the worker shuts down.
 
-The event loop that otherwise reports them has already ended. If the report expired, the service would dispatch the nearly
-finished work again.
+During a shutdown the event loop that normally sends reports has ended. If the report expired, the service would dispatch the
+nearly finished work again.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The Celery tasks. Their arguments are ids and numbers; files are sent over HTTP, results over the stream."""
+"""The Celery tasks. Their arguments are ids and numbers; files are sent over HTTP, results over a Redis stream."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
 
 
 def _render_on_card(task: Any, card: dict[str, Any]) -> None:
-    """Renders batches (CardBatches.to_json) with this slot's graphics card, and sends the sums of each."""
+    """Renders batches (CardBatches.to_json) with this slot's graphics card, and sends the sums of each batch."""
     worker, message = context.current(), task.request.id
     try:
         work = CardBatches.from_json(card)
@@ -162,12 +162,15 @@ def _render_on_card(task: Any, card: dict[str, Any]) -> None:
 
 
 def _help_with_piece(task: Any, request: dict[str, Any]) -> None:
-    """Renders a piece that waits on this machine, if any, and sends the sums that are due."""
+    """Renders a waiting piece of a joint batch of this worker, if there is one, and sends sums that are due.
+
+    request: empty.
+    """
     render_waiting_piece(context.current())
 
 
 def _prepare(task: Any, scene: str) -> None:
-    """Prepares an uploaded scene, and reports its progress."""
+    """Prepares an uploaded scene, and reports its progress. scene: the scene's id."""
     worker = context.current()
     about = {"scene": scene, "kind": worker.kind, "worker": worker.name}
     steps = Steps()
@@ -239,7 +242,10 @@ def _prepare(task: Any, scene: str) -> None:
 
 
 def _send_thumbnail(worker: context.WorkerContext, about: dict[str, Any], info: SceneInfo, main: str) -> None:
-    """Renders the thumbnail of a prepared scene while its jobs may already run. If that fails, the scene has no thumbnail."""
+    """Renders and reports the thumbnail of a prepared scene, whose jobs may already run. If it fails, there is no thumbnail.
+
+    about: fields of the event. main: name of the scene's main file.
+    """
     try:
         made = make_thumbnail(worker, info, main)
     except (WorkerError, OSError) as error:
