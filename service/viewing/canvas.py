@@ -1,4 +1,4 @@
-"""Accumulated picture of a live view: exact sums of colour, noise estimates, and the tiles to send to the viewer again."""
+"""Accumulated picture of a live view: exact sums of colour, noise estimates, and the tiles whose picture has changed."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ GROWTH = 1.5  # a tile is shown again with so many times the samples: less is ha
 
 
 class Canvas:
-    """Sums of one resolution level of a view. Each piece is added once; the order does not matter.
+    """Sums of the samples of one resolution level of a view.
 
-    noise: relative noise at which a tile is complete, checked at 32, 64, 128 ... samples as in jobs; None: tiles get all samples.
-    Tiles of few pixels are checked later (`first_check`).
+    Each range of a tile's samples is added once; the order does not matter. noise: relative noise at which a tile is complete,
+    checked at 32, 64, 128 ... samples; None: tiles get all samples. Tiles of few pixels are checked later (`first_check`).
     """
 
     def __init__(self, level: Level, film_exponent: int, noise: float | None = None) -> None:
@@ -44,12 +44,12 @@ class Canvas:
 
     @property
     def samples(self) -> int:
-        """Minimum over all tiles of the samples per pixel."""
+        """Samples per pixel of the tile that has the fewest."""
         return int(self._counts.min())
 
     @property
     def mean_samples(self) -> float:
-        """Mean number of samples per pixel."""
+        """Samples per pixel, averaged over all pixels."""
         return float((self._areas * self._counts).sum() / self._areas.sum())
 
     @property
@@ -59,7 +59,7 @@ class Canvas:
 
     @property
     def noise(self) -> float | None:
-        """Relative noise: the root mean square over all tiles, as for a job's frame; None until every tile is measured."""
+        """Relative noise, as the root mean square over all pixels of the tiles' noise; None until every tile is measured."""
         if not self._measured_at.all() or not np.isfinite(self._noise).all():
             return None
         squares = self._noise**2 * self._measured_at / self._counts  # scaled to the current number of samples
@@ -70,9 +70,9 @@ class Canvas:
         return bool(self._ended[tile] or self._counts[tile] >= self.level.samples)
 
     def add(self, tile: int, first: int, count: int, sums: Sums) -> None:
-        """Adds the sums of a piece, shape (CHANNELS, h, w).
+        """Adds the sums of one range of a tile's samples, shape (CHANNELS, h, w).
 
-        first, count: the piece's sample numbers, all of which are in the same half (renderer.film.in_half).
+        tile: the tile's index. first, count: the sample numbers, all of which are in the same half (renderer.film.in_half).
         """
         place = self._slices(tile)
         half = 0 if film.in_half(first) else 1

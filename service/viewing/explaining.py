@@ -1,4 +1,4 @@
-"""Explains pixels: a worker renders a pixel's samples again, with a record of each path, while the request waits."""
+"""Explains a pixel: a worker renders its samples again and records each path, while the client's request waits."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class PixelExplainer:
     """Sends explanation requests to workers and waits for their answers. Thread-safe; blocks the calling thread."""
 
     def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotHolder) -> None:
-        """Stores the connections and the snapshot holder that all requests share. `stop` closes connection and dispatcher."""
+        """Stores the connections and the holder of the engine's snapshot. `stop` closes connection and dispatcher."""
         self._redis = connection
         self._dispatcher = dispatcher
         self._board = board
@@ -48,7 +48,7 @@ class PixelExplainer:
         self._redis.close()
 
     def kinds(self) -> list[str]:
-        """Returns the worker kinds that can explain pixels, those with most slots first.
+        """Returns the worker kinds (renderer.jit.kind) that can explain pixels, those with most slots first.
 
         Any worker of a kind may receive the message, so a kind is included only if all its ready workers support explanations.
         Raises Unavailable if there is no such kind.
@@ -74,9 +74,10 @@ class PixelExplainer:
         return kinds
 
     def explain(self, work: ExplainPixel, kind: str) -> dict[str, Any]:
-        """Returns a worker's explanation (worker/work/explain.py); its key `worker` is the worker's name.
+        """Sends a request to a worker of this kind, and returns its explanation (worker/work/explain.py).
 
-        work: the message; its id is replaced. Raises Unavailable or AnswerTimeout, or Failed if the worker reports an error.
+        The key `worker` of the explanation is the worker's name. work: the request; its message id is replaced. Raises
+        Unavailable or AnswerTimeout, or Failed if the worker reports an error.
         """
         if not self._room.acquire(blocking=False):
             raise Unavailable(Sentence("pixel-requests-busy", "Other pixels are being explained. Try again in a moment."), 2.0)
@@ -105,10 +106,10 @@ class PixelExplainer:
             self._room.release()
 
     def _answer_of(self, work: ExplainPixel, queue: str) -> dict[str, Any] | MachineFault | None:
-        """Sends one message and returns its answer.
+        """Sends a request to a queue and returns the worker's explanation.
 
-        Returns the fault if the worker's machine cannot do it, None if the worker was lost. Raises redis.RedisError and
-        QueueError too.
+        Returns the fault if the worker's machine cannot explain the pixel, and None if the worker was lost. Raises the errors
+        of `explain`, and redis.RedisError and QueueError.
         """
         self._dispatcher.send_explain(work, queue)
         holder: str | None = None

@@ -1,4 +1,4 @@
-"""Cache of compiled animation frames for live views. A frame stays while any session shows its scene, and is then deleted."""
+"""Cache of compiled animation frames for live views. When no session shows a scene any more, its frames are deleted."""
 
 from __future__ import annotations
 
@@ -15,7 +15,10 @@ MAX_FRAMES = 48  # enough for scrubbing to and fro
 
 
 class FrameCache:
-    """LRU cache of frames, by FrameRequest.cache_key. Used in the scheduler's thread only."""
+    """LRU cache of frames. The parameter `name` is always the key from FrameRequest.cache_key.
+
+    Used in the scheduler's thread only.
+    """
 
     def __init__(self, events: Events) -> None:
         self._events = events
@@ -29,7 +32,7 @@ class FrameCache:
         return self._infos[name][1]
 
     def put(self, name: str, scene: str, info: FrameInfo) -> None:
-        """Adds a frame. If there are more than MOST frames, evicts the least recently used one."""
+        """Adds a frame of a scene. If there are more than MAX_FRAMES frames, evicts the least recently used one."""
         earlier = self._infos.pop(name, None)
         self._infos[name] = scene, info
         gone = [earlier[1]] if earlier else []

@@ -18,7 +18,7 @@ MEMORY_LIMIT_REACHED = Sentence(
 def fits_in_memory(pixels: int, sessions: Iterable[ViewSession]) -> bool:
     """Returns True if another view of this many pixels fits into the memory limit.
 
-    If necessary, frees the pictures of paused sessions, which start again when they are resumed.
+    If it does not, discards the pictures of paused sessions, which are rendered again on resumption, until it fits.
     """
     room = MAX_PIXELS - pixels - sum(session.pixels for session in sessions)
     for session in sessions:

@@ -1,10 +1,10 @@
 """Divides a view into pieces to render: first a small picture, then the whole view with more and more samples.
 
-The first picture is as large as the farm can render in FIRST_PICTURE_S seconds at the measured cost of a sample. If the whole
-view takes much longer, a picture of medium size follows. The whole view is then rendered with 1, 2, 4, 8 ... samples per pixel.
-All samples of a piece are in one half (renderer.film.in_half), so that the noise can be estimated from the sums of the halves. A
-piece takes about PIECE_TARGET_S seconds, so that slots soon become free for a new view. A message has several pieces, so that its
-round trip is short compared with its rendering.
+A piece is a range of samples of one tile. The first picture is as large as the farm can render in FIRST_PICTURE_S seconds at
+the measured cost of a sample. If the whole view takes much longer, a picture of medium size follows. The whole view is then
+rendered with 1, 2, 4, 8 ... samples per pixel. All samples of a piece are in one half (renderer.film.in_half), so that the
+noise can be estimated from the sums of the halves. A piece takes about PIECE_TARGET_S seconds, so that slots soon become free
+for a new view. A message to a worker has several pieces, so that its round trip is short compared with its rendering.
 """
 
 from __future__ import annotations
@@ -27,7 +27,10 @@ MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
 
 @dataclass(frozen=True)
 class Piece:
-    """A unit of work: the samples first ... first + count - 1 of one tile of one level."""
+    """A unit of work: the samples first ... first + count - 1 of one tile of one resolution level.
+
+    level, tile: indices.
+    """
 
     level: int
     tile: int
@@ -37,7 +40,10 @@ class Piece:
 
 @dataclass(frozen=True)
 class Level:
-    """One resolution at which a view is rendered, with its tiles ordered from the centre outwards and its samples per pixel."""
+    """One resolution at which a view is rendered.
+
+    samples: samples per pixel. tiles: ordered from the centre outwards.
+    """
 
     width: int
     height: int
@@ -46,9 +52,10 @@ class Level:
 
 
 def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int) -> list[Level]:
-    """Returns the levels of a view ordered by size; the last is the view's full size.
+    """Returns one to three resolution levels for a view, ordered by size; the last has the view's full size.
 
-    cost_s: seconds per pixel sample on one slot.
+    samples: samples per pixel of the last level. cost_s: seconds per sample of a pixel on one slot. slots: number of slots that
+    render.
     """
     whole = width * height
     first = max(MIN_PIXELS, slots * FIRST_PICTURE_S / cost_s)
@@ -66,7 +73,7 @@ def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int) 
 
 
 class Passes:
-    """Order in which the pieces of a view are rendered."""
+    """The order in which the pieces of a view are rendered. cost_s: seconds per sample of a pixel on one slot."""
 
     def __init__(self, levels: list[Level], cost_s: float) -> None:
         self.levels = levels
@@ -89,11 +96,11 @@ class Passes:
         return chosen
 
     def requeue(self, pieces: list[Piece]) -> None:
-        """Puts pieces that were lost back at the front of the order."""
+        """Adds pieces that were lost, which precede those not rendered yet."""
         self._lost.extend(pieces)
 
     def complete_tile(self, level: int, tile: int) -> None:
-        """Removes the remaining pieces of a complete tile."""
+        """Removes the remaining pieces of a tile that needs no more samples. level, tile: indices."""
         self._ended.add((level, tile))
 
     def expected_s(self, piece: Piece) -> float:
@@ -131,7 +138,7 @@ class Passes:
 def _tiles(width: int, height: int, cost_s: float, at_least: int) -> list[Tile]:
     """Divides a level into tiles that take about PIECE_TARGET_S seconds per sample.
 
-    at_least: minimum number of tiles, unless the picture is tiny.
+    cost_s: seconds per sample of a pixel. at_least: minimum number of tiles, unless the picture is tiny.
     """
     pixels = min(PIECE_TARGET_S / cost_s, width * height / at_least)
     side = min(256, max(16, 4 * round(math.sqrt(pixels) / 4)))

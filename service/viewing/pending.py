@@ -1,4 +1,4 @@
-"""Messages that were sent to workers and have not been answered completely."""
+"""Messages of live views that were sent to workers and are not completely answered."""
 
 from __future__ import annotations
 
@@ -14,7 +14,10 @@ __all__ = ["PendingMessage"]
 
 @dataclass
 class PendingMessage:
-    """A message sent to a worker: pieces of a view, a pixel to pick, or an animation frame to prepare."""
+    """A message sent to a worker: pieces of a view, a pixel to pick, or an animation frame to prepare.
+
+    view: number of the view for which it was sent. kind: the worker kind (renderer.jit.kind) that may answer it.
+    """
 
     session: ViewSession
     view: int
@@ -28,7 +31,10 @@ class PendingMessage:
     has_started: bool = False
 
     def requeue(self) -> None:
-        """Returns the unanswered parts to the session, which sends them again if the view is still shown."""
+        """Gives the unanswered pieces back to the session, which sends them again if it still shows the same view.
+
+        Also gives back a pixel whose pick is unanswered.
+        """
         if self.pieces and self.session.passes is not None and self.view == self.session.view:
             self.session.passes.requeue(list(self.pieces.values()))
         if not self.session.is_closed:

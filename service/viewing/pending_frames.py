@@ -1,4 +1,4 @@
-"""Requested animation frames of views, remembered so that an answer can be matched after the view has changed."""
+"""Requests for animation frames that are unanswered. An answer is used even if the session shows another view by then."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ ANSWER_TIMEOUT_S = 10.0  # for a message that is neither queued nor held by a sl
 
 
 class PendingFrames:
-    """Pending frame requests by message id. Used in the scheduler's thread only."""
+    """Unanswered frame requests, by message id. Used in the scheduler's thread only."""
 
     def __init__(self) -> None:
         self._asked: dict[str, tuple[str, str, float]] = {}
@@ -33,7 +33,7 @@ class PendingFrames:
             self._asked.pop(message, None)
 
     def remove_expired(self, *alive: Container[str]) -> None:
-        """Removes requests older than ANSWER_TIMEOUT_S seconds, except those whose message ids are in one of `alive`."""
+        """Removes requests older than ANSWER_TIMEOUT_S seconds, except those whose message id is in a container in `alive`."""
         too_old = time.monotonic() - ANSWER_TIMEOUT_S
         gone = [id for id, (*_, at) in self._asked.items() if at < too_old and not any(id in each for each in alive)]
         self.remove(gone)

@@ -20,9 +20,9 @@ FILM_EXPONENT = 24
 
 
 def pick_message(session: ViewSession, message: str, x: int, y: int) -> ViewParts:
-    """Returns the message that renders one sample of the pixel.
+    """Returns the message by which a worker renders one sample of pixel (x, y).
 
-    Without depth of field, since a wide lens would hit several surfaces.
+    message: the message's id. The sample has no depth of field, since a wide lens could hit any of several surfaces.
     """
     assert session.settings is not None
     view = replace(session.settings.view, aperture=0.0)
@@ -31,9 +31,10 @@ def pick_message(session: ViewSession, message: str, x: int, y: int) -> ViewPart
 
 
 def record_pick(out: PendingMessage, pick: tuple[int, int], answer: ViewAnswer) -> None:
-    """Sends the result of a pick to the page: the pixel's direction, and depth, position and normal of the surface.
+    """Passes the result of a pick to the session: the pixel's direction, and depth, position and normal of the surface.
 
-    Depth, position and normal are None if the ray misses. The direction is None while the view is restarted.
+    Depth, position and normal are None if the ray misses. The direction is None while the view is restarted. out: the message
+    that the worker has answered. pick: the pixel.
     """
     session, (x, y) = out.session, pick
     sums = unpack_sums(answer.sums, Tile(x, y, 1, 1))

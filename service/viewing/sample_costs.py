@@ -1,4 +1,4 @@
-"""Estimates the seconds that a sample of each scene takes on a slot, from the measured parts of its live views."""
+"""Estimates the seconds that a sample of a scene takes on one slot, from measurements while its live views are rendered."""
 
 from __future__ import annotations
 
@@ -14,13 +14,19 @@ MAX_SCENES = 256
 
 
 class SampleCosts:
-    """Measured seconds per pixel sample on one slot, by scene, integrator and depth. Used in the scheduler's thread only."""
+    """Measured seconds per sample of a pixel on one slot, by scene, integrator and maximum depth.
+
+    Used in the scheduler's thread only.
+    """
 
     def __init__(self) -> None:
         self._known: dict[str, float] = {}
 
     def estimate(self, request: ViewRequest, kind: str, roster: WorkerSnapshot) -> float:
-        """Returns the measured seconds per pixel sample; for a new scene an estimate from the workers' speeds."""
+        """Returns the seconds per sample of a pixel: measured, or for a new scene estimated from the workers' speeds.
+
+        kind: the worker kind. roster: the workers.
+        """
         known = self._known.get(_name(request))
         if known is not None:
             return known
@@ -28,7 +34,7 @@ class SampleCosts:
         return max(ASSUMED_S, len(speeds) / sum(speeds)) if speeds else ASSUMED_S
 
     def update(self, request: ViewRequest, cost_s: float) -> None:
-        """Adds a measurement to the running average."""
+        """Adds a measurement of the seconds per sample of a pixel, `cost_s`, to the running average of a scene."""
         name = _name(request)
         before = self._known.pop(name, cost_s)
         self._known[name] = max(MIN_S, before + (cost_s - before) * SMOOTHING)

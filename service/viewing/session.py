@@ -27,7 +27,7 @@ MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this
 
 
 class ViewSession:
-    """State of a live view on one WebSocket. Created by the route and passed to the scheduler."""
+    """State of a live view that a page shows over one WebSocket. Created by the route and passed to the scheduler."""
 
     def __init__(self, wake: Callable[[], None]) -> None:
         """Creates a session without a view.
@@ -63,7 +63,7 @@ class ViewSession:
     def is_ready_for_next(self) -> bool:
         """Returns True if the requested view may replace the current one now.
 
-        True once the current view has shown a picture, an error or a message, or has run for HOLD_S seconds.
+        That is so once the current view has shown a picture, an error or a message, or has run for MIN_PICTURE_WAIT_S seconds.
         """
         if self.wanted is None:
             return False
@@ -71,7 +71,7 @@ class ViewSession:
         return is_over or time.monotonic() - self.begun > MIN_PICTURE_WAIT_S
 
     def switch_to(self, request: ViewRequest, view: int) -> None:
-        """Replaces the view and discards its pictures."""
+        """Replaces the current view by a requested one, and discards its pictures. view: number of the new view."""
         with self._lock:
             self.request, self.view, self.wanted = request, view, None
             self.settings, self.passes = None, None
@@ -80,7 +80,7 @@ class ViewSession:
             self._canvases, self._shown, self._shown_samples = [], -1, 0
 
     def free_pictures(self) -> None:
-        """Frees the pictures of a closed session even while other objects still refer to it."""
+        """Frees the pictures of a closed session at once, although other objects may still refer to the session."""
         with self._lock:
             self.settings, self.passes, self._canvases = None, None, []
 
@@ -97,7 +97,11 @@ class ViewSession:
             self.wanted = wanted
 
     def begin_rendering(self, settings: RenderSettings, compiled: str, kind: str, cost_s: float, slots: int) -> None:
-        """Sets what to render, and creates the view's levels."""
+        """Sets what to render, and creates the view's resolution levels.
+
+        compiled: SHA-256 of the compiled scene. kind: the worker kind (renderer.jit.kind) that renders it. cost_s: seconds per
+        sample of a pixel on one slot. slots: number of slots of that kind.
+        """
         assert self.request is not None
         levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1))
         with self._lock:
@@ -106,14 +110,14 @@ class ViewSession:
             self._canvases = [Canvas(level, settings.film_exponent, self.request.noise) for level in levels]
 
     def settings_of(self, level: int) -> RenderSettings:
-        """Returns the render settings for the pieces of a level: the view's, with the level's size."""
+        """Returns the render settings of a level: those of the view, with the level's width and height. level: its index."""
         assert self.settings is not None
         assert self.passes is not None
         of = self.passes.levels[level]
         return replace(self.settings, width=of.width, height=of.height)
 
     def add(self, piece: Piece, sums: Sums) -> None:
-        """Adds the sums of a piece."""
+        """Adds the sums of a piece to the picture. Ignores a piece of a tile that needs no more samples."""
         with self._lock:
             canvas = self._canvases[piece.level]
             if canvas.tile_is_complete(piece.tile):  # arrived after the tile had reached its noise target
@@ -125,31 +129,31 @@ class ViewSession:
 
     @property
     def samples(self) -> int:
-        """Minimum over all tiles of the whole view's samples per pixel."""
+        """Samples per pixel of the full-size view's tile that has the fewest."""
         with self._lock:
             return self._canvases[-1].samples if self._canvases else 0
 
     @property
     def mean_samples(self) -> float:
-        """Mean number of samples per pixel of the whole view."""
+        """Samples per pixel of the full-size view, averaged over its pixels."""
         with self._lock:
             return self._canvases[-1].mean_samples if self._canvases else 0.0
 
     @property
     def noise(self) -> float | None:
-        """Relative noise of the whole view; None until it is measured."""
+        """Relative noise of the full-size view; None until it is measured."""
         with self._lock:
             return self._canvases[-1].noise if self._canvases else None
 
     @property
     def is_done(self) -> bool:
-        """Returns True if the whole view has all its samples or has reached its noise target."""
+        """Returns True if every tile of the full-size view has all samples or has reached its noise target."""
         with self._lock:
             return bool(self._canvases) and self._canvases[-1].is_complete
 
     @property
     def max_samples(self) -> int:
-        """Number of samples per pixel at which the view ends."""
+        """Requested number of samples per pixel; 0 without a view."""
         return self.request.samples if self.request else 0
 
     def is_picture_due(self) -> bool:
@@ -176,7 +180,7 @@ class ViewSession:
         return encode_view(shown, size, whole, request.id, seq)
 
     def _due_level(self) -> int | None:
-        """Returns the index of the level whose picture is due, or None."""
+        """Returns the index of the resolution level whose picture is to be sent now, or None."""
         for level in range(len(self._canvases) - 1, max(self._shown, 0) - 1, -1):
             canvas = self._canvases[level]
             if not canvas.changed:

@@ -36,14 +36,17 @@ class FrameRequest:
     auto: dict[str, Any]  # the camera that frames the scene at its first frame
 
     def message(self, scene: str, base: str, session: str, message: str) -> PrepareFrames:
-        """Returns the message by which a worker prepares the frame. base: SHA-256 of the scene compiled at its first frame."""
+        """Returns the message by which a worker prepares the frame.
+
+        base: SHA-256 of the scene compiled at its first frame. session: the session's id. message: id of the message.
+        """
         return PrepareFrames(
             *(message, session, scene, [self.key], base, self.auto, self.fps, self.clip, self.camera, self.view, self.turntable),
             shutter=self.shutter,
         )
 
     def cache_key(self, scene: str, base: str) -> str:
-        """Returns the key of the frame in `FrameCache`; equal frames have equal keys."""
+        """Returns the key of the frame in `FrameCache`; equal frames have equal keys. base: as for `message`."""
         return json.dumps([scene, base, asdict(self)], sort_keys=True)
 
 
@@ -62,14 +65,15 @@ class ViewRequest:
     frame_request: FrameRequest | None = None  # None: the scene's first frame
 
     def settings_at_frame(self, info: FrameInfo) -> RenderSettings:
-        """Returns the render settings at a frame with this information. Raises SettingsError."""
+        """Returns the render settings for a prepared animation frame. Raises SettingsError if the frame's view is invalid."""
         return frame_settings(self.job_request, self.settings, info.view, info.defaults, info.views)
 
 
 def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, frame: float) -> ViewRequest:
-    """Resolves a request for a view. The scene must be ready and have the requested lighting. Raises Conflict and Invalid.
+    """Resolves a page's request for a view of a scene that is ready, with the requested lighting. Raises Conflict and Invalid.
 
-    request: a job's request (service.models.jobs.JobIn) as JSON. is_shot: whether it is more than a still of the first frame.
+    id: the number that the page has chosen. request: a job's request (service.models.jobs.JobIn) as JSON. is_shot: whether an
+    animation frame is requested instead of a still at the scene's start. frame: the frame number.
     """
     if scene.status == "failed":
         raise Conflict(Sentence("scene-not-renderable", "The scene cannot be rendered: {error}", error=scene.error))

@@ -1,8 +1,8 @@
 """Scheduler of live views: one thread sends pieces of the views to workers and adds up their results.
 
-Views use no jobs, films or database. Their pieces have a queue that slots check first, the sums are held in memory, and all is
+Views use no jobs, films or database. Their messages have a queue that slots check first. The sums are held in memory, and are
 discarded when the viewer leaves. Lost pieces are sent again. While a view already shows a complete picture, it shares the slots
-with other waiting work, such as preparing the next lighting.
+with other waiting work, such as preparing the scene with other lighting.
 """
 
 from __future__ import annotations
@@ -52,10 +52,10 @@ log = logging.getLogger(__name__)
 
 
 class ViewScheduler:
-    """Renders the views of all sessions, from `start` to `stop`. The other methods are thread-safe."""
+    """Renders the views of all sessions, from `start` to `stop`. The other public methods are thread-safe."""
 
     def __init__(self, connection: redis.Redis, dispatcher: Dispatcher, board: SnapshotHolder, events: Events) -> None:
-        """Stores the parameters; `start` starts the thread, and `stop` closes connection and dispatcher."""
+        """Stores the connections and the holder of the engine's snapshot. `stop` closes connection and dispatcher."""
         self._redis = connection
         self._dispatcher = dispatcher
         self._board = board
@@ -94,12 +94,12 @@ class ViewScheduler:
         self._redis.close()
 
     def has_unfinished(self) -> bool:
-        """Returns True if any session shows a view that is not finished."""
+        """Returns True if a session that is not paused shows a view that needs more samples."""
         sessions = list(self._sessions.values())
         return any(each.request is not None and not each.is_paused and not each.is_done for each in sessions)
 
     def request_view(self, session: ViewSession, request: ViewRequest) -> None:
-        """Requests a view for a session."""
+        """Makes a session show a view, as soon as its current view has shown something."""
 
         def set_view() -> None:
             if not session.is_closed:
@@ -113,7 +113,7 @@ class ViewScheduler:
         self._queue_order(set_view)
 
     def pick(self, session: ViewSession, x: int, y: int) -> None:
-        """Requests the surface under a pixel of the view; the session receives the answer."""
+        """Requests the surface at pixel (x, y) of the session's view. The session receives the result."""
 
         def set_pick() -> None:
             session.pick = (x, y)
@@ -190,7 +190,10 @@ class ViewScheduler:
             self._maintain_sessions()
 
     def _switch_view(self, session: ViewSession) -> None:
-        """Switches a session to its requested view, and resolves what to render."""
+        """Switches a session to the view that it has requested, if there is one and the current view may be replaced.
+
+        Then selects the workers, the compiled scene and the settings, unless the session has them already.
+        """
         if session.is_ready_for_next and session.wanted is not None:
             self._withdraw_messages(session)
             self._views += 1
@@ -226,7 +229,7 @@ class ViewScheduler:
         self._set_message(session, None, slots)
 
     def _send_pieces(self) -> None:
-        """Sends messages until each slot has one in progress and one queued."""
+        """Sends messages with pieces of all views, until each slot has one in progress and one queued."""
         for session in list(self._sessions.values()):
             is_asked = any(out.pick is not None and out.session is session for out in self._out.values())
             if session.pick is not None and session.passes is not None and not is_asked:
@@ -286,7 +289,7 @@ class ViewScheduler:
         self._send(out, pick_message(session, out.id, x, y))
 
     def _withdraw_messages(self, session: ViewSession) -> None:
-        """Withdraws the unfinished messages of a session. Results that still arrive are discarded."""
+        """Takes back a session's messages that are not completely answered. Results that still arrive are discarded."""
         gone = [out for out in self._out.values() if out.session is session]
         for out in gone:
             del self._out[out.id]
@@ -359,7 +362,7 @@ class ViewScheduler:
             session.wake()
 
     def _handle_frame(self, answer: ViewAnswer) -> None:
-        """Caches the frame in an answer, even if its session shows another view now: the viewer may return to it."""
+        """Caches the animation frame in an answer, even if its session shows another view now: the viewer may return to it."""
         info = FrameInfo.from_json(answer.more["info"])
         name, scene = self._frames.key_and_scene(answer.message)
         if any(each.request is not None and each.request.scene == scene for each in self._sessions.values()):
@@ -368,7 +371,7 @@ class ViewScheduler:
             self._frame_cache.delete_unused_blobs(info)
 
     def _end_message(self, out: PendingMessage) -> None:
-        """Removes a message that has ended; its unanswered pieces will be sent again."""
+        """Removes a message that has ended, and queues its unanswered pieces again."""
         self._out.pop(out.id, None)
         out.requeue()
 

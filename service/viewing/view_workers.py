@@ -1,4 +1,4 @@
-"""Selects the workers that can render views: those that are ready and run a release with support for views."""
+"""Selects the workers that can render live views: those that are ready and whose release supports views."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ __all__ = ["ViewWorkers"]
 
 
 class ViewWorkers:
-    """Selects the workers for a view by their latest reports."""
+    """Selects workers for views from their latest reports. A kind is a worker kind (renderer.jit.kind)."""
 
     def __init__(self, board: SnapshotHolder, events: Events) -> None:
         self._board = board
@@ -29,7 +29,7 @@ class ViewWorkers:
     def unavailable_reason(self, request: ViewRequest) -> str:
         """Returns a sentence on why no worker renders the view.
 
-        If workers of another kind are ready, requests compilation for them.
+        If only workers of other kinds are ready, requests that the scene is compiled for them.
         """
         ready = [report for report in self._board.roster.ready_reports() if report.views]
         if ready:

@@ -1,4 +1,4 @@
-"""Wakes the scheduler, which waits for answers in Redis. The caller does not block even if Redis hangs."""
+"""Wakes the scheduler of live views, which waits for answers in Redis, without blocking the caller if Redis hangs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["Waker"]
 
 
 class Waker:
-    """Wakes the scheduler by pushing an empty answer to its list in Redis, from a separate thread."""
+    """Wakes the scheduler by pushing an empty answer to the list in Redis that it reads, from a separate thread."""
 
     def __init__(self, connection: redis.Redis) -> None:
         self._redis = connection
