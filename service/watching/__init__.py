@@ -1,1 +1,1 @@
-"""Data for viewers: pictures from films, live tiles, and notifications of changes."""
+"""Data for clients that watch the farm: pictures from films, changed tiles, and notifications of changes."""

@@ -14,10 +14,11 @@ TRIM_THRESHOLD = 128 << 20
 
 
 def use_one_heap() -> None:
-    """Makes all threads share one heap that retains some free memory for the next allocations.
+    """Makes all threads share one heap, which keeps some free memory for the next allocations.
 
-    Pictures and merges repeatedly allocate and free a tile's sums (10 MB). The system zeroes newly allocated pages each time,
-    which took three quarters of a picture's processor time. With one heap per thread, each heap would retain free memory.
+    Threads that encode pictures or merge results repeatedly allocate and free a tile's sums (10 MB). The system zeroes newly
+    allocated pages each time, which took three quarters of a picture's processor time. With one heap per thread, each heap
+    would keep free memory.
     """
     _call_libc("mallopt", M_MMAP_THRESHOLD, MMAP_THRESHOLD)
     _call_libc("mallopt", M_TRIM_THRESHOLD, TRIM_THRESHOLD)

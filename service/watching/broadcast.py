@@ -1,4 +1,4 @@
-"""Notifications for viewers: published from any thread, received by listeners on the event loop.
+"""Notifications of changes for clients: published from any thread, received by listeners on the event loop.
 
 A listener holds sets of changed items instead of a list of messages, so a slow listener gets fewer and newer notifications and
 needs no more memory.
@@ -18,7 +18,10 @@ __all__ = ["Broadcast", "Listener"]
 
 
 class Listener:
-    """Set of the changes since the listener last read them. Used on the event loop only."""
+    """A client's set of items that changed since they were last read. Used on the event loop only.
+
+    job: the job whose changes it gets; None: all jobs, scenes and workers. frame: key of the frame whose tiles it gets.
+    """
 
     def __init__(self, job: str | None, frame: int) -> None:
         self.job = job
@@ -44,7 +47,7 @@ class Listener:
 
 
 class _JobListeners:
-    """Listeners to one job, and counters of the changes of the job and its tiles."""
+    """The listeners to one job, and counters of changes: one for the job and one for each of its tiles."""
 
     def __init__(self, life: int) -> None:
         self.life = life  # distinguishes counters after all listeners had left: uncounted changes may lie between
@@ -54,7 +57,10 @@ class _JobListeners:
 
 
 class Broadcast:
-    """All listeners. `report_change` and `report_tiles` are thread-safe, and cheap if there are no listeners."""
+    """All listeners. `report_change` and `report_tiles` are thread-safe, and cheap if there are no listeners.
+
+    The other methods are used on the event loop only, except `close`.
+    """
 
     def __init__(self, events: Events) -> None:
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -79,7 +85,10 @@ class Broadcast:
 
     @contextlib.contextmanager
     def listen(self, job: str | None = None, frame: int = 0) -> Iterator[Listener]:
-        """Context manager that yields a listener to one job and its tiles; job None: to all jobs, scenes and workers."""
+        """Context manager that yields a listener to one job and to the tiles of one of its frames.
+
+        job: None: the listener gets changes of all jobs, scenes and workers, and no tiles. frame: the frame's key.
+        """
         listener = Listener(job, frame)
         group = self._everything if job is None else self._of_job.setdefault(job, _JobListeners(next(self._lives))).listeners
         group.add(listener)
@@ -98,22 +107,22 @@ class Broadcast:
         return len(self._everything) + self.watchers
 
     def version(self, job: str, frame: int, tile: int) -> tuple[int, int]:
-        """Returns a version that changes with each reported change of a tile. Valid only while the job has listeners."""
+        """Returns a value that differs after each reported change of a tile. Valid only while the job has listeners."""
         of = self._of_job[job]
         return of.life, of.tiles[frame, tile]
 
     def changes(self, job: str) -> tuple[int, int]:
-        """Returns a version that changes with each reported change of a job. Valid only while the job has listeners."""
+        """Returns a value that differs after each reported change of a job. Valid only while the job has listeners."""
         of = self._of_job[job]
         return of.life, of.changes
 
     def report_change(self, what: str, id: str) -> None:
-        """Notifies listeners that a job, a scene or a worker has changed. what: which of them."""
+        """Notifies listeners that an item has changed. what: "job", "scene" or "worker". id: the item's id."""
         if self._everything or (what == "job" and id in self._of_job):
             self._call_in_loop(self._deliver, what, id)
 
     def report_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
-        """Notifies listeners that tiles of a frame have changed."""
+        """Notifies the job's listeners that tiles have new samples. frame: the frame's key. tiles: indices."""
         if job in self._of_job:
             self._call_in_loop(self._deliver_tiles, job, frame, tiles)
 

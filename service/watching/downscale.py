@@ -12,14 +12,18 @@ __all__ = ["reduced_bands", "square_side"]
 
 
 def square_side(min_width: int | None, width: int, height: int) -> int:
-    """Returns the side of the averaged squares in pixels, for a copy at least `min_width` pixels wide; 1: original size."""
+    """Returns the side in pixels of the squares to average for a copy at least `min_width` pixels wide; 1 keeps the size.
+
+    width, height: size of the original. min_width: None keeps the size.
+    """
     return max(1, min(width // (min_width or width), height))
 
 
 def reduced_bands(bands: Iterable[npt.NDArray[Any]], side: int) -> Iterator[npt.NDArray[Any]]:
-    """Yields bands (rows, width, channels) of the downscaled picture, with the input's dtype.
+    """Yields the bands of a picture downscaled by averaging squares, in the input's dtype.
 
-    Incomplete squares at the right and lower edges are dropped.
+    bands: consecutive rows of the picture, each of shape (rows, width, channels). side: of the squares in pixels. Incomplete
+    squares at the right and lower edges are dropped.
     """
     if side == 1:
         yield from bands

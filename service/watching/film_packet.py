@@ -1,4 +1,4 @@
-"""Packet of a whole frame (protocol.pictures) for the page, generated from a film and compressed."""
+"""Packet with the picture of a whole frame for the page (protocol.pictures), made from a film."""
 
 from __future__ import annotations
 
@@ -24,7 +24,10 @@ PIECE = 1 << 18
 
 
 def film_packet(film: ReadableFilm, frame: int, folder: Path, gzip: bool) -> PictureBody:
-    """Returns the compressed packet of a frame. folder: for temporary files. Raises the errors of reading a film."""
+    """Returns the packet of a frame. Raises the errors of reading a film.
+
+    frame: the frame's key. folder: for temporary files. gzip: whether to compress it.
+    """
     # Counted before radiance is read: a tile that gets samples in between reports too few, and is sent again.
     samples = [film.coverage(frame, tile).total for tile in range(len(film.tiles))]
     planes = np.empty((4, film.height, film.width), np.uint8)

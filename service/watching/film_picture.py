@@ -1,4 +1,4 @@
-"""Picture files from a stored packet (film_packet.py), for frames whose film was deleted."""
+"""Picture files made from a stored packet (film_packet.py), for frames whose film was deleted."""
 
 from __future__ import annotations
 
@@ -32,7 +32,10 @@ def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
 
 
 def film_picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> PictureBody:
-    """Returns a picture file made from a packet. extension: its format. folder: for temporary files."""
+    """Returns a picture file made from a gzip-compressed packet.
+
+    extension: the file format. exposure: in stops. curve: name of the tone curve. folder: for temporary files.
+    """
     from renderer.image.encode import encode  # imported only if needed: OpenImageIO is large
 
     return PictureBody.from_bytes(encode(radiance_of(packed), extension, exposure, curve), folder)

@@ -1,7 +1,7 @@
 """Movie files: H.264 in MP4, AV1 in WebM, or animated WebP.
 
-MP4 and WebM use 4:2:0 chroma subsampling, limited range and BT.709, and are tagged so. Odd sizes are padded by repeating the last
-row or column.
+MP4 and WebM use 4:2:0 chroma subsampling, limited range and BT.709, and their metadata says so. Odd sizes are padded by
+repeating the last row or column.
 """
 
 from __future__ import annotations

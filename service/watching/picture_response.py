@@ -1,4 +1,4 @@
-"""Body of a picture response. Large bodies are stored on disk, since a slow client would occupy the memory for long."""
+"""Body of a picture response. Large bodies are stored on disk, since they stay until a slow client has read them."""
 
 from __future__ import annotations
 
@@ -16,13 +16,16 @@ PIECE = 1 << 18
 
 
 class PictureBody:
-    """Picture bytes that any number of clients can read in chunks.
+    """Bytes of a picture, which any number of clients can read in chunks.
 
-    On disk it is an unlinked file, freed with the last reference.
+    Large ones are in an unlinked file, freed with the last reference to this object.
     """
 
     def __init__(self, data: bytes, file: int | None = None) -> None:
-        """Stores the bytes, or an open file. file: descriptor, closed when this object is freed."""
+        """Stores the bytes, or an open file if it is given.
+
+        file: descriptor, closed when this object is freed.
+        """
         self.span: tuple[float, float] | None = None  # range of a heat map
         self._data = data
         self._file = file

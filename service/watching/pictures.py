@@ -1,7 +1,7 @@
-"""Picture files of a frame: colour, denoised colour, one AOV, or all of them as layers.
+"""Picture files of a frame: colour, denoised colour, one AOV, or colour and AOVs as layers.
 
-Files are written in bands from the top, so that only a few rows of tiles are in memory. Some pictures must be complete in memory
-first: display-encoded ones, and AOVs that are scaled to their range. `picture_memory` accounts for this.
+Files are written in bands of rows from the top, so that only a few rows of tiles are in memory. Two kinds of pictures must be
+complete in memory first: display-encoded ones, and AOVs that are scaled to their range. `picture_memory` accounts for this.
 """
 
 from __future__ import annotations
@@ -40,11 +40,12 @@ MEDIA = {
 
 @dataclass(frozen=True)
 class PictureRequest:
-    """A client's choice of picture.
+    """The picture file that a client requests.
 
-    planes: names of AOVs; empty for colour. in_layers: write the planes as layers in addition to the colour, instead of one plane
-    without the colour. denoised: function that opens the denoised colour, used in place of the film's; None: not denoised.
-    motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
+    extension: the file format, such as exr. planes: names of AOVs; empty for colour. in_layers: write the planes as layers in
+    addition to the colour, instead of one plane without the colour. exposure: in stops. curve: name of the tone curve. width:
+    minimum width of a downscaled copy. denoised: function that opens the denoised colour, used in place of the film's; None:
+    not denoised. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
     """
 
     extension: str
@@ -79,79 +80,84 @@ class PictureRequest:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Returns the names of the channels to read from the film, in order."""
+        """Returns the names of the channels to write, in order."""
         return ("color", *self.planes) if self.in_layers else self.planes or ("color",)
 
 
-def picture_file(film: Film, frame: int, wish: PictureRequest, folder: Path) -> PictureBody:
-    """Returns the picture file. folder: for temporary files."""
+def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) -> PictureBody:
+    """Returns the requested picture file of a frame. frame: the frame's key. folder: for temporary files."""
     from renderer.image.encode import RGB, encode_shown, write_bands  # imported only if needed: OpenImageIO is large
 
-    side = square_side(wish.width, film.width, film.height)
+    side = square_side(request.width, film.width, film.height)
     width, height = film.width // side, film.height // side
-    if wish.extension in ("exr", "hdr"):
-        if wish.in_layers:
-            names = (*RGB, *(channel for name in wish.planes for channel in aovs.channels(name)))
+    if request.extension in ("exr", "hdr"):
+        if request.in_layers:
+            names = (*RGB, *(channel for name in request.planes for channel in aovs.channels(name)))
         else:
-            names = aovs.channels(aovs.MOTION) if wish.planes == (aovs.MOTION,) else RGB
-        parts = (_grey_to_rgb(band) for band in reduced_bands(_values(film, frame, wish), side))
-        return PictureBody.from_writer(lambda path: write_bands(path, parts, width, height, names), folder, f".{wish.extension}")
-    if wish.extension == "rgb9e5":
+            names = aovs.channels(aovs.MOTION) if request.planes == (aovs.MOTION,) else RGB
+        parts = (_grey_to_rgb(band) for band in reduced_bands(_values(film, frame, request), side))
+        return PictureBody.from_writer(
+            lambda path: write_bands(path, parts, width, height, names), folder, f".{request.extension}"
+        )
+    if request.extension == "rgb9e5":
         words = _filled_from_top(
-            np.empty((height, width), "<u4"), map(rgbe9995.pack, reduced_bands(_values(film, frame, wish), side))
+            np.empty((height, width), "<u4"), map(rgbe9995.pack, reduced_bands(_values(film, frame, request), side))
         )
         return PictureBody.from_bytes(words.tobytes(), folder)
-    if not wish.planes:
-        return PictureBody.from_bytes(encode_shown(display_picture(film, frame, wish), wish.extension), folder)
-    (name,) = wish.planes
-    values = _whole_plane(film, frame, wish)
+    if not request.planes:
+        return PictureBody.from_bytes(encode_shown(display_picture(film, frame, request), request.extension), folder)
+    (name,) = request.planes
+    values = _whole_plane(film, frame, request)
     between = aovs.span(name, values)
     shown_rows = (aovs.visible(name, values[y : y + ROWS], between) for y in range(0, film.height, ROWS))
     plane = _filled_from_top(np.empty((height, width, 3), np.uint8), reduced_bands(shown_rows, side))
-    made = PictureBody.from_bytes(encode_shown(plane, wish.extension), folder)
+    made = PictureBody.from_bytes(encode_shown(plane, request.extension), folder)
     if between is not None and name in HEAT_MAP_PLANES:
         made.span = float(between[0]), float(between[1])
     return made
 
 
-def display_picture(film: Film, frame: int, wish: PictureRequest) -> npt.NDArray[np.uint8]:
-    """Returns the display-encoded colour of a frame, shape (h, w, 3) uint8."""
-    side = square_side(wish.width, film.width, film.height)
+def display_picture(film: Film, frame: int, request: PictureRequest) -> npt.NDArray[np.uint8]:
+    """Returns the tone-mapped, display-encoded colour of a frame, shape (h, w, 3) uint8."""
+    side = square_side(request.width, film.width, film.height)
     return _filled_from_top(
-        np.empty((film.height // side, film.width // side, 3), np.uint8), _tone_mapped(film, frame, wish, side)
+        np.empty((film.height // side, film.width // side, 3), np.uint8), _tone_mapped(film, frame, request, side)
     )
 
 
-def picture_memory(film: Film, wish: PictureRequest) -> int:
+def picture_memory(film: Film, request: PictureRequest) -> int:
     """Returns the estimated peak memory of `picture_file`, in bytes."""
-    side = square_side(wish.width, film.width, film.height)
-    channels = sum(map(aovs.size, wish.names))
+    side = square_side(request.width, film.width, film.height)
+    channels = sum(map(aovs.size, request.names))
     tile = film.tiles[0]
     of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * CHANNELS * tile.w * tile.h * 8
-    if wish.extension in ("exr", "hdr"):
+    if request.extension in ("exr", "hdr"):
         return of_bands
-    if wish.extension == "rgb9e5":
+    if request.extension == "rgb9e5":
         return of_bands + 8 * film.width * film.height // side**2
     of_shown = 10 * film.width * film.height // side**2  # rows, the encoder's copy, the file
-    return of_bands + of_shown + (8 * channels * film.width * film.height if wish.planes else 0)
+    return of_bands + of_shown + (8 * channels * film.width * film.height if request.planes else 0)
 
 
-def _values(film: Film, frame: int, wish: PictureRequest) -> Iterator[F32]:
-    """Yields the picture's values in bands of shape (rows, width, channels), from the top."""
-    if wish.motion is not None:
-        yield from _with_motion(film, frame, [name for name in wish.names if name != aovs.MOTION], wish.motion)
+def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
+    """Yields the picture's values in bands of shape (rows, width, channels), from the top, before downscaling."""
+    if request.motion is not None:
+        yield from _with_motion(film, frame, [name for name in request.names if name != aovs.MOTION], request.motion)
         return
-    if wish.denoised is None:
-        yield from bands(film, frame, wish.names)
+    if request.denoised is None:
+        yield from bands(film, frame, request.names)
         return
-    with wish.denoised() as file:
+    with request.denoised() as file:
         for y in range(0, film.height, ROWS):
             rows = min(ROWS, film.height - y)
             yield np.frombuffer(file.read(rows * film.width * 12), "<f4").reshape(rows, film.width, 3)
 
 
 def _with_motion(film: Film, frame: int, names: list[str], motion: Callable[[], BinaryIO]) -> Iterator[F32]:
-    """Yields bands with the motion vectors appended as channels."""
+    """Yields bands of the film's channels `names` with the motion vectors appended as channels.
+
+    motion: opens the file of the motion vectors.
+    """
     with motion() as file:
         for band in bands(film, frame, names or ["samples"]):
             size = aovs.size(aovs.MOTION)
@@ -159,26 +165,26 @@ def _with_motion(film: Film, frame: int, names: list[str], motion: Callable[[], 
             yield np.concatenate([band, vectors], axis=2) if names else vectors
 
 
-def _tone_mapped(film: Film, frame: int, wish: PictureRequest, side: int) -> Iterator[npt.NDArray[np.uint8]]:
-    for band in reduced_bands(_values(film, frame, wish), side):
-        yield tonemap.apply(band, wish.exposure, wish.curve)
+def _tone_mapped(film: Film, frame: int, request: PictureRequest, side: int) -> Iterator[npt.NDArray[np.uint8]]:
+    for band in reduced_bands(_values(film, frame, request), side):
+        yield tonemap.apply(band, request.exposure, request.curve)
 
 
-def _whole_plane(film: Film, frame: int, wish: PictureRequest) -> F32:
-    """Returns a complete plane, for AOVs that are scaled to their minimum and maximum."""
-    (name,) = wish.planes
+def _whole_plane(film: Film, frame: int, request: PictureRequest) -> F32:
+    """Returns the requested AOV of the whole frame, for AOVs that are scaled to their minimum and maximum."""
+    (name,) = request.planes
     size = aovs.size(name)
-    plane = _filled_from_top(np.empty((film.height, film.width, size), np.float32), _values(film, frame, wish))
+    plane = _filled_from_top(np.empty((film.height, film.width, size), np.float32), _values(film, frame, request))
     return plane if size > 1 else plane[..., 0]
 
 
 def _grey_to_rgb(band: F32) -> F32:
-    """Repeats a single channel three times, so that the result has shape (rows, width, 3)."""
+    """Returns a band of shape (rows, width, 1) with its channel repeated three times; other bands unchanged."""
     return np.repeat(band, 3, axis=2) if band.shape[2] == 1 else band
 
 
 def _filled_from_top(out: npt.NDArray[Any], parts: Iterator[npt.NDArray[Any]]) -> npt.NDArray[Any]:
-    """Copies the parts into `out` from the top, and returns it."""
+    """Copies consecutive bands of rows into `out` from the top, and returns `out`."""
     y = 0
     for part in parts:
         out[y : y + len(part)] = part

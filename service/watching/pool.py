@@ -1,7 +1,7 @@
 """Thread pool with a memory budget, for pictures and digests. Each user has a queue; the queues are served in turn.
 
-A user's requests beyond the queue's limit are rejected. Without limits, many clients of a large picture would each hold copies of
-it in memory at the same time, and would occupy the threads of all other requests.
+A user's requests beyond the queue's limit are rejected. Without limits, many clients that request a large picture would each
+hold a copy in memory at the same time, and would occupy the threads of all other requests.
 """
 
 from __future__ import annotations
@@ -34,15 +34,16 @@ T = TypeVar("T")
 
 
 class Pool:
-    """Runs expensive functions. Concurrent requests with the same key share one result. Used on the event loop only."""
+    """Runs expensive functions in threads, within a memory budget. Used on the event loop only."""
 
     def __init__(
         self, memory: int, threads: int = THREADS, in_line: int = QUEUE_LENGTH, most_in_line: int = MAX_QUEUE_LENGTH
     ) -> None:
-        """Stores the limits.
+        """Sets the limits.
 
-        memory: budget in bytes; a function that needs more runs while no other does. threads: number of concurrent functions.
-        in_line, most_in_line: maximum number of waiting requests per user, while the expected wait is long and while it is short.
+        memory: budget in bytes; a function that needs more runs alone. threads: number of functions at a time. in_line: maximum
+        number of waiting requests per user while the expected wait is longer than LONGEST_WAIT_S seconds. most_in_line: the
+        same while it is shorter.
         """
         self._turns = _FairQueue(threads, memory)
         self._limiter = anyio.CapacityLimiter(threads)
@@ -61,7 +62,8 @@ class Pool:
     async def run(self, key: Hashable, memory: int, function: Callable[..., T], *arguments: Any, user: Hashable = None) -> T:
         """Runs `function` in a thread when the user's turn comes, and returns its result.
 
-        memory: estimated peak in bytes. user: whose queue to wait in. Raises Unavailable if that queue is full.
+        key: identifies the result; a concurrent request with the same key gets the same result. memory: estimated peak in
+        bytes. user: the user in whose queue the request waits. Raises Unavailable if that queue is full.
         """
         task: asyncio.Task[T] | None = self._made.get(key)
         if task is None:
@@ -74,7 +76,7 @@ class Pool:
     def _check_queue_length(self, user: Hashable) -> None:
         """Raises Unavailable if a user's queue is full.
 
-        Its limit decreases if the expected wait exceeds LONGEST_WAIT_S seconds.
+        The limit of the queue is lower while the expected wait exceeds LONGEST_WAIT_S seconds.
         """
         own = self._asked_by.get(user, 0)
         wait_s = own * max(len(self._asked_by), 1) * self._seconds / self._threads
@@ -110,7 +112,7 @@ class Pool:
 
 
 class _FairQueue:
-    """Allocates threads and memory. Users are served in turn, the requests of each in order of arrival."""
+    """Grants threads and memory to waiting requests. Users are served in turn, the requests of one user in order of arrival."""
 
     def __init__(self, threads: int, memory: int) -> None:
         self._threads = threads
@@ -118,7 +120,7 @@ class _FairQueue:
         self._waiting: OrderedDict[Hashable, deque[tuple[int, asyncio.Future[None]]]] = OrderedDict()  # the next user first
 
     async def acquire(self, user: Hashable, memory: int) -> int:
-        """Waits for a free thread and for memory. Returns the number of bytes to pass to `release`."""
+        """Waits for a free thread and for `memory` bytes of the budget. Returns the number of bytes to pass to `release`."""
         memory = min(memory, self._all)
         turn: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         self._waiting.setdefault(user, deque()).append((memory, turn))

@@ -1,4 +1,4 @@
-"""Resets the priority of threads that a video encoder has made real-time.
+"""Resets the priority of threads to which a video encoder has given real-time priority.
 
 SVT-AV1, when run as root, sets the highest real-time priority for its own threads and for the thread that opened it; child
 processes inherit it. Such threads take their core from every other program.
@@ -17,7 +17,10 @@ __all__ = ["restored_priorities"]
 
 @contextlib.contextmanager
 def restored_priorities() -> Iterator[Callable[[], None]]:
-    """Context manager that yields a function to call after each step that may have raised priorities. Resets them on exit too."""
+    """Context manager that resets the threads' priorities on exit.
+
+    Yields a function that resets them too, to be called after each step that may have raised them.
+    """
     if sys.platform != "linux":  # the encoder changes priorities on Linux only
         yield lambda: None
         return

@@ -1,6 +1,7 @@
-"""Results shared by all viewers of a job: encoded tiles, and the job's state as JSON.
+"""Results shared by all clients that watch a job: encoded tiles, and the job's state as JSON.
 
-Used on the event loop only, which does not wait for the film: change counters of the tiles show which encoded tiles are current.
+Used on the event loop only. It need not wait for the film to check a cached tile: counters of the tiles' changes show whether
+it is current.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ T = TypeVar("T")
 
 
 class Body(NamedTuple):
-    """An encoded tile: its number, samples per pixel, and colour as RGB9E5 words (protocol.pictures)."""
+    """An encoded tile: its index, samples per pixel, and colour as RGB9E5 words (protocol.pictures)."""
 
     tile: int
     spp: int
@@ -59,7 +60,10 @@ class _PendingResult:
 
 
 class SharedResults:
-    """Cache of results for viewers. memory: approximate limit in bytes, for encoded tiles plus data in transit to viewers."""
+    """Cache of results for clients that watch a job.
+
+    memory: approximate limit in bytes, for encoded tiles plus data in transit to clients.
+    """
 
     def __init__(self, broadcast: Broadcast, memory: int) -> None:
         self._broadcast = broadcast
@@ -77,12 +81,15 @@ class SharedResults:
 
     @property
     def round_pixels(self) -> int:
-        """Number of pixels sent to a viewer per round. Decreases with the number of viewers."""
+        """Maximum number of pixels that one packet to a viewer has. Decreases with the number of viewers."""
         watchers = max(self._broadcast.watchers, 1)
         return int(min(ROUND_PIXELS, self._memory * (1 - PACKED_MEMORY_SHARE) / (IN_FLIGHT_BYTES_PER_PIXEL * watchers)))
 
     async def tiles(self, job: str, film: Film, frame: int, tiles: Iterable[int]) -> list[Body]:
-        """Returns the current encodings of the tiles that have samples. Raises FilmUnavailable, FilmLost and FilmClosed."""
+        """Returns the current encodings of those of the given tiles that have samples.
+
+        frame: the frame's key. tiles: indices. Raises FilmUnavailable, FilmLost and FilmClosed.
+        """
         found: dict[int, Body | None] = {}
         tasks: dict[asyncio.Task[dict[int, Body | None]], list[int]] = {}
         missing: dict[int, tuple[int, int]] = {}
@@ -108,7 +115,10 @@ class SharedResults:
         return [body for body in found.values() if body is not None]
 
     async def shared_result(self, job: str, what: str, make: Callable[[], T]) -> T:
-        """Returns the result of `make`, cached until the job changes, at most STATE_TTL_S seconds."""
+        """Returns the result of `make`, which runs in a thread. Caches it until the job changes, at most STATE_TTL_S seconds.
+
+        what: name of the result within the job.
+        """
         changes, now = self._broadcast.changes(job), time.monotonic()
         known = self._cached_results.get((job, what))
         if known is None or known[0] != changes or now - known[1] > STATE_TTL_S or _has_failed(known[2]):
@@ -145,7 +155,7 @@ class SharedResults:
 
 
 async def _result(task: asyncio.Task[T]) -> T:
-    """Returns the result of a shared task. Cancelling one waiting viewer does not cancel the task."""
+    """Returns the result of a task that several viewers wait for. Cancelling a viewer's wait does not cancel the task."""
     return task.result() if task.done() else await asyncio.shield(task)
 
 
@@ -155,7 +165,10 @@ def _bodies(film: Film, frame: int, tiles: list[int]) -> dict[int, Body | None]:
 
 
 def tile_body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
-    """Returns a tile's samples per pixel, and its mean colour as RGB9E5 words; None if it has no samples."""
+    """Returns a tile's samples per pixel, and its mean colour as RGB9E5 words; None if it has no samples.
+
+    frame: the frame's key. tile: its index.
+    """
     sums = film.tile_planes(frame, tile, PLANES)
     if sums is None:
         return None
@@ -171,6 +184,6 @@ def _has_failed(task: asyncio.Task[Any]) -> bool:
 
 
 def _retrieve_exception(task: asyncio.Task[Any]) -> None:
-    """Marks the exception of a shared task as retrieved, so that asyncio does not report it if no viewer waits."""
+    """Reads the exception of a finished task, so that asyncio does not report it as unhandled if no viewer waits any more."""
     if not task.cancelled():
         task.exception()

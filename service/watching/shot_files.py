@@ -1,4 +1,4 @@
-"""Downloads of a whole shot as one file: a streamed zip of its frames, or a movie."""
+"""Downloads of a shot (all frames of an animation) as one file: a streamed zip of the frames, or a movie."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ ENCODER_BYTES_PER_PIXEL = 96  # approximate bytes per pixel of an encoder's look
 
 
 class ZipStream:
-    """A zip archive generated as a stream. Entries are stored uncompressed, since pictures are compressed already."""
+    """A zip archive generated as a stream. Entries are stored uncompressed, since picture files are compressed already."""
 
     def __init__(self) -> None:
         self._out = _Pipe()
@@ -42,7 +42,7 @@ class ZipStream:
 
 
 class _Pipe(io.RawIOBase):
-    """Writable file object that buffers bytes until they are taken."""
+    """Writable file object that buffers bytes until `take_written` returns them."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -65,15 +65,18 @@ class _Pipe(io.RawIOBase):
         return taken
 
 
-def movie(film: Film, frames: Sequence[int], wish: PictureRequest, fps: float, folder: Path) -> PictureBody:
-    """Returns a movie of the frames. wish.extension: its format. Raises Conflict if it cannot be written."""
-    pictures = (display_picture(film, frame, wish) for frame in frames)
+def movie(film: Film, frames: Sequence[int], request: PictureRequest, fps: float, folder: Path) -> PictureBody:
+    """Returns a movie of the frames with these keys, in the format `request.extension`. Raises Conflict if that fails.
+
+    folder: for temporary files.
+    """
+    pictures = (display_picture(film, frame, request) for frame in frames)
     try:
-        return PictureBody.from_writer(lambda path: write_movie(path, pictures, fps), folder, f".{wish.extension}")
+        return PictureBody.from_writer(lambda path: write_movie(path, pictures, fps), folder, f".{request.extension}")
     except SettingsError as error:
         raise Conflict(with_full_stop(error)) from None
 
 
-def movie_memory(film: Film, wish: PictureRequest) -> int:
+def movie_memory(film: Film, request: PictureRequest) -> int:
     """Returns the estimated peak memory of `movie` for this film, in bytes."""
-    return picture_memory(film, wish) + ENCODER_BYTES_PER_PIXEL * film.width * film.height
+    return picture_memory(film, request) + ENCODER_BYTES_PER_PIXEL * film.width * film.height
