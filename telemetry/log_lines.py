@@ -44,7 +44,10 @@ _about: ContextVar[Mapping[str, Any]] = ContextVar("about", default=MappingProxy
 
 @contextlib.contextmanager
 def about(**names: Any) -> Iterator[None]:
-    """Context manager that adds ids to this thread's log lines: job, batch, frame, scene, worker ... None values are omitted."""
+    """Context manager that adds ids, such as job, batch, frame, scene or worker, to this thread's log lines.
+
+    Ids that are None are omitted.
+    """
     before = _about.set({**_about.get(), **_without_none(names)})
     try:
         yield
@@ -53,28 +56,31 @@ def about(**names: Any) -> Iterator[None]:
 
 
 def current_ids() -> Mapping[str, Any]:
-    """Returns the ids that are added to this thread's log lines."""
+    """Returns the ids that `about` adds to this thread's log lines."""
     return _about.get()
 
 
 def ids(**names: Any) -> dict[str, Any]:
-    """Returns the `extra` argument that adds ids to a single line: log.warning("...", extra=ids(job=job.id))."""
+    """Returns the `extra` argument that adds ids to one log line, for instance log.warning("...", extra=ids(job=job.id))."""
     return {"about": _without_none(names)}
 
 
 def uses_json() -> bool:
-    """Returns True if log lines are JSON objects."""
+    """Returns True if RAYFARM_LOG_FORMAT requests log lines as JSON objects."""
     return os.environ.get(FORMAT_VARIABLE, "text").strip().lower() == "json"
 
 
 def level() -> int:
-    """Returns the lowest level of messages that are logged; INFO if the setting is invalid."""
+    """Returns the log level from the environment; INFO if it is invalid or not set."""
     name = os.environ.get(LEVEL_VARIABLE, "info").strip().lower()
     return getattr(logging, name.upper()) if name in LEVELS else logging.INFO
 
 
 class JsonLines(logging.Formatter):
-    """Formats a record as JSON: time (UTC), level, logger, message, process (`service` or `worker`), pid, ids, and exception."""
+    """Formats log records as JSON: time (UTC), level, logger, message, process, pid, ids, and exception.
+
+    process: `service` or `worker`.
+    """
 
     def __init__(self, process: str) -> None:
         super().__init__()
@@ -99,10 +105,9 @@ class JsonLines(logging.Formatter):
 
 
 def as_json(process: str) -> JsonLines:
-    """Makes all log lines of this process JSON objects on standard error: also those of libraries, warnings, and uncaught
-    exceptions.
+    """Makes all log lines of this process JSON objects on standard error. Returns the formatter.
 
-    Returns the formatter.
+    Includes the lines of libraries, warnings, and uncaught exceptions. process: `service` or `worker`.
     """
     lines = JsonLines(process)
     handler = logging.StreamHandler(sys.stderr)

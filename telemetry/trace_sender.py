@@ -27,7 +27,7 @@ __all__ = ["main", "read_span"]
 
 
 def main() -> int:
-    """Sends spans until the input ends, including pending ones. Returns the exit code."""
+    """Sends spans until the input ends, then those not sent yet. Returns the exit code."""
     for each in (signal.SIGINT, signal.SIGTERM):
         signal.signal(each, signal.SIG_IGN)  # the writing process decides when to end
     service, instance, version = sys.argv[1:4]
@@ -55,7 +55,10 @@ def main() -> int:
 
 
 def read_span(data: dict[str, Any], resource: Resource, scope: InstrumentationScope) -> ReadableSpan:
-    """Converts a line's JSON object to a span. Raises ValueError, KeyError or TypeError if it is malformed."""
+    """Converts a line's JSON object to a span. Raises ValueError, KeyError or TypeError if it is malformed.
+
+    resource: the process that recorded the span. scope: the library that recorded it.
+    """
     error = data.get("error")
     return ReadableSpan(
         data["name"],

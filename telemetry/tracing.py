@@ -1,8 +1,9 @@
 """Tracing, enabled by OTEL_EXPORTER_OTLP_ENDPOINT: spans of service and workers, propagated by W3C traceparent.
 
-If disabled, nothing is imported. If enabled, a span is one line written to a pipe, and a separate process (trace_sender.py) runs
-OpenTelemetry's exporter: it may wait for its collector, which must not slow down a batch, and it uses a thread, which a slot must
-not have because it forks. If the pipe is full, spans are dropped; writers never block.
+If tracing is disabled, OpenTelemetry is not imported. If it is enabled, a span is one line written to a pipe, and a separate
+process (trace_sender.py) runs OpenTelemetry's exporter. The exporter may wait for its collector, which must not slow down a
+batch, and it uses a thread, which a slot must not have because it forks. If the pipe is full, spans are dropped; writers never
+block.
 
 The trace ids of a job and a scene are derived from their ids, so a restart does not change them.
 """
@@ -58,7 +59,7 @@ class SpanIds:
     span: str
 
     def __str__(self) -> str:
-        """Returns the traceparent header (W3C Trace Context, level 1)."""
+        """Returns the ids as a traceparent header (W3C Trace Context, level 1)."""
         return f"00-{self.trace}-{self.span}-01"
 
 
@@ -73,7 +74,10 @@ def is_on() -> bool:
 
 
 def start_tracing(service: str, instance: str, version: str) -> None:
-    """Starts recording in this process and its forks, if tracing is enabled. instance: name of this service or worker."""
+    """Starts recording in this process and its forks, if tracing is enabled.
+
+    service: the kind of process. instance: name of this service or worker. version: of Rayfarm.
+    """
     global _sender, _pipe
     if _pipe is not None or not _is_requested():
         return
@@ -109,7 +113,7 @@ def root_span(what: str, id: str) -> SpanIds:
 
 
 def parse_traceparent(traceparent: Any) -> SpanIds | None:
-    """Parses a traceparent; None if it is malformed."""
+    """Returns the ids in a traceparent header; None if it is malformed."""
     found = PARENT.fullmatch(traceparent) if isinstance(traceparent, str) else None
     if found is None or not int(found[1], 16) or not int(found[2], 16):
         return None
@@ -123,7 +127,7 @@ def current_span() -> SpanIds | None:
 
 @contextlib.contextmanager
 def child_of(parent: SpanIds | None) -> Iterator[None]:
-    """Context manager that makes a span of another process the current one of this thread. None: no span."""
+    """Context manager in which `parent`, a span of another process, is this thread's current span. None: there is none."""
     before = _here.set(parent)
     try:
         yield
@@ -133,9 +137,10 @@ def child_of(parent: SpanIds | None) -> Iterator[None]:
 
 @contextlib.contextmanager
 def span(name: str, parent: SpanIds | None = None, **attributes: Any) -> Iterator[dict[str, Any]]:
-    """Context manager that records a span as a child of `parent`, or of this thread's span; without either, nothing is recorded.
+    """Context manager that records a span as a child of `parent`, or else of this thread's current span.
 
-    Attributes can be added to the yielded dict. An exception is recorded as the span's error, and propagates.
+    If there is neither, nothing is recorded. Attributes can be added to the yielded dict. An exception is recorded as the
+    span's error, and propagates.
     """
     parent = parent or _here.get()
     if _pipe is None or parent is None:
@@ -164,7 +169,10 @@ def record_span(
     error: str | None = None,
     **attributes: Any,
 ) -> None:
-    """Records a span with known times (Unix time). own: its ids, if other spans refer to it; links: related spans."""
+    """Records a span with known times. begun, ended: Unix times.
+
+    own: the span's ids, if other spans refer to them; None: new ids. links: related spans. error: description of the failure.
+    """
     if _pipe is None or (parent is None and own is None):
         return
     place = own or SpanIds(parent.trace if parent else "", os.urandom(8).hex())
