@@ -33,8 +33,8 @@ HEALTH_CHECK_PATHS = ("/healthz", "/readyz")
 def serve(arguments: Sequence[str]) -> None:
     """Runs the service until it is stopped. arguments: further command line options of uvicorn.
 
-    Sets RAYFARM_HOST and RAYFARM_PORT to the options' values: the settings, which read these variables, derive from the listening
-    address whether a login is required and which host names are accepted.
+    Sets RAYFARM_HOST and RAYFARM_PORT to the values of these options. From the address the service's settings derive whether a
+    login is required and which host names are accepted.
     """
     gc.disable()  # during imports, as in service/standby.py
     Connection.most = most_connections()

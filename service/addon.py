@@ -1,4 +1,4 @@
-"""Blender's add-on as an installable archive: the sources in `blender`, with this release's version inserted."""
+"""Blender's add-on as an installable archive of the sources in `blender`, with this release's version inserted."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Clock interfaces for code that tests run with a simulated clock, and parsing of deadlines."""
+"""Interfaces of clocks, which tests replace by simulated clocks, and parsing of deadlines."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class WorkClock(Clock, Protocol):
 
 
 def deadline_of(text: str, now: datetime | None = None) -> float:
-    """Returns a deadline as Unix time. text: an ISO time, or a time of day such as 08:00, which means its next occurrence.
+    """Returns the Unix time of a deadline. text: an ISO time, or a time of day such as 08:00, meaning its next occurrence.
 
     Times without a zone are in this machine's zone. now: the present as local time without a zone; None: read from the clock.
     Raises ValueError with a sentence for a malformed, past or too distant time.
@@ -59,7 +59,7 @@ def deadline_of(text: str, now: datetime | None = None) -> float:
 
 
 def _next_occurrence(today: datetime, now: datetime) -> datetime:
-    """Returns the next occurrence of a time of day.
+    """Returns the next occurrence of a time of day after `now`. today: that time on the day of `now`.
 
     In the night in which clocks are set back, one time of day can occur twice; each occurrence counts.
     """

@@ -1,4 +1,4 @@
-"""Limits on connections: their number, and how long and how large an incomplete request may be.
+"""Limits on HTTP connections: their number, and the duration and size of an incomplete request.
 
 uvicorn waits without limit for the rest of a request, and buffers request heads of any size. So any client could fill the
 service's memory or use up its file descriptors, which films and the database need too.
@@ -28,7 +28,7 @@ REFUSAL_RESPONSE = b"HTTP/1.1 %s\r\ncontent-type: text/plain\r\ncontent-length: 
 
 
 def most_connections() -> int:
-    """Returns the maximum number of connections that leaves enough file descriptors for files.
+    """Returns the maximum number of connections. It leaves enough file descriptors for films and the database.
 
     First raises the process's limit on descriptors, if possible.
     """
@@ -107,7 +107,7 @@ class Connection(HttpToolsProtocol):
         self._start_timer(BODY_TIMEOUT_S)
 
     def on_body(self, body: bytes) -> None:
-        """Extends the timeout by the received bytes of the body."""
+        """Extends the timeout in proportion to the received bytes of the body."""
         self._received += len(body)
         super().on_body(body)
 
@@ -117,9 +117,10 @@ class Connection(HttpToolsProtocol):
         super().on_message_complete()
 
     def _start_asgi_task(self, cycle: RequestResponseCycle, app: Any) -> None:
-        """Starts the application.
+        """Starts the application for a request.
 
-        If the body is short, first waits until it is complete, so that stalled requests use few resources.
+        If the request's body is short, the application starts only once the body is complete, so that stalled requests use few
+        resources.
         """
         super()._start_asgi_task(cycle, partial(_run_when_complete, cycle, app) if _has_short_body(cycle) else app)
 
@@ -161,7 +162,7 @@ class Connection(HttpToolsProtocol):
 
 
 def _has_short_body(cycle: RequestResponseCycle) -> bool:
-    """Returns True if a request has a short body that it sends without waiting for `100 Continue`."""
+    """Returns True if a request's body is short and the client sends it without waiting for `100 Continue`."""
     length = next((value for name, value in cycle.scope["headers"] if name == b"content-length"), b"0")
     return not cycle.waiting_for_100_continue and length.isdigit() and 0 < int(length[:18]) <= MAX_SHORT_BODY
 

@@ -47,9 +47,9 @@ __all__ = [
 
 
 class FarmError(Exception):
-    """Base class of the service's errors. `str(error)` is a sentence that tells users what is wrong and what to do.
+    """Base class of the service's errors. `str(error)` says what is wrong, and then what to do about it.
 
-    `fact`: the sentence without the advice, for logs of background work.
+    advice: what to do, as a sentence. `fact`: the text without the advice, for logs of background work.
     """
 
     def __init__(self, sentence: str = "", *, advice: str = "") -> None:
@@ -58,7 +58,7 @@ class FarmError(Exception):
 
 
 class NotFound(FarmError):  # noqa: N818 - these are named as what they say
-    """The object does not exist, or no longer."""
+    """The object does not exist, or was deleted."""
 
 
 class Conflict(FarmError):  # noqa: N818

@@ -42,7 +42,7 @@ class RowWritten:
 
 @dataclass(frozen=True, slots=True)
 class ItemChanged:
-    """A job, scene or worker differs between two successive snapshots of the engine."""
+    """A job, scene or worker differs between two successive snapshots of the engine's state."""
 
     kind: ItemKind
     id: str
@@ -59,7 +59,7 @@ class TilesChanged:
 
 @dataclass(frozen=True, slots=True)
 class BlobsReleased:
-    """Database rows that referred to blobs were deleted or changed. Other references to these blobs may remain.
+    """Database rows no longer refer to these blobs. Other references to them may remain.
 
     references: number of removed references by the blob's SHA-256.
     """
@@ -69,7 +69,7 @@ class BlobsReleased:
 
 @dataclass(frozen=True, slots=True)
 class PreparationRequested:
-    """A scene must be compiled for a kind of worker, independently of any job."""
+    """A scene must be compiled for a worker kind (renderer.jit.kind), although no job needs it."""
 
     scene: str
     worker_kind: str
@@ -84,9 +84,9 @@ class FilmSuspected:
 
 @dataclass(frozen=True, slots=True)
 class WorkerQuarantined:
-    """A worker was quarantined because its results differ from those of others.
+    """A worker was quarantined because its results differ from those of other workers.
 
-    details: the content of the webhook message; None if it was found in an earlier run of the service.
+    details: the content of the webhook message; None if an earlier run of the service found the difference.
     """
 
     worker: str
@@ -104,7 +104,10 @@ class Events:
         self._background = ThreadPoolExecutor(1, "events")
 
     def subscribe(self, kind: type[Event], handler: Callable[[Event], object], *, in_background: bool = False) -> None:
-        """Registers a handler for all events of type `kind` that are published later."""
+        """Registers a handler for all events of type `kind` that are published later.
+
+        in_background: whether a background thread calls it instead of the publisher's.
+        """
 
         def submit(event: Event) -> None:
             self._background.submit(_call_handler, handler, event)

@@ -1,4 +1,4 @@
-"""Assembles the parts of the service that routes use."""
+"""Assembles, starts and stops the parts of the service that routes use."""
 
 from __future__ import annotations
 
@@ -141,7 +141,10 @@ class Farm:
         self.logins = CapacityLimiter(2)  # password checks, which are slow by design
 
     def start(self, loop: asyncio.AbstractEventLoop, on_lost: Callable[[], None] = lambda: None) -> None:
-        """Deletes remains of an earlier run and starts all parts. on_lost: called from a thread if another service takes over."""
+        """Deletes remains of an earlier run and starts all parts.
+
+        loop: the event loop of the server. on_lost: called from a thread if another service takes over the farm.
+        """
         self.owning.start(on_lost, self.engine.makes_progress)
         self.broadcast.open(loop)
         self.reserve.refill()
@@ -154,7 +157,7 @@ class Farm:
         self._inherited.start()
 
     def stop(self) -> None:
-        """Stops all parts in the reverse order."""
+        """Stops all parts in the reverse order of their start."""
         self.broadcast.close()
         self.explaining.stop()
         for part in reversed(self._parts):
@@ -167,8 +170,8 @@ class Farm:
     def film(self, job: Job, frame: int = 0) -> Film | None:
         """Returns a job's film; None if it has none yet.
 
-        frame: key of the frame whose samples are compared with the database. Raises FilmLost if the film has fewer of them than
-        the database records.
+        frame: key of the frame to check. If the job has ended and the film has fewer samples of this frame than the database
+        records, raises FilmLost. Raises Conflict if this release cannot read the job's settings.
         """
         if job.settings is None or job.tile_size is None:
             return None

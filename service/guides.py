@@ -1,4 +1,4 @@
-"""Serves the guides, which are Markdown files, as pages in the look of the API's documentation."""
+"""Serves the guides, which are Markdown files, as pages with the design of the API's documentation."""
 
 from __future__ import annotations
 
@@ -35,9 +35,10 @@ TEXT = ("text", "code_inline", "softbreak")
 
 
 class Guides(Pages):
-    """Serves an index of the guides, each guide without its suffix, and their pictures.
+    """Serves an index of the guides, each guide at its name without the suffix, and the guides' pictures.
 
-    folder: the Markdown files, with `pictures`. template: an HTML page with {title}, {contents}, {body} and {version}.
+    folder: has the Markdown files, and a subfolder `pictures`. template: an HTML page with {title}, {contents}, {body} and
+    {version}.
     """
 
     def __init__(self, folder: Path, template: Path) -> None:
@@ -59,7 +60,7 @@ class Guides(Pages):
         return any(name in names for names in GROUPS.values()) and (self._folder / f"{name}.md").is_file()
 
     def _page(self, name: str) -> Content:
-        """Returns a page, rendered again after its files have changed."""
+        """Returns the page of a guide, or the index if `name` is INDEX. Renders it again after its files have changed."""
         files = [self._template, *([] if name == INDEX else [self._folder / f"{name}.md"])]
         version = tuple(path.stat().st_mtime_ns for path in files)
         known = self._pages.get(name)
@@ -89,7 +90,8 @@ class Guides(Pages):
 def render_guide(text: str, has_guide: Callable[[str], bool]) -> tuple[str, str, str]:
     """Returns a guide's title, the links to its sections, and its body as HTML.
 
-    has_guide: callable that says whether a guide of a name exists. Links to other files are rendered as plain text.
+    text: the guide in Markdown. has_guide: returns True if there is a guide with a given name. Links to other files are
+    rendered as plain text.
     """
     parser = _parser()
     tokens = parser.parse(text)
@@ -144,7 +146,7 @@ def _plain_text(inline: Token) -> str:
 
 
 def _anchor(words: str, used: dict[str, int]) -> str:
-    """Returns a heading's id, as GitHub computes it; repeated ones are numbered."""
+    """Returns a heading's id, as GitHub computes it. used: ids so far; a repeated id gets a number."""
     anchor = re.sub(r"[^\w\- ]", "", words.lower()).replace(" ", "-")
     count = used[anchor] = used.get(anchor, -1) + 1
     return f"{anchor}-{count}" if count else anchor

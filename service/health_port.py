@@ -1,7 +1,7 @@
 """Serves /healthz on a separate port and thread, so that a busy service is not considered dead.
 
-On the main port the event loop answers /healthz, possibly late. Here the loop's health is judged by the time since its last
-iteration: a loop that hangs needs a restart, one that is busy does not.
+On the main port the event loop answers /healthz, possibly late. On this port the time since the loop's last iteration decides:
+a loop that hangs needs a restart, one that is busy does not.
 """
 
 from __future__ import annotations
@@ -28,7 +28,10 @@ class HealthPort:
     """Health server. Start and stop it in the event loop's thread."""
 
     def __init__(self, host: str, port: int, is_engine_alive: Callable[[], bool]) -> None:
-        """Binds the port. Raises StartupError if that fails."""
+        """Binds the port. Raises StartupError if that fails.
+
+        is_engine_alive: returns True while the engine's thread runs.
+        """
         self._is_engine_alive = is_engine_alive
         self._ticked = time.monotonic()
         self._handle: asyncio.TimerHandle | None = None
@@ -42,10 +45,7 @@ class HealthPort:
         self.port = self._server.server_port
 
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Starts the server, and from now on measures when the event loop `loop` last had an iteration.
-
-        `failure_reason` reports a loop that hangs.
-        """
+        """Starts the server, and begins to measure how late the iterations of the event loop are."""
         self._record_tick(loop)
         threading.Thread(target=self._server.serve_forever, name="health", daemon=True).start()
 

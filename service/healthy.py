@@ -10,7 +10,7 @@ TIMEOUT_S = 2.0
 
 
 def main(port: int = 8000) -> int:
-    """Returns exit code 0 if the service at this port is ready or a standby, else 1."""
+    """Returns exit code 0 if the service at this port is ready, or a standby for another service; else 1."""
     try:
         with socket.create_connection(("127.0.0.1", port), TIMEOUT_S) as service:
             # HTTP/1.1, since the service takes HTTP/1.0 for a sign of a proxy (service/http/client_address.py).

@@ -1,7 +1,7 @@
 """Locations of the web page, the examples, Blender's add-on, and the data.
 
-In a clone these are folders at its top, including the data, so removing the clone removes everything. In an installed Rayfarm
-the page, examples and add-on are in this package, and the data is in the user's data folder.
+In a clone these are folders at the clone's root, so removing the clone removes everything. In an installed Rayfarm the page,
+examples and add-on are in this package, and the data is in the user's data folder.
 """
 
 from __future__ import annotations

@@ -114,7 +114,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 def _streams_end_with_the_server(close: Callable[[], None]) -> Any:
     """Context manager that ends event streams when the server gets a stop signal.
 
-    The server waits for open responses, and event streams would never end. close: called in the signal handler.
+    The server waits for open responses, and event streams would never end. close: ends the streams; called in the signal
+    handler.
     """
     previous: dict[signal.Signals, Any] = {}
 

@@ -23,7 +23,7 @@ SECRET_BYTES = 32
 
 
 def make_secrets(folder: Path) -> None:
-    """Writes the secrets that are set in the environment or have no file yet. Raises OSError, VariableError."""
+    """Writes the secrets that the environment sets, and creates those that have no file yet. Raises OSError, VariableError."""
     for name, variable in SECRETS.items():
         path, given = folder / name, value_of(variable)
         known = path.read_text().strip() if path.exists() else ""

@@ -1,4 +1,4 @@
-"""Generates the served index.html so that the browser loads what it needs first in few requests.
+"""Generates the served index.html so that the browser loads the needed files in few requests.
 
 A browser opens six connections to an HTTP/1.1 service, and each request takes a round trip: 0.4 s on a slow line. Therefore
 adjacent style sheets are joined to one file, and so are classic scripts; all static imports of the first module, direct and
@@ -32,7 +32,10 @@ _DYNAMIC_IMPORT = re.compile(r'\bawait import\("(\.{1,2}/[^"]+)"\)')
 
 
 def joined_files(html: str, sources: Mapping[str, str]) -> dict[str, str]:
-    """Returns the content of the joined files by name. sources: text of all files of the page by name."""
+    """Returns the content of the joined style sheets and scripts, by name.
+
+    sources: text of all files of the page, by name.
+    """
     found = {}
     for name, group in _GROUPS.items():
         if (match := group.search(html)) is not None:
@@ -41,7 +44,10 @@ def joined_files(html: str, sources: Mapping[str, str]) -> dict[str, str]:
 
 
 def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
-    """Returns index.html with links to the files of one version. base: prefix of these links, such as v/HASH/."""
+    """Returns the served index.html, with links to the files of one version.
+
+    html: the file index.html. sources: text of all files of the page, by name. base: prefix of the links, such as v/HASH/.
+    """
     first = _MODULE.findall(html)
     at_once = _imported(first, sources)
     on_demand = {
@@ -67,7 +73,7 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
 
 
 def _imported(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
-    """Returns the given modules and all that they import statically, directly or indirectly, in import order."""
+    """Returns the given modules, and all modules that they import statically, directly or indirectly, in import order."""
     found = dict.fromkeys(modules)
     for name in (waiting := list(found)):
         for other in _imported_modules(name, _IMPORT, sources):
@@ -78,7 +84,10 @@ def _imported(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
 
 
 def _imported_modules(module: str, statement: re.Pattern[str], sources: Mapping[str, str]) -> list[str]:
-    """Returns the existing modules that a module imports. statement: pattern of the import statement."""
+    """Returns the modules that one module imports by statements of a given form.
+
+    statement: pattern of the import statement. sources: text of all files by name; modules that are not in it are left out.
+    """
     folder = posixpath.dirname(module)
     names = [posixpath.normpath(posixpath.join(folder, relative)) for relative in statement.findall(sources.get(module, ""))]
     return [name for name in names if name in sources]

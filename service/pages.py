@@ -1,7 +1,8 @@
 """Serves the page's files. The links in index.html contain a hash of all files, so browsers never need to revalidate the files.
 
-A page of an older release requests files by an older hash. It gets no JavaScript modules, since it would mix releases; it reports
-this or reloads (`web/js/shell/again.js`). Other files may be of the newer release. index.html is revalidated each time.
+A page of an older release requests files by an older hash. Such a request for a JavaScript module results in 404, since the
+page would mix releases; the page then reports this or reloads (`web/js/shell/again.js`). Other files are sent as they are in
+this release. index.html is revalidated each time.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ class Pages(StaticFiles):
 
 
 class WebPages(Pages):
-    """Serves index.html, and the page's other files at versioned URLs; each file is compressed once."""
+    """Serves index.html, and the page's other files at URLs that contain their version. Each file is compressed once."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder, html=True)
@@ -76,7 +77,7 @@ class WebPages(Pages):
         return await super().get_response("no such file", scope)
 
     def _current_files(self) -> PageFiles:
-        """Returns a snapshot of the page's files. Takes a new one after a change, so that changes need no restart."""
+        """Returns the page's files. Reads them again after a change on disk, so that changes need no restart."""
         with self._lock:
             files = tuple(_files(self._folder))
             if files != self._shelf.files:
@@ -103,7 +104,10 @@ class Content:
 
 @dataclass(frozen=True)
 class PageFiles:
-    """A snapshot of all files of the page. files: name, size and modification time of each."""
+    """The content of all files of the page at one moment.
+
+    files: name, size and modification time of each file. version: hash of all files. index: the generated index.html.
+    """
 
     folder: Path
     files: tuple[tuple[str, int, int], ...]
@@ -140,7 +144,10 @@ def _is_hidden(name: Path) -> bool:
 
 
 def file_response(content: Content, name: str, cache_control: str, scope: Scope) -> Response:
-    """Returns the response with a file, compressed if the client accepts gzip. Status 304 if the client's ETag matches."""
+    """Returns the response with a file, compressed if the client accepts gzip. Status 304 if the client's ETag matches.
+
+    name: the file's name, which determines the media type. scope: the ASGI scope of the request.
+    """
     asked = Headers(scope=scope)
     packs = name.endswith(COMPRESSED_SUFFIXES) and "gzip" in asked.get("accept-encoding", "")
     tag = content.tag[:-1] + '-gzip"' if packs else content.tag

@@ -1,6 +1,6 @@
-"""Lifecycle of a service process: owns the farm, or is a standby until it can.
+"""Lifecycle of a service process. It either owns the farm, or is a standby: it waits until it can take over the farm.
 
-If it loses the farm, it becomes a standby again.
+If a process loses the farm to another one, it becomes a standby again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class ServiceLifecycle:
     def __init__(self, settings: Settings, take_over: Callable[[Farm], None]) -> None:
         """Stores the parameters.
 
-        take_over: called with each Farm that this process starts, before requests are handled with it.
+        take_over: called with the Farm each time this process has become the owner, before requests are handled with it.
         """
         self._settings = settings
         self._take_over = take_over
@@ -50,7 +50,7 @@ class ServiceLifecycle:
         self._trouble = ""  # why it is unknown whether this service must take over
 
     async def begin(self) -> None:
-        """Takes the farm, or becomes a standby. Raises StartupError."""
+        """Becomes the owner of the farm, or a standby if another process is the owner. Raises StartupError."""
         self._candidate = Candidate(self._settings)
         try:
             owning = self._candidate.attempt()
@@ -82,16 +82,13 @@ class ServiceLifecycle:
 
     @property
     def is_alive(self) -> bool:
-        """Returns True if the background task is running.
-
-        If this process owns the farm, the engine must be running too.
-        """
+        """Returns True if the task that switches the roles is running and, in the owner, the engine too."""
         goes_on = self._task is not None and not self._task.done()
         return goes_on and (self._farm is None or self._farm.engine.is_alive)
 
     @property
     def standby_reason(self) -> str:
-        """The message for clients while this process is a standby."""
+        """The message for clients while this process is a standby: which process owns the farm."""
         known = self._candidate.known if self._candidate is not None else None
         if known is None and self._trouble:
             return Sentence("service-not-begun", "This service has not begun: {reason}", reason=self._trouble)
@@ -126,7 +123,7 @@ class ServiceLifecycle:
             self._farm.broadcast.close()
 
     def _start_farm(self, owning: Ownership) -> None:
-        """Starts the farm with this ownership. Raises StartupError; then this process is a standby again."""
+        """Starts the farm with this ownership. Raises StartupError, and makes this process a standby again, if that fails."""
         self._lost.clear()
         loop = asyncio.get_running_loop()
         try:
@@ -173,7 +170,7 @@ class ServiceLifecycle:
             self._candidate = Candidate(self._settings)
 
     async def _stand_by(self) -> None:
-        """Waits until this process owns the farm, and starts it. Ends the process if it can never own the farm."""
+        """Waits until this process becomes the owner of the farm, and starts the farm. Ends the process if it never can."""
         said = ""
         while True:
             assert self._candidate is not None

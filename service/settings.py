@@ -125,7 +125,7 @@ class Settings(BaseSettings):
 
     @classmethod
     def read(cls, **given: Any) -> Settings:
-        """Reads the settings from the environment. given: values that take precedence.
+        """Reads the settings from the environment. given: values by field name, which take precedence.
 
         Raises StartupError if a value is invalid.
         """
@@ -201,7 +201,7 @@ class Settings(BaseSettings):
 
     @property
     def worker_redis_url(self) -> str:
-        """Redis URL for workers."""
+        """URL at which workers reach Redis."""
         return without_local_options(self.public_redis_url or self.redis_url)
 
     @property
@@ -219,14 +219,14 @@ class Settings(BaseSettings):
 
     @property
     def published_names(self) -> list[str]:
-        """Published addresses and host names of the service's container, in lower case."""
+        """Addresses and host names under which the service's container is published, in lower case."""
         return self.published.lower().split()
 
     @property
     def page_url(self) -> str:
-        """URL of the page, as far as it can be derived from the settings.
+        """URL at which users open the page, as far as the settings tell.
 
-        RAYFARM_PUBLIC_URL if set; else HTTPS with the first published host name; else HTTP with host and port.
+        It is RAYFARM_PUBLIC_URL if set; else HTTPS with the first published host name; else HTTP with host and port.
         """
         if self.public_url:
             return self.public_url.rstrip("/")
@@ -246,7 +246,7 @@ class Settings(BaseSettings):
         return self.login == "always"
 
     def make_folders(self) -> None:
-        """Creates the data folder with its subfolders, the instance's id, and tokens that are not set. Raises StartupError."""
+        """Creates the data folder with its subfolders, and tokens and secrets that are not set. Raises StartupError."""
         try:
             self._make_folders()
         except OSError as error:
@@ -272,7 +272,10 @@ class Settings(BaseSettings):
             self.webhook_secret = path.read_text().strip()
 
     def login_key(self) -> bytes:
-        """Returns the 32-byte key that encrypts cookies of unfinished OpenID logins. All services of a data folder share it."""
+        """Returns the 32-byte key that encrypts cookies of unfinished OpenID logins.
+
+        All services with the same data folder have the same key.
+        """
         return hashlib.sha256(_persistent_id(self.data / "login-key").encode()).digest()
 
     def instance_id(self) -> str:
@@ -281,7 +284,10 @@ class Settings(BaseSettings):
 
 
 class _Files(PydanticBaseSettingsSource):
-    """Source of settings from files: RAYFARM_NAME_FILE names the file with the value of RAYFARM_NAME. Raises VariableError."""
+    """Source of settings from files: the variable RAYFARM_NAME_FILE has the path of the file with the value of RAYFARM_NAME.
+
+    Raises VariableError if a file cannot be read.
+    """
 
     def get_field_value(self, field: FieldInfo, field_name: str) -> tuple[Any, str, bool]:
         """Returns the three values that Pydantic expects: the setting's value, its name, and whether the value is JSON.
@@ -319,7 +325,7 @@ def _own_address() -> str:
 
 
 def _persistent_id(path: Path) -> str:
-    """Returns the random id that is stored in a private file.
+    """Returns the random id that is stored in a private file at this path.
 
     Creates the file if it does not exist; safe if several services start at once.
     """

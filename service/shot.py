@@ -1,4 +1,4 @@
-"""Parameters of a shot, a request for several frames, that are stored in the job's row and are not render settings."""
+"""Parameters of a shot (a job that renders several frames) that are stored in the job's row and are not render settings."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ IN_TURN_ORDER = "in-turn"
 
 @dataclass(frozen=True)
 class Shot:
-    """The parameters of a shot.
+    """The parameters of a shot, a job that renders several frames.
 
-    fps, clip: as in renderer.scene.animation.Moment. turntable: seconds per revolution of the camera. order: one of
-    renderer.work.ORDERS; every: the step n of that order. first: key of the frame to render before all others (frame_key).
-    revision: increases with each change after which the engine must check the frames. anew: frames whose samples must be
-    discarded first, in the notation of renderer.frames.frames_text; cleared when done. frames: all frames in that notation; None
-    if an earlier release wrote the row.
+    fps, clip: as in renderer.scene.animation.Moment. turntable: seconds per revolution of the camera; None: no revolution.
+    order: order of the frames, one of renderer.work.ORDERS. every: for orders that first render every n-th frame, this n.
+    first: key of the frame to render before all others (frame_key). revision: increases with each change after which the engine
+    must check the frames. anew: frames whose samples must be discarded first, in the notation of renderer.frames.frames_text;
+    cleared when done. frames: all frames in that notation; None if an earlier release wrote the row.
     """
 
     fps: float | None = None
@@ -57,5 +57,5 @@ class Shot:
         return asdict(self)
 
     def with_changes(self, **what: Any) -> Self:
-        """Returns a copy with these fields changed and `revision` increased by one."""
+        """Returns a copy in which the given fields are changed and `revision` is increased by one."""
         return replace(self, **what, revision=self.revision + 1)

@@ -1,8 +1,8 @@
 """`python -m service.standby`: like `python -m service`, but imports everything first and then reads its options from stdin.
 
 The imports take more than a second of processor time, and several seconds if the machine's slots are busy. `rayfarm up` starts
-this process before its own imports (rayfarm/local/early.py), and always has a preloaded spare one, so that a service that was
-killed is replaced at once (rayfarm/local/supervisor.py).
+this process before its own imports (rayfarm/local/early.py). It always keeps one more such process in reserve, so that it can
+replace a killed service at once (rayfarm/local/supervisor.py).
 """
 
 from __future__ import annotations

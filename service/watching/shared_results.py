@@ -81,7 +81,7 @@ class SharedResults:
 
     @property
     def round_pixels(self) -> int:
-        """Maximum number of pixels that one packet to a viewer has. Decreases with the number of viewers."""
+        """Number of pixels in a round, that is in the tiles sent to a viewer at once. Decreases with the number of viewers."""
         watchers = max(self._broadcast.watchers, 1)
         return int(min(ROUND_PIXELS, self._memory * (1 - PACKED_MEMORY_SHARE) / (IN_FLIGHT_BYTES_PER_PIXEL * watchers)))
 
