@@ -1,4 +1,4 @@
-"""GET /api/blender-addon.zip: the Blender add-on that renders on this farm."""
+"""GET /api/blender-addon.zip: Blender's add-on, which renders on this farm."""
 
 from __future__ import annotations
 

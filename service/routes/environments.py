@@ -43,7 +43,7 @@ _Id = Annotated[str, PathParameter(max_length=100)]
 
 
 class EnvironmentOut(BaseModel):
-    """An environment for lighting. environment: the value to use for it in a job's request."""
+    """An environment for lighting. environment: the value of a job's field `environment` that selects it."""
 
     id: str
     name: str
@@ -60,9 +60,9 @@ class EnvironmentOut(BaseModel):
 def list_environments(
     farm: FarmDependency, visit: VisitDependency, page: PageDependency, project: InProject = None
 ) -> list[EnvironmentOut]:
-    """Lists the presets, then the uploaded environments, newest first. project: only its own and those of no project.
+    """Lists the presets, then the uploaded environments, newest first. The header X-Total-Count contains their number.
 
-    The header X-Total-Count contains their number.
+    project: limits the list to environments of this project and of no project.
     """
     presets = [
         EnvironmentOut(
@@ -92,7 +92,7 @@ async def add_environment(
 ) -> EnvironmentOut:
     """Uploads an equirectangular image, preferably .exr or .hdr, which a worker validates.
 
-    Uploading it again returns the same one.
+    Uploading the same image again returns the same environment.
     """
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
     await check_upload_quota(request, farm, visit)
@@ -157,7 +157,10 @@ def delete_environment(id: _Id, farm: FarmDependency) -> None:
 
 
 async def _store_environment(id: str, name: str, file: BlobRef, owner: dict[str, Any], farm: Farm) -> EnvironmentOut:
-    """Requests the thumbnail of an uploaded image from a worker, then stores the image's row and returns it."""
+    """Requests the thumbnail of an uploaded image from a worker, then stores the image's row and returns it.
+
+    owner: values of the row's columns about its owner.
+    """
     wish = ShowEnvironment("", id, name, file.sha256, file.size, WIDTH)
     asked = await run_in_threadpool(farm.engine.show_environment, wish)
     made = await asyncio.shield(asyncio.wrap_future(asked))

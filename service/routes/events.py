@@ -35,7 +35,7 @@ KEEP_ALIVE_S = 10.0
 
 @router.get("/api/events", response_class=StreamingResponse, responses={200: {"content": {"text/event-stream": {}}}})
 async def events(farm: FarmDependency, visit: VisitDependency) -> StreamingResponse:
-    """Streams events `job`, `scene` and `worker` with the resource as JSON, or {"id", "deleted": true}.
+    """Streams events `job`, `scene` and `worker`, each with the resource as JSON; {"id", "deleted": true} if it was deleted.
 
     A resource that changes quickly is sent at most twice a second. After a reconnection, fetch the lists again. There are no
     events about content of projects that are not visible to you.

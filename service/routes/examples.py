@@ -21,7 +21,7 @@ router = api_router(prefix="/api/examples", tags=["examples"])
 
 
 class ExampleOut(BaseModel):
-    """An example scene. frames, fps: values for `POST /api/jobs`, if it is meant as a shot."""
+    """An example scene. frames, fps: values for the same fields of `POST /api/jobs`, if the example is an animation."""
 
     name: str
     title: str

@@ -124,8 +124,9 @@ def explain(
 ) -> ExplainedOut:
     """Returns the paths of a few of a pixel's samples: the first, the one of median luminance, and the brightest.
 
-    A worker renders the pixel's samples again, with the job's settings and sample numbers. 409 if they cannot be rendered any
-    more, 503 if no worker can render them now, 504 if none was free in time.
+    A worker renders the pixel's samples again, with the job's settings and sample numbers. sample: number of one more sample to
+    return. 409 if the samples cannot be rendered any more, 503 if no worker can render them now, 504 if no slot was free in
+    time.
     """
     job = find_job(id, farm)
     film = find_film(id, frame, farm)
@@ -154,9 +155,10 @@ def explain(
 def _explained_out(
     found: dict[str, Any], scene: Scene, film_exponent: int, at: tuple[int, int, float], sums: list[int] | None, count: int
 ) -> ExplainedOut:
-    """Builds the response.
+    """Builds the response from a worker's explanation.
 
-    sums: the film's sums of the pixel's `count` samples; None if a worker of another kind rendered them.
+    found: the explanation (worker/work/explain.py). at: x, y and frame number. sums: the film's sums of the pixel's `count`
+    samples; None if workers of another kind rendered the film.
     """
     names = (scene.info or {}).get("names") or {}
     for path in found["paths"]:
@@ -186,9 +188,10 @@ def _rows(job: Job, key: int, farm: Farm) -> tuple[Scene, Frame | None]:
 
 
 def _kind(job: Job, scene: Scene, farm: Farm) -> str:
-    """Returns the worker kind to use: the job's own, which reproduces paths exactly; else one for which the scene is compiled.
+    """Returns the kind of worker that explains the pixel: the one that renders the job, which reproduces its paths exactly.
 
-    Raises Unavailable if there is none yet.
+    If no worker of that kind can explain it, returns a kind for which the scene is compiled. Raises Unavailable if there is
+    none yet.
     """
     kinds = farm.explaining.kinds()
     if job.kind in kinds and job.kind in scene.compiled:
@@ -204,9 +207,9 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
 
 
 def _film_sums_at(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
-    """Returns the film's sums of a pixel's colour and samples, and the number of contiguous samples from sample 0.
+    """Returns a pixel's sums in the film, for colour and sample count, and the number of consecutive samples from sample 0.
 
-    The sums are None if the film has further samples.
+    key: the frame's key. The sums are None if the film has samples after a gap, or more than can be explained.
     """
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     before, sums, after = film.coverage(key, at), film.tile_sums(key, at), film.coverage(key, at)

@@ -1,4 +1,4 @@
-"""/api/farm: the routes that workers use. They authenticate with the farm's token or with a worker token."""
+"""/api/farm: routes for workers, which authenticate with the farm's token or with a worker token."""
 
 from __future__ import annotations
 
@@ -38,9 +38,9 @@ router = api_router(prefix="/api/farm", tags=["farm"])
 
 @router.get("/join")
 def join(farm: FarmDependency, visit: VisitDependency) -> dict[str, str]:
-    """Returns the address of the queue, and data by which a worker on the same machine recognises the service's files.
+    """Returns the address of Redis, and data by which a worker on the same machine recognises the service's files.
 
-    A worker with a token of its own also gets a Redis password of its own.
+    A worker that authenticates with a worker token also gets a Redis password of its own.
     """
     data = str(farm.settings.data) if farm.blobs.is_local else ""
     redis_url, key = farm.settings.worker_redis_url, visit.caller.key if visit.caller is not None else None
@@ -51,7 +51,7 @@ def join(farm: FarmDependency, visit: VisitDependency) -> dict[str, str]:
 
 @router.get("/scenes/{id}/manifest")
 def manifest(id: str, farm: FarmDependency) -> dict[str, Any]:
-    """Returns the hashes of a scene's files; for a .blend also of Blender's export, once it exists."""
+    """Returns the names and hashes of a scene's files; for a .blend file also of Blender's export, once it exists."""
     with farm.sessions() as session:
         scene = session.get(Scene, id)
         base = session.get(Scene, scene.of) if scene is not None and scene.of else None
@@ -80,7 +80,7 @@ def get_blob(sha256: str, farm: FarmDependency) -> StreamingResponse:
 
 @router.post("/blobs/{sha256}/keep", status_code=204)
 def keep_blob(sha256: str, farm: FarmDependency) -> Response:
-    """Keeps a blob as long as one that was just stored. 404 if it does not exist and has to be uploaded."""
+    """Protects a blob from deletion for as long as one just stored. 404 if it does not exist and has to be uploaded."""
     if not is_sha256(sha256):
         raise blob_not_found()
     farm.garbage.pin_until_recorded(sha256)
@@ -92,7 +92,10 @@ def keep_blob(sha256: str, farm: FarmDependency) -> Response:
 
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
 def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], farm: FarmDependency) -> FileResponse:
-    """Returns the mean values of a frame (number in halves of a frame) for a denoiser; layout: protocol.contract.DenoiseFrame."""
+    """Returns the mean colour, albedo and normal of a frame for a denoiser; layout: protocol.contract.DenoiseFrame.
+
+    frame: twice the frame number.
+    """
     found = find_job(job, farm)
     film = farm.film(found)
     if film is None or not farm.records.has_frame(job, frame):

@@ -1,7 +1,7 @@
 """/api/jobs/{id}/frames/{n}: pictures of frames, available from the first sample on.
 
-A frame without samples returns 409 with an explanation. Only its film, which clients fetch first, is returned empty until the job
-ends.
+A frame without samples returns 409 with an explanation. Only /film, which clients fetch first, responds with an empty picture
+until the job ends.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ def list_frames(
 
 @router.get("/{n}", response_model=FrameOut)
 def get_frame(id: str, n: Number, farm: FarmDependency) -> FrameOut:
-    """Returns one frame of a job, with the first of its discarded samples."""
+    """Returns one frame of a job: state, samples, noise and error, and the first of its samples excluded as NaN or infinite."""
     job = find_job(id, farm)
     with farm.sessions() as session:
         found = frame_out(job, session, farm.engine, frame_key(n))
@@ -126,10 +126,10 @@ async def image(
     tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
     width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
 ) -> Response:
-    """Returns the picture rendered so far. EXR, HDR and RGB9E5 (words as in live tiles) are scene-linear; PNG and JPEG are
-    tone-mapped.
+    """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
 
-    The header X-Samples contains the number of its samples over all pixels; for a heat map, X-Span contains the range of values.
+    The words of RGB9E5 are those of live tiles. The header X-Samples contains the number of its samples over all pixels; for a
+    heat map, X-Span contains the range of values.
     """
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(
@@ -177,7 +177,7 @@ async def image(
 
 @router.get("/{n}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
 async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
-    """Returns a whole frame's colour and the sample count of each tile in one response, for viewers that start.
+    """Returns the colour of a whole frame and the sample count of each tile in one response, for a viewer that opens the job.
 
     See docs/api.md.
     """
@@ -205,7 +205,7 @@ async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), 
 
 
 def _tile_at(film: Film, x: int, y: int) -> tuple[int, Tile]:
-    """Returns the index and rectangle of the tile that contains a pixel. Raises Invalid."""
+    """Returns the index and rectangle of the tile that contains a pixel. Raises Invalid if the pixel is outside the frame."""
     if x >= film.width or y >= film.height:
         raise Invalid(
             Sentence(
@@ -238,9 +238,9 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
 
 @router.get("/{n}/log", response_class=PlainTextResponse)
 def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> str:
-    """Returns the log of the tile with this pixel: worker, samples, durations and warnings of each batch; failures and losses.
+    """Returns the log of the tile with this pixel, one line per batch: worker, samples, duration, and warnings or failure.
 
-    One line per batch. Of successful batches, only the latest 16 since the service started.
+    Of successful batches, it has only the latest 16 since the service started.
     """
     film = find_film(id, n, farm)
     at, _ = _tile_at(film, x, y)
@@ -262,14 +262,17 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
 
 
 async def _denoised(id: str, n: float, film: Film, farm: Farm) -> ArtifactResult:
-    """Waits for the denoised frame without occupying a thread, since many clients may wait at the same time."""
+    """Returns the denoised frame once a worker has made it. Occupies no thread meanwhile, since many clients may wait."""
     made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
     # Shielded: a client that disconnects must not cancel the work for other clients.
     return await asyncio.shield(asyncio.wrap_future(made))
 
 
 def _planes(text: str) -> tuple[tuple[str, ...], bool]:
-    """Returns the requested planes, and whether they are layers in addition to the colour."""
+    """Returns the names of the requested AOVs, and whether they are layers in addition to the colour.
+
+    text: the query parameter `aov`.
+    """
     asked = [name.strip() for name in text.split(",")]
     try:
         names = aovs.parse_names(name for name in asked if name not in ("color", ""))
@@ -279,7 +282,10 @@ def _planes(text: str) -> tuple[tuple[str, ...], bool]:
 
 
 def _film_state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
-    """Returns a frame's film, the version of the film's content, and the frame's number of samples."""
+    """Returns a frame's film, the version of its content, and the frame's number of samples. id: the job's. n: frame number.
+
+    Raises Conflict if the job has ended and the frame has no samples.
+    """
     film, job = find_film(id, n, farm), find_job(id, farm)
     samples = film.samples(frame_key(n))
     if not samples and job.state in FINAL_STATES:
@@ -288,13 +294,16 @@ def _film_state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
 
 
 def _picture(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
-    """Like `_film_state`, but raises Conflict if the frame has no samples."""
+    """Returns the same as `_film_state`, but also raises Conflict for a frame without samples while the job renders."""
     film = find_picture(id, n, farm)
     return film, film.version(frame_key(n)), film.samples(frame_key(n))
 
 
 def _names(id: str, farm: Farm) -> dict[str, list[str]]:
-    """Returns the names of the scene's objects and materials, as lists indexed by their numbers."""
+    """Returns the names of the scene's objects and materials. A name's index in its list is its number.
+
+    id: the job's id.
+    """
     with farm.sessions() as session:
         scene = session.get(Scene, find_job(id, farm).scene)
     names = ((scene.info if scene else None) or {}).get("names")

@@ -1,4 +1,4 @@
-"""/api/jobs/{id}: the history of a job: progress over time, and events."""
+"""/api/jobs/{id}: a job's log, and its history: progress over time, and events."""
 
 from __future__ import annotations
 

@@ -77,7 +77,7 @@ def list_jobs(
     limit: int = Query(100, ge=1, le=MOST_JOBS),
     offset: int = Query(0, ge=0, le=1 << 31),
 ) -> Response:
-    """Lists a page of the jobs that match the filter. The header X-Total-Count contains the number of all matching jobs."""
+    """Lists the jobs that match the filter, one page. The header X-Total-Count contains the number of all matching jobs."""
     view = farm.engine.snapshot
     with farm.sessions() as session:
         rows = chosen.rows(sort, session, limit, offset)
@@ -134,8 +134,8 @@ def change_job(id: str, change_: JobPatch, farm: FarmDependency, visit: VisitDep
 def begin_job_anew(id: str, farm: FarmDependency, response: Response, visit: VisitDependency) -> JobOut:
     """Cancels a job, which keeps its picture, and creates a new one that renders the same picture from the first sample.
 
-    For a job that was started on a kind of worker that is gone, for instance after an upgrade: another kind may compute different
-    bits, so it never continues a film. To undo this, set the old job to running and cancel the new one.
+    It is for a job whose kind of worker is gone, for instance after an upgrade: another kind may compute different bits, so it
+    never continues the film. To undo this, set the old job to running and cancel the new one.
     """
     made = begin_anew(id, visit, farm)
     response.headers["Location"] = f"/api/jobs/{made.id}"

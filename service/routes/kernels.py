@@ -1,7 +1,7 @@
-"""/api/farm/kernels: machine code that one worker compiled, for other workers of its kind.
+"""/api/farm/kernels: machine code that one worker compiled, for other workers of the same kind.
 
-Loading a kernel executes its code. So uploads are accepted only with the farm's own token. A worker with a worker token may
-download kernels, signed with that token.
+Loading a kernel executes its code. So uploads are accepted only with the farm's own token. A worker that authenticates with a
+worker token may only download kernels, which are then signed with that token.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ TOKEN_NOT_ACCEPTED = Sentence(
 
 @router.get("/{name}", response_class=FileResponse)
 def get_kernels(name: str, farm: FarmDependency, visit: VisitDependency, request: Request) -> Response:
-    """Returns the kernels with this name. For names and signatures see renderer/kernel_file.py."""
+    """Returns the kernels with this name. renderer/kernel_file.py defines the names and signatures."""
     path = farm.kernels.find(name)
     if path is None:
         raise NotFound(Sentence("kernels-not-found", "The farm has no kernels of this name; compile and upload them."))

@@ -1,13 +1,14 @@
 """WS /api/jobs/{id}/live: a job's state as JSON, its frames' states, and the tiles of one frame as they change.
 
-The client gets a state, a snapshot of all tiles of its frame that have samples, and then changes. By {"frame": n} it switches to
-another frame, of which it gets a snapshot. A client that fetches the film itself (GET .../frames/{n}/film) requests no
-snapshot; it then sends {"have": [samples per pixel of every tile]}, and receives the tiles that differ.
+The client first gets the state and a snapshot: all tiles of the frame that have samples. Then it gets changes. By sending
+{"frame": n} it selects another frame, of which it gets a snapshot. A client that fetches the film itself (GET
+.../frames/{n}/film) requests no snapshot; it then sends {"have": [samples per pixel of every tile]}, and receives the tiles
+that differ.
 
 For a shot, the states of all frames are sent first, and then those that change. Tiles are sent in rounds. Every packet has a
-number; the client answers {"ack": number}, which acknowledges all packets up to it. At most two rounds are unacknowledged. In the
-meantime changed tiles are only recorded, and read from the film when their round is sent, so a slow client gets fewer pictures,
-but never outdated ones.
+number; the client answers {"ack": number}, which acknowledges all packets up to it. At most two rounds are unacknowledged. In
+the meantime changed tiles are only recorded, and read from the film when their round is sent, so a slow client gets fewer
+pictures, but never outdated ones.
 """
 
 from __future__ import annotations
@@ -63,7 +64,10 @@ async def live(
     frame: float | None = Query(None, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
     snapshot: bool = True,
 ) -> None:
-    """Sends a job's state and the tiles of one frame as they change. frame: default the first. snapshot: start with all tiles."""
+    """Sends a job's state, and the tiles of one frame as they change.
+
+    frame: the frame number; null: the first frame. snapshot: whether to send all tiles first.
+    """
     await socket.accept()
     first = await run_in_threadpool(_first_frame, farm, id)
     if first is None:
@@ -99,7 +103,7 @@ class _Watcher:
         self._frames_at = 0.0  # earliest time of the next frame update
 
     async def receive(self) -> None:
-        """Processes acknowledgements and frame selections until the client disconnects. Ignores malformed messages."""
+        """Processes the client's messages until it disconnects. Ignores malformed messages."""
         async for text in throttled_messages(self._socket):
             tiles = ASSUMED_TILES if self._film is None else len(self._film.tiles)
             if len(text) > MAX_MESSAGE_CHARACTERS + CHARACTERS_PER_TILE * tiles:
@@ -122,7 +126,7 @@ class _Watcher:
                 self._listener.wake()
 
     def _switch_frame(self) -> None:
-        """Switches to the frame that was requested last; skips earlier requests."""
+        """Switches to the frame that the client requested last, and skips earlier requests."""
         if self._wanted is None:
             return
         (self._listener.frame, self._snapshot), self._wanted = self._wanted, None
@@ -136,7 +140,10 @@ class _Watcher:
             self._listener.tiles.update(dict.fromkeys(range(len(film.tiles))))
 
     async def _queue_differing_tiles(self, film: Film, have: list[Any]) -> None:
-        """Queues the tiles whose sample counts differ from the client's list `have`; all tiles if the list has another length."""
+        """Queues the tiles whose numbers of samples differ from the client's list.
+
+        have: samples per pixel by tile. If it has another length than the list of tiles, queues all tiles.
+        """
         frame = self._listener.frame
         counts = await run_in_threadpool(lambda: [film.coverage(frame, tile).total for tile in range(len(film.tiles))])
         if frame == self._listener.frame:
@@ -239,7 +246,10 @@ def _frames(farm: Farm, id: str) -> tuple[Job | None, dict[int, FrameNumbers], f
 
 
 def _frame_messages(job: Job | None, before: Mapping[int, FrameNumbers], now: Mapping[int, FrameNumbers]) -> list[str]:
-    """Returns messages about the frames that changed, each with at most FRAMES_PER_MESSAGE frames."""
+    """Returns messages about the frames whose numbers differ, each with at most FRAMES_PER_MESSAGE frames.
+
+    before, now: numbers by frame key, as sent last and as they are.
+    """
     changed = [(key, numbers) for key, numbers in now.items() if before.get(key) != numbers]
     some = (changed[at : at + FRAMES_PER_MESSAGE] for at in range(0, len(changed), FRAMES_PER_MESSAGE))
     return [Frames(plain_frames(job, part)).to_text() for part in some] if job is not None else []

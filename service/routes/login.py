@@ -1,7 +1,7 @@
 """/api/login, /api/logout, /api/session: login of a browser by name and password or by a one-time link, and logout.
 
-A session is a secret in a cookie that scripts cannot read and that is not sent with cross-site requests. Each login creates a new
-session, and revokes the one that the browser sent.
+A session is identified by a secret in a cookie that scripts cannot read and that is not sent with cross-site requests. Each
+login creates a new session, and revokes the one whose cookie the browser sent.
 
 Passwords are verified in a separate thread pool, so that many attempts do not block other requests.
 """
@@ -60,13 +60,17 @@ class PasswordIn(BaseModel):
 
 
 class LogoutOut(BaseModel):
-    """Result of a logout. provider: URL that ends the browser's session at the OpenID provider and leads back here."""
+    """Result of a logout.
+
+    provider: URL that ends the browser's session at the OpenID provider and then returns to this page; empty without such a
+    login.
+    """
 
     provider: str
 
 
 class SessionOut(BaseModel):
-    """The present session. login: whether a login is required; name: null if nobody is logged in."""
+    """The present session. login: whether the farm requires a login. name: null if nobody is logged in."""
 
     login: bool
     name: str | None
@@ -77,7 +81,7 @@ class SessionOut(BaseModel):
 
 @router.get("/api/session", response_model=SessionOut)
 def get_session(visit: VisitDependency, farm: FarmDependency) -> SessionOut:
-    """Returns the present user, and whether a login is required."""
+    """Returns the user who is logged in, and whether a login is required."""
     return _session_out(visit.caller, visit.needs_login, farm)
 
 
@@ -149,7 +153,7 @@ def _change_password(body: PasswordIn, visit: Visit, farm: Farm) -> None:
 def _verify_password(name: str, password: str, farm: Farm, address: str) -> tuple[str, Role]:
     """Verifies a name and password; returns the user's name and role.
 
-    Raises Problem if they are wrong or there were too many attempts.
+    address: the client's IP address. Raises Problem if they are wrong or there were too many attempts.
     """
     access = farm.access
     wait = access.attempts.begin(address, name)

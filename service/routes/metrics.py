@@ -90,7 +90,8 @@ class _Collector:
 def _slots_wanted(view: Snapshot, jobs: dict[str, int], scenes: dict[str, int]) -> int:
     """Returns the number of slots that the waiting and running work could occupy at present, for autoscaling.
 
-    Work of unknown duration counts as one slot each, so that a farm scaled to no workers gets some.
+    jobs, scenes: numbers by state. Work of unknown duration counts as one slot each, so that a farm without workers is scaled
+    up.
     """
     measured = sum(job.slots_wanted for job in view.jobs.values())
     return max(measured, jobs.get("queued", 0) + jobs.get("running", 0) + scenes.get("preparing", 0))

@@ -1,4 +1,4 @@
-"""/api/login/openid: login through an OpenID provider. The browser is redirected to it, and returns with a one-time code."""
+"""/api/login/openid: login through an OpenID provider. It redirects the browser back to the service with a one-time code."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def finish(
     code: str = Query("", max_length=MAX_PARAMETER_LENGTH),
     error: str = Query("", max_length=MAX_PARAMETER_LENGTH),
 ) -> RedirectResponse:
-    """Completes the login after the provider's redirect: sets the session cookie and redirects to the page."""
+    """Completes the login when the provider redirects the browser here: sets the session cookie and redirects to the page."""
     access, oidc = farm.access, _oidc(farm)
     cookie = _cookie(farm, request, state)
     try:
@@ -84,7 +84,10 @@ def _refusal_redirect(request: Request, refusal: Refused) -> RedirectResponse:
 
 
 def _cookie(farm: Farm, request: Request, state: str) -> str:
-    """Returns the name of the cookie for one login attempt; different for each, so that several tabs can log in at once."""
+    """Returns the name of the cookie for one login attempt. Each attempt has another, so that several tabs can log in at once.
+
+    state: the attempt's random value, which the provider returns.
+    """
     return f"{_prefix(farm, request)}{fingerprint(state)[:16]}"
 
 

@@ -29,7 +29,7 @@ Password = Annotated[str | None, Field(max_length=MAX_LENGTH)]
 
 
 class UserIn(BaseModel):
-    """A new user. Without a password, the user can log in only by a link, and may then set one."""
+    """A new user. A user without a password can log in only by a login link, and may then set a password."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -58,7 +58,7 @@ class UserOut(BaseModel):
 
 
 class LinkIn(BaseModel):
-    """A login link to create. user: whom it logs in; default: the farm's owner."""
+    """A login link to create. user: name of the user whom the link logs in; empty: the farm's owner."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -66,7 +66,10 @@ class LinkIn(BaseModel):
 
 
 class LinkOut(BaseModel):
-    """A new login link. code: returned only this once; the page's URL followed by #/login?code=CODE logs the user in, once."""
+    """A new login link. The URL of the page followed by #/login?code=CODE logs the user in, once.
+
+    code: the link's secret, returned only this once.
+    """
 
     user: str
     code: str
@@ -100,7 +103,7 @@ def add_user(body: UserIn, farm: FarmDependency) -> UserOut:
 
 @router.patch("/api/users/{name}", response_model=UserOut)
 def change_user(name: str, body: UserChange, farm: FarmDependency) -> UserOut:
-    """Changes a user's role, with immediate effect, or password, which ends all sessions of the user."""
+    """Changes a user's role, which takes effect at once, or the password, which ends all sessions of the user."""
     users = farm.access.users
     user = users.find(name)
     if body.password is not None:

@@ -26,7 +26,7 @@ class ProjectIn(BaseModel):
 
 
 class MemberIn(BaseModel):
-    """A member's role in a project, which can restrict the user's own role.
+    """A member's role in a project. It can restrict the user's own role, but not extend it.
 
     view: read only; submit: also add and change content.
     """
@@ -37,7 +37,7 @@ class MemberIn(BaseModel):
 
 
 class ProjectOut(BaseModel):
-    """A project visible to you. roles: by member. counts: number of scenes, jobs, environments and references in it."""
+    """A project visible to you. roles: by member. counts: number of its scenes, jobs, environments and references."""
 
     name: str
     created: float
@@ -48,7 +48,7 @@ class ProjectOut(BaseModel):
 
 @router.get("", response_model=list[ProjectOut])
 def list_projects(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ProjectOut]:
-    """Lists your projects by name; for administrators, all projects. The header X-Total-Count contains their number."""
+    """Lists your projects by name; for administrators all projects. The header X-Total-Count contains their number."""
     projects = farm.access.projects
     return [_project_out(found) for found in projects.summaries(page.slice_of(projects.visible_names(visit.sight)))]
 
@@ -73,7 +73,7 @@ def let_in(name: str, user: str, farm: FarmDependency, body: MemberIn | None = N
 
 @router.delete("/{name}/members/{user}", response_model=ProjectOut)
 def put_out(name: str, user: str, farm: FarmDependency) -> ProjectOut:
-    """Removes a member from a project, with immediate effect, also on open connections."""
+    """Removes a member from a project. This takes effect at once, also on open connections."""
     return _project_out(farm.access.projects.remove_member(name, user))
 
 

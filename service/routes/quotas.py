@@ -22,7 +22,10 @@ Of = Literal["users", "tokens"]
 
 
 class LimitsIn(BaseModel):
-    """Limits of a user or token; null: unlimited. bytes: uploads and films. jobs: unfinished ones. samples_day: in 24 hours."""
+    """Limits of a user or token; null: unlimited.
+
+    bytes: size of uploads and films. jobs: number of unfinished jobs. samples_day: samples rendered in 24 hours.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
@@ -32,7 +35,7 @@ class LimitsIn(BaseModel):
 
 
 class AllowanceOut(BaseModel):
-    """Limits and usage of a user or token. whose: user:NAME or token:ID. limits: null: unlimited. used: at present."""
+    """Limits and usage of a user or token. whose: user:NAME or token:ID. used: the present usage."""
 
     whose: str
     limits: LimitsIn
@@ -40,14 +43,14 @@ class AllowanceOut(BaseModel):
 
 
 class SetAllowanceOut(AllowanceOut):
-    """Limits and usage. is_own: whether the limits were set by an administrator, and are not the defaults."""
+    """Limits and usage. is_own: whether an administrator has set the limits; otherwise they are the defaults."""
 
     is_own: bool
 
 
 @router.get("/api/quota", response_model=list[AllowanceOut])
 def get_quota(farm: FarmDependency, visit: VisitDependency) -> list[AllowanceOut]:
-    """Returns your limits and usage; also your token's, if it has limits of its own."""
+    """Returns your limits and usage; also those of your token, if it has limits of its own."""
     return [_allowance_out(found) for found in farm.quotas.allowances_of(visit.caller)]
 
 
@@ -60,7 +63,7 @@ def list_quotas(farm: FarmDependency, page: PageDependency) -> list[SetAllowance
 
 @router.put("/api/quotas/{of}/{name}", status_code=204)
 def set_quota(of: Of, name: str, body: LimitsIn, farm: FarmDependency) -> None:
-    """Sets the limits of a user or token."""
+    """Sets the limits of a user or token. of: user or token. name: the user's name or the token's id."""
     farm.quotas.set(f"{of.removesuffix('s')}:{name}", Limits(**body.model_dump()))
 
 

@@ -44,7 +44,7 @@ Id = Annotated[str, PathParameter(max_length=100)]
 
 
 class ReferenceOut(BaseModel):
-    """A reference picture. Interpreted as linear Rec.709, and stored with an error of at most 0.2 % of the brightest channel."""
+    """A reference picture, in linear Rec.709. It is stored with an error of at most 0.2 % of a pixel's brightest channel."""
 
     id: str
     name: str
@@ -61,9 +61,9 @@ class ReferenceOut(BaseModel):
 def list_references(
     farm: FarmDependency, visit: VisitDependency, page: PageDependency, project: InProject = None
 ) -> list[ReferenceOut]:
-    """Lists the reference pictures, newest first. project: only its own and those of no project.
+    """Lists the reference pictures, newest first. The header X-Total-Count contains their number.
 
-    X-Total-Count contains their number.
+    project: limits the list to pictures of this project and of no project.
     """
     seen = select(Reference).where(visit.sight.clause(Reference.project))
     seen = seen if project is None else seen.where(usable_in(Reference.project, project))
@@ -76,7 +76,10 @@ def list_references(
 async def add_reference(
     request: Request, farm: FarmDependency, response: Response, visit: VisitDependency, project: IntoProject = ""
 ) -> ReferenceOut:
-    """Uploads an image, preferably .exr or .hdr. Uploading it again returns the same one, with its first name."""
+    """Uploads an image, preferably .exr or .hdr. Uploading the same image again returns the same picture.
+
+    The picture then keeps its first name.
+    """
     await run_in_threadpool(farm.access.projects.check, project, visit.sight)
     await check_upload_quota(request, farm, visit)
     form = await read_single_upload(request, farm, Sentence("kind-picture", "picture"))
@@ -103,7 +106,7 @@ def get_reference(id: Id, farm: FarmDependency) -> ReferenceOut:
 
 @router.get("/{id}/film", response_class=Response, responses={200: FILM})
 def reference_film(id: Id, request: Request, farm: FarmDependency) -> Response:
-    """Returns a reference picture's colour in the format of /api/jobs/{id}/frames/{n}/film: one tile with one sample."""
+    """Returns a reference picture's colour in the format of /api/jobs/{id}/frames/{n}/film, as one tile with one sample."""
     blob = farm.blobs.serve(_find(id, farm).film["sha256"])
     if "gzip" in request.headers.get("accept-encoding", ""):
         headers = {**CACHE_HEADERS, "Vary": "Accept-Encoding", "Content-Encoding": "gzip", "Content-Length": str(blob.size)}
@@ -124,7 +127,7 @@ async def reference_image(
         "neutral", alias="tonemap", json_schema_extra={"enum": list(tonemap.CURVES)}, description="for png and jpg"
     ),
 ) -> Response:
-    """Returns a reference picture as used for comparisons, as a picture file. /file returns the uploaded file."""
+    """Returns a reference picture, as it is compared with renderings, as a picture file. /file returns the uploaded file."""
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(
             Sentence(

@@ -1,4 +1,4 @@
-"""/api/retention: lists or deletes what the farm's retention rules, or the rules in the request, allow to delete."""
+"""/api/retention: lists or deletes data that retention rules allow to delete: the farm's rules or those in the request."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ MOST_DAYS = 36500.0
 
 
 class RetentionIn(Strict):
-    """Retention rules; if none is given, the farm's own (RAYFARM_KEEP_*)."""
+    """Retention rules. If none is given, the farm's own rules apply (RAYFARM_KEEP_*)."""
 
     films_days: float | None = Field(None, ge=0, le=MOST_DAYS, description="films of jobs that were over for longer go")
     films_bytes: int | None = Field(None, ge=0, le=1 << 60, description="films beyond that go, the oldest first")
@@ -33,7 +33,7 @@ class RetentionIn(Strict):
 
 
 class ItemOut(Coded):
-    """An item that can be deleted, or was."""
+    """A film, compiled scene or upload that can be deleted, or was deleted."""
 
     what: Literal["film", "compiled", "upload"]
     id: str
@@ -44,7 +44,7 @@ class ItemOut(Coded):
 
 
 class RetentionOut(Coded):
-    """Items that can be deleted, or were. Films and compiled scenes can be made again on demand; uploads cannot."""
+    """What can be deleted, or was deleted. Films and compiled scenes can be made again on demand; uploads cannot."""
 
     state: Literal["planned", "running", "finished", "failed", "stopped"] = Field(
         description="planned: nothing is deleted; stopped: the service has ended before all was done"

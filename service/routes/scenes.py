@@ -84,10 +84,10 @@ async def upload(
 ) -> SceneOut:
     """Uploads a scene: one file, several with their folders in the names, or a zip. The same files always give the same scene.
 
-    Warnings are known once a worker has prepared the scene. A strict scene with warnings then becomes `failed`, and jobs of it
-    are rejected with 409. A strict scene differs from the scene of the same files without `strict`.
+    The scene's warnings are known once a worker has prepared it. A strict scene with warnings becomes `failed`, and requests
+    for jobs of it are rejected with 409. A strict scene is another scene than that of the same files without `strict`.
 
-    base: adds the files to a copy of this scene, by default in its project; main: then selects another main file.
+    base: adds the files to a copy of this scene, by default in the same project. main: then selects another main file.
     """
     await check_upload_quota(request, farm, visit)
     check_length(request, farm, Sentence("kind-upload", "upload"), Sentence("advice-leave-files-out", "Leave files out"))
@@ -132,7 +132,7 @@ def thumbnail(id: str, request: Request, farm: FarmDependency) -> Response:
 
 @router.get("/{id}/preview", response_class=Response, responses={200: PREVIEW, 304: {"description": "not changed"}})
 def preview(id: str, request: Request, farm: FarmDependency) -> Response:
-    """Returns at most about a million of the scene's triangles, once a worker has read it. Layout: protocol/mesh.py."""
+    """Returns at most about a million of the scene's triangles, once a worker has read the scene. Layout: protocol/mesh.py."""
     scene = find_scene(id, farm)
     progress = farm.engine.snapshot.preparing.get(id)
     ref = (scene.info or {}).get("preview") or (asdict(progress.preview.preview) if progress and progress.preview else None)

@@ -35,7 +35,7 @@ GONE = Sentence("share-link-invalid", "This link has expired or was withdrawn. A
 
 
 class ShareLinkIn(BaseModel):
-    """A link to create. days: its lifetime."""
+    """A link to create. days: the link's lifetime."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -43,7 +43,7 @@ class ShareLinkIn(BaseModel):
 
 
 class ShareLinkOut(BaseModel):
-    """A link without its secret. user: who created it."""
+    """A link without its secret. user: the user who created it."""
 
     id: str
     user: str
@@ -52,13 +52,13 @@ class ShareLinkOut(BaseModel):
 
 
 class NewShareLink(ShareLinkOut):
-    """A new link. path: its page, relative to the service's root, with the secret; returned only this once."""
+    """A new link. path: the link's URL relative to the service's root, with the secret; returned only this once."""
 
     path: str
 
 
 class SharedJob(BaseModel):
-    """The part of a job that a link shows."""
+    """The properties of a job that a link shows."""
 
     name: str
     state: JobState
@@ -80,7 +80,10 @@ def list_share_links(id: str, farm: FarmDependency) -> list[ShareLinkOut]:
 
 @router.post("/jobs/{id}/links", status_code=201, response_model=NewShareLink)
 def make_share_link(id: str, body: ShareLinkIn, visit: VisitDependency, farm: FarmDependency) -> NewShareLink:
-    """Creates a link that shows this job, and nothing else, without an account. Shows no more than its creator may see."""
+    """Creates a link that shows this job, and nothing else, without an account.
+
+    The link is valid only as long as its creator may see the job.
+    """
     find_job(id, farm)
     secret, row = farm.access.keys.create("share", visit.user or OWNER, Role.VIEW, id, body.days * DAY_S)
     return NewShareLink(**_share_out(row).model_dump(), path=f"{PAGE}#{secret}")
@@ -93,7 +96,7 @@ def withdraw_share_link(id: str, link: str, farm: FarmDependency) -> None:
 
 
 def _share_of(request: Request, farm: FarmDependency) -> Share:
-    """Returns the share link of a request. Raises NotFound if it is invalid, or its creator may no longer see the job."""
+    """Returns the share link of a request. Raises NotFound if the link is invalid, or its creator may no longer see the job."""
     share = farm.access.keys.find_share(bearer_token(request.headers))
     if share is None:
         raise NotFound(GONE)
@@ -108,7 +111,7 @@ ShareDependency = Annotated[Share, Depends(_share_of)]
 
 @router.get("/shared", response_model=SharedJob)
 def get_shared_job(share: ShareDependency, farm: FarmDependency, response: Response) -> SharedJob:
-    """Returns the job of the link whose secret is the bearer token."""
+    """Returns the job that a link shows. The link's secret is sent as the bearer token."""
     response.headers["Cache-Control"] = "no-store"
     return _shared_job(share, farm)
 
@@ -122,7 +125,7 @@ async def get_shared_image(
     visit: VisitDependency,
     frame: float = Query(0.0, allow_inf_nan=False, description="number of the frame"),
 ) -> Response:
-    """Returns the picture, rendered so far, of the link whose secret is the bearer token."""
+    """Returns the picture, as rendered so far, of the job that a link shows. The link's secret is sent as the bearer token."""
     job = await run_in_threadpool(_shared_job, share, farm)
     number = frame if frame in job.frames else job.frames[0]
     answer = await frames.image(share.job, number, extension, request, farm, visit, "color", False, 0.0, "neutral", None)

@@ -1,4 +1,4 @@
-"""/api/shares: division of the slots between users, and projects that have terms of their own."""
+"""/api/shares: division of the farm's slots between users and projects. A share has a weight and a maximum number of slots."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ Share = Annotated[str, Path(max_length=80, description=f"{EVERYBODY}: of jobs th
 
 
 class ShareIn(Strict):
-    """New terms of a share: weight and maximum number of slots."""
+    """New weight and maximum number of slots of a share."""
 
     weight: float = Field(1.0, ge=1e-3, le=1e6, allow_inf_nan=False, description="slots are shared in proportion to it")
     max_slots: int | None = Field(None, ge=1, le=1_000_000, description="at most, of all its jobs at a time; null: no limit")
 
 
 class ShareOut(BaseModel):
-    """A share: its terms and current usage."""
+    """A share of the farm's slots, which belongs to a user, to a project, or to all jobs without an owner."""
 
     share: str
     weight: float
@@ -53,7 +53,7 @@ class ShareOut(BaseModel):
 
 @router.get("", response_model=list[ShareOut])
 def list_shares(farm: FarmDependency, visit: VisitDependency, page: PageDependency) -> list[ShareOut]:
-    """Lists the shares by name: of all users, of others who have jobs, and of those with terms set by an administrator.
+    """Lists the shares of all users, of others with unfinished jobs, and those that an administrator has set, by name.
 
     The header X-Total-Count contains their number. Users who are not administrators see only their own share and those of their
     projects.
@@ -79,7 +79,7 @@ def _terms(session: Session) -> dict[str, Terms]:
 
 
 def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
-    """Returns the number of unfinished jobs by share."""
+    """Returns the number of unfinished jobs by share. terms: weights and limits that administrators have set, by share."""
     found = Counter[str]()
     by_owner = select(Job.user, Job.project, func.count()).where(Job.state.in_(ACTIVE_STATES)).group_by(Job.user, Job.project)
     for user, project, number in session.execute(by_owner):
@@ -89,7 +89,7 @@ def _jobs(session: Session, terms: Mapping[str, Terms]) -> Counter[str]:
 
 @router.put("/{share}", response_model=ShareOut)
 def set_share(share: Share, body: ShareIn, farm: FarmDependency) -> ShareOut:
-    """Sets the terms of a share, which apply from the next batch on. Batches already dispatched are not withdrawn."""
+    """Sets a share's weight and limit, which apply from the next batch on. Batches already dispatched are not withdrawn."""
     if not SHARE.fullmatch(share):
         raise Invalid(
             Sentence(
@@ -106,7 +106,7 @@ def set_share(share: Share, body: ShareIn, farm: FarmDependency) -> ShareOut:
 
 @router.delete("/{share}", response_model=ShareOut)
 def reset_share(share: Share, farm: FarmDependency) -> ShareOut:
-    """Resets a share to the default terms: weight 1, no limit. A project then has no share of its own."""
+    """Resets a share to weight 1 and no limit. A project's jobs then count towards the shares of their users."""
     with farm.sessions.begin() as session:
         if (row := session.get(ShareTerms, share)) is not None:
             session.delete(row)
@@ -122,7 +122,7 @@ def _updated_share(share: str, farm: Farm) -> ShareOut:
 
 
 def _slots(farm: Farm, terms: Mapping[str, Terms]) -> Counter[str]:
-    """Returns the number of slots that render jobs of each share."""
+    """Returns by share the number of slots that render its jobs. terms: as for `_jobs`."""
     busy = Counter(str(slot["job"]) for slot in farm.engine.snapshot.roster.current() if slot.get("job"))
     with farm.sessions() as session:
         rows = session.execute(select(Job.id, Job.user, Job.project).where(Job.id.in_(list(busy)))).all()

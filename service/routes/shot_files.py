@@ -1,4 +1,4 @@
-"""/api/jobs/{id}: all frames of a shot as a zip file or a movie."""
+"""/api/jobs/{id}: all frames of a shot (a job with several frames) as a zip file or a movie."""
 
 from __future__ import annotations
 
@@ -62,7 +62,8 @@ async def frames_zip(
 ) -> StreamingResponse:
     """Streams a zip with the frames as numbered files.
 
-    which: the finished frames; all frames with samples, as they are now; or all frames, each as soon as it is finished (coming).
+    which: `finished`: the finished frames; `all`: all frames with samples, as they are now; `coming`: all frames, each as soon
+    as it is finished.
     """
     wish = _picture_request(format, aov, exposure, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
@@ -103,7 +104,7 @@ async def get_movie(
     exposure: float = Exposure,
     tonemap_curve: str = Curve,
 ) -> StreamingResponse:
-    """Returns the frames that have samples as a movie: H.264, AV1, or animated WebP; tone-mapped like PNG."""
+    """Returns the frames that have samples as a movie: H.264, AV1, or animated WebP; tone-mapped as for PNG."""
     wish = PictureRequest(extension, exposure=exposure, curve=_curve(tonemap_curve), width=width)
     job = await run_in_threadpool(find_job, id, farm)
     chosen = await run_in_threadpool(_selected_frames, job, frames, farm)
@@ -184,7 +185,10 @@ def _curve(name: str) -> str:
 
 
 def _selected_frames(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:
-    """Returns the numbers of the selected frames by key, in order."""
+    """Returns the state of the selected frames by frame key, in order.
+
+    frames: the query parameter; None: all frames of the job.
+    """
     try:
         keys = None if frames is None else set(map(frame_key, parse_frames(frames)))
     except SettingsError as error:
@@ -217,6 +221,6 @@ def _fps(job: Job, farm: Farm) -> float:
 
 
 def _title(job: Job, frames: str | None = None) -> str:
-    """Returns the title for the file's name: the job's name and the frame numbers."""
+    """Returns the title for the file's name: the job's name, and the selected frame numbers if `frames` is given."""
     which = re.sub(r"[^0-9.-]+", "-", frames or "").strip("-.")[:100]
     return f"{title_of(job)}.{which}" if which else title_of(job)

@@ -1,4 +1,4 @@
-"""/api/sites: the reducers of sites, which add up the sums of their machines."""
+"""/api/sites: the sites of the farm. At a site, a reducer adds up the results of the site's machines before sending them."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ router = api_router(prefix="/api/sites", tags=["workers"])
 
 
 class SiteOut(BaseModel):
-    """A site's reducer, with its counts since its start, as it reports."""
+    """A site's reducer, with its counts since its start, as the reducer reports them."""
 
     name: str
     host: str
@@ -31,7 +31,7 @@ class SiteOut(BaseModel):
 
 @router.get("", response_model=list[SiteOut])
 def list_sites(farm: FarmDependency) -> list[SiteOut]:
-    """Lists by name the sites whose sums are added up before they are sent (`rayfarm site`)."""
+    """Lists the sites with a reducer (`rayfarm site`), by name."""
     roster = farm.engine.snapshot.roster
     found = []
     for name, site in sorted(roster.sites.items()):

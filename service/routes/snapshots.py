@@ -37,7 +37,10 @@ Spp = Annotated[int, Path(ge=1, le=1 << 31, description="samples a pixel: one of
 
 
 class SnapshotOut(BaseModel):
-    """An intermediate picture, when every tile had `spp` samples per pixel or was complete. Only colour, as RGB9E5."""
+    """An intermediate picture, stored when every tile had `spp` samples per pixel or was complete.
+
+    It has only colour, as RGB9E5.
+    """
 
     spp: int
     least: int = Field(description="samples a pixel of the tile that had fewest then")
@@ -50,14 +53,17 @@ class SnapshotOut(BaseModel):
 
 @router.get("", response_model=list[SnapshotOut])
 def list_snapshots(id: str, farm: FarmDependency) -> list[SnapshotOut]:
-    """Lists the stored snapshots of a still image in order. Shots have none; snapshots that follow too fast are skipped."""
+    """Lists the stored snapshots of a still image by samples per pixel. Shots have none.
+
+    A snapshot that is due soon after the previous one is skipped.
+    """
     find_job(id, farm)
     return [SnapshotOut(**vars(found)) for found in farm.snapshots.all_facts(id)]
 
 
 @router.get("/{spp}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
 def snapshot_film(id: str, spp: Spp, request: Request, farm: FarmDependency) -> Response:
-    """Returns a snapshot in the format of /frames/{n}/film."""
+    """Returns a snapshot in the format of /api/jobs/{id}/frames/{n}/film."""
     found = _find(id, spp, farm)
     gzip = "gzip" in request.headers.get("accept-encoding", "")
     headers = {"ETag": _etag(id, found, str(gzip)), "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
@@ -80,7 +86,7 @@ async def snapshot_image(
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
     tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
 ) -> Response:
-    """Returns a snapshot as a picture file, with an error of at most 0.2 % of the brightest channel."""
+    """Returns a snapshot as a picture file, with an error of at most 0.2 % of a pixel's brightest channel."""
     if tonemap_curve not in tonemap.CURVES:
         raise Invalid(
             Sentence(

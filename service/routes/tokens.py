@@ -29,9 +29,9 @@ Scope = Literal["view", "submit", "admin", "worker"]
 
 
 class TokenIn(BaseModel):
-    """A token to create. name: its purpose. role: at most this and its creator's; worker: only to connect workers.
+    """A token to create. name: its purpose. days: lifetime; null: until it is revoked.
 
-    days: lifetime; null: until it is revoked.
+    role: the highest role that requests with the token can have, limited by its creator's role; worker: only for workers.
     """
 
     model_config = ConfigDict(extra="forbid")
@@ -54,7 +54,7 @@ class TokenOut(BaseModel):
 
 
 class NewToken(TokenOut):
-    """A new token. secret: returned only this once."""
+    """A new token. secret: the token's secret, returned only this once."""
 
     secret: str
 
@@ -85,7 +85,7 @@ def list_tokens(
 
 @router.post("", status_code=201, response_model=NewToken)
 def make_token(body: TokenIn, visit: VisitDependency, farm: FarmDependency) -> NewToken:
-    """Creates a token. Requires a login by a user: a token cannot create tokens, so revoking a leaked one is enough."""
+    """Creates a token. Only a user who is logged in can do this, not a token, so revoking a leaked token is enough."""
     caller = _require_caller(visit.caller)
     if caller.kind == "token":
         raise Conflict(

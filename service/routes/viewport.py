@@ -52,7 +52,7 @@ INVALID_MESSAGE = Sentence(
 
 
 class ViewIn(JobIn):
-    """A requested view: the fields of a job's request. id: number chosen by the page."""
+    """A requested view: the fields of a job's request, and a number. id: the number, chosen by the page."""
 
     id: int = Field(ge=0, lt=1 << 32)
     scene: str = Field("", max_length=100)
@@ -61,7 +61,7 @@ class ViewIn(JobIn):
 
 @router.websocket("/api/scenes/{id}/viewport")
 async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
-    """Interactive view of a scene."""
+    """Serves interactive views of a scene to one page."""
     await socket.accept()
     try:
         await run_in_threadpool(find_scene, id, farm)
@@ -150,8 +150,8 @@ class _Viewer:
     async def resolve_views(self) -> None:
         """Resolves the view that was requested last and starts rendering it; runs until cancelled.
 
-        Environments are prepared one after another: dragging the sun requests new ones faster than they can be prepared, and each
-        that is prepared is shown.
+        Environments are prepared one after another, and each prepared one is shown: while the sun is dragged, new ones are
+        requested faster than they can be prepared.
         """
         while True:
             with contextlib.suppress(TimeoutError):
@@ -169,9 +169,9 @@ class _Viewer:
                 self._asked.set()
 
     async def _try_to_resolve(self, ask: ViewIn, makes: bool, tries_again: bool = False) -> bool:
-        """Resolves a view. Returns True if it is being rendered or was rejected, False while it is being prepared.
+        """Resolves a requested view. Returns True if it is being rendered or was rejected, False while it is being prepared.
 
-        makes, tries_again: as for `_resolve`. Does not raise FarmError: queues it as a message for the page.
+        ask, makes, tries_again: as for `_resolve`. Does not raise FarmError: queues it as a message for the page.
         """
         try:
             view = await run_in_threadpool(self._resolve, ask, makes, tries_again)
@@ -200,8 +200,8 @@ class _Viewer:
     def _resolve(self, ask: ViewIn, makes: bool, tries_again: bool) -> ViewRequest | None:
         """Returns the view to render; None while its scene is being prepared. Raises FarmError.
 
-        makes: creates the scene with the requested lighting if it does not exist; otherwise the result is None in that case.
-        tries_again: with `makes`, prepares a scene again whose preparation failed.
+        ask: the requested view. makes: whether to create the scene with the requested lighting if it does not exist; otherwise
+        the result is None then. tries_again: with `makes`, whether to prepare a scene again whose preparation failed.
         """
         request = ask.model_dump(mode="json", exclude={"id"})
         lighting = self._farm.lighting
@@ -217,7 +217,7 @@ class _Viewer:
         return None if row.status == "preparing" else resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0])
 
     def release(self) -> None:
-        """Releases the derived scene of the current view, so that it can be deleted."""
+        """Releases the scene that was derived for the current view's lighting, so that it can be deleted."""
         if self._held is not None:
             self._farm.lighting.release(self._held)
             self._held = None
@@ -262,5 +262,5 @@ class _Viewer:
 
 
 def _encoded_message(message: FromService) -> str:
-    """Encodes a message as JSON, including the codes of its sentences."""
+    """Encodes a message as JSON. Sentences in it also have their codes, by which the page translates them."""
     return json.dumps(encoded({"type": message.TYPE, **vars(message)}))

@@ -39,7 +39,7 @@ def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut
 
 @router.patch("/{name:path}", response_model=WorkerOut)  # a worker's name may contain slashes, as in rack/3
 def change_worker(name: str, change: WorkerPatch, farm: FarmDependency) -> WorkerOut:
-    """Pauses a worker, which finishes its current work but takes no more; or resumes one, also one that was quarantined.
+    """Pauses a worker, which finishes its current work but takes no more, or resumes one, even one that was quarantined.
 
     Changes of hours, limits and nice level reach the worker within two seconds. They are stored under its name, also for later
     connections. The response contains the worker's present values.
