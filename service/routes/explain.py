@@ -53,7 +53,7 @@ class LightOut(BaseModel):
 
 
 class PathVertexOut(BaseModel):
-    """One vertex of a path: what its ray hit, and the light found there. Colours are linear Rec.709; positions in world space."""
+    """One vertex of a path: what its ray hit, and the light found. Colours are linear Rec.709; positions in world space."""
 
     kind: Literal["surface", "passed", "medium", "missed"] = Field(
         description="passed: a surface that its alpha let the ray through, or a lamp that is no body; medium: a point in fog, "
