@@ -1,6 +1,6 @@
 """Scenes that Blender has to convert: workers with Blender fetch them from a separate queue and upload the converted files.
 
-Afterwards the scene consists of the converted files: any worker can prepare it and its frames, like any other scene.
+Afterwards the scene consists of the converted files, and any worker can prepare it and its frames.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def is_blend(main: str) -> bool:
 
 
 def blender_queue(kind: str) -> str:
-    """Returns the Celery queue for preparing scenes that Blender has to open.
+    """Returns the Celery queue for preparing scenes that Blender has to open. kind: the worker kind (renderer.jit.kind).
 
     Only workers of this kind that have Blender serve it.
     """
@@ -38,9 +38,9 @@ def blender_queue(kind: str) -> str:
 
 
 def converted_files(info: dict[str, Any] | None) -> tuple[str, list[BlobRef]] | None:
-    """Returns (main file, all files) that Blender wrote when it converted a scene; None if it has not converted the scene.
+    """Returns the name of the main file and the references to all files that Blender wrote when it converted a scene.
 
-    info: the scene's SceneInfo as a dict. Raises ValueError if the entry is malformed.
+    None if the scene was not converted. info: the scene's SceneInfo as a dict. Raises ValueError if it is malformed.
     """
     blend = (info or {}).get("blend")
     if not blend:

@@ -10,9 +10,9 @@ __all__ = ["celery_config"]
 def celery_config(redis_url: str) -> dict[str, Any]:
     """Returns the Celery settings.
 
-    acks_late and reject_on_worker_lost: the batch of a killed child process returns to the queue. No result backend: results are
-    sent on the stream. The visibility timeout exceeds the hard time limit, so the broker never delivers a running task twice; the
-    service's own leases are shorter, and duplicates have no effect.
+    If a child process is killed, its batch returns to the queue (acks_late, reject_on_worker_lost). There is no result backend,
+    since results are sent on a Redis stream. The visibility timeout exceeds the hard time limit, so the broker never delivers a
+    running task twice. The service's own leases are shorter, and duplicates have no effect.
     """
     return {
         "broker_url": redis_url,

@@ -4,8 +4,9 @@ service --- Celery task RENDER_ON_CARD > worker    CardBatches: batches of one j
 worker ---- stream RESULTS ------------> service   a Result for each batch, of type `batch` as soon as its sums are known, or
                                                    `batch-returned` with `for_cpu` if the card cannot render it
 
-A graphics card renders some hundred times the samples of a CPU slot, so a message has batches for some seconds of a card.
-Such a worker does not serve `render_queue`. A message of another type in its own queue is rendered with the CPU.
+A graphics card renders some hundred times as many samples as a CPU slot in the same time, so a message has enough batches for a
+few seconds. A worker with graphics cards does not serve `render_queue`. It renders messages of another type in its own queue
+with the CPU.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ CARD_QUEUES = "rayfarm.card."
 
 
 def card_queue(worker: str) -> str:
-    """Returns the Celery queue of one worker whose slots render with graphics cards."""
+    """Returns the Celery queue that only the worker of this name serves, whose slots render with graphics cards."""
     return f"{CARD_QUEUES}{worker}"
 
 

@@ -22,9 +22,9 @@ LEAST_CODE = (127 - 24) << 5
 
 
 def coarse(mean: npt.NDArray[np.float32]) -> tuple[npt.NDArray[np.int16], npt.NDArray[np.uint8]]:
-    """Encodes radiance (3, h, w).
+    """Encodes radiance of shape (3, h, w).
 
-    Returns brightness codes (h, w) and hues (2, ceil(h / 2), ceil(w / 2)): fractions of red and green.
+    Returns brightness codes (h, w), and hues (2, ceil(h / 2), ceil(w / 2)): the fractions of red and green in units of 1 / 255.
     """
     clean = np.fmin(np.fmax(mean, np.float32(0)), np.float32(HIGHEST_BRIGHTNESS))
     bright = clean[0] + clean[1] + clean[2]

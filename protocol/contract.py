@@ -9,7 +9,7 @@ service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
 worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
 worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
 service --- key pause_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
-worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), by FARM_TOKEN
+worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), with a token
 
 Queue names contain the worker kind: only a worker of the job's kind (same renderer sources, same machine code) takes its
 batches, so films of two kinds cannot mix. Imports no numba. For views see view_parts.py; for pixels, explained.py.
@@ -75,7 +75,7 @@ _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a m
 
 
 def _fields(cls: type, data: Any) -> dict[str, Any]:
-    """Returns the values in `data` for the fields of class `cls`, without other keys, which another release may send.
+    """Returns those values in `data` that are fields of class `cls`. Drops other keys, which another release may send.
 
     Raises ValueError if a required field is missing.
     """
@@ -98,7 +98,7 @@ def prepare_queue(kind: str) -> str:
 
 
 def own_prepare_queue(kind: str, worker: str) -> str:
-    """Returns the Celery queue for preparing scenes on this worker only.
+    """Returns the Celery queue for preparing scenes on the worker of this name only.
 
     It is used after workers on other machines could not prepare the scene.
     """
@@ -111,7 +111,7 @@ def render_queue(kind: str) -> str:
 
 
 def denoise_queue(kind: str) -> str:
-    """Returns the Celery queue for denoising, served by workers that have Open Image Denoise."""
+    """Returns the Celery queue for denoising, served by workers of this kind that have Open Image Denoise."""
     return f"rayfarm.denoise.{kind}"
 
 
@@ -154,7 +154,8 @@ class Manifest:
 
     environment: path of an image among the files, or a preset's name (renderer.scene.presets.is_named). base: SceneInfo, as a
     dict, of the prepared scene that differs from this one only in its environment; None if there is none. up: the file's axis
-    that becomes Y, for formats that do not state it; None: guessed. floor: "on" or "auto" adds the studio's floor.
+    that becomes Y, for formats that do not state it; None: guessed. floor: "on" adds a floor below the scene, "auto" only if
+    the files have no light.
     """
 
     scene: str
@@ -229,9 +230,9 @@ class ScenePreview:
 
 @dataclass(frozen=True)
 class PrepareFrames:
-    """Request to prepare frames of a shot in the given order. The worker sends one answer per frame.
+    """Request to prepare frames of a shot (an animated scene) in the given order. The worker sends one answer per frame.
 
-    Frame numbers are in halves of a frame (renderer.frames.frame_key).
+    frames: keys of the frames, twice their numbers (renderer.frames.frame_key).
     """
 
     work: str  # unique for every time it is handed out
@@ -255,10 +256,7 @@ class PrepareFrames:
 
 @dataclass(frozen=True)
 class FrameInfo:
-    """Result of preparing a frame.
-
-    compiled: the frame's compiled scene; None if it equals the compiled scene of the shot's first moment.
-    """
+    """Result of preparing a frame. compiled: the frame's compiled scene; None if it equals the one at the shot's start."""
 
     compiled: BlobRef | None
     view: dict[str, Any]
@@ -279,7 +277,7 @@ class FrameInfo:
 class RenderBatch:
     """A batch, the unit of work: samples first to first + count - 1 of every pixel of one tile of one frame.
 
-    The frame number is in halves of a frame.
+    frame: the frame's key, twice its number. compiled: SHA-256 of the compiled scene.
     """
 
     batch: str  # unique for every time it is handed out
@@ -308,8 +306,8 @@ class RenderBatch:
 class DenoiseFrame:
     """Request to denoise a frame in its present state.
 
-    The worker fetches the frame's means, three consecutive pictures (colour, albedo, normal), and stores the denoised picture as
-    a blob: float32 little-endian, three values per pixel, rows from the top.
+    The worker downloads the means of the frame's samples: three consecutive pictures (colour, albedo, normal). It stores the
+    denoised picture as a blob. All pictures are float32 little-endian, three values per pixel, rows from the top.
     """
 
     work: str  # unique for every time it is handed out
@@ -429,8 +427,8 @@ class WorkerReport:
 class Result:
     """One entry of the RESULTS stream: Redis fields `event` (JSON) and, for a rendered batch, `sums`.
 
-    The event's `type` and other keys are declared in events.py. Sentences in the event are sent as English text; `codes` contains
-    their translatable codes (renderer.sentences.encoded), which other releases ignore.
+    The event's `type` and other keys are declared in events.py. Sentences in the event are sent as English text. Its key
+    `codes` has their translatable codes (renderer.sentences.encoded); other releases ignore it.
     """
 
     event: dict[str, Any]

@@ -17,9 +17,9 @@ KEEP_ALIVE = ": still here\n\n"  # a comment
 
 @dataclass(frozen=True)
 class ItemEvent:
-    """Base class of events about one object: a job, scene or worker.
+    """Base class of events about one item: a job, scene or worker.
 
-    item: the object, as returned by its own GET request; None if it no longer exists, sent as {"id": id, "deleted": true}.
+    item: the item as its own GET request returns it. None if it no longer exists, which is sent as {"id": id, "deleted": true}.
     """
 
     TYPE: ClassVar[str]
@@ -33,21 +33,21 @@ class ItemEvent:
 
 @dataclass(frozen=True)
 class JobEvent(ItemEvent):
-    """A changed job, as in GET /api/jobs."""
+    """Event of a changed job. The job is as in GET /api/jobs."""
 
     TYPE: ClassVar[str] = "job"
 
 
 @dataclass(frozen=True)
 class SceneEvent(ItemEvent):
-    """A changed scene, as in GET /api/scenes."""
+    """Event of a changed scene. The scene is as in GET /api/scenes."""
 
     TYPE: ClassVar[str] = "scene"
 
 
 @dataclass(frozen=True)
 class WorkerEvent(ItemEvent):
-    """A changed worker, as in GET /api/workers; its id is its name."""
+    """Event of a changed worker. The worker is as in GET /api/workers; its id is its name."""
 
     TYPE: ClassVar[str] = "worker"
 

@@ -1,4 +1,4 @@
-"""Declarations of the RESULTS stream's events: the JSON that workers send about their work, by `type`.
+"""Declarations of the RESULTS stream's events, by which workers report their work: the JSON fields of each `type`.
 
 service/scheduling/incoming/messages.py validates them; a test checks that it has exactly the fields declared here. Annotations
 are not postponed here, since that would hide NotRequired from `__required_keys__`.
@@ -37,7 +37,8 @@ class BatchRendered(_Batch, _Rendered):
 class BatchesRendered(_Rendered):
     """Consecutive batches of a tile were rendered, and their sums added together (joint.py).
 
-    parts: (batch, first, count, seconds) of each batch; at a site, the name of the worker that rendered it follows.
+    parts: for each batch (id, first sample, number of samples, seconds). At a site, the name of the worker that rendered it
+    follows.
     """
 
     batch: NotRequired[str]
@@ -53,7 +54,10 @@ class BatchesRendered(_Rendered):
 
 
 class BatchReturned(_Batch):
-    """A worker could not render a batch because of a fault of the worker; the batch is dispatched again. error: a sentence."""
+    """A worker gives a batch back because of a fault of the worker. The batch is dispatched again. error: a sentence.
+
+    for_cpu: whether a graphics card could not render it, so CPU slots must.
+    """
 
     error: str
     for_cpu: NotRequired[bool]  # whether only a graphics card cannot render it (card.py)
@@ -73,25 +77,22 @@ class _Work(TypedDict):
 
 
 class WorkMade(_Work):
-    """A result other than a batch was computed and stored as a blob: motion vectors, or the thumbnail of an environment."""
+    """An artifact that a client requested was made and stored as a blob: motion vectors, or an environment's thumbnail."""
 
     sha256: str
 
 
 class Denoised(WorkMade):
-    """A frame was denoised and stored as a blob.
-
-    version, samples: of the means that were denoised, repeated from the service's request.
-    """
+    """A frame was denoised and stored as a blob. version, samples: version and number of samples of the film at that time."""
 
     version: str
     samples: int
 
 
 class WorkFailed(_Work):
-    """A result other than a batch cannot be computed: a denoised frame, motion vectors, or a thumbnail.
+    """An artifact that a client requested cannot be made: a denoised frame, motion vectors, or a thumbnail.
 
-    unfit: only this machine cannot compute it; another may succeed.
+    unfit: whether only this machine cannot make it, so another may succeed.
     """
 
     error: str
@@ -133,9 +134,9 @@ class PrepareFailed(PrepareStarted):
 
 
 class PrepareReturned(PrepareFailed):
-    """A worker could not prepare a scene because of a fault of the worker; the scene is sent again.
+    """A worker gives a scene back because of a fault of the worker. The scene is sent again, to this or another worker.
 
-    unfit: this machine cannot prepare the scene, but another may. passing: the fault is temporary.
+    unfit: whether this machine cannot prepare the scene, so another may succeed. passing: whether the fault is temporary.
     """
 
     unfit: NotRequired[bool]
@@ -164,9 +165,9 @@ class FrameFailed(_Frames):
 
 
 class FramesReturned(_Frames):
-    """A worker could not prepare some frames because of a fault of the worker.
+    """A worker gives frames back because of a fault of the worker. The frames that it has not answered are sent again.
 
-    The frames that it has not answered are sent again. unfit, passing: as in PrepareReturned.
+    unfit, passing: as in PrepareReturned.
     """
 
     error: str
@@ -175,7 +176,7 @@ class FramesReturned(_Frames):
 
 
 class Wake(TypedDict):
-    """An event without data that only wakes the service's engine."""
+    """An event without data. It makes the service's engine read the stream at once."""
 
 
 EVENTS: dict[str, Any] = {

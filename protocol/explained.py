@@ -3,13 +3,14 @@
 service --- Celery task EXPLAIN -------------> worker     ExplainPixel, in the queue of views (view_parts.py)
 worker ---- list explained_key(message) -----> service    JSON objects, see below; the list expires after a timeout
 
-The HTTP request waits for the answers on a Redis list of its own; there is no other state.
+The client's HTTP request waits for the answers on a separate Redis list; there is no other state. The types of answers, with
+their fields:
 
 begun      a slot has taken the task: worker
 compiling  the worker is compiling its kernel, which may take minutes: worker
-done       explained (worker/work/explain.py), worker
-failed     error (a sentence), worker
-returned   sent back because of a fault of the worker, to be sent again: error; unfit: must be sent to another worker
+done       the paths were traced: explained (worker/work/explain.py), worker
+failed     the pixel cannot be explained: error (a sentence), worker
+returned   the worker is at fault, so the request is sent again: error; unfit: must be sent to another worker
 """
 
 from __future__ import annotations
@@ -33,7 +34,11 @@ def explained_key(message: str) -> str:
 
 @dataclass(frozen=True)
 class ExplainPixel:
-    """Request to explain a pixel of a job's frame: its first `count` samples are rendered again."""
+    """Request to explain a pixel of a job's frame: a worker renders its first `count` samples again.
+
+    sample: number of one more sample to explain. moment: request by which the worker compiles the frame; None: it uses
+    `compiled`.
+    """
 
     message: str  # unique for every question
     job: str

@@ -38,14 +38,14 @@ def generated() -> dict[str, str]:
 
 
 def write() -> None:
-    """Writes the generated files."""
+    """Writes the generated files to their places in the repository."""
     for path, text in generated().items():
         (ROOT / path).parent.mkdir(exist_ok=True)
         (ROOT / path).write_text(text)
 
 
 def _copy(module: ModuleType) -> str:
-    """Returns a module's source with its imports changed for the add-on's package."""
+    """Returns a module's source for the add-on, with its imports changed for the add-on's package."""
     text = inspect.getsource(module)
     text = re.sub(r"^from protocol(?:\.(\w+))? import", lambda found: f"from .{found[1] or ''} import", text, flags=re.MULTILINE)
     return f"# {NOTE}\n" + re.sub(r"^from renderer\.image import", "from . import", text, flags=re.MULTILINE)
@@ -85,7 +85,7 @@ function check(view, at, version, kind, name) {
 
 
 def _decoder(layout: Layout[Any]) -> str:
-    """Returns JavaScript that declares the type and size of a packet head, and the function that decodes it."""
+    """Returns JavaScript with the type and the size of a packet head, and the function that decodes it."""
     row = layout.row.__name__
     about = (layout.row.__doc__ or "").splitlines()[0]
     lines = [

@@ -26,8 +26,8 @@ def local_now() -> datetime:
 class Hours:
     """Working hours: intervals that repeat every week.
 
-    Each has the days on which it begins (0: Monday), and its first and last minute of the day. If the last is not after the
-    first, it continues into the next day.
+    parts: for each interval the days on which it begins (0: Monday), and its first and last minute of the day. If the last
+    minute is not after the first, the interval continues into the next day.
     """
 
     parts: tuple[tuple[frozenset[int], int, int], ...]
@@ -36,7 +36,7 @@ class Hours:
     def parse(cls, text: str) -> Hours:
         """Parses comma-separated intervals, such as "Mon-Fri 19:00-07:00, Sat-Sun".
 
-        An interval of days alone means the whole day; one of hours alone means every day. Raises ValueError with a sentence.
+        Days without times mean the whole days; times without days mean every day. Raises ValueError with a sentence.
         """
         pieces = text.lower().split(",")
         if len(pieces) > MAX_PERIODS:

@@ -1,12 +1,13 @@
-"""Messages about a tile that the slots of one machine render together.
+"""Messages about joint batches: the slots of one worker render pieces of a tile, and the worker sends the sum.
 
 service --- Celery task RENDER_JOINTLY > worker    JointBatch: samples of one tile, in pieces
-worker ---- Celery task HELP ----------> itself    empty: take a waiting piece on this machine, or send sums that are due
+worker ---- Celery task HELP ----------> itself    empty: render a waiting piece of this worker, and send sums that are due
 worker ---- stream RESULTS ------------> service   Result of type `batches`: sums of consecutive pieces
 
-`batches`: job, frame, tile, first, count, worker, parts: [[batch, first, count, seconds], ...], bad, bad_count. The parts cover
-first ... first + count - 1, in order. Only for workers that support addition (WorkerReport.adds). If a site's reducer has added
-the sums of its machines (protocol/site.py), each part ends with the name of the worker that rendered it.
+`batches` has the fields job, frame, tile, first, count, worker, bad, bad_count, and parts: [[batch, first, count, seconds],
+...]. The parts cover the samples first ... first + count - 1, in order. Only workers that report `WorkerReport.adds` get joint
+batches. If a site's reducer has added the results of several workers (protocol/site.py), each part ends with the name of the
+worker that rendered it.
 """
 
 from __future__ import annotations
@@ -26,7 +27,7 @@ HELP_QUEUES = "rayfarm.help."
 
 
 def help_queue(worker: str) -> str:
-    """Returns the Celery queue in which a worker's slots request each other's help.
+    """Returns the Celery queue by which the slots of a worker ask each other to render pieces of a joint batch.
 
     Its messages contain no work, so losing one is harmless.
     """
@@ -34,7 +35,7 @@ def help_queue(worker: str) -> str:
 
 
 class Piece(NamedTuple):
-    """The part of a joint batch that one slot renders: its batch id, and its range of samples."""
+    """The part of a joint batch that one slot renders: a batch id of its own, and a range of samples."""
 
     batch: str
     first: int
@@ -42,7 +43,7 @@ class Piece(NamedTuple):
 
 
 class Run(NamedTuple):
-    """Consecutive samples of a tile that the machines of one site render, sent to them in several messages.
+    """Consecutive samples of a tile that the machines of one site render. The service sends them in several messages.
 
     The site's reducer adds up the sums of all samples first to first + count - 1.
     """
@@ -54,7 +55,7 @@ class Run(NamedTuple):
 
     @classmethod
     def of(cls, data: Any) -> Run | None:
-        """Parses the run of a message. None if it is malformed; then the sums are added up only within each machine."""
+        """Parses the run in a message. Returns None if it is malformed; results then go to the service without a reducer."""
         try:
             site, first, count, hold_s = data
             run = cls(str(site), int(first), int(count), float(hold_s))
@@ -65,9 +66,9 @@ class Run(NamedTuple):
 
 @dataclass(frozen=True)
 class JointBatch:
-    """Samples of a tile that the slots of one machine render, one piece per slot.
+    """Samples of a tile that the slots of one worker render, one piece per slot.
 
-    The machine adds up the sums of the pieces before it sends them.
+    The worker adds up the sums of the pieces before it sends them.
     """
 
     whole: RenderBatch  # the samples of all pieces; its `batch` is the message's id

@@ -1,4 +1,4 @@
-"""Encoding of a JSON object followed by bytes, for results and for answers about a view."""
+"""Encoding of a JSON object followed by bytes, for workers' results and for their answers about live views."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["decode", "encode"]
 
 
 class Head(NamedTuple):
-    """Binary head of a message. The JSON object, of the length given here, follows; then the bytes."""
+    """Binary head of a message, with the length of the JSON object. The JSON object follows, then the bytes."""
 
     length: Annotated[int, U32, "bytes of the JSON object"]
 

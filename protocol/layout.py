@@ -23,7 +23,7 @@ U8, U16, U32, I64 = Kind("u8", "B"), Kind("u16", "H"), Kind("u32", "I"), Kind("i
 
 
 class Field(NamedTuple):
-    """One field of a binary layout. at: its offset from the record's start, in bytes."""
+    """One field of a binary layout. at: offset from the record's start, in bytes. meaning: text for the documentation."""
 
     name: str
     kind: Kind
@@ -35,7 +35,7 @@ R = TypeVar("R", bound=NamedTuple)
 
 
 class Layout(Generic[R]):
-    """The binary layout of records of one NamedTuple type, `row`.
+    """The binary layout of a record. row: the NamedTuple class whose fields it has.
 
     If version and kind are given, they are the first two bytes of each record.
     """

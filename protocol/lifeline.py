@@ -1,6 +1,7 @@
-"""Distinguishes a dead worker from a slow one: its heartbeat's Redis connection has a name, and closes when the process ends.
+"""Distinguishes a dead worker from a slow one by the Redis connection of its heartbeat, which closes when the process ends.
 
-A worker on an overloaded machine may miss reports for longer than a report's TTL, but its leases stay valid.
+The connection has a name, so that Redis's list of connections shows the worker. A worker on an overloaded machine may send no
+report for longer than a report's TTL, but its leases stay valid as long as it is connected.
 """
 
 from __future__ import annotations

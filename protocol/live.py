@@ -1,4 +1,4 @@
-"""Messages of a job's live channel, WS /api/jobs/{id}/live. Tiles are binary (pictures.py)."""
+"""Messages of WS /api/jobs/{id}/live, on which a client watches a job. Tiles are binary (pictures.py)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ __all__ = ["FROM_CLIENT", "FROM_SERVICE", "Frames", "Have", "JobState", "WatchFr
 
 @dataclass(frozen=True)
 class WatchFrame(FromClient):
-    """Client message: switch to another frame, {"frame": n}. snapshot: whether to send all of its tiles first."""
+    """Client message: switch to another frame, {"frame": n}. snapshot: whether to send all of the frame's tiles first."""
 
     KEY: ClassVar[str] = "frame"
     frame: float
@@ -31,7 +31,7 @@ class WatchFrame(FromClient):
 
 @dataclass(frozen=True)
 class Have(FromClient):
-    """Client message {"have": [...]}: the samples per pixel of the client's copy of every tile.
+    """Client message {"have": [...]}: the samples per pixel of each tile, as the client has it.
 
     The service then sends the tiles that differ.
     """
@@ -47,7 +47,7 @@ class Have(FromClient):
 
 @dataclass(frozen=True)
 class JobState(FromService):
-    """Service message: the job, as in GET /api/jobs/{id}."""
+    """Service message with the job, as in GET /api/jobs/{id}."""
 
     TYPE: ClassVar[str] = "state"
     job: dict[str, Any]
@@ -55,7 +55,7 @@ class JobState(FromService):
 
 @dataclass(frozen=True)
 class Frames(FromService):
-    """Service message: those frames of a shot that have changed, as in GET /api/jobs/{id}/frames."""
+    """Service message with those frames of a shot that have changed, as in GET /api/jobs/{id}/frames."""
 
     TYPE: ClassVar[str] = "frames"
     frames: list[dict[str, Any]]

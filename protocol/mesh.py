@@ -45,7 +45,7 @@ class Mesh(NamedTuple):
 
 
 def encode_mesh(mesh: Mesh) -> bytes:
-    """Encodes a mesh, which must have at least one vertex."""
+    """Encodes a mesh as a packet. It must have at least one vertex."""
     low, high = mesh.positions.min(axis=0), mesh.positions.max(axis=0)
     shares = (mesh.positions - low) / np.where(high > low, high - low, 1.0)
     count = len(mesh.positions)
@@ -76,5 +76,5 @@ def decode_mesh(packet: bytes) -> Mesh:
 
 
 def _padded(values: npt.NDArray[Any], kind: str) -> bytes:
-    """Returns the bytes of (V, 3) values, each padded with a fourth value 0."""
+    """Returns the bytes of values of shape (V, 3), each row padded with a fourth value 0. kind: the dtype of the values."""
     return np.pad(values.astype(kind), ((0, 0), (0, 1))).tobytes()

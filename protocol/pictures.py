@@ -1,6 +1,7 @@
-"""Packets with pictures for viewers: a live tile, the film of a frame, a picture of a view. Little-endian.
+"""Packets with pictures for viewers: a tile of a job, a job's whole frame, a picture of a live view. Little-endian.
 
-Blender's add-on contains copies of this module and of its imports (protocol/generate.py), so keep these few.
+Blender's add-on contains copies of this module and of the modules that it imports (protocol/generate.py), so keep the imports
+few.
 """
 
 from __future__ import annotations
@@ -66,10 +67,11 @@ class TileHead(NamedTuple):
 
 
 class FilmHead(NamedTuple):
-    """The head of a frame's film.
+    """The head of the packet of a whole frame.
 
-    A u32 with the samples per pixel of every tile follows, tiles row by row; then w * h RGB9E5 words, rows from the top, as four
-    byte planes, lowest byte first. Byte planes compress better: neighbouring exponents are similar, while mantissas are noise.
+    A u32 with the samples per pixel of every tile follows, tiles row by row; then w * h RGB9E5 words, rows from the top, as
+    four byte planes, lowest byte first. Byte planes compress better: neighbouring exponents are similar, while mantissas are
+    noise.
     """
 
     frame: Annotated[int, U16, "integer part of the frame's number, modulo 65536"]
@@ -79,12 +81,12 @@ class FilmHead(NamedTuple):
 
 
 class ViewHead(NamedTuple):
-    """The head of a view's picture. A ViewTileHead for every tile follows, then raw DEFLATE data.
+    """The head of a live view's picture. A ViewTileHead for every tile follows, then raw DEFLATE data.
 
     The data begins with all tiles that are not exact, one after another, rows from the top: differences of brightness codes
     (coarse.py) in zigzag encoding (0, -1, 1, -2 ... as 0, 1, 2, 3 ...), first all low bytes, then all high bytes; then the
-    differences of the fractions of red, and of green, modulo 256. Then come all exact tiles as RGB9E5 words in four byte planes,
-    lowest byte first.
+    differences of the fractions of red, and of green, modulo 256. Then come all exact tiles as RGB9E5 words in four byte
+    planes, lowest byte first.
     """
 
     tiles: Annotated[int, U16, "number of tiles"]
@@ -97,7 +99,7 @@ class ViewHead(NamedTuple):
 
 
 class ViewTileHead(NamedTuple):
-    """The head of a tile of a view's picture."""
+    """The head of a tile of a live view's picture."""
 
     x: Annotated[int, U16, "left edge in the picture"]
     y: Annotated[int, U16, "upper edge in the picture"]
@@ -113,14 +115,14 @@ VIEW_TILE = Layout("view's tile", ViewTileHead)
 
 
 class TilePicture(NamedTuple):
-    """A decoded tile. words: RGB9E5, shape (h, w)."""
+    """A decoded packet of a tile. words: RGB9E5, shape (h, w)."""
 
     head: TileHead
     words: Words
 
 
 class FilmPicture(NamedTuple):
-    """A decoded film. words: RGB9E5, shape (h, w).
+    """A decoded packet of a whole frame. words: RGB9E5, shape (h, w).
 
     samples: samples per pixel of each tile, tiles row by row.
     """
@@ -131,7 +133,7 @@ class FilmPicture(NamedTuple):
 
 
 class ViewTile(NamedTuple):
-    """A decoded tile of a view's picture. mean: radiance, shape (3, h, w)."""
+    """A tile of a live view's picture. mean: radiance, shape (3, h, w). is_exact: whether it is encoded as RGB9E5 words."""
 
     rect: Rect
     mean: F32
@@ -140,22 +142,23 @@ class ViewTile(NamedTuple):
 
 
 class ViewPicture(NamedTuple):
-    """A decoded picture of a view: only the tiles that have changed."""
+    """A decoded picture of a live view. It has only the tiles that have changed."""
 
     head: ViewHead
     tiles: list[ViewTile]
 
 
 def encode_tile(frame: int, seq: int, rect: Rect, spp: int, words: bytes) -> bytes:
-    """Encodes a live tile.
+    """Encodes a tile of a job's frame.
 
-    frame: integer part of the frame number. seq: number that the client acknowledges. words: RGB9E5, little-endian.
+    frame: integer part of the frame number. seq: number that the client acknowledges. rect: x, y, width and height. spp:
+    samples per pixel. words: RGB9E5, little-endian.
     """
     return TILE.pack(TileHead(frame % FRAMES, seq % NUMBERS, *rect, spp)) + words
 
 
 def decode_tile(packet: bytes) -> TilePicture:
-    """Decodes a live tile. Raises ValueError if it is malformed."""
+    """Decodes the packet of a tile. Raises ValueError if it is malformed."""
     head = TILE.unpack(packet)
     if len(packet) != TILE.size + 4 * head.w * head.h:
         raise ValueError(f"a tile of {head.w} x {head.h} pixels has {len(packet)} bytes")
@@ -163,16 +166,17 @@ def decode_tile(packet: bytes) -> TilePicture:
 
 
 def encode_film(frame: int, size: tuple[int, int], side: int, samples: Sequence[int] | Words, planes: Planes) -> list[memoryview]:
-    """Encodes a film as a list of buffers, which can be sent without joining them.
+    """Encodes a whole frame as a list of buffers, which can be sent without joining them.
 
-    frame: integer part of the frame number. planes: byte planes of the RGB9E5 words, (4, h, w).
+    frame: integer part of the frame number. size: width and height. side: of a tile. samples: samples per pixel of each tile.
+    planes: byte planes of the RGB9E5 words, (4, h, w).
     """
     head = FILM.pack(FilmHead(frame % FRAMES, *size, side)) + np.asarray(samples, "<u4").tobytes()
     return [memoryview(head), planes.reshape(-1).data]
 
 
 def decode_film(packet: bytes) -> FilmPicture:
-    """Decodes a film packet. Raises ValueError if it is malformed."""
+    """Decodes the packet of a whole frame. Raises ValueError if it is malformed."""
     head = FILM.unpack(packet)
     if not head.side:
         raise ValueError("a film has tiles of size 0")
@@ -194,7 +198,11 @@ def words_of_planes(planes: Planes) -> Words:
 
 
 def encode_view(tiles: Sequence[ViewTile], size: tuple[int, int], view_size: tuple[int, int], id: int, seq: int) -> bytes:
-    """Encodes a picture of a view. size: this picture's (width, height); view_size: the view's."""
+    """Encodes a picture of a live view.
+
+    size: this picture's (width, height). view_size: the view's full size. id: the client's number of the view. seq: number that
+    the client acknowledges.
+    """
     head = [
         VIEW.pack(ViewHead(len(tiles), id % NUMBERS, seq % NUMBERS, *size, *view_size)),
         *(VIEW_TILE.pack(ViewTileHead(*tile.rect, tile.samples | EXACT * tile.is_exact)) for tile in tiles),
@@ -222,7 +230,7 @@ def _body(tiles: Sequence[ViewTile]) -> Iterator[Planes]:
 
 
 def decode_view(packet: bytes) -> ViewPicture:
-    """Decodes a picture of a view. Raises ValueError if it is malformed."""
+    """Decodes a picture of a live view. Raises ValueError if it is malformed."""
     head = VIEW.unpack(packet)
     tiles = VIEW_TILE.unpack_all(packet, VIEW.size, head.tiles)
     try:

@@ -1,4 +1,4 @@
-"""Command lines that render the same samples without a farm. Imports no kernel, since the service imports it."""
+"""Command lines that render a batch or trace a path again without a farm. Imports no kernel, since the service imports it."""
 
 from __future__ import annotations
 
@@ -14,24 +14,24 @@ __all__ = ["batch_command", "sample_command"]
 
 
 def batch_command(settings: RenderSettings, tile: Tile, first: int, count: int) -> str:
-    """Returns the command for samples first ... first + count - 1 of a tile. SCENE is a placeholder for the uploaded file."""
+    """Returns the command that renders samples first ... first + count - 1 of a tile. SCENE in it is the uploaded file."""
     more = [f"--tile={_text(tile)}", f"--first={first}", f"--spp={count}", "--threads=1"]
     return shlex.join(["rayfarm", "render", "SCENE", "-o", "batch.exr", *_options(settings), *more])
 
 
 def sample_command(settings: RenderSettings, x: int, y: int, sample: int, scene_options: Sequence[str] = ()) -> str:
-    """Returns the command that traces one path and prints its vertices. SCENE is a placeholder for the uploaded file.
+    """Returns the command that traces one path and prints its vertices. SCENE in it stands for the uploaded file.
 
-    scene_options: options that affect reading, such as `--no-floor`.
+    scene_options: options that affect how the file is read, such as `--no-floor`.
     """
     where = [f"--pixel={x},{y}", f"--sample={sample}"]
     return shlex.join(["rayfarm", "render", "SCENE", *scene_options, *_options(settings), *where])
 
 
 def _options(settings: RenderSettings) -> list[str]:
-    """Returns command-line options for all settings, even those with default values.
+    """Returns command-line options for all settings, even for those with default values.
 
-    A default in the scene file therefore cannot replace one of them.
+    Otherwise values in the scene file would replace the defaults.
     """
     view = dict(vars(settings.view))
     if view["focus"] is None:

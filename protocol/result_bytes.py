@@ -1,4 +1,4 @@
-"""Serialization of a result, for files on a machine and for sending it to a site's reducer."""
+"""Serialization of a worker's result, for files on its machine and for sending it to a site's reducer."""
 
 from __future__ import annotations
 

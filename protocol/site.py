@@ -4,12 +4,12 @@ worker --- HTTP POST /sums ----------> reducer    a Result of type `batch` or `b
                                                   result_bytes.py packs it, signed; 204: the reducer has it.
                                                   Its size is signed too, so that memory is reserved for members only
 reducer -- stream RESULTS -----------> service    Result of type `batches`: each part ends with its worker's name
-reducer -- key site_key(name) -------> service    SiteReport, expires after HEARTBEAT_TTL_S; and workers: its address
+reducer -- key site_key(name) -------> service    SiteReport, expires after HEARTBEAT_TTL_S; workers read its address
 reducer -- key secret_key(name) -----> worker     the secret that signs sums
 
-Only clients with a token for the farm's Redis can read the secret, so revoking a token also revokes this access. The secret
-changes every SECRET_S seconds. Sums that are acknowledged and then lost with the reducer are rendered again when their lease
-expires; the film drops duplicates.
+Only clients with a token for the farm's Redis can read the secret, so revoking a token also revokes access to the reducer. The
+secret changes every SECRET_S seconds. Sums that are acknowledged and then lost with the reducer are rendered again when their
+lease expires; the film drops duplicates.
 """
 
 from __future__ import annotations
@@ -56,15 +56,12 @@ def secret_key(name: str) -> str:
 
 
 def signature(secret: bytes, body: bytes) -> str:
-    """Returns the signature of a message's body, which proves that a worker of the farm sent it and that it is unchanged."""
+    """Returns the signature of a message's body, which proves that a worker of the farm sent exactly this body."""
     return hmac.digest(secret, body, "sha256").hex()
 
 
 def size_signature(secret: bytes, size: int) -> str:
-    """Returns the signature of a body's size, which the reducer verifies before it accepts the body.
-
-    Without it the reducer does not read the body.
-    """
+    """Returns the signature of a body's size. The reducer rejects a body whose size is not signed before it reads the body."""
     return signature(secret, b"size %d" % size)
 
 

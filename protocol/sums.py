@@ -49,9 +49,9 @@ PLANE = Layout("plane of sums", PlaneHead)
 
 
 def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
-    """Packs a batch's sums, (planes, h, w) int64. Deterministic: equal sums give equal bytes.
+    """Packs a batch's sums, (planes, h, w) int64. Equal sums give equal bytes.
 
-    packing: the newest format that the reader supports; 1: that of releases before 0.2.
+    packing: the format: the newest one that the receiver supports, or 1 for releases before 0.2.
     """
     if packing < PACKED:
         return lz4.block.compress(_narrowed(sums, 8), store_size=False)
@@ -77,10 +77,10 @@ def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
 
 
 def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[int] | None = None) -> Sums:
-    """Unpacks sums from `pack_sums` to (CHANNELS, h, w) int64. Raises ValueError if they do not fit the tile.
+    """Unpacks sums from `pack_sums` to (CHANNELS, h, w) int64. Raises ValueError if their size is not that of the tile.
 
-    stored: accept sums of an older release with fewer planes; missing planes are 0. planes: unpack only these; the others are 0
-    and cost neither time nor memory.
+    stored: whether to accept sums that an older release stored with fewer planes; missing planes are 0. planes: unpack only
+    these; the others are 0 and cost neither time nor memory.
     """
     sums = np.zeros((CHANNELS, tile.h, tile.w), "<i8")
     known = dict(_planes(data, tile, stored))
@@ -101,7 +101,7 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
 def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes: Collection[int] | None = None) -> None:
     """Adds packed sums, or some of their planes, to `total` in place.
 
-    stored: as in `unpack_sums`. Raises ValueError if they do not fit the tile; `total` is then unchanged.
+    stored, planes: as in `unpack_sums`. Raises ValueError if their size is not that of the tile; `total` is then unchanged.
     """
     known = dict(_planes(data, tile, stored))
     wanted = known.keys() if planes is None else known.keys() & planes
@@ -124,7 +124,7 @@ def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes:
 
 
 def check_sums(data: bytes, tile: Tile) -> None:
-    """Raises ValueError if `unpack_sums` would. Faster than unpacking, since it does not return the sums."""
+    """Raises ValueError if `unpack_sums` would raise it for these sums. Faster, since it does not return the sums."""
     for code, _, body in dict(_planes(data, tile, False)).values():
         if code in WIDTHS:
             _checked_bytes(body, code, tile)
@@ -183,7 +183,10 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
 
 
 def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
-    """Yields the planes of sums packed by releases before 0.2: low words of all planes, then high words, in one LZ4 block."""
+    """Yields the planes of sums packed by releases before 0.2: low words of all planes, then high words, in one LZ4 block.
+
+    The items are as in `_planes`.
+    """
     size = CHANNELS * tile.h * tile.w * 8
     raw = _decompressed(data, size)
     plane = tile.h * tile.w * 8

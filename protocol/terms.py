@@ -1,7 +1,7 @@
 """Run-time settings and capabilities of a worker, in Redis keys in addition to its report. Older workers ignore them.
 
 service --- key terms_key(name) --> worker     Terms: an administrator's settings, and the requirement queues to serve
-worker ---- key offer_key(name) --> service    Offer: its capabilities, the terms in effect, and why it is idle; expires
+worker ---- key offer_key(name) --> service    Offer: capabilities, the settings in effect, and why it takes no tasks; expires
 """
 
 from __future__ import annotations
@@ -31,7 +31,12 @@ TAG = re.compile(r"[a-z0-9][a-z0-9._:-]{0,62}")
 
 @dataclass(frozen=True)
 class Terms:
-    """Run-time settings of a worker. A value of None means that the worker keeps the value with which it was started."""
+    """Run-time settings of a worker. A value of None means that the worker keeps the value with which it was started.
+
+    hours: when it takes tasks (hours.py); empty: always. idle_minutes: minutes without user activity after which it takes
+    tasks. slots: maximum number of slots in use. memory: limit in bytes; 0: unlimited. queues: requirement queues to serve in
+    addition to its own.
+    """
 
     hours: str | None = None  # hours.py; empty: always
     idle_minutes: float | None = None  # works only after this much user inactivity; 0: always
@@ -42,7 +47,7 @@ class Terms:
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Terms:
-        """Parses terms from `to_bytes` of this or another release. Raises ValueError if they are malformed."""
+        """Parses settings from `to_bytes` of this or another release. Raises ValueError if they are malformed."""
         try:
             found = json.loads(data)
             known = {f.name: found[f.name] for f in fields(cls) if found.get(f.name) is not None}
@@ -52,16 +57,16 @@ class Terms:
         return terms.checked()
 
     def to_bytes(self) -> bytes:
-        """Serializes the terms as JSON for the worker's key; equal terms give equal bytes."""
+        """Serializes the settings as JSON for the worker's key. Equal settings give equal bytes."""
         return json.dumps({name: value for name, value in asdict(self).items() if value is not None}, sort_keys=True).encode()
 
     @property
     def digest(self) -> str:
-        """Returns the digest by which a worker confirms that these terms are in effect: 16 hexadecimal digits."""
+        """Returns a digest of 16 hexadecimal digits, with which a worker confirms that these settings are in effect."""
         return hashlib.sha256(self.to_bytes()).hexdigest()[:16]
 
     def checked(self) -> Terms:
-        """Returns these terms unchanged. Raises ValueError with a sentence if a value is out of range."""
+        """Returns these settings unchanged. Raises ValueError with a sentence if a value is out of range."""
         if self.hours:
             Hours.parse(self.hours)
         for name, value, most in (
@@ -88,14 +93,18 @@ class Terms:
         return self
 
     def with_defaults(self, own: Terms) -> Terms:
-        """Returns a copy of these terms in which the worker's start values, `own`, replace values that are None."""
+        """Returns a copy of these settings in which the worker's start values, `own`, replace values that are None."""
         said = {f.name: value for f in fields(self) if (value := getattr(self, f.name)) is not None}
         return replace(own, **said)
 
 
 @dataclass(frozen=True)
 class Offer:
-    """Capabilities and state of a worker, in addition to its report."""
+    """Capabilities and state of a worker, in addition to its report.
+
+    keeps: digest of the settings in effect. idle_by: sources by which user activity is detected. why: a sentence on why it
+    takes no tasks, or None. trouble: a sentence on which settings it cannot apply, or None.
+    """
 
     tags: tuple[str, ...]
     memory: int  # usable bytes: its limit, else the machine's memory
@@ -145,7 +154,10 @@ class Offer:
 
 @lru_cache(4096)
 def needs_queue(kind: str, needs: str) -> str:
-    """Returns the Celery queue for batches of this kind with requirements. needs: canonical text of the requirements."""
+    """Returns the Celery queue for batches with requirements, such as a tag, that only some workers of this kind meet.
+
+    needs: canonical text of the requirements.
+    """
     return f"{render_queue(kind)}{NEEDS}{hashlib.sha256(needs.encode()).hexdigest()[:16]}"
 
 

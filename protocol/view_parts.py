@@ -1,12 +1,12 @@
-"""Messages between the service and a worker about interactive views, which have no jobs or films and are not stored.
+"""Messages between the service and a worker about live views: interactive pictures without a job, which are not stored.
 
 service --- Celery task RENDER_VIEW --> worker     ViewParts, in a queue that slots serve before all others
 service --- Celery task VIEW_FRAME ---> worker     ViewFrame, in the same queue
 service --- key view_key(watch) ------> worker     the number of the current view; without the key nothing is viewed
 worker ---- list VIEW_ANSWERS --------> service    ViewAnswer; the list expires if no service reads it
 
-A slot compares the number before each part, and drops parts of an outdated view at once. Answers have a separate list, since they
-are worthless to a restarted service and need not wait for the merging of films.
+A slot compares the number before each part, and drops parts of an outdated view at once. Answers have a list of their own,
+since a restarted service does not need them and they need not wait for results that are merged into films.
 """
 
 from __future__ import annotations
@@ -43,18 +43,21 @@ MAX_PART_S = 3600.0
 
 
 def view_queue(kind: str) -> str:
-    """Returns the Celery queue for views, which workers of this kind serve before all others."""
+    """Returns the Celery queue for live views. Workers of this kind serve it before all other queues."""
     return f"{VIEW_QUEUES}{kind}"
 
 
 def view_key(watch: str) -> str:
-    """Returns the Redis key with the number of a session's current view. watch: the session's id."""
+    """Returns the Redis key with the number of a session's current view. watch: id of the session, which is one open view."""
     return f"rayfarm:view:{watch}"
 
 
 @dataclass(frozen=True)
 class Part:
-    """The unit of work of a view: samples first to first + count - 1 of every pixel of one rectangle."""
+    """The unit of work of a live view: samples first to first + count - 1 of every pixel of one rectangle.
+
+    number: index in the message.
+    """
 
     number: int
     tile: Tile
@@ -64,7 +67,11 @@ class Part:
 
 @dataclass(frozen=True)
 class ViewParts:
-    """Request to render parts of a view in this order, with one answer per part."""
+    """Request to render parts of a live view in this order, with one answer per part.
+
+    watch: id of the view's session. view: number of the view. compiled: SHA-256 of the compiled scene. is_whole: whether
+    answers have the sums of all channels; otherwise only those of colour.
+    """
 
     message: str  # unique for every time that parts are handed out
     watch: str
@@ -92,9 +99,9 @@ class ViewParts:
 
 @dataclass(frozen=True)
 class ViewFrame:
-    """Request to prepare frames of an animated scene for an interactive view.
+    """Request to prepare frames of an animated scene for a live view.
 
-    work: the frames to prepare; its `job` is the id of the view's session.
+    watch: id of the view's session. work: the frames to prepare; its `job` is the session's id too.
     """
 
     message: str

@@ -1,4 +1,4 @@
-"""Messages of a view's channel, WS /api/scenes/{id}/viewport. Pictures are binary (pictures.py)."""
+"""Messages of WS /api/scenes/{id}/viewport, by which a page shows a live view. Pictures are binary (pictures.py)."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ __all__ = ["FROM_CLIENT", "FROM_SERVICE", "Look", "Pause", "Pick", "Picked", "Re
 
 @dataclass(frozen=True)
 class Look(FromClient):
-    """Client message: a new view, {"id": n, ...} with the fields of a job's request (POST /api/jobs). Replaces the previous view.
+    """Client message: show a new view, which replaces the previous one. {"id": n, ...} with the fields of a job's request.
 
-    Size, camera or view, settings, frame, clip, fps and turntable are used. spp limits the samples per pixel (256 at most); a
-    tile that has reached `noise` is complete with fewer.
+    Size, camera or view, settings, frame, clip, fps and turntable of POST /api/jobs are used. spp limits the samples per pixel
+    (256 at most); a tile that has reached `noise` is complete with fewer.
     """
 
     KEY: ClassVar[str] = "id"
@@ -24,7 +24,7 @@ class Look(FromClient):
 
     @classmethod
     def of(cls, message: Mapping[str, Any]) -> Look:
-        """Returns the message with its fields unvalidated; the service validates them as a job's request."""
+        """Returns the message without validating its fields, which the service does as for a job's request."""
         return cls(dict(message))
 
     def to_json(self) -> dict[str, Any]:
@@ -53,7 +53,7 @@ class Pick(FromClient):
 
 @dataclass(frozen=True)
 class Pause(FromClient):
-    """Client message {"paused": true}: the page is hidden, so no pictures are needed; false: it is visible again."""
+    """Client message {"paused": true}: the page is hidden and needs no pictures. {"paused": false}: it is visible again."""
 
     KEY: ClassVar[str] = "paused"
     paused: bool
@@ -81,7 +81,7 @@ class ViewState(FromService):
 
 @dataclass(frozen=True)
 class Refused(FromService):
-    """Service message: the view, or a message, is invalid. detail: a sentence."""
+    """Service message: a view or another message of the client is invalid. detail: a sentence."""
 
     TYPE: ClassVar[str] = "error"
     id: int | None
@@ -90,7 +90,10 @@ class Refused(FromService):
 
 @dataclass(frozen=True)
 class Picked(FromService):
-    """Service message: the surface under a pixel. The last three fields are None if the ray hits nothing."""
+    """Service message: the surface at pixel (x, y). direction: of the pixel's ray.
+
+    depth, position, normal: of the surface; None if the ray hits nothing.
+    """
 
     TYPE: ClassVar[str] = "picked"
     x: int

@@ -1,7 +1,7 @@
-"""State of a worker's machine and the end of its log, in Redis keys in addition to its report. Older workers ignore them.
+"""Memory use of a worker's machine and the end of its log, in Redis keys in addition to its report. Older workers ignore them.
 
 worker ---- key vitals_key(name) -----> service    Vitals, expires
-service --- key log_wanted_key(name) -> worker     a client reads the log; expires
+service --- key log_wanted_key(name) -> worker     exists while a client reads the log; expires
 worker ---- key log_key(name) --------> service    the last log lines as a JSON list, expires
 """
 
@@ -20,18 +20,18 @@ _MOST = 1 << 60
 
 @dataclass(frozen=True)
 class Vitals:
-    """Memory and load of a worker's machine. Sizes in bytes."""
+    """Memory of a worker's machine, in bytes."""
 
     memory_used: int
     memory_total: int
 
     def to_bytes(self) -> bytes:
-        """Serializes the vitals as JSON for the worker's key."""
+        """Serializes the values as JSON for the worker's key."""
         return json.dumps(asdict(self)).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Vitals:
-        """Parses vitals from `to_bytes` of this or another release. Raises ValueError if they are malformed."""
+        """Parses the values from `to_bytes` of this or another release. Raises ValueError if they are malformed."""
         try:
             found = json.loads(data)
             used, total = found["memory_used"], found["memory_total"]
@@ -43,7 +43,7 @@ class Vitals:
 
 
 def read_vitals() -> Vitals | None:
-    """Reads this machine's present vitals; None if the system does not provide them."""
+    """Returns the memory of this machine that is in use and in total; None if the system does not provide it."""
     try:
         lines = Path("/proc/meminfo").read_text().splitlines()
         sizes = {name: int(rest.split()[0]) * 1024 for name, _, rest in (line.partition(":") for line in lines)}
@@ -53,7 +53,7 @@ def read_vitals() -> Vitals | None:
 
 
 def vitals_key(name: str) -> str:
-    """Returns the Redis key of the vitals of a worker's machine."""
+    """Returns the Redis key of the memory in use on a worker's machine. name: the worker's."""
     return f"rayfarm:vitals:{name}"
 
 

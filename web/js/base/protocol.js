@@ -46,7 +46,7 @@ export function decodeTileHead(view, at = 0) {
 }
 
 /**
- * The head of a frame's film.
+ * The head of the packet of a whole frame.
  *
  * @typedef {object} FilmHead
  * @property {number} frame u16: integer part of the frame's number, modulo 65536
@@ -69,7 +69,7 @@ export function decodeFilmHead(view, at = 0) {
 }
 
 /**
- * The head of a view's picture. A ViewTileHead for every tile follows, then raw DEFLATE data.
+ * The head of a live view's picture. A ViewTileHead for every tile follows, then raw DEFLATE data.
  *
  * @typedef {object} ViewHead
  * @property {number} tiles u16: number of tiles
@@ -98,7 +98,7 @@ export function decodeViewHead(view, at = 0) {
 }
 
 /**
- * The head of a tile of a view's picture.
+ * The head of a tile of a live view's picture.
  *
  * @typedef {object} ViewTileHead
  * @property {number} x u16: left edge in the picture

@@ -11,7 +11,7 @@ from .websocket import FromClient, FromService
 
 @dataclass(frozen=True)
 class JobState(FromService):
-    """Service message: the job, as in GET /api/jobs/{id}."""
+    """Service message with the job, as in GET /api/jobs/{id}."""
 
     TYPE: ClassVar[str] = "state"
     job: dict[str, Any]
@@ -19,10 +19,10 @@ class JobState(FromService):
 
 @dataclass(frozen=True)
 class Look(FromClient):
-    """Client message: a new view, {"id": n, ...} with the fields of a job's request (POST /api/jobs). Replaces the previous view.
+    """Client message: show a new view, which replaces the previous one. {"id": n, ...} with the fields of a job's request.
 
-    Size, camera or view, settings, frame, clip, fps and turntable are used. spp limits the samples per pixel (256 at most); a
-    tile that has reached `noise` is complete with fewer.
+    Size, camera or view, settings, frame, clip, fps and turntable of POST /api/jobs are used. spp limits the samples per pixel
+    (256 at most); a tile that has reached `noise` is complete with fewer.
     """
 
     KEY: ClassVar[str] = "id"
@@ -30,7 +30,7 @@ class Look(FromClient):
 
     @classmethod
     def of(cls, message: Mapping[str, Any]) -> Look:
-        """Returns the message with its fields unvalidated; the service validates them as a job's request."""
+        """Returns the message without validating its fields, which the service does as for a job's request."""
         return cls(dict(message))
 
     def to_json(self) -> dict[str, Any]:
@@ -55,7 +55,7 @@ class ViewState(FromService):
 
 @dataclass(frozen=True)
 class Refused(FromService):
-    """Service message: the view, or a message, is invalid. detail: a sentence."""
+    """Service message: a view or another message of the client is invalid. detail: a sentence."""
 
     TYPE: ClassVar[str] = "error"
     id: int | None

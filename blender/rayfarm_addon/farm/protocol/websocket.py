@@ -44,7 +44,7 @@ class FromClient:
 
 @dataclass(frozen=True)
 class Acknowledge(FromClient):
-    """Client message: the picture or tile with this number, and all before it, were received. {"ack": seq}."""
+    """Client message {"ack": seq}: the client has received the picture or tile with this number, and all before it."""
 
     KEY: ClassVar[str] = "ack"
     seq: int
