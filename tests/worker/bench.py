@@ -1,4 +1,4 @@
-"""Runs a real worker in a separate process for tests, with a fake service that the test controls."""
+"""Runs a real worker in a separate process. A test controls the worker through a fake service."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ from protocol.contract import (
 )
 from tests.helpers import ROOT, wait_until
 
-__all__ = ["Bench", "FakeService", "a_worker", "busiest", "slots_of", "used"]
+__all__ = ["Bench", "FakeService", "a_worker", "processor_time", "rendering_slot", "slots_of"]
 
 
 class FakeService(BaseHTTPRequestHandler):
@@ -94,7 +94,10 @@ class FakeService(BaseHTTPRequestHandler):
 
 @dataclass
 class Bench:
-    """A running worker, with the fake service, the Redis server and the Celery application through which a test controls it."""
+    """A running worker, with the fake service, the Redis server and the Celery application through which a test controls it.
+
+    seen: the results that the worker has sent so far.
+    """
 
     url: str
     service: type[FakeService]
@@ -122,7 +125,7 @@ class Bench:
         self.service.manifests[scene] = Manifest(scene, main, refs)
 
     def prepare(self, scene: str) -> Result:
-        """Requests preparation of a scene; returns the result once the scene's thumbnail is stored too."""
+        """Makes the worker prepare a scene. Returns the result; if it succeeded, once the scene's thumbnail is stored too."""
         kind = self.report().kind  # type: ignore[union-attr]
         self.celery.send_task(PREPARE, kwargs={"scene": scene}, queue=prepare_queue(kind))
         outcome = self.next("prepared", "prepare-failed")
@@ -131,7 +134,7 @@ class Bench:
         return outcome
 
     def prepare_frames(self, work: PrepareFrames) -> list[FrameInfo]:
-        """Requests preparation of frames; returns the result of each frame, in order."""
+        """Makes the worker prepare frames. Returns the result of each frame, in order."""
         kind = self.report().kind  # type: ignore[union-attr]
         self.celery.send_task(PREPARE_FRAMES, kwargs={"frames": asdict(work)}, queue=prepare_queue(kind))
         return [FrameInfo.from_json(self.next("frame-prepared").event["info"]) for _ in work.frames]
@@ -141,7 +144,7 @@ class Bench:
         self.celery.send_task(RENDER_BATCH, kwargs={"batch": batch.to_json()}, queue=render_queue(kind), task_id=message)
 
     def next(self, *types: str, seconds: float = 60.0) -> Result:
-        """Returns the worker's next result of one of the given types. Fails if none arrives within `seconds`."""
+        """Waits for the worker's next result of one of the given types, and returns it. Fails after `seconds`."""
         found: list[Result] = []
 
         def arrived() -> bool:
@@ -160,7 +163,10 @@ class Bench:
 
 @contextmanager
 def a_worker(redis_url: str, folder: Path, slots: int, options: Sequence[str] = ()) -> Iterator[Bench]:
-    """Starts a worker and yields it once it is ready; stops it at the end unless it has ended before."""
+    """Context manager that starts a worker and yields it once it is ready; stops it at the end unless it has ended before.
+
+    folder: for the worker's files. options: further command line options.
+    """
     handler = type("Handler", (FakeService,), {"blobs": {}, "manifests": {}, "films": {}, "sent": [], "redis_url": redis_url})
     server = ThreadingHTTPServer(("127.0.0.1", 0), handler)
     threading.Thread(target=server.serve_forever, daemon=True).start()
@@ -196,7 +202,7 @@ def a_worker(redis_url: str, folder: Path, slots: int, options: Sequence[str] = 
 
 
 def slots_of(parent: int) -> list[psutil.Process]:
-    """Returns the slot processes of the worker with process id `parent`, without the process that uploads kernels."""
+    """Returns the slot processes of the worker whose main process has the id `parent`."""
     found = []
     for child in psutil.Process(parent).children():
         with suppress(psutil.NoSuchProcess):
@@ -205,7 +211,7 @@ def slots_of(parent: int) -> list[psutil.Process]:
     return found
 
 
-def used(slot: psutil.Process) -> float:
+def processor_time(slot: psutil.Process) -> float:
     """Returns a slot's processor time in seconds; -1 if it has ended."""
     try:
         return sum(slot.cpu_times()[:2])
@@ -213,8 +219,8 @@ def used(slot: psutil.Process) -> float:
         return -1.0
 
 
-def busiest(parent: int) -> psutil.Process:
-    """Returns the slot process of the worker `parent` that is rendering, not one that uses processor time for its start."""
-    before = {slot: used(slot) for slot in slots_of(parent)}
-    wait_until(lambda: any(used(slot) - then > 0.4 for slot, then in before.items()), 30, "a slot uses its core")
-    return max(before, key=lambda slot: used(slot) - before[slot])
+def rendering_slot(parent: int) -> psutil.Process:
+    """Waits until a slot of the worker with process id `parent` uses its core, and returns that slot's process."""
+    before = {slot: processor_time(slot) for slot in slots_of(parent)}
+    wait_until(lambda: any(processor_time(slot) - then > 0.4 for slot, then in before.items()), 30, "a slot uses its core")
+    return max(before, key=lambda slot: processor_time(slot) - before[slot])

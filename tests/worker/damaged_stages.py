@@ -1,7 +1,7 @@
 """Reads damaged USD files, and prints the error messages: `python -m tests.worker.damaged_stages FOLDER TRIES`.
 
 Prints one JSON line per file suffix. This is a separate, single-threaded program, like a worker's slot: in a process that
-writes stages, the USD library has threads, which do not survive a fork, and the forked process would wait for them for ever.
+writes stages, the USD library has threads. They do not survive a fork, so the forked process would wait for them forever.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ ODD = ["-1", "0", "1e39", "nan", "inf", "2147483648", '""', "None", "[]", "@../.
 
 
 def write(folder: Path) -> None:
-    """Writes one stage with an example of every feature, in each of USD's file formats."""
+    """Writes a USD stage with an example of every feature that the reader supports, in each of USD's file formats."""
     made = stage(folder / "a.usda", "Z", 0.01)
     made.SetDefaultPrim(UsdGeom.Xform.Define(made, "/w").GetPrim())
     box = cube(made, "/w/box", scheme="catmullClark")
@@ -51,7 +51,10 @@ def write(folder: Path) -> None:
 
 
 def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
-    """Returns a USD file's data with odd values in place of some numbers and names, or with changed bytes."""
+    """Returns a damaged copy of a USD file's data.
+
+    suffix: for a text file, usda, odd values replace some numbers and names; for others, some bytes are changed.
+    """
     if suffix == "usda":
         text = data.decode()
         for _ in range(rng.randint(1, 3)):
@@ -65,7 +68,7 @@ def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
 
 
 def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
-    """Runs `work`, which reads a file, in a child process with limits of 2 GiB and 60 s; returns the error message, or "".
+    """Runs `work`, which reads a file, in a child process with limits of 2 GiB and 60 s. Returns the error message, or "".
 
     subject: the name of the file in error messages.
     """

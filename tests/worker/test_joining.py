@@ -1,4 +1,4 @@
-"""Tests of a worker that joins a farm: in the background, with retries, under a unique name."""
+"""Tests of joining a farm: a worker joins in the background, retries, and gets a name that no other worker has."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def report(name: str, pid: int, host: str = "here") -> WorkerReport:
 
 
 class Service(Link):
-    """A substitute for the link to the service: `join` returns or raises the given answers in turn, and repeats the last one."""
+    """A substitute for the link to the service. `join` returns or raises the given answers in turn, then repeats the last."""
 
     def __init__(self, *answers: FarmAnswer | Exception) -> None:
         super().__init__("http://service.invalid", "token")

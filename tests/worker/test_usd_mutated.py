@@ -16,7 +16,7 @@ TRIES = 2
 
 @pytest.fixture(scope="module")
 def error_messages(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, list[str]]]:
-    """Returns the folder of the damaged USD files, and the readers' error messages by file suffix."""
+    """Returns the folder of the damaged USD files, and the error messages of reading them, by file suffix."""
     folder = tmp_path_factory.mktemp("usd")
     command = [sys.executable, "-m", "tests.worker.damaged_stages", str(folder), str(TRIES)]
     done = subprocess.run(command, capture_output=True, cwd=ROOT, timeout=300, check=False)

@@ -1,4 +1,4 @@
-"""Tests of a real worker process with real Redis, Celery and forks; the test acts as the service's HTTP side."""
+"""Tests of a real worker process with real Redis, Celery and forks. The test plays the service, by HTTP and Redis."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.test_stage import everything
 from tests.renderer.builders import emitter, scene, square
-from tests.worker.bench import Bench, a_worker, busiest, slots_of, used
+from tests.worker.bench import Bench, a_worker, processor_time, rendering_slot, slots_of
 
 SCENE = """
 shapes:
@@ -337,16 +337,16 @@ def busy_with(bench: Bench, count: int) -> bool:
 
 def kill_the_slot_with(bench: Bench, count: int) -> None:
     wait_until(lambda: busy_with(bench, count), 30, "a slot renders the batch")
-    victim = busiest(bench.process.pid)
+    victim = rendering_slot(bench.process.pid)
     victim.kill()
     victim.wait(10)
     wait_until(lambda: len(slots_of(bench.process.pid)) == 2, 20, "the slot is filled again")
 
 
-def kill_whoever_has(bench: Bench, name: str) -> None:
-    """Kills each slot of the worker that is busy, until the worker has sent a result for the batch `name`.
+def kill_slots_until_result(bench: Bench, name: str) -> None:
+    """Kills each slot of the worker that becomes busy, until the worker has sent a result for the batch with the id `name`.
 
-    At least three kills are required, and more may be needed: a slot that has just started also counts as busy.
+    Fails if fewer than three slots were killed. There may be more, since a slot that has just started also counts as busy.
     """
     deadline = time.monotonic() + 90
     before: dict[psutil.Process, float] = {}
@@ -355,7 +355,7 @@ def kill_whoever_has(bench: Bench, name: str) -> None:
         assert time.monotonic() < deadline, f"of {name} nothing is said, though {killed} slots were killed"
         time.sleep(0.05)
         for slot in slots_of(bench.process.pid):
-            if used(slot) - before.setdefault(slot, used(slot)) > 0.4:
+            if processor_time(slot) - before.setdefault(slot, processor_time(slot)) > 0.4:
                 slot.kill()
                 slot.wait(10)
                 killed += 1
@@ -374,7 +374,7 @@ def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: S
 @pytest.mark.long
 def test_a_batch_that_kills_every_slot_is_given_up(bench: Bench, info: SceneInfo) -> None:
     bench.render(batch_of(info, "deadly", 0, 1 << 20))
-    kill_whoever_has(bench, "deadly")
+    kill_slots_until_result(bench, "deadly")
     event = bench.next("batch", "batch-failed").event
     assert (event["type"], event["batch"]) == ("batch-failed", "deadly"), event
     assert "died 3 times" in event["error"]
@@ -390,7 +390,7 @@ def test_of_several_batches_the_one_that_kills_is_given_up_alone(bench: Bench, i
         task_id="several",
         ignore_result=True,
     )
-    kill_whoever_has(bench, "killer")
+    kill_slots_until_result(bench, "killer")
     answered: dict[str, dict[str, Any]] = {}
     while "after" not in answered:
         event = bench.next("batch", "batch-failed").event

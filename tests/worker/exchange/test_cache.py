@@ -1,4 +1,4 @@
-"""Tests of the blob cache: blobs are fetched once, verified, and evicted, or mapped from the service's own folder."""
+"""Tests of the blob cache: each blob is downloaded once, verified and evicted, or mapped from the service's own folder."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ ELSEWHERE = FarmAnswer("redis://", "instance-1", "")
 
 
 class CountingLink(Link):
-    """A substitute for the link to the service: blobs come from a dict, and the digests of fetched blobs are recorded.
+    """A substitute for the link to the service. Its blobs come from a dict, and it records the hashes of downloaded blobs.
 
-    A blob that starts with b"broken" raises LinkError after its first 3 bytes.
+    Downloading a blob that starts with b"broken" raises LinkError after the first 3 bytes.
     """
 
     def __init__(self, blobs: dict[str, bytes]) -> None:
@@ -113,8 +113,8 @@ def test_a_name_that_is_no_hash_is_refused(tmp_path: Path) -> None:
         BlobCache(CountingLink({}), ELSEWHERE, tmp_path).path("../../etc/passwd")
 
 
-def test_the_files_that_another_slot_is_writing_are_left_alone(tmp_path: Path) -> None:
-    """Eviction keeps files that another slot is writing, however old, but removes those of a killed slot."""
+def test_eviction_keeps_files_that_another_slot_is_writing(tmp_path: Path) -> None:
+    """Checks that eviction keeps a file that another slot is writing, however old it is, but removes that of a killed slot."""
     slow, other = b"slow" * 100, b"other" * 100
     half_way, go_on = threading.Event(), threading.Event()
 
@@ -171,7 +171,7 @@ def test_a_file_that_has_suffered_is_fetched_anew(tmp_path: Path) -> None:
 
 
 class FullLink(CountingLink):
-    """A link whose transfers fail with the error of a full disk if the cache folder holds more than `room` blobs."""
+    """A link whose downloads fail with the error of a full disk while the cache folder holds more than `room` blobs."""
 
     def __init__(self, blobs: dict[str, bytes], folder: Path) -> None:
         super().__init__(blobs)

@@ -1,4 +1,4 @@
-"""Tests of precompiling the full kernel: once, at low priority, and without harm if it fails."""
+"""Tests of compiling the full-featured kernel in advance: once, at low priority, and without harm if it fails."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ def token(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], subprocess.Popen[bytes]]]:
-    """Returns a list to which started processes are added, as (command, process).
+    """Replaces started processes by a program that prints its nice level.
 
-    Instead of the command, each process runs a program that prints its priority (nice value).
+    Returns a list to which each start is added, as (command, process).
     """
     found: list[tuple[list[str], subprocess.Popen[bytes]]] = []
     popen = subprocess.Popen

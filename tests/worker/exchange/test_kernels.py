@@ -1,4 +1,4 @@
-"""Tests that the separate process that uploads kernels is waited for, so that it leaves no zombie behind."""
+"""Tests that the process that uploads kernels is reaped when it ends, so that it does not remain as a zombie."""
 
 from __future__ import annotations
 

@@ -131,7 +131,7 @@ def test_a_blob_that_arrives_damaged_is_refused() -> None:
 
 
 @pytest.mark.parametrize("token", ["", " ", "\n"])
-def test_a_variable_that_is_set_to_nothing_is_no_token(token: str) -> None:
-    """An empty RAYFARM_TOKEN, as from `$(cat a-missing-file)`, counts as no token; otherwise the worker would wait for ever."""
+def test_an_empty_token_is_refused(token: str) -> None:
+    """Checks that an empty RAYFARM_TOKEN, as from `$(cat missing-file)`, is refused at once."""
     with pytest.raises(RefusedError, match="RAYFARM_TOKEN is empty"):
         Link("http://127.0.0.1:9", token)

@@ -46,7 +46,7 @@ def certificate(folder: Path, name: str) -> tuple[Path, Path]:
 
 
 def relay(inside: socket.socket, port: int) -> None:
-    """Forwards between a TLS connection and the Redis on a port, until one of them ends."""
+    """Forwards bytes between a TLS connection and the Redis on this port, until one of them closes."""
     with inside, socket.create_connection(("127.0.0.1", port)) as outside, selectors.DefaultSelector() as ready:
         ready.register(inside, selectors.EVENT_READ, outside)
         ready.register(outside, selectors.EVENT_READ, inside)
@@ -61,7 +61,7 @@ def relay(inside: socket.socket, port: int) -> None:
 
 @pytest.fixture
 def over_tls(tmp_path: Path, redis_url: str) -> Iterator[tuple[str, Path]]:
-    """Yields the rediss:// URL of the tests' Redis, and the path of its certificate."""
+    """Puts a TLS proxy in front of the tests' Redis. Yields the proxy's rediss:// URL and the path of its certificate."""
     authority, key = certificate(tmp_path, "redis")
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.load_cert_chain(authority, key)

@@ -1,4 +1,4 @@
-"""Tests that a worker trusts a farm's own certificate, and no other server's."""
+"""Tests that a worker accepts a farm's own certificate, and that of no other server."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from worker.exchange.trust import TRUST_VARIABLE, verify_option
 
 
 def certificate(folder: Path, name: str) -> Path:
-    """Returns a self-signed certificate, with its key in the same folder."""
+    """Writes a self-signed certificate for the host `name`, with its key, and returns its path."""
     key = ec.generate_private_key(ec.SECP256R1())
     subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
     now = datetime.datetime.now(datetime.UTC)
@@ -39,7 +39,7 @@ def certificate(folder: Path, name: str) -> Path:
 
 @pytest.fixture
 def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
-    """Yields the URL of an HTTPS server and the path of its certificate, which is for another name."""
+    """Yields the URL of an HTTPS server and the path of its certificate, which is for another host name."""
     own = certificate(tmp_path, "farm.example")
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler)
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)

@@ -31,8 +31,11 @@ def test_a_worker_that_waits_is_healthy_and_not_ready(state: WorkerState, file: 
 @pytest.mark.parametrize(
     ("state", "why"), [(WorkerState.WORKING, "last seen"), (WorkerState.AWAY, ""), (WorkerState.STARTING, "")]
 )
-def test_only_an_event_loop_can_hang(state: WorkerState, why: str, file: Path) -> None:
-    """A worker that waits for the service or Redis is healthy, however old its health file; one whose event loop hangs is not."""
+def test_only_a_working_worker_with_an_old_file_is_unhealthy(state: WorkerState, why: str, file: Path) -> None:
+    """Checks that an old health file means unhealthy only if the event loop should run.
+
+    A worker that waits for the service or Redis is healthy however old its file is.
+    """
     health_file.write_state(state)
     os.utime(file, (1.0, 1.0))
     assert (why in healthy.unhealthy_reason(str(file)), bool(healthy.unhealthy_reason(str(file)))) == (True, bool(why))

@@ -1,4 +1,4 @@
-"""Tests of dividing joint batches among slots, whose processes end at the worst moments."""
+"""Tests of sharing the pieces of joint batches among slots, including slots that end while they render or send a piece."""
 
 from __future__ import annotations
 

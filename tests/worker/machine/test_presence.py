@@ -1,4 +1,4 @@
-"""Tests of detecting whether the machine is in use, with a simulated system."""
+"""Tests of detecting whether a user is at the machine, with simulated system files and programs."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ def machine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path
 
 
-def tell(machine: Path, all_s: float, own_s: float) -> None:
-    """Sets the processor time (seconds) of all programs, and that of the worker with its one child process."""
+def set_processor_times(machine: Path, all_s: float, own_s: float) -> None:
+    """Writes the processor time, in seconds, of all programs and of the worker with its one child process to the fake /proc."""
     (machine / "proc" / "stat").write_text(f"cpu  {round(all_s * TICK)} 0 0 999 999 0 0 0\ncpu0 1\n")
     for pid, parent, seconds in ((os.getpid(), 1, 1.0), (999_999, os.getpid(), own_s - 1.0), (999_998, 1, 50.0)):
         (machine / "proc" / str(pid)).mkdir(exist_ok=True)
@@ -30,14 +30,14 @@ def tell(machine: Path, all_s: float, own_s: float) -> None:
 def test_what_other_programs_take_is_somebody_and_what_the_worker_takes_is_not(machine: Path) -> None:
     presence = Presence(machine / "proc", machine / "dev")
     begun = presence._present
-    tell(machine, 1000.0, 10.0)
+    set_processor_times(machine, 1000.0, 10.0)
     presence.idle_s(begun + 100)
-    tell(machine, 1020.0, 30.0)
+    set_processor_times(machine, 1020.0, 30.0)
     assert presence.idle_s(begun + 110) == pytest.approx(110), "the worker itself took two cores"
     assert presence.by == ("load",)
-    tell(machine, 1050.0, 50.0)
+    set_processor_times(machine, 1050.0, 50.0)
     assert presence.idle_s(begun + 120) == 0, "others took one of three"
-    tell(machine, 1071.0, 70.0)
+    set_processor_times(machine, 1071.0, 70.0)
     assert presence.idle_s(begun + 130) == pytest.approx(10), "a tenth of a core is nobody"
 
 
@@ -72,8 +72,8 @@ if [ "$1" = list-sessions ]; then echo "  3 1000 anna seat0 tty2"; echo " c1 120
 """
 
 
-def test_a_desktop_says_by_itself_that_nobody_is_there(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The idle hint of a desktop session tells whether its user is present.
+def test_the_idle_hint_of_a_desktop_is_used(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Checks that the idle hint of a desktop session tells whether its user is present.
 
     A script prints the output of systemd 252's loginctl, since the tests run without systemd-logind.
     """

@@ -1,4 +1,4 @@
-"""Tests of applying the settings ("terms") that the service assigns to a worker."""
+"""Tests of applying the run-time settings ("terms") that the service requires of a worker."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ MONDAY_NOON = datetime(2026, 3, 2, 12, 0)
 
 
 class Queues:
-    """A substitute for Celery's consumer: lists the queues that are read, and counts the messages that may be fetched ahead."""
+    """A substitute for Celery's consumer. It records the queues that are read, and how many messages may be fetched ahead."""
 
     def __init__(self, slots: int) -> None:
         self.taken = ["render", "prepare"]

@@ -1,4 +1,4 @@
-"""Tests of the order in which a worker reads its queues: views come first, and the other queues take turns."""
+"""Tests of the order in which a worker reads its queues: views come first, and the others are read in turn."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of a site's reducer process: it adds up workers' sums, authenticates workers, and loses nothing if killed."""
+"""Tests of a site's reducer process: it adds up workers' sums, authenticates workers, and its successor sends its sums."""
 
 from __future__ import annotations
 
@@ -130,10 +130,10 @@ def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: red
         reducing.kill()
 
 
-def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Clients that send slowly are disconnected after a time limit, and do not use up the connections of other clients.
+def test_slow_clients_are_disconnected_and_limited_in_number(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Checks that clients that send single bytes are disconnected after a time limit, and that an address has few connections.
 
-    Each address may have only a limited number of connections.
+    Afterwards another client is served.
     """
     monkeypatch.setattr(reducer_module, "PATIENCE_S", 0.5)
     monkeypatch.setattr(reducer_module, "MOST_OF_ONE", 4)
@@ -156,8 +156,8 @@ def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pyt
             wait_until(lambda: len(server._here) == 4, 20, "all are let in")
             begun = time.monotonic()
             with socket.create_connection(server.server_address, timeout=20) as fifth:  # type: ignore[arg-type]
-                assert ended(fifth), "there is room for no more of this address"
-            assert all(map(ended, wires))
+                assert is_closed_by_peer(fifth), "there is room for no more of this address"
+            assert all(map(is_closed_by_peer, wires))
             assert time.monotonic() - begun < 15.0
             wait_until(lambda: not server._here, 20, "their room is free")
         finally:
@@ -171,8 +171,8 @@ def test_who_trickles_is_not_waited_for_and_takes_nobodys_place(monkeypatch: pyt
     thread.join()
 
 
-def ended(wire: socket.socket) -> bool:
-    """Returns whether the other end closes the connection in time."""
+def is_closed_by_peer(wire: socket.socket) -> bool:
+    """Returns True if the other end closes the connection instead of sending a byte. Raises TimeoutError if it does neither."""
     with suppress(ConnectionError):
         return not wire.recv(1)
     return True

@@ -1,4 +1,4 @@
-"""Tests of the sums that a site's reducer collects for a run of batches.
+"""Tests of the store of a site's reducer, which collects the sums of a run: consecutive samples of one tile.
 
 The sums are sent once, when the run is complete or after a timeout. If the reducer is killed, its successor sends them.
 """

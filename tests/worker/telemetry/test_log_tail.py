@@ -1,4 +1,4 @@
-"""Tests of reading the last lines of a log that several processes write."""
+"""Tests of the end of a log that several processes write, and that the parent reads."""
 
 from __future__ import annotations
 

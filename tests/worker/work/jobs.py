@@ -1,4 +1,4 @@
-"""Functions that the worker's tests run in sandboxed reader processes."""
+"""Jobs that the worker's tests run in confined reader processes. link: a job's connection to the process that started it."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from renderer.confine.reader import Link
 from renderer.scene.animation import Moment
 from worker.reading import frames
 
-__all__ = ["crash_at_frame_1", "full", "link_out", "say"]
+__all__ = ["crash_at_frame_1", "link_out", "raise_disk_full", "return_answer"]
 
 
 def crash_at_frame_1(*given: Any) -> dict[str, Any]:
@@ -27,20 +27,20 @@ def crash_at_frame_1(*given: Any) -> dict[str, Any]:
     return frames.serve_requests(*given)
 
 
-def say(answer: dict[str, Any], link: Link) -> dict[str, Any]:
-    """Returns the given answer."""
+def return_answer(answer: dict[str, Any], link: Link) -> dict[str, Any]:
+    """Returns the given answer to the process that started the job."""
     return answer
 
 
-def full(link: Link) -> dict[str, Any]:
+def raise_disk_full(link: Link) -> dict[str, Any]:
     """Raises the OSError of a full disk."""
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "compiled")
 
 
 def link_out(scene: bytes, out: bytes, link: Link) -> dict[str, Any]:
-    """Tries to place a file of the scene's folder into `out` by symbolic link, hard link and move.
+    """Tries to get a file of the scene's folder into `out` by symbolic link, hard link and move.
 
-    Returns {"made": names of the ways that succeeded}.
+    Returns {"made": names of the attempts that succeeded}. scene, out: paths of the folders as bytes.
     """
     source, made = Path(os.fsdecode(scene)) / "a", []
     for name, way in (("symbolic", os.symlink), ("hard", os.link), ("moved", os.rename)):

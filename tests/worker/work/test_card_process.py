@@ -1,4 +1,4 @@
-"""Tests of a real worker process that renders with a graphics card, whose driver is simulated on the CPU."""
+"""Tests of a real worker process that renders with a graphics card, which a program on the CPU simulates."""
 
 from __future__ import annotations
 

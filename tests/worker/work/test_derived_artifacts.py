@@ -1,6 +1,6 @@
-"""Tests of the files that a slot makes for clients, such as denoised pictures and motion vectors.
+"""Tests of the artifacts that a slot makes for clients, such as denoised pictures and motion vectors.
 
-After any error, the slot sends an answer and becomes free.
+After any error, the slot sends an event of failure and becomes free.
 """
 
 from __future__ import annotations

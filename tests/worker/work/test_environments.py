@@ -1,4 +1,4 @@
-"""Tests of environment images: which are accepted, which are refused with which error message, and their thumbnails."""
+"""Tests of environment images: which are accepted, the error messages for those that are not, and the thumbnails."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def image(path: Path, pixels: np.ndarray) -> Path:
 
 @pytest.fixture
 def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Returns a function that makes a file's thumbnail, and returns (the worker's event, the picture's bytes)."""
+    """Returns a function that makes an image file's thumbnail. It returns the worker's event and the thumbnail's bytes."""
     stored: list[bytes] = []
 
     def store(path: Path) -> BlobRef:

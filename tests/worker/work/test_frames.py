@@ -1,4 +1,4 @@
-"""Tests that frames prepared by a worker equal those of `rayfarm render --frame`, for any selection and order."""
+"""Tests that a worker prepares frames with the same result as `rayfarm render --frame`, for any selection and order."""
 
 from __future__ import annotations
 
@@ -36,7 +36,10 @@ FRAMES = [0, 12, 24, 6.5, 48, 60]
 
 
 def moving(camera: bool, thing: bool) -> Gltf:
-    """Builds a camera and a triangle, each static or moving to the right within a second; a second clip moves them further."""
+    """Builds a glTF scene with a camera and a triangle.
+
+    camera, thing: whether the camera, and the triangle, moves to the right within a second. A second clip moves them further.
+    """
     g = Gltf()
     g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
     g.mesh(TRIANGLE)
@@ -55,7 +58,10 @@ def moving(camera: bool, thing: bool) -> Gltf:
 
 
 class Bench:
-    """A scene and its compiled base. Prepares frames as a worker and as `rayfarm render` does, so that tests can compare."""
+    """A scene, and its compiled scene at the shot's start.
+
+    Prepares frames as a worker does and as `rayfarm render` does, so that tests can compare the results.
+    """
 
     def __init__(self, folder: Path, scene: Gltf, **asked: Any) -> None:
         self.scene = folder / "scene"
@@ -71,11 +77,11 @@ class Bench:
     def shot(self) -> Shot:
         return Shot(self.scene, "shot.glb")
 
-    def said(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
-        """Prepares frames in the given order as a worker does; returns (digest, views) by frame.
+    def prepared(self, order: list[float]) -> dict[float, tuple[str | None, list[dict[str, Any]]]]:
+        """Prepares frames in the given order as a worker does. Returns by frame (digest, views).
 
-        The digest is that of the frame's own compiled scene, or None if the base serves. The views are those while the shutter is
-        open.
+        digest: of the frame's own compiled scene; None if it equals the one at the shot's start. views: the view to render, and
+        those at times within the shutter.
         """
         out = Path(tempfile.mkdtemp(dir=self.out))
         stage = reading.OpenScene(self.shot(), self.asked, self.base, out)
@@ -90,11 +96,8 @@ class Bench:
         compiled_file.save(scene, self.out / "whole")
         return hashlib.sha256((self.out / "whole").read_bytes()).hexdigest()
 
-    def rendered(self, frame: float) -> tuple[str | None, list[dict[str, Any]]]:
-        """Returns (digest, views) of a frame as `rayfarm render --frame` computes them.
-
-        The digest is None if the frame's compiled scene equals the base.
-        """
+    def computed_by_render(self, frame: float) -> tuple[str | None, list[dict[str, Any]]]:
+        """Returns (digest, views) of a frame as `rayfarm render --frame` computes them. Both are as in `prepared`."""
         moment = Moment(frame, self.asked.fps, self.asked.clip)
         camera = None if self.asked.camera is None else str(self.asked.camera)
         compiled, summary = OpenScene(self.shot(), camera, shutter=self.asked.shutter).scene_at(moment)
@@ -121,10 +124,10 @@ class Bench:
 )
 def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bool, thing: bool, asked: dict[str, Any]) -> None:
     bench = Bench(tmp_path, moving(camera, thing), **asked)
-    said = bench.said(FRAMES)
-    assert bench.said(FRAMES[::-1]) == said, "whichever were prepared before"
+    said = bench.prepared(FRAMES)
+    assert bench.prepared(FRAMES[::-1]) == said, "whichever were prepared before"
     for frame in FRAMES:
-        sha256, view = bench.rendered(frame)
+        sha256, view = bench.computed_by_render(frame)
         assert said[frame][0] == sha256
         assert list(map(View.from_json, said[frame][1])) == list(map(View.from_json, view))
     if "shutter" in asked:
@@ -137,14 +140,14 @@ def test_what_stands_still_again_is_compiled_once(tmp_path: Path, monkeypatch: p
     bench = Bench(tmp_path, moving(False, True))
     compiled: list[int] = []
     monkeypatch.setattr(reading, "compile_scene", lambda *given, **named: compiled.append(1) or compile_scene(*given, **named))
-    bench.said([24, 25, 30, 48])
+    bench.prepared([24, 25, 30, 48])
     assert len(compiled) == 1
 
 
 def test_a_view_of_ones_own_is_taken_as_it_is(tmp_path: Path) -> None:
     view = {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0], "fov": 30.0, "focus": None}
     bench = Bench(tmp_path, moving(True, False), view=view)
-    assert {tuple(view["eye"]) for _, (view,) in bench.said([0, 12]).values()} == {(1.0, 2.0, 3.0)}
+    assert {tuple(view["eye"]) for _, (view,) in bench.prepared([0, 12]).values()} == {(1.0, 2.0, 3.0)}
 
 
 def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_path: Path) -> None:
@@ -164,7 +167,7 @@ def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_pat
 
 
 class Service(Link):
-    """A link to a service that has the scene's files and stores blobs."""
+    """A substitute for the link to the service, which has the files in a folder and stores blobs."""
 
     def __init__(self, folder: Path) -> None:
         super().__init__("http://service.invalid", "token")

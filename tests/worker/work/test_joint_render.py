@@ -1,4 +1,4 @@
-"""Tests of slots that share a tile in a real worker: sums equal those of a single slot, each sample once, even after kills."""
+"""Tests of slots of a real worker that share a tile: sums equal those of a single slot, each sample once, even after kills."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from protocol.joint import RENDER_JOINTLY, JointBatch, Piece
 from protocol.sums import PACKED, pack_sums, unpack_sums
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import wait_until
-from tests.worker.bench import Bench, a_worker, busiest, slots_of
+from tests.worker.bench import Bench, a_worker, rendering_slot, slots_of
 from tests.worker.test_worker import SCENE
 from worker.site.merging import merged_results
 
@@ -85,7 +85,7 @@ def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) 
     wait_until(lambda: _has(bench, long), 30, "a slot renders the long piece")
     assert bench.report().in_hand == ["killed"]  # type: ignore[union-attr]
     wait_until(lambda: sum(map(bool, bench.report().current)) == 1, 30, "the others have ended")  # type: ignore[union-attr]
-    busiest(bench.process.pid).kill()
+    rendering_slot(bench.process.pid).kill()
     found = [bench.next("batches", "batch", "batch-failed") for _ in range(2)]
     assert ranges(found) == [(0, 4), (4 + long, 4)], "its message may come again: then it is rendered once more, by itself"
 

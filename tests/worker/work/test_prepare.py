@@ -1,4 +1,4 @@
-"""Tests of preparing a scene, except for the confined reader (test_reader.py): failures are attributed to file or machine."""
+"""Tests of preparing a scene: which failures are those of the scene, and which of the machine (readers: test_reader.py)."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ SUMMARY: dict[str, Any] = {
 
 
 class Service(Link):
-    """A substitute for the link to the service: has one file, and fails to store blobs for the next `away` calls."""
+    """A substitute for the link to the service. It has one file, and its next `away` uploads of blobs fail."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")
@@ -57,7 +57,7 @@ class Service(Link):
 
 @pytest.fixture
 def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
-    """Returns a worker whose scene reader is replaced by one that accepts only the exact bytes that were uploaded."""
+    """Returns a worker whose scene reader is replaced by a function that accepts only the bytes that were uploaded."""
     service = Service()
     reads: list[bytes] = []
 

@@ -1,4 +1,4 @@
-"""Tests of a slot that uses confined readers: answers are validated, and ends of readers become errors of scene or machine."""
+"""Tests of confined readers as a slot uses them: answers are validated, and crashes are errors of the scene or the machine."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from protocol.contract import BlobRef, Manifest
 from tests.renderer.confine import jobs
-from tests.worker.work.jobs import full, link_out, say
+from tests.worker.work.jobs import link_out, raise_disk_full, return_answer
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import UnfitError, WorkError
 from worker.exchange.link import FarmAnswer, Link
@@ -39,7 +39,7 @@ def test_a_reader_has_and_reaches_nothing_of_its_slot(monkeypatch: pytest.Monkey
         (jobs.crash, WorkError, r"truck.glb cannot be read: its importer crashed \(signal 11"),
         (jobs.wrong, WorkError, "the buffer ends early"),
         (jobs.hungry, UnfitError, "truck.glb needs more than the 0.5 GiB that this worker grants one scene"),
-        (full, UnfitError, "this machine cannot use its files"),
+        (raise_disk_full, UnfitError, "this machine cannot use its files"),
     ],
 )
 def test_how_a_reader_ends_is_the_scenes_or_the_machines(job: Any, kind: type[Exception], sentence: str) -> None:
@@ -56,7 +56,7 @@ def test_names_that_a_reader_returns_are_checked(name: Any) -> None:
         (room.out / "folder").mkdir()
         (room.out / "link").symlink_to(room.scene / "a")
         (room.out / "in").symlink_to(room.scene)
-        answered = room.run(partial(say, {"compiled": name}), "truck.glb", SECONDS)
+        answered = room.run(partial(return_answer, {"compiled": name}), "truck.glb", SECONDS)
         with pytest.raises(WorkError, match=r"the scene's reader (gave|wrote)"):
             room.compiled(answered["compiled"])
 
@@ -67,8 +67,8 @@ def test_a_reader_makes_no_links_out_of_its_room() -> None:
         assert room.run(partial(link_out, os.fsencode(room.scene), os.fsencode(room.out)), "truck.glb", SECONDS) == {"made": []}
 
 
-def test_a_part_under_another_files_name_does_not_get_into_the_cache(tmp_path: Path) -> None:
-    """A part of a compiled scene whose bytes do not match its digest is refused.
+def test_a_part_that_does_not_match_its_hash_is_not_cached(tmp_path: Path) -> None:
+    """Checks that a part of a compiled scene whose bytes do not match its hash is refused.
 
     In the cache, the part would affect all scenes that share it.
     """

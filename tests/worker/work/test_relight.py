@@ -1,4 +1,7 @@
-"""Tests of relighting a prepared scene: files are not read again, shared parts are stored once, the scene stays unchanged."""
+"""Tests of compiling a prepared scene with another environment.
+
+No file of the scene is read again, shared parts are stored once, and the original scene is unchanged.
+"""
 
 from __future__ import annotations
 
@@ -23,7 +26,7 @@ SCENE = b"shapes: [{type: sphere, center: [0, 0, 0], radius: 1}, {type: cube}]\n
 
 
 class Service(Link):
-    """A link to a service that has the blobs put into it."""
+    """A substitute for the link to the service, which has the given blobs."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")

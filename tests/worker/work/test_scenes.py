@@ -1,4 +1,4 @@
-"""Tests of exchanging compiled scenes in parts between a worker's cache and the service."""
+"""Tests of uploading and downloading compiled scenes in parts."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from worker.work.scenes import discard_damaged, open_scene, store_scene
 
 
 class Service(Link):
-    """A substitute for the link to the service: blobs are in a dict, and the digests of sent and fetched blobs are recorded."""
+    """A substitute for the link to the service. Its blobs are in a dict; it records the hashes of sent and fetched blobs."""
 
     def __init__(self) -> None:
         super().__init__("http://service.invalid", "token")
@@ -55,7 +55,7 @@ def worker(service: Service, folder: Path) -> Any:
 
 @pytest.fixture
 def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
-    """Returns a service, and references to the compiled scenes of three frames that one worker stored there."""
+    """Returns a service, and references to the compiled scenes of three frames that a worker has stored there."""
     service, kept = Service(), ShotCache()
     out = tmp_path / "out"
     out.mkdir()

@@ -1,4 +1,4 @@
-"""Tests of a slot with a graphics card: it renders the batches of a message, or returns them to the queue of CPU slots."""
+"""Tests of a slot with a graphics card: it renders the batches of a message, or gives them back for CPU slots."""
 
 from __future__ import annotations
 
@@ -32,9 +32,9 @@ def batch(number: int, tile: Tile, **more: Any) -> RenderBatch:
 
 
 def sums_of(tile: Tile, first: int, count: int) -> Any:
-    """Returns sums (channels, h, w) of `count` samples from number `first`, all of which are valid.
+    """Returns fake sums (channels, h, w) of `count` samples of a tile. All samples are valid.
 
-    Each channel of a pixel is 1000 y + x + first.
+    The value of pixel (x, y) is 1000 y + x + first in each channel but that of the sample count.
     """
     y, x = np.mgrid[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w]
     sums = np.broadcast_to(1000 * y + x + first, (CHANNELS, tile.h, tile.w)).astype(np.int64)
@@ -45,8 +45,7 @@ def sums_of(tile: Tile, first: int, count: int) -> Any:
 class Renderer:
     """A substitute for a graphics card's renderer, which records the loaded kernels.
 
-    `Renderer.answer`, if not None, is the function that the tests call in place of render_batch, or the exception that they
-    raise.
+    answer: function called in place of render_batch, or an exception to raise there; None: the sums are those of `sums_of`.
     """
 
     answer: Any = None
@@ -90,9 +89,9 @@ def worker(monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 def render(worker: Any, *batches: RenderBatch) -> list[tuple[Tile, bool]]:
-    """Renders batches as one message on the graphics card; returns (tile, is_compiling) of each status display.
+    """Renders batches as one message on the graphics card. Returns (tile, is_compiling) of each status report of the slot.
 
-    is_compiling: whether the worker is shown as compiling a kernel for the tile.
+    is_compiling: whether the slot is reported as compiling a kernel.
     """
     shown: list[tuple[Tile, bool]] = []
     worker.speed = slot_card.render_on_card(
