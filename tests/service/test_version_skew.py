@@ -202,9 +202,9 @@ def test_a_scene_that_a_worker_hands_back_is_prepared_again(service: Service, wo
 
 @pytest.mark.long
 def test_a_worker_that_does_not_understand_its_batches_is_set_aside_and_its_jobs_go_to_others(service: Service) -> None:
-    """Jobs of a worker that cannot read its batches are given to others.
+    """Checks that a worker that cannot read its batches is paused, and that its jobs are rendered by another kind of worker.
 
-    The worker may be older or newer, and have most of the slots, so that jobs were started with its kind.
+    The paused worker has most of the slots, so the job was started with its kind.
     """
 
     def misunderstand(batch: RenderBatch) -> None:
@@ -220,10 +220,8 @@ def test_a_worker_that_does_not_understand_its_batches_is_set_aside_and_its_jobs
             assert service.digest(job) == expected_digest(spp=16)
             workers = {each["name"]: each for each in service.http.get("/api/workers").json()}
             assert (workers["new"]["state"], workers["old"]["state"]) == ("ready", "paused")
-            sentence = (
-                "old does not understand the batch (unexpected 'sky_samples'). Run the same release of Rayfarm on all machines."
-            )
-            assert workers["old"]["message"] == f"{sentence} Then let it go on."
+            sentence = "old cannot read the batch (unexpected 'sky_samples'). Run the same release of Rayfarm on all machines."
+            assert workers["old"]["message"] == f"{sentence} Then resume it."
             assert service.job(job)["kind"] == workers["new"]["kind"]
             service.restart()
             assert service.job(job)["kind"] == workers["new"]["kind"]
