@@ -86,7 +86,7 @@ class Heartbeat(bootsteps.StartStopStep):
         super().__init__(consumer, **kwargs)
         self.worker = context.current()
         self.telling = HeartbeatConnection(self.worker.redis_url)
-        self.heard = HeartbeatReply(is_taken=False)  # the latest reply
+        self.heard = HeartbeatReply(is_stored=False)  # the latest reply
         self.consumer = consumer
         self.has_come = False
         self.is_paused = False
@@ -122,7 +122,7 @@ class Heartbeat(bootsteps.StartStopStep):
         self._apply_pause()
         if before != (self.is_paused, self.served):
             self._send_report()  # at once instead of with the next beat
-        if heard is not None and heard.is_taken:
+        if heard is not None and heard.is_stored:
             self._handle_reply(heard)
 
     def _send_report(self) -> None:
@@ -159,7 +159,7 @@ class Heartbeat(bootsteps.StartStopStep):
         A slot that received an earlier request may have died.
         """
         free = sum(not doing for doing in report.current)
-        if self.worker.pieces is not None and report.in_hand and free and not reply.is_asked:
+        if self.worker.pieces is not None and report.in_hand and free and not reply.is_help_queued:
             with contextlib.suppress(OSError):
                 ask_for_help(self.consumer.app, self.worker, min(free, max(self.worker.pieces.free_count(), 1)))
 
@@ -168,7 +168,7 @@ class Heartbeat(bootsteps.StartStopStep):
         keeping = self.worker.keeping
         wanted = (keeping is not None and keeping.why is not None) or self.heard.is_paused
         if wanted == self.is_paused:
-            self._consume_needs_queues(() if wanted or keeping is None else keeping.terms.queues)
+            self._serve_requirement_queues(() if wanted or keeping is None else keeping.terms.queues)
             return
         try:
             for queue in self.worker.queues:
@@ -187,9 +187,9 @@ class Heartbeat(bootsteps.StartStopStep):
         self.said = ""
         why = keeping.why if keeping is not None else None
         log.warning("%s", (why or "paused by the service") if wanted else "taking tasks again")
-        self._consume_needs_queues(() if wanted or keeping is None else keeping.terms.queues)
+        self._serve_requirement_queues(() if wanted or keeping is None else keeping.terms.queues)
 
-    def _consume_needs_queues(self, queues: tuple[str, ...]) -> None:
+    def _serve_requirement_queues(self, queues: tuple[str, ...]) -> None:
         """Makes this worker serve exactly these requirement queues, in addition to its own queues.
 
         A requirement queue has the batches that need certain tags or memory. A worker with graphics cards serves none: the

@@ -33,7 +33,7 @@ from renderer.sentences import Sentence
 from renderer.settings import Tile
 from telemetry.log_lines import about
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError, WorkerError, WorkError
-from worker.exchange.retry import retry_on_trouble
+from worker.exchange.retry import retry_temporary
 from worker.process import context
 from worker.telemetry.task_context import Steps, message_ids, traced_task
 from worker.work.deaths import DEATHS_ALLOWED, count_deaths, is_redelivered, reset_deaths
@@ -42,7 +42,7 @@ from worker.work.explain import explain_pixel, send_answer
 from worker.work.frames import prepare_frames
 from worker.work.joint_render import remaining_pieces, render_waiting_piece, share_pieces
 from worker.work.prepare import prepare_scene
-from worker.work.render import failure_event, not_understood_event
+from worker.work.render import failure_event, unreadable_batch_event
 from worker.work.scenes import discard_damaged
 from worker.work.slot import SlotTask, rendering_batch
 from worker.work.slot_card import Block, render_on_card, return_to_cpus
@@ -93,7 +93,7 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
     try:
         work = RenderBatch.from_json(batch)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
-        worker.results.send(not_understood_event(worker, batch, error))
+        worker.results.send(unreadable_batch_event(worker, batch, error))
         return
     with rendering_batch(worker, work, task.request.id) as do:
         deaths = count_deaths(task, worker, work.batch)
@@ -119,7 +119,7 @@ def _render_jointly(task: Any, joint: dict[str, Any]) -> None:
         work = JointBatch.from_json(joint)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
         whole = joint.get("whole")
-        worker.results.send(not_understood_event(worker, whole if isinstance(whole, dict) else {}, error))
+        worker.results.send(unreadable_batch_event(worker, whole if isinstance(whole, dict) else {}, error))
         return
     if not is_redelivered(task) and share_pieces(task.app, worker, work, task.request.id):
         render_waiting_piece(worker)
@@ -147,7 +147,7 @@ def _render_on_card(task: Any, card: dict[str, Any]) -> None:
     with SlotTask(worker, doing(first, first.tile)) as hand:
 
         def show(block: Block, is_compiling: bool) -> None:
-            hand.turn_to(doing(block.batches[0], block.tile) | ({"compiling": True} if is_compiling else {}))
+            hand.report_part(doing(block.batches[0], block.tile) | ({"compiling": True} if is_compiling else {}))
 
         if count_deaths(task, worker, message) >= DEATHS_ALLOWED:
             sentence = Sentence(
@@ -200,8 +200,8 @@ def _prepare(task: Any, scene: str) -> None:
                 )
                 return
             send("prepare-started")
-            manifest = retry_on_trouble(lambda: worker.link.manifest(scene), LINK_TIMEOUT_S)
-            info = retry_on_trouble(lambda: prepare_scene(worker, manifest, progress, send_preview), LINK_TIMEOUT_S)
+            manifest = retry_temporary(lambda: worker.link.manifest(scene), LINK_TIMEOUT_S)
+            info = retry_temporary(lambda: prepare_scene(worker, manifest, progress, send_preview), LINK_TIMEOUT_S)
             steps.begin_step(None)
             send("prepared", info=asdict(info))
         except WorkError as error:
@@ -286,7 +286,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
                 send("frame-failed", frame=work.frames[0], error=sentence)
                 send("frames-returned", error=sentence)
                 return
-            manifest = retry_on_trouble(lambda: worker.link.manifest(work.scene), LINK_TIMEOUT_S)
+            manifest = retry_temporary(lambda: worker.link.manifest(work.scene), LINK_TIMEOUT_S)
             prepare_frames(worker, manifest, work, send)
         except MachineError as error:
             send("frames-returned", error=str(error), unfit=True, passing=True)

@@ -11,7 +11,7 @@ from protocol.contract import RenderBatch
 from protocol.events import EVENTS
 from renderer.settings import RenderSettings, Tile, View
 from service.scheduling.incoming.messages import Message
-from worker.work.render import not_understood_event, returned_event
+from worker.work.render import returned_event, unreadable_batch_event
 
 MODELS: dict[str, type[BaseModel]] = {
     name: model for model in get_args(Message) for name in get_args(model.model_fields["type"].annotation)
@@ -34,7 +34,7 @@ def test_a_worker_sends_the_declared_fields() -> None:
     worker: Any = type("Worker", (), {"name": "w"})
     settings = RenderSettings(8, 6, View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)))
     batch = RenderBatch("b", "j", 0, "c", Tile(0, 0, 8, 6), 0, 1, settings)
-    for result in (returned_event(worker, batch, "No."), not_understood_event(worker, batch.to_json(), ValueError("no"))):
+    for result in (returned_event(worker, batch, "No."), unreadable_batch_event(worker, batch.to_json(), ValueError("no"))):
         declared = EVENTS[result.event["type"]]
         sent = result.event.keys() - {"type"}
         assert declared.__required_keys__ <= sent <= declared.__annotations__.keys()

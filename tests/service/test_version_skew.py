@@ -27,7 +27,7 @@ from protocol.contract import (
 from tests.helpers import ROOT
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from worker.work.render import not_understood_event
+from worker.work.render import unreadable_batch_event
 
 OLD = json.loads((ROOT / "tests" / "data" / "release-0.1.0.json").read_text())
 ASKED = {key: OLD["job"]["settings"][key] for key in ("width", "height", "seed", "light_samples", "clamp_indirect")}
@@ -209,7 +209,7 @@ def test_a_worker_that_does_not_understand_its_batches_is_set_aside_and_its_jobs
 
     def misunderstand(batch: RenderBatch) -> None:
         context: Any = SimpleNamespace(name="old")
-        raise ValueError(not_understood_event(context, {}, TypeError("unexpected 'sky_samples'")).event["error"])
+        raise ValueError(unreadable_batch_event(context, {}, TypeError("unexpected 'sky_samples'")).event["error"])
 
     scene = service.upload()
     with service.worker(name="old", kind="0.1.0-12345678-x86-64-v3", slots=64) as old:

@@ -43,7 +43,7 @@ def test_what_is_told_and_asked_at_a_beat_is_one_message(redis_url: str, store: 
     assert telling.receive() is None
     store.rpush(render_queue("kind"), b"1", b"2")
     telling.send(mine, Offer(("gpu",), 8 << 30, 2, ""), [("SET", "also", "said")])
-    assert telling.receive(5.0) == HeartbeatReply(True, is_asked=False, waiting=2)
+    assert telling.receive(5.0) == HeartbeatReply(True, is_help_queued=False, waiting=2)
     assert WorkerReport.from_bytes(store.get(worker_key("a"))) == mine  # type: ignore[arg-type]
     assert 0 < store.ttl(worker_key("a")) <= HEARTBEAT_TTL_S
     assert Offer.from_bytes(store.get(offer_key("a"))).tags == ("gpu",)  # type: ignore[arg-type]

@@ -32,17 +32,17 @@ _UNREACHABLE = (redis.RedisError, OSError)
 class HeartbeatReply:
     """Redis's replies to a heartbeat.
 
-    is_taken: whether Redis stored the report. is_paused: whether the service has paused the worker. terms: the run-time
+    is_stored: whether Redis stored the report. is_paused: whether the service has paused the worker. terms: the run-time
     settings that the service requires (protocol/terms.py), serialized; None if there are none. is_log_wanted: whether the
-    service requests the log. is_asked: whether a help message (protocol/joint.py) waits in this worker's queue. waiting: number
-    of queued tasks for workers of this kind.
+    service requests the log. is_help_queued: whether a help message (protocol/joint.py) waits in this worker's queue. waiting:
+    number of queued tasks for workers of this kind.
     """
 
-    is_taken: bool
+    is_stored: bool
     is_paused: bool = False
     terms: bytes | None = None
     is_log_wanted: bool = False
-    is_asked: bool = True
+    is_help_queued: bool = True
     waiting: int = 0
 
 
@@ -86,11 +86,11 @@ class HeartbeatConnection:
         except _UNREACHABLE:
             self.close()
 
-    def receive(self, patience_s: float = 0.0) -> HeartbeatReply | None:
-        """Returns the latest reply received; None if there is none. patience_s: time to wait for a pending reply, in seconds."""
+    def receive(self, timeout_s: float = 0.0) -> HeartbeatReply | None:
+        """Returns the latest reply received; None if there is none. timeout_s: seconds to wait for a pending reply."""
         heard: HeartbeatReply | None = None
         try:
-            while self._connection is not None and self._sent and self._connection.can_read(0.0 if heard else patience_s):
+            while self._connection is not None and self._sent and self._connection.can_read(0.0 if heard else timeout_s):
                 answers = [self._read_answer(self._connection) for _ in range(self._sent[0][1])]
                 self._sent.popleft()
                 heard = _parse_reply(answers)
@@ -116,10 +116,10 @@ class HeartbeatConnection:
 def _parse_reply(answers: list[Any]) -> HeartbeatReply:
     _, taken, order, terms, log, asked, *waiting = answers[:8]
     return HeartbeatReply(
-        is_taken=taken == b"OK",
+        is_stored=taken == b"OK",
         is_paused=order == 1,
         terms=terms if isinstance(terms, bytes) else None,
         is_log_wanted=log == 1,
-        is_asked=asked != 0,
+        is_help_queued=asked != 0,
         waiting=sum(many for many in waiting if isinstance(many, int)),
     )

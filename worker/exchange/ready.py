@@ -45,14 +45,14 @@ def fetch_or_compile(
         farm_has_it, sentence = fetch_kernel(link, folder, kernel)
         _log.info(sentence)
 
-    with _without_collections():
+    with _without_garbage_collection():
         took = warm_up(settings, variant, fetch, helpers)
     _log.info("kernel %s ready after %.1f s", kernel_name(settings, variant), took)
     return farm_has_it
 
 
 @contextlib.contextmanager
-def _without_collections() -> Iterator[None]:
+def _without_garbage_collection() -> Iterator[None]:
     """Context manager that disables Python's garbage collector, which would take a fifth of the time of compiling a kernel."""
     was_enabled = gc.isenabled()
     gc.disable()

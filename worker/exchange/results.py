@@ -26,9 +26,9 @@ log = logging.getLogger(__name__)
 class ResultStream:
     """The RESULTS stream, for writing. Each process creates its own."""
 
-    def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, patience_s: float = RETRY_FOR_S) -> None:
+    def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, timeout_s: float = RETRY_FOR_S) -> None:
         self.max_entries = max_entries
-        self.patience_s = patience_s
+        self.timeout_s = timeout_s
         self._length = max_entries  # the stream's last known length
         self.redis = chunked_redis(
             redis_url,
@@ -37,15 +37,15 @@ class ResultStream:
             retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2),
         )
 
-    def send(self, result: Result, patience_s: float | None = None) -> bool:
-        """Appends a result. Returns False if the stream stays full, or Redis unreachable, for `patience_s` seconds.
+    def send(self, result: Result, timeout_s: float | None = None) -> bool:
+        """Appends a result. Returns False if the stream stays full, or Redis unreachable, for `timeout_s` seconds.
 
-        patience_s: None means the default of two minutes; 0 makes one attempt, for events that may be dropped. A retry after a
+        timeout_s: None means the default of two minutes; 0 makes one attempt, for events that may be dropped. A retry after a
         lost reply may append a result twice; merging into the film drops the duplicate.
         """
         fields = result.to_fields()
-        patience_s = self.patience_s if patience_s is None else patience_s
-        deadline = time.monotonic() + patience_s
+        timeout_s = self.timeout_s if timeout_s is None else timeout_s
+        deadline = time.monotonic() + timeout_s
         pause = 0.05
         waits = False
         while True:
@@ -64,8 +64,8 @@ class ResultStream:
             except (redis.RedisError, OSError) as error:
                 why = f"Redis: {error}"
             if time.monotonic() >= deadline:
-                if patience_s:
-                    log.warning("a result is dropped after %.0f s (%s); it will be rendered again", patience_s, why)
+                if timeout_s:
+                    log.warning("a result is dropped after %.0f s (%s); it will be rendered again", timeout_s, why)
                 return False
             if not waits:
                 waits = True

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from worker.exchange.errors import DamagedError, TemporaryError
 
-__all__ = ["retry_on_trouble"]
+__all__ = ["retry_temporary"]
 
 MAX_DAMAGED = 3  # after this many the blob is damaged at its source
 
@@ -17,10 +17,11 @@ log = logging.getLogger(__name__)
 T = TypeVar("T")
 
 
-def retry_on_trouble(call: Callable[[], T], seconds: float, pause_s: float = 1.0) -> T:
-    """Returns the result of `call`. While it raises TemporaryError, retries for `seconds`; then raises the last error.
+def retry_temporary(call: Callable[[], T], seconds: float, pause_s: float = 1.0) -> T:
+    """Returns the result of `call`. While it raises TemporaryError, retries for `seconds`, then raises the last error.
 
-    Each distinct reason is logged once. pause_s: pause between attempts.
+    Raises a DamagedError at its third occurrence, since the data is then damaged at its source. pause_s: seconds between
+    attempts. Each distinct reason is logged once.
     """
     deadline = time.monotonic() + seconds
     said = ""

@@ -141,14 +141,14 @@ class Pieces:
         for folder in self._groups():
             if _message(folder) == message:
                 dead = [name for name in _names(folder, "doing-") if not _is_alive(int(name.rpartition("-")[2]))]
-                return sorted([*_claimed_numbers(folder, dead), *_claimed_numbers(folder, _names(folder, "todo-"))])
+                return sorted([*_delete_piece_files(folder, dead), *_delete_piece_files(folder, _names(folder, "todo-"))])
         return None
 
     def withdraw(self) -> list[tuple[bytes, list[int]]]:
         """Removes all free pieces. Returns for each message its serialized joint batch, and the indices of these pieces."""
         taken = []
         for folder in self._groups():
-            if numbers := _claimed_numbers(folder, sorted(_names(folder, "todo-"))):
+            if numbers := _delete_piece_files(folder, sorted(_names(folder, "todo-"))):
                 taken.append(((folder / "about").read_bytes(), numbers))
         return taken
 
@@ -211,7 +211,7 @@ def _is_alive(pid: int) -> bool:
     return True
 
 
-def _claimed_numbers(folder: Path, names: list[str]) -> list[int]:
+def _delete_piece_files(folder: Path, names: list[str]) -> list[int]:
     """Deletes the files with these names from a message's folder.
 
     Returns the indices of the pieces whose files this call deleted; another process may have deleted or renamed the others.

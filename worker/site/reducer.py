@@ -116,7 +116,7 @@ class Reducer:
             self.results += 1
             self.bytes_in += len(body)
 
-    def send_ripe(self, at_once: bool = False) -> None:
+    def send_due(self, at_once: bool = False) -> None:
         """Sends the sums that are complete or have waited too long. at_once: sends all sums."""
         for results in self.sums.due_results(at_once):
             for result in results:
@@ -276,7 +276,7 @@ def _run_reducer(options: argparse.Namespace, stop: threading.Event) -> int:
 
 def _send(reducer: Reducer, at_once: bool = False) -> None:
     try:
-        reducer.send_ripe(at_once)
+        reducer.send_due(at_once)
     except OSError as error:
         log.warning("sums are lost, and will be rendered again: %s", error)
 

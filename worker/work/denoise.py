@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from protocol.contract import DenoiseFrame
-from worker.exchange.retry import retry_on_trouble
+from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.reading.denoise import denoise
 from worker.work.reader import ReaderFolder
@@ -32,10 +32,10 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
     """
     with ReaderFolder("denoise") as room:
         means = room.scene / "means.f32"
-        version, samples = retry_on_trouble(lambda: _fetch(worker, work, means), PATIENCE_S)
+        version, samples = retry_temporary(lambda: _fetch(worker, work, means), PATIENCE_S)
         job = partial(denoise, os.fsencode(means), os.fsencode(room.out / DENOISED), work.width, work.height)
         room.run(job, "The picture", SECONDS, memory=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height)
-        blob = retry_on_trouble(lambda: worker.link.store(room.result(DENOISED)), PATIENCE_S)
+        blob = retry_temporary(lambda: worker.link.store(room.result(DENOISED)), PATIENCE_S)
     return {"sha256": blob.sha256, "version": version, "samples": samples}
 
 

@@ -7,7 +7,7 @@ from functools import partial
 from typing import Any
 
 from protocol.contract import BlobRef, Manifest, ShowEnvironment
-from worker.exchange.retry import retry_on_trouble
+from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.reading.environments import write_thumbnail
 from worker.work.files import place_files
@@ -26,5 +26,5 @@ def show_environment(worker: WorkerContext, work: ShowEnvironment) -> dict[str, 
         place_files(worker, Manifest("", work.path, [BlobRef(work.path, work.sha256, work.size)]), room.scene)
         job = partial(write_thumbnail, os.fsencode(room.scene), work.path, work.width, os.fsencode(room.out / THUMBNAIL))
         room.run(job, work.path, SECONDS)
-        blob = retry_on_trouble(lambda: worker.link.store(room.result(THUMBNAIL)), PATIENCE_S)
+        blob = retry_temporary(lambda: worker.link.store(room.result(THUMBNAIL)), PATIENCE_S)
     return {"sha256": blob.sha256}

@@ -19,7 +19,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence, encoded
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
 from worker.exchange.ready import make_kernel_ready
-from worker.exchange.retry import retry_on_trouble
+from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import compiled_frame
 from worker.work.render import mapped_scene
@@ -108,11 +108,11 @@ def explain_pixel(worker: WorkerContext, work: ExplainPixel, compiling: Callable
 def _open_scene(worker: WorkerContext, work: ExplainPixel) -> CompiledScene:
     if work.moment is not None:
         moment = work.moment
-        manifest = retry_on_trouble(lambda: worker.link.manifest(moment.scene), PATIENCE_S)
+        manifest = retry_temporary(lambda: worker.link.manifest(moment.scene), PATIENCE_S)
         found = compiled_frame(worker, manifest, moment)
         if found is not None:
             return found
-    return retry_on_trouble(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
+    return retry_temporary(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
 
 
 def explanation_json(scene: CompiledScene, found: PixelPaths) -> dict[str, Any]:

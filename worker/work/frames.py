@@ -18,7 +18,7 @@ from renderer.scene.compiled import CompiledScene, load
 from renderer.scene.compiled_parts import parts_of
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, WorkError, is_of_machine
-from worker.exchange.retry import retry_on_trouble
+from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.reading.frames import serve_requests
 from worker.work.files import place_files
@@ -43,7 +43,7 @@ class _OpenScene:
         self._latest: Path | None = None  # folder of the latest compiled files
         self.room = ReaderFolder("frames")
         try:
-            retry_on_trouble(lambda: self.room.place_base(worker, work.base), PATIENCE_S)
+            retry_temporary(lambda: self.room.place_base(worker, work.base), PATIENCE_S)
             self.of_scene = {part.sha256 for part in parts_of(worker.cache.path(work.base))}  # kept by the service
             place_files(worker, manifest, self.room.scene)
             folder, base, out = (os.fsencode(each) for each in (self.room.scene, self.room.base, self.room.out))

@@ -18,7 +18,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from worker.exchange.errors import RefusedError, TemporaryError
 from worker.exchange.ready import make_kernel_ready
-from worker.exchange.retry import retry_on_trouble
+from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.telemetry.batch_warnings import step
 from worker.work.scenes import open_scene
@@ -28,10 +28,10 @@ __all__ = [
     "batch_event",
     "failure_event",
     "mapped_scene",
-    "not_understood_event",
     "render",
     "rendered_result",
     "returned_event",
+    "unreadable_batch_event",
 ]
 
 # Seconds to retry an unreachable service, less than a batch's lease.
@@ -51,7 +51,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
     """
     try:
         with step("open scene"):
-            scene = retry_on_trouble(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
+            scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         variant = variant_for(batch.settings, scene)
         if not is_warm(batch.settings, variant):
             compiling(True)
@@ -118,7 +118,7 @@ def returned_event(worker: WorkerContext, batch: RenderBatch, error: str) -> Res
     return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
 
 
-def not_understood_event(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
+def unreadable_batch_event(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
     """Returns the result of a batch that this release cannot parse. batch: the message, from RenderBatch.to_json."""
     event = {key: batch.get(key) for key in ("batch", "job", "frame", "tile", "first", "count")}
     sentence = Sentence(

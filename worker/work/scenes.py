@@ -17,7 +17,7 @@ from renderer.scene.compiled_parts import Part, parts_of
 from renderer.sentences import Sentence
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import MachineError, RefusedError, is_of_machine
-from worker.exchange.retry import retry_on_trouble
+from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 
 __all__ = ["discard_damaged", "open_scene", "store", "store_scene"]
@@ -27,7 +27,7 @@ STORE_TIMEOUT_S = 60.0
 
 def store(worker: WorkerContext, path: Path) -> BlobRef:
     """Uploads a file to the service, with retries, so that a restart of the service does not lose minutes of work."""
-    return retry_on_trouble(lambda: worker.link.store(path), STORE_TIMEOUT_S)
+    return retry_temporary(lambda: worker.link.store(path), STORE_TIMEOUT_S)
 
 
 def store_scene(worker: WorkerContext, path: Path, stored_parts: Collection[str] = ()) -> BlobRef:
@@ -41,7 +41,7 @@ def store_scene(worker: WorkerContext, path: Path, stored_parts: Collection[str]
     for part in parts:
         if part.sha256 not in stored_parts:
             _store_part(worker, path.parent / part.sha256, part)
-    is_there: bool = bool(parts) and retry_on_trouble(lambda: worker.link.has_blob(path.name), STORE_TIMEOUT_S)
+    is_there: bool = bool(parts) and retry_temporary(lambda: worker.link.has_blob(path.name), STORE_TIMEOUT_S)
     if is_there:
         ref = BlobRef("", path.name, path.stat().st_size)
     else:
@@ -51,7 +51,7 @@ def store_scene(worker: WorkerContext, path: Path, stored_parts: Collection[str]
 
 
 def _store_part(worker: WorkerContext, path: Path, part: Part) -> None:
-    if not retry_on_trouble(lambda: worker.link.has_blob(part.sha256), STORE_TIMEOUT_S):
+    if not retry_temporary(lambda: worker.link.has_blob(part.sha256), STORE_TIMEOUT_S):
         store(worker, path if path.is_file() else _from_cache(worker, part))
     if path.is_file():
         worker.cache.add_copy(path, part.sha256)

@@ -39,7 +39,7 @@ class SlotTask:
     def __exit__(self, *_: object) -> None:
         self._worker.board.write(slot(), {}, self.speed)
 
-    def turn_to(self, doing: dict[str, Any]) -> None:
+    def report_part(self, doing: dict[str, Any]) -> None:
         """Reports the next part of the task. doing: fields that describe it."""
         self._doing = doing
         self._worker.board.write(slot(), doing)

@@ -29,7 +29,7 @@ from renderer.sentences import Sentence
 from renderer.settings import Tile
 from worker.exchange.errors import TemporaryError, WorkerError
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
-from worker.exchange.retry import retry_on_trouble
+from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
 from worker.work.render import PATIENCE_S, mapped_scene, rendered_result, returned_event
@@ -183,7 +183,7 @@ def _ready(
     renderer = _cards[card.number]
     if renderer is None:
         raise _UnusableError(_failed(card))
-    scene = retry_on_trouble(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
+    scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
     variant = variant_for(batch.settings, scene)
     if not renderer.has_kernel(variant):
         compiling(True)

@@ -27,7 +27,7 @@ from renderer.render import is_warm, render_batch, variant_for
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
 from worker.exchange.ready import make_kernel_ready
-from worker.exchange.retry import retry_on_trouble
+from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
 from worker.work.render import mapped_scene
@@ -78,7 +78,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
     answering.send("begun")
     samples, seconds = 0, 0.0
     try:
-        scene = retry_on_trouble(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
+        scene = retry_temporary(lambda: mapped_scene(worker, work.compiled), PATIENCE_S)
         variant = variant_for(work.settings, scene)
         if not is_warm(work.settings, variant):
             compiling(True)
@@ -91,7 +91,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
             begun = time.perf_counter()
             sums = render_batch(scene, work.settings, part.tile, part.first, part.count).sums
             taken = time.perf_counter() - begun
-            answering.send("part", pack_sums(sums if work.is_whole else _shown_planes(sums)), number=part.number, seconds=taken)
+            answering.send("part", pack_sums(sums if work.is_whole else _view_planes(sums)), number=part.number, seconds=taken)
             samples, seconds = samples + _samples(part), seconds + taken
         answering.send("over")
     except TemporaryError as error:
@@ -139,7 +139,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         answering.send({"frame-prepared": "frame", "frame-failed": "failed"}.get(kind, "returned"), **more)
 
     try:
-        manifest = retry_on_trouble(lambda: worker.link.manifest(work.work.scene), PATIENCE_S)
+        manifest = retry_temporary(lambda: worker.link.manifest(work.work.scene), PATIENCE_S)
         prepare_frames(worker, manifest, work.work, send_answer)
         answering.send("over")
     except (UnfitError, MachineError) as error:
@@ -167,7 +167,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         )
 
 
-def _shown_planes(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
+def _view_planes(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Returns a copy of the sums in which the planes that a view does not use are zero, so that they pack into little space."""
     seen = np.zeros_like(sums)
     seen[COLOR], seen[SAMPLES] = sums[COLOR], sums[SAMPLES]

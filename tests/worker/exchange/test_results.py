@@ -29,7 +29,7 @@ def test_a_result_arrives_as_it_was_sent(redis_url: str) -> None:
 def test_a_full_stream_is_waited_for_and_at_last_given_up(redis_url: str) -> None:
     with redis.Redis.from_url(redis_url) as store:
         store.delete(RESULTS)
-        stream = ResultStream(redis_url, max_entries=2, patience_s=0.3)
+        stream = ResultStream(redis_url, max_entries=2, timeout_s=0.3)
         assert stream.send(Result({"type": "a"}))
         assert stream.send(Result({"type": "b"}))
         assert not stream.send(Result({"type": "c"}))
@@ -47,7 +47,7 @@ def test_sending_a_large_result_may_exceed_the_timeout(
     store.delete(RESULTS)
     with held_up(redis_url, rate=400e3) as url:
         sums, begun = np.random.default_rng(1).bytes(400_000), time.monotonic()
-        assert ResultStream(url, patience_s=0.1).send(Result({"type": "a"}, sums))
+        assert ResultStream(url, timeout_s=0.1).send(Result({"type": "a"}, sums))
         assert time.monotonic() - begun > 3 * results.PIECE_TIMEOUT_S
     [(_, fields)] = store.xrange(RESULTS)  # type: ignore[misc]
     assert Result.from_fields(fields).sums == sums  # type: ignore[arg-type]
@@ -101,5 +101,5 @@ def test_a_redis_that_refuses_is_waited_for_and_said_once(tmp_path: Path, troubl
 
 def test_news_that_nobody_misses_are_not_waited_for() -> None:
     begun = time.monotonic()
-    assert not ResultStream("redis://127.0.0.1:9/0").send(Result({"type": "prepare-progress"}), patience_s=0.0)
+    assert not ResultStream("redis://127.0.0.1:9/0").send(Result({"type": "prepare-progress"}), timeout_s=0.0)
     assert time.monotonic() - begun < 60

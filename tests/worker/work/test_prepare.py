@@ -74,7 +74,7 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     cache = BlobCache(service, FarmAnswer("", "", ""), tmp_path / "cache")
     sent: list[Result] = []
     board = SimpleNamespace(write=lambda *_: None)
-    results = SimpleNamespace(send=lambda result, patience_s=None: sent.append(result))
+    results = SimpleNamespace(send=lambda result, timeout_s=None: sent.append(result))
     made = SimpleNamespace(name="w", kind="k", link=service, cache=cache, reads=reads, board=board, results=results, sent=sent)
     monkeypatch.setattr(context, "_current", made)
     return made

@@ -125,7 +125,7 @@ def test_a_compiled_scene_that_has_suffered_on_this_disk_is_fetched_anew(tmp_pat
 
 
 def test_a_batch_in_words_of_another_release_is_a_sentence(worker: Any) -> None:
-    event = slot.not_understood_event(worker, {"batch": "b", "job": "j"}, ValueError("RenderBatch lacks 'tile'")).event
+    event = slot.unreadable_batch_event(worker, {"batch": "b", "job": "j"}, ValueError("RenderBatch lacks 'tile'")).event
     assert event["type"] == "batch-failed"
     assert "lacks 'tile'" in event["error"]
     assert "same release" in event["error"]
