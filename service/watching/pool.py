@@ -37,19 +37,19 @@ class Pool:
     """Runs expensive functions in threads, within a memory budget. Used on the event loop only."""
 
     def __init__(
-        self, memory: int, threads: int = THREADS, in_line: int = QUEUE_LENGTH, most_in_line: int = MAX_QUEUE_LENGTH
+        self, memory: int, threads: int = THREADS, queue_length: int = QUEUE_LENGTH, max_queue_length: int = MAX_QUEUE_LENGTH
     ) -> None:
         """Sets the limits.
 
-        memory: budget in bytes; a function that needs more runs alone. threads: number of functions at a time. in_line: maximum
-        number of waiting requests per user while the expected wait is longer than LONGEST_WAIT_S seconds. most_in_line: the
-        same while it is shorter.
+        memory: budget in bytes; a function that needs more runs alone. threads: number of functions at a time. queue_length:
+        maximum number of waiting requests per user while the expected wait exceeds LONGEST_WAIT_S seconds. max_queue_length:
+        maximum while it is shorter.
         """
         self._turns = _FairQueue(threads, memory)
         self._limiter = anyio.CapacityLimiter(threads)
         self._threads = threads
-        self._in_line = threads + in_line
-        self._most_in_line = threads + max(in_line, most_in_line)
+        self._queue_length = threads + queue_length
+        self._max_queue_length = threads + max(queue_length, max_queue_length)
         self._made: dict[Hashable, asyncio.Task[Any]] = {}
         self._asked_by: Counter[Hashable] = Counter()
         self._seconds = 0.0  # running average of the latest durations
@@ -80,7 +80,7 @@ class Pool:
         """
         own = self._asked_by.get(user, 0)
         wait_s = own * max(len(self._asked_by), 1) * self._seconds / self._threads
-        is_full = own >= (self._in_line if wait_s > LONGEST_WAIT_S else self._most_in_line)
+        is_full = own >= (self._queue_length if wait_s > LONGEST_WAIT_S else self._max_queue_length)
         if is_full or (own and self.pending_count >= MAX_TOTAL_QUEUE):
             raise Unavailable(
                 Sentence(

@@ -37,7 +37,7 @@ def test_more_pictures_than_wait_in_line_are_told_to_come_again(
 ) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
-    service.farm.pictures = Pool(1 << 20, threads=1, in_line=1, most_in_line=1)
+    service.farm.pictures = Pool(1 << 20, threads=1, queue_length=1, max_queue_length=1)
     hold = threading.Event()
     make = frames.picture_file
     monkeypatch.setattr(frames, "picture_file", lambda *wish: hold.wait(20) and make(*wish))

@@ -44,7 +44,7 @@ def run(test: Coroutine[Any, Any, None]) -> None:
 
 def test_few_run_at_a_time_and_all_come_to_their_turn() -> None:
     async def test() -> None:
-        pool, work = Pool(100, threads=2, in_line=10), Work()
+        pool, work = Pool(100, threads=2, queue_length=10), Work()
         made = asyncio.gather(*(pool.run(i, 1, work, i) for i in range(9)))
         await asyncio.to_thread(work.first.wait)
         work.go.set()
@@ -56,7 +56,7 @@ def test_few_run_at_a_time_and_all_come_to_their_turn() -> None:
 
 def test_those_who_ask_for_the_same_share_one_answer_also_when_the_first_leaves() -> None:
     async def test() -> None:
-        pool, work = Pool(100, threads=2, in_line=10), Work()
+        pool, work = Pool(100, threads=2, queue_length=10), Work()
         readers = [asyncio.create_task(pool.run("same", 1, work, 7)) for _ in range(20)]
         await asyncio.to_thread(work.first.wait)
         readers[0].cancel()
@@ -71,7 +71,7 @@ def test_those_who_ask_for_the_same_share_one_answer_also_when_the_first_leaves(
 
 def test_a_line_that_is_too_long_turns_readers_away_until_it_is_shorter() -> None:
     async def test() -> None:
-        pool, work = Pool(100, threads=1, in_line=2, most_in_line=2), Work()
+        pool, work = Pool(100, threads=1, queue_length=2, max_queue_length=2), Work()
         made = [asyncio.create_task(pool.run(i, 1, work, i)) for i in range(3)]
         await asyncio.to_thread(work.first.wait)
         with pytest.raises(Unavailable, match="3 other pictures") as refusal:
@@ -86,7 +86,7 @@ def test_a_line_that_is_too_long_turns_readers_away_until_it_is_shorter() -> Non
 
 def test_one_user_s_flood_turns_that_user_away_and_holds_up_no_other() -> None:
     async def test() -> None:
-        pool, work = Pool(100, threads=1, in_line=20, most_in_line=20), Work()
+        pool, work = Pool(100, threads=1, queue_length=20, max_queue_length=20), Work()
         flood = [asyncio.create_task(pool.run(i, 1, work, i, user="a")) for i in range(21)]
         await asyncio.to_thread(work.first.wait)
         with pytest.raises(Unavailable, match="21 other pictures that you asked for"):
@@ -103,7 +103,7 @@ def test_one_user_s_flood_turns_that_user_away_and_holds_up_no_other() -> None:
 
 def test_a_long_queue_is_waited_in_while_it_moves_fast_enough() -> None:
     async def test() -> None:
-        pool, work = Pool(100, threads=2, in_line=4, most_in_line=400), Work()
+        pool, work = Pool(100, threads=2, queue_length=4, max_queue_length=400), Work()
         work.go.set()
         assert await asyncio.gather(*(pool.run(i, 1, work, i) for i in range(300))) == list(range(300))
         pool._seconds, hold = 60.0, Work()
@@ -122,7 +122,7 @@ def test_what_is_made_at_a_time_fits_into_the_memory_and_what_never_does_is_made
     sizes = [60, 30, 50, 1000, 10, 90, 100, 20, 20, 20]
 
     async def test() -> None:
-        pool, taken, most, alone = Pool(100, threads=8, in_line=10), 0, 0, True
+        pool, taken, most, alone = Pool(100, threads=8, queue_length=10), 0, 0, True
         lock = threading.Lock()
         together = threading.Semaphore(0)
 
@@ -152,7 +152,7 @@ def test_what_goes_wrong_is_told_to_every_reader() -> None:
         raise Invalid("This cannot be made.")
 
     async def test() -> None:
-        pool = Pool(100, threads=1, in_line=2)
+        pool = Pool(100, threads=1, queue_length=2)
         answers = await asyncio.gather(*(pool.run("same", 1, fail) for _ in range(3)), return_exceptions=True)
         assert [type(answer) for answer in answers] == [Invalid] * 3
 
