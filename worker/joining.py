@@ -189,7 +189,7 @@ def _connection(url: str) -> redis.Redis:
 
 
 def _is_taken(store: redis.Redis, name: str, host: str) -> bool:
-    """Whether a live worker has this name. A report that this release cannot parse is treated as live until it expires."""
+    """Returns True if a live worker has this name. A report that this release cannot parse counts as live until it expires."""
     try:
         data = store.get(worker_key(name))
         return isinstance(data, bytes) and not _has_ended(WorkerReport.from_bytes(data), host)

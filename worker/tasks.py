@@ -311,7 +311,7 @@ def _prepare_frames(task: Any, frames: dict[str, Any]) -> None:
 
 
 def _render_view(task: Any, parts: dict[str, Any]) -> None:
-    """Renders parts of a view (ViewParts.to_json)."""
+    """Renders parts of a live view (ViewParts.to_json), and sends the sums of each part."""
     worker = context.current()
     try:
         work = ViewParts.from_json(parts)
@@ -331,7 +331,7 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
 
 
 def _view_frame(task: Any, frame: dict[str, Any]) -> None:
-    """Prepares frames for a view (ViewFrame.to_json)."""
+    """Prepares animation frames for a live view (ViewFrame.to_json)."""
     worker = context.current()
     try:
         work = ViewFrame.from_json(frame)
@@ -351,7 +351,7 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
 
 
 def _explain(task: Any, pixel: dict[str, Any]) -> None:
-    """Explains a pixel (ExplainPixel.to_json)."""
+    """Explains the colour of a pixel (ExplainPixel.to_json): traces paths of its samples, and sends them to the service."""
     worker = context.current()
     try:
         work = ExplainPixel.from_json(pixel)

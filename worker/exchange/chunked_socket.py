@@ -20,13 +20,13 @@ PIECE = 16 << 10  # bytes: with a timeout of ten seconds, at least 1.6 kB/s
 
 class _InPieces(AbstractConnection):
     def send_packed_command(self, command: bytes | str | Iterable[bytes], check_health: bool = True) -> None:
-        """Sends a command in pieces of at most PIECE bytes, otherwise like the base class."""
+        """Sends a command in chunks of at most PIECE bytes; otherwise like the base class."""
         whole = [command] if isinstance(command, (bytes, str)) else command
         super().send_packed_command(_pieces(whole), check_health)
 
 
 def chunked_redis(url: str, **options: Any) -> redis.Redis:
-    """Returns a client like `redis.Redis.from_url`, with the timeout applied to each piece that is sent."""
+    """Returns a client like `redis.Redis.from_url`, with the timeout applied to each chunk that is sent."""
     if (mark := getattr(socket, "TCP_NOTSENT_LOWAT", None)) is not None:  # otherwise the kernel buffers it all, and
         options |= {"socket_keepalive": True, "socket_keepalive_options": {mark: PIECE}}  # waiting for the reply would time out
     pool = ConnectionPool.from_url(url, **options)

@@ -11,7 +11,7 @@ __all__ = ["folder_of", "mapped_scene"]
 
 
 def folder_of(path: bytes) -> Path:
-    """Returns a path that the slot has sent as bytes as a Path."""
+    """Returns a folder or file as a Path. path: as bytes, which is how the slot sends it."""
     return Path(os.fsdecode(path))
 
 

@@ -17,7 +17,7 @@ MOST_LINES = 20  # that were warned of
 
 
 def merged_results(results: Iterable[Result]) -> Iterator[Result]:
-    """Yields the results; neighbours in the given order whose samples of a tile are consecutive are merged into one."""
+    """Yields the results. Successive results with consecutive samples of the same tile are merged into one."""
     run: list[Result] = []
     for result in results:
         if run and _end_key(run[-1]) != (*_tile_key(result), result.event["first"]):

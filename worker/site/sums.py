@@ -46,7 +46,8 @@ class SumsFullError(Exception):
 class _Group:
     """The stored results of one run: consecutive samples of a tile that the site's machines render (protocol.joint.Run).
 
-    since: time of the first result. spans: number of samples of each result, by its first sample.
+    since: time of the first result. missing: number of samples not received yet. size: bytes of the results. spans: number of
+    samples of each result, by its first sample. batches: ids of the batches.
     """
 
     folder: Path

@@ -38,7 +38,7 @@ log = logging.getLogger(__name__)
 def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message: str) -> bool:
     """Makes a joint batch's pieces available to all slots of this worker. Returns False if the files cannot be written.
 
-    message: id of the Celery message. Returns pieces beyond the number of slots to the queue.
+    message: id of the Celery message. Puts pieces beyond the number of slots back into the queue.
     """
     if worker.pieces is None:
         return False

@@ -22,7 +22,7 @@ log = logging.getLogger(__name__)
 
 
 class SlotTask:
-    """Context manager during which the slot is reported as busy with a task.
+    """Context manager during which the slot is reported as busy with a task. doing: fields that describe the task.
 
     speed: samples per second, set by the caller if it rendered.
     """

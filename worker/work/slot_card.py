@@ -106,10 +106,10 @@ def _union_with_lower(a: Tile, b: Tile) -> Tile | None:
 
 
 def render_on_card(worker: WorkerContext, work: CardBatches, show: Show) -> float:
-    """Renders the batches with this slot's graphics card, and sends their sums. Returns samples per second, 0 without any.
+    """Renders the batches with this slot's graphics card, and sends their sums. Returns the samples per second.
 
-    Sends batches that the card cannot render back to the service, which dispatches them to CPU slots. show: called before each
-    block with the block and whether its kernel is being compiled.
+    Returns 0 if none was rendered. Sends batches that the card cannot render back to the service, which dispatches them to CPU
+    slots. show: called before each block with the block and whether its kernel is being compiled.
     """
     left = {batch.batch: batch for batch in work.batches}
     samples, seconds = 0, 0.0

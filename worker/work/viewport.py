@@ -68,9 +68,10 @@ class ViewAnswers:
 
 
 def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[bool], None]) -> float:
-    """Renders parts of a view until all are done or the viewer has changed it. Returns samples per second, 0 without any.
+    """Renders parts of a view until all are done or the viewer has changed it. Returns the samples per second.
 
-    compiling: called with True before the scene's kernel is made ready, and with False afterwards.
+    Returns 0 if none was rendered. compiling: called with True before the scene's kernel is made ready, and with False
+    afterwards.
     """
     answering = ViewAnswers(worker, work)
     if not answering.is_wanted():
