@@ -224,7 +224,7 @@ class Settings(BaseSettings):
 
     @property
     def page_url(self) -> str:
-        """URL at which users open the page, as far as the settings tell.
+        """URL at which users open the page, derived from the settings.
 
         It is RAYFARM_PUBLIC_URL if set; else HTTPS with the first published host name; else HTTP with host and port.
         """

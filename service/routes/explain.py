@@ -87,7 +87,7 @@ class PathVertexOut(BaseModel):
 
 
 class PathOut(BaseModel):
-    """The path of one sample. The sample's value is the sum of `emitted`, `direct` and `beside` over its vertices."""
+    """The path of one sample. The sample's value is the sum of `emitted`, `direct` and `beside` of all vertices."""
 
     chosen: list[Choice]
     sample: int
@@ -209,7 +209,8 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
 def _film_sums_at(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
     """Returns a pixel's sums in the film, for colour and sample count, and the number of consecutive samples from sample 0.
 
-    key: the frame's key. The sums are None if the film has samples after a gap, or more than can be explained.
+    key: the frame's key, twice its number. The sums are None if the film has samples after a gap, or more than can be
+    explained.
     """
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     before, sums, after = film.coverage(key, at), film.tile_sums(key, at), film.coverage(key, at)

@@ -31,7 +31,7 @@ def list_hooks(farm: FarmDependency) -> list[dict[str, Any]]:
 
 @router.post("/{number}/test", status_code=204)
 def test_hook(number: int, farm: FarmDependency) -> Response:
-    """Sends a test message to a hook. 503 with the reason if the delivery fails."""
+    """Sends a test message to the hook with this number. 503 with the reason if the delivery fails."""
     if not 0 <= number < len(farm.outbox.hooks):
         raise NotFound(
             Sentence("hook-not-found", "There is no such hook. Hooks are set by RAYFARM_WEBHOOKS and RAYFARM_JOB_HOOK.")

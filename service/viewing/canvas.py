@@ -54,7 +54,7 @@ class Canvas:
 
     @property
     def is_complete(self) -> bool:
-        """Returns True if all tiles are complete."""
+        """Returns True if no tile needs more samples."""
         return bool((self._ended | (self._counts >= self.level.samples)).all())
 
     @property

@@ -1,4 +1,4 @@
-"""Direction of a pixel's camera ray, equal to the kernel's camera (renderer/kernel/camera.py)."""
+"""Direction of a pixel's camera ray, computed as by the kernel's camera (renderer/kernel/camera.py)."""
 
 from __future__ import annotations
 

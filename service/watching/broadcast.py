@@ -20,7 +20,8 @@ __all__ = ["Broadcast", "Listener"]
 class Listener:
     """A client's set of items that changed since they were last read. Used on the event loop only.
 
-    job: the job whose changes it gets; None: all jobs, scenes and workers. frame: key of the frame whose tiles it gets.
+    job: the job whose changes it gets; None: all jobs, scenes and workers. frame: key (twice the number) of the frame whose
+    tiles it gets.
     """
 
     def __init__(self, job: str | None, frame: int) -> None:
@@ -87,7 +88,8 @@ class Broadcast:
     def listen(self, job: str | None = None, frame: int = 0) -> Iterator[Listener]:
         """Context manager that yields a listener to one job and to the tiles of one of its frames.
 
-        job: None: the listener gets changes of all jobs, scenes and workers, and no tiles. frame: the frame's key.
+        job: None: the listener gets changes of all jobs, scenes and workers, and no tiles. frame: the frame's key, twice its
+        number.
         """
         listener = Listener(job, frame)
         group = self._everything if job is None else self._of_job.setdefault(job, _JobListeners(next(self._lives))).listeners
@@ -122,7 +124,10 @@ class Broadcast:
             self._call_in_loop(self._deliver, what, id)
 
     def report_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
-        """Notifies the job's listeners that tiles have new samples. frame: the frame's key. tiles: indices."""
+        """Notifies the job's listeners that tiles have new samples.
+
+        frame: the frame's key, twice its number. tiles: indices.
+        """
         if job in self._of_job:
             self._call_in_loop(self._deliver_tiles, job, frame, tiles)
 

@@ -85,7 +85,7 @@ class PictureRequest:
 
 
 def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) -> PictureBody:
-    """Returns the requested picture file of a frame. frame: the frame's key. folder: for temporary files."""
+    """Returns the requested picture file of a frame. frame: the frame's key, twice its number. folder: for temporary files."""
     from renderer.image.encode import RGB, encode_shown, write_bands  # imported only if needed: OpenImageIO is large
 
     side = square_side(request.width, film.width, film.height)
