@@ -25,7 +25,7 @@ class WatchFrame(FromClient):
         return cls(float(message["frame"]), message.get("snapshot") is not False)
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the JSON object."""
+        """Returns the message as JSON data."""
         return {"frame": self.frame} if self.snapshot else {"frame": self.frame, "snapshot": False}
 
 

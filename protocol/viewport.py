@@ -28,7 +28,7 @@ class Look(FromClient):
         return cls(dict(message))
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the JSON object."""
+        """Returns the message as JSON data."""
         return self.view
 
 
@@ -47,7 +47,7 @@ class Pick(FromClient):
         return cls(int(x), int(y))
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the JSON object."""
+        """Returns the message as JSON data."""
         return {"pick": [self.x, self.y]}
 
 

@@ -32,7 +32,7 @@ class FromClient:
         return cls(message[cls.KEY])  # type: ignore[call-arg]  # a message of one value
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the JSON object."""
+        """Returns the message as JSON data."""
         (value,) = vars(self).values()
         return {self.KEY: value}
 

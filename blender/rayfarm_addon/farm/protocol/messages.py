@@ -34,7 +34,7 @@ class Look(FromClient):
         return cls(dict(message))
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the JSON object."""
+        """Returns the message as JSON data."""
         return self.view
 
 
