@@ -91,14 +91,14 @@ class Answers:
         bulkheads: Bulkheads,
         scheduler: Scheduler,
         lifecycle: Lifecycle,
-        errands: ArtifactTasks,
+        artifact_tasks: ArtifactTasks,
         trust: Trust,
         pace: BatchSizing,
         logs: JobLogs,
-        put_aside: DeadLetters,
-        tell: Callable[[ItemKind, str], None],
+        dead_letters: DeadLetters,
+        record_change: Callable[[ItemKind, str], None],
         events: Events,
-        settled: Callable[[ActiveJob], None],
+        on_plan_update: Callable[[ActiveJob], None],
     ) -> None:
         """Stores the parameters.
 
@@ -109,14 +109,14 @@ class Answers:
         self._bulkheads = bulkheads
         self._scheduler = scheduler
         self._lifecycle = lifecycle
-        self._errands = errands
+        self._artifact_tasks = artifact_tasks
         self._trust = trust
         self._pace = pace
         self._logs = logs
-        self._put_aside = put_aside
-        self._tell = tell
+        self._dead_letters = dead_letters
+        self._record_change = record_change
         self._events = events
-        self._settled = settled
+        self._on_plan_update = on_plan_update
         self._kept: dict[str, list[_PendingAnswer]] = {}  # by job or scene: read but not stored
         self._stored: list[Entry] = []  # to be deleted from the stream
         self._overlooked = False
@@ -130,7 +130,7 @@ class Answers:
 
         Raises redis.RedisError.
         """
-        self._gather()
+        self._wait_for_results()
         with self._pace.measuring():
             entries = self._results.read(block_ms)
             begun = time.monotonic()
@@ -150,7 +150,7 @@ class Answers:
             unread = self._results.length() - sum(map(len, self._kept.values()))
             self._pace.record_unread(max(unread, 0), self._results.size)
 
-    def _gather(self) -> None:
+    def _wait_for_results(self) -> None:
         """Sleeps until `gather_s` of the pacing has passed since the last call.
 
         Results of the same tile that arrive in the meantime are then stored together.
@@ -192,7 +192,7 @@ class Answers:
         try:
             message = parse_message(entry)
         except Unusable as error:
-            self._put_aside.add(entry.location, str(error), entry.fields, error.__cause__)
+            self._dead_letters.add(entry.location, str(error), entry.fields, error.__cause__)
             self._stored.append(entry)
             return
         if isinstance(message, Wake):
@@ -203,7 +203,7 @@ class Answers:
             for piece in message.pieces:
                 self._scheduler.mark_answered(message.job, piece.batch)
         elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned):
-            self._errands.preparing.mark_answered(message.scene, message.kind)
+            self._artifact_tasks.preparing.mark_answered(message.scene, message.kind)
         self._kept.setdefault(message.owner, []).append(_PendingAnswer(entry, message))
 
     def _needs_database(self, owner: str) -> bool:
@@ -221,11 +221,11 @@ class Answers:
         while answers:
             answer = answers[0]
             if not isinstance(answer.message, BatchDone):
-                self._isolated(answer.entry, answer.message, partial(self._dispatch, answer.message))
+                self._handle_isolated(answer.entry, answer.message, partial(self._dispatch, answer.message))
             self._stored.append(answers.pop(0).entry)
 
-    def _isolated(
-        self, entry: Entry, message: Message | None, action: Callable[[], object], instead: Callable[[], object] | None = None
+    def _handle_isolated(
+        self, entry: Entry, message: Message | None, action: Callable[[], object], fallback: Callable[[], object] | None = None
     ) -> None:
         """Handles one message by calling `action`; moves the message to the dead-letter list if it caused an error.
 
@@ -237,22 +237,22 @@ class Answers:
         except Exception as error:
             if not is_message_fault(error):
                 raise
-            self._put_aside.add(entry.location, error, entry.fields, error)
-            if instead is not None:
-                instead()
+            self._dead_letters.add(entry.location, error, entry.fields, error)
+            if fallback is not None:
+                fallback()
             if message is not None:
                 self._requeue_work(message, library_message(error))
 
-    def _requeue_work(self, message: Message, why: str) -> None:
+    def _requeue_work(self, message: Message, reason: str) -> None:
         """Dispatches the work of a message again after the message was moved to the dead-letter list."""
         if isinstance(message, BatchDone):
             if (job := self._scheduler.jobs.get(message.job)) is not None:
-                self._reject_sums(job, message, batch_of(message, job), why)
-        elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned) and self._errands.preparing.reject_answer(
+                self._reject_sums(job, message, batch_of(message, job), reason)
+        elif isinstance(message, PrepareDone | PrepareFailed | PrepareReturned) and self._artifact_tasks.preparing.reject_answer(
             message.scene, message.kind
         ):
             sentence = Sentence(
-                "scene-answers-unusable", "The workers' answers about this scene cannot be used ({reason}).", reason=why
+                "scene-answers-unusable", "The workers' answers about this scene cannot be used ({reason}).", reason=reason
             )
             self._lifecycle.prepare_failed(message.scene, message.kind, sentence)
 
@@ -271,7 +271,7 @@ class Answers:
                 arrived.extend(self._add(job, [answer]))
 
             for answer in rendered:  # one at a time, since only some may be faulty
-                self._isolated(answer.entry, answer.message, partial(add, answer))
+                self._handle_isolated(answer.entry, answer.message, partial(add, answer))
         spans = (each for answer in rendered if isinstance(answer.message, BatchDone) for each in answer.message.traceparents)
         traces.record_merge_span(job, begun, len(arrived), spans)
         self._stored += [answer.entry for answer in answers if isinstance(answer.message, BatchDone)]
@@ -291,7 +291,7 @@ class Answers:
         with_bad: set[int] = set()  # frames with new discarded samples
         for each, answer in arrived:
             noted = partial(self._record_batch, job, each, answer.sums or b"")
-            self._isolated(answer.entry, None if each.taken else each.message, noted, partial(self._end_leases, job, each))
+            self._handle_isolated(answer.entry, None if each.taken else each.message, noted, partial(self._end_leases, job, each))
             if each.fault is None and each.taken and each.batch is not None:
                 tiles.setdefault(each.batch.frame, set()).add(each.batch.tile)
                 if each.message.bad_count:
@@ -303,9 +303,9 @@ class Answers:
             job.advance_clock(job.state == "running")
             for frame, changed in tiles.items():
                 self._events.publish(TilesChanged(job.id, frame, changed))
-            self._tell("job", job.id)
+            self._record_change("job", job.id)
         job.update_from_film()
-        self._settled(job)
+        self._on_plan_update(job)
         if job.agenda.new_goals:
             self._lifecycle.record(job)
 
@@ -330,7 +330,7 @@ class Answers:
             self._scheduler.end_batch(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
         self._log_batch(job, each)
 
-    def _reject_sums(self, job: ActiveJob, message: BatchDone, run: Range | None, why: str) -> None:
+    def _reject_sums(self, job: ActiveJob, message: BatchDone, run: Range | None, reason: str) -> None:
         """Treats sums that cannot be decoded or merged as a failure of their batch on the worker that sent them.
 
         A joint result counts as one failure, and against no worker if several contributed to it.
@@ -343,7 +343,10 @@ class Answers:
             batch = run._replace(first=piece.first, count=piece.count)
             sender, is_suspect = piece.worker or message.worker, number == 0 and len(message.senders) == 1
             said = Sentence(
-                "worker-message-unusable", "A message of {sender} about it cannot be used ({reason}).", sender=sender, reason=why
+                "worker-message-unusable",
+                "A message of {sender} about it cannot be used ({reason}).",
+                sender=sender,
+                reason=reason,
             )
             trouble = self._scheduler.handle_failure(job, piece.batch, batch, sender, said, None, is_suspect=is_suspect)
             if trouble is not None:
@@ -375,26 +378,28 @@ class Answers:
                 if job is not None and batch is not None:
                     handle = self._scheduler.handle_card_return if message.for_cpu else self._scheduler.handle_return
                     handle(job, message.batch, batch, message.worker, message.error)
-                    self._tell("job", job.id)
+                    self._record_change("job", job.id)
             case PrepareStarted():
-                self._errands.preparing.handle_progress(message.scene, message.kind, message.worker, Progress("Reading", 0.0))
-                self._tell("scene", message.scene)
+                self._artifact_tasks.preparing.handle_progress(
+                    message.scene, message.kind, message.worker, Progress("Reading", 0.0)
+                )
+                self._record_change("scene", message.scene)
             case PrepareProgress():
                 progress = Progress(message.step, message.fraction, message.preview)
-                self._errands.preparing.handle_progress(message.scene, message.kind, message.worker, progress)
-                self._tell("scene", message.scene)
+                self._artifact_tasks.preparing.handle_progress(message.scene, message.kind, message.worker, progress)
+                self._record_change("scene", message.scene)
             case PrepareDone():
                 self._lifecycle.handle_prepared(message.scene, message.info)
-                self._tell("scene", message.scene)
+                self._record_change("scene", message.scene)
             case ThumbnailMade():
                 if self._lifecycle.add_thumbnail(message.scene, message.thumbnail):
-                    self._tell("scene", message.scene)
+                    self._record_change("scene", message.scene)
             case PrepareFailed():
                 self._lifecycle.prepare_failed(message.scene, message.kind, message.error)
             case PrepareReturned():
                 unfit = MachineFault(message.worker, message.error, message.passing) if message.unfit else None
-                self._errands.preparing.handle_return(message.scene, message.kind, message.error, unfit)
-                self._tell("scene", message.scene)
+                self._artifact_tasks.preparing.handle_return(message.scene, message.kind, message.error, unfit)
+                self._record_change("scene", message.scene)
             case FramePrepared() | FrameFailed():
                 self._lifecycle.handle_frame_answer(message)
             case FramesReturned():
@@ -402,10 +407,10 @@ class Answers:
                     log.info("job %s: %s", job.id, message.error, extra=ids(job=job.id, worker=message.worker))
                     unfit = MachineFault(message.worker, message.error, message.passing) if message.unfit else None
                     job.history.log.add_line(str(unfit or message.error))
-                    self._errands.moments.handle_return(job, message.work, unfit)
-                    self._tell("job", job.id)
+                    self._artifact_tasks.moments.handle_return(job, message.work, unfit)
+                    self._record_change("job", job.id)
             case _:
-                self._errands.handle_artifact(message)
+                self._artifact_tasks.handle_artifact(message)
 
     def _handle_failure(self, message: BatchFailed) -> None:
         job = self._scheduler.jobs.get(message.job)
@@ -436,4 +441,4 @@ class Answers:
             if not job.samples:  # no sample of the job is from that release
                 self._scheduler.withdraw(job)
                 job.kind = None
-        self._tell("job", job.id)
+        self._record_change("job", job.id)

@@ -24,13 +24,13 @@ class Changes:
         self._open: dict[Change, None] = {}
         self._later: dict[Change, None] = {}
 
-    def add_low_priority(self, what: str, ids: Iterable[str]) -> None:
+    def add_low_priority(self, item_kind: str, ids: Iterable[str]) -> None:
         """Adds low-priority changes, such as jobs left by a previous run. Used only by the engine's thread."""
-        self._later |= dict.fromkeys((what, id) for id in ids)
+        self._later |= dict.fromkeys((item_kind, id) for id in ids)
 
-    def add(self, what: str, id: str) -> None:
+    def add(self, item_kind: str, id: str) -> None:
         """Adds the change that an item was created, modified or deleted. what: job or scene."""
-        self._new.put((what, id))
+        self._new.put((item_kind, id))
 
     def pending(self) -> list[Change]:
         """Returns the pending changes in the order in which they were taken up.

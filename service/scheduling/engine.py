@@ -76,7 +76,7 @@ class Engine:
         films: FilmStore,
         snapshots: FilmSnapshots,
         blobs: BlobStore,
-        board: SnapshotHolder,
+        snapshot_holder: SnapshotHolder,
         events: Events,
         guard: Callable[[], None],
         has_views: Callable[[], bool],
@@ -92,32 +92,41 @@ class Engine:
         self._redis = connection
         self._dispatcher = dispatcher
         self._results = Results(self._redis, guard)
-        self._board = board
+        self._snapshot_holder = snapshot_holder
         self._changes = Changes()
         self._bulkheads = Bulkheads()
-        change = self._board.record_change
-        self._put_aside = DeadLetters(settings.data / FILE)
-        self._workers = Workers(self._redis, lambda name: change("worker", name), self._put_aside)
-        self._errands = ArtifactTasks(settings, self._dispatcher, self._workers, blobs, events)
+        change = self._snapshot_holder.record_change
+        self._dead_letters = DeadLetters(settings.data / FILE)
+        self._workers = Workers(self._redis, lambda name: change("worker", name), self._dead_letters)
+        self._artifact_tasks = ArtifactTasks(settings, self._dispatcher, self._workers, blobs, events)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
         self._pace = BatchSizing(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, has_views)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline, events)
         self._waiting = DependencyTracker(records, self._bulkheads, self._changes)
         self._lifecycle = Lifecycle(
-            *(records, films, self._scheduler, self._errands, self.logs, self._bulkheads, self._changes, self._waiting),
-            tell=change,
+            *(records, films, self._scheduler, self._artifact_tasks, self.logs, self._bulkheads, self._changes, self._waiting),
+            record_change=change,
             events=events,
         )
         self._deadlines = Deadlines(records, self._run_with_database, change)
-        self._forecaster = Forecaster(self._scheduler.line_up, self._scheduler.shares)
+        self._forecaster = Forecaster(self._scheduler.job_queue, self._scheduler.shares)
         self._keeper = SnapshotKeeper(snapshots, settings.data / "tmp", self._scheduler.jobs.__contains__)
         self._answers = Answers(
-            *(self._results, self._bulkheads, self._scheduler, self._lifecycle, self._errands, self.trust, self._pace, self.logs),
-            put_aside=self._put_aside,
-            tell=change,
+            *(
+                self._results,
+                self._bulkheads,
+                self._scheduler,
+                self._lifecycle,
+                self._artifact_tasks,
+                self.trust,
+                self._pace,
+                self.logs,
+            ),
+            dead_letters=self._dead_letters,
+            record_change=change,
             events=events,
-            settled=self._keeper.store_if_due,
+            on_plan_update=self._keeper.store_if_due,
         )
         self._asked: queue.SimpleQueue[tuple[str, str]] = queue.SimpleQueue()  # (scene, kind of workers)
         self._terms: dict[str, Terms] = {}  # terms of workers, by name
@@ -125,7 +134,7 @@ class Engine:
         self._looked_around = 0.0
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="engine", daemon=True)
-        self._fault: str | None = self._board.latest.fault
+        self._fault: str | None = self._snapshot_holder.latest.fault
         self._refused: str | None = None  # why Redis accepts no writes, or a periodic task fails
         self._step_fault: str | None = None
         self._traced = 0.0
@@ -142,7 +151,7 @@ class Engine:
         self._stop.set()
         if self._thread.is_alive():
             self._thread.join(10)
-        self._errands.close()
+        self._artifact_tasks.close()
         self._keeper.close()
         self._dispatcher.close()
         self._redis.close()
@@ -159,11 +168,11 @@ class Engine:
     @property
     def snapshot(self) -> Snapshot:
         """The latest snapshot of the engine's state."""
-        return self._board.latest
+        return self._snapshot_holder.latest
 
-    def record_change(self, what: str, id: str) -> None:
+    def record_change(self, item_kind: str, id: str) -> None:
         """Notifies the engine that a job or another item was created, modified or deleted in the database, and wakes it."""
-        self._changes.add(what, id)
+        self._changes.add(item_kind, id)
         self._results.end_read()
 
     def _row_written(self, event: RowWritten) -> None:
@@ -173,12 +182,12 @@ class Engine:
         self._asked.put((event.scene, event.worker_kind))
         self._results.end_read()
 
-    def set_paused(self, worker: str, why: str | None) -> None:
+    def set_paused(self, worker: str, reason: str | None) -> None:
         """Pauses a worker; `why`: the reason, shown to users. None: resumes the worker. Raises redis.RedisError."""
-        if why is None:
+        if reason is None:
             self._workers.resume(worker)
         else:
-            self._workers.pause(worker, why)
+            self._workers.pause(worker, reason)
         self.record_change("worker", worker)
 
     def worker_log(self, worker: str) -> list[str] | None:
@@ -190,19 +199,19 @@ class Engine:
 
     def denoise(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
         """Requests that a worker denoise a frame with the samples now in its film. Raises Unavailable if no worker can."""
-        wish = DenoiseFrame("", job, frame, film.width, film.height)
-        return self._with_wake_up(self._errands.denoising.request(wish, film.version(frame)))
+        request = DenoiseFrame("", job, frame, film.width, film.height)
+        return self._with_wake_up(self._artifact_tasks.denoising.request(request, film.version(frame)))
 
-    def vectors(self, wish: FrameVectors) -> Future[ArtifactResult]:
+    def vectors(self, request: FrameVectors) -> Future[ArtifactResult]:
         """Requests that a worker compute a frame's motion vectors. Raises Unavailable if no worker can."""
-        return self._with_wake_up(self._errands.vectors.request(wish))
+        return self._with_wake_up(self._artifact_tasks.vectors.request(request))
 
-    def show_environment(self, wish: ShowEnvironment) -> Future[ArtifactResult]:
+    def show_environment(self, request: ShowEnvironment) -> Future[ArtifactResult]:
         """Requests that a worker make the thumbnail of an environment image.
 
         The future raises Invalid if the image cannot be used. Raises Unavailable if no worker can make thumbnails.
         """
-        return self._with_wake_up(self._errands.environments.request(wish))
+        return self._with_wake_up(self._artifact_tasks.environments.request(request))
 
     def _with_wake_up(self, answer: Future[ArtifactResult]) -> Future[ArtifactResult]:
         if not answer.done():
@@ -277,14 +286,14 @@ class Engine:
 
     def _hand_out(self) -> None:
         while not self._asked.empty():
-            self._errands.preparing.request(*self._asked.get())
-        self._errands.preparing.hand_out()
+            self._artifact_tasks.preparing.request(*self._asked.get())
+        self._artifact_tasks.preparing.hand_out()
         if shots := self._active_shots():
-            for job in self._errands.moments.hand_out(
+            for job in self._artifact_tasks.moments.hand_out(
                 shots, self._lifecycle.automatic_view, self._scheduler.frames_with_batches()
             ):
                 self._lifecycle.record(job)
-        self._errands.fill_artifacts()
+        self._artifact_tasks.fill_artifacts()
         with self._pace.measuring():
             self._answers.count_unread()
             self._scheduler.hand_out(self._lifecycle.can_start)
@@ -303,24 +312,24 @@ class Engine:
 
     def _apply_changes(self) -> None:
         changes = self._changes.pending()
-        self._lifecycle.set_order(id for what, id in changes if what == "job")
-        for what, id in changes:
-            if what == "worker":
+        self._lifecycle.set_order(id for item_kind, id in changes if item_kind == "job")
+        for item_kind, id in changes:
+            if item_kind == "worker":
                 self._workers.refresh(now=True)
                 if id not in self._workers.roster.orders:
                     self._scheduler.suspicion.clear_failures(id)
                     self._scheduler.distrusted.discard(id)
-            elif what == "terms":
-                if not self._bulkheads.run(what, Step.CHANGE, self._renew_terms, needs_database=True):
+            elif item_kind == "terms":
+                if not self._bulkheads.run(item_kind, Step.CHANGE, self._renew_terms, needs_database=True):
                     continue
-            elif not self._lifecycle.may_apply(what, id):
+            elif not self._lifecycle.may_apply(item_kind, id):
                 continue
             elif id in self._bulkheads.verdicts:
                 continue  # ended first; changes made meanwhile, even a deletion, are applied afterwards
-            elif not self._lifecycle.apply(what, id) and id not in self._bulkheads.verdicts:
+            elif not self._lifecycle.apply(item_kind, id) and id not in self._bulkheads.verdicts:
                 continue
-            self._changes.close((what, id))
-            if what == "job" and (job := self._scheduler.jobs.get(id)) is not None:
+            self._changes.close((item_kind, id))
+            if item_kind == "job" and (job := self._scheduler.jobs.get(id)) is not None:
                 self._keeper.store_if_due(job)  # the previous picture of a continued job becomes a snapshot
 
     def _run_with_database(self, id: str, action: Callable[[], object]) -> bool:
@@ -339,7 +348,12 @@ class Engine:
         faults = [
             self._run_catching_errors(part)
             for part in (
-                *(self.logs.flush, self._maintain_keys, self._answers.reread_if_incomplete, self._errands.review_artifacts),
+                *(
+                    self.logs.flush,
+                    self._maintain_keys,
+                    self._answers.reread_if_incomplete,
+                    self._artifact_tasks.review_artifacts,
+                ),
                 *(lambda: self._scheduler.review_leases(self._results), self.trust.advance_checks, self._waiting.settle_ended),
                 *(self._review_preparing, self._ask_workers, self._review_deadlines, self._review_jobs),
             )
@@ -347,13 +361,13 @@ class Engine:
         self._refused = self._refused or next(filter(None, faults), None)
 
     def _review_preparing(self) -> None:
-        for scene, kind in self._errands.preparing.end_lost_leases(self._results):
+        for scene, kind in self._artifact_tasks.preparing.end_lost_leases(self._results):
             self._lifecycle.fail_lost_scene(scene, kind)
-        for scene, kind, sentence in self._errands.preparing.impossible_requests():
+        for scene, kind, sentence in self._artifact_tasks.preparing.impossible_requests():
             self._lifecycle.fail_impossible_scene(scene, kind, sentence)
-        for job, frame in self._errands.moments.end_lost_leases(self._scheduler.jobs, self._results):
+        for job, frame in self._artifact_tasks.moments.end_lost_leases(self._scheduler.jobs, self._results):
             self._lifecycle.fail_lost_frame(job, frame)
-        for job, sentence in self._errands.moments.impossible_jobs(self._scheduler.jobs):
+        for job, sentence in self._artifact_tasks.moments.impossible_jobs(self._scheduler.jobs):
             self._bulkheads.give_verdict(job.id, sentence)
 
     def _ask_workers(self) -> None:
@@ -368,7 +382,7 @@ class Engine:
             job.advance_clock(job.state == "running" and self._scheduler.leases.has_any(job.id))
             if job.state == "running" or job.is_done:
                 self._lifecycle.record(job)
-                self._board.record_change("job", job.id)
+                self._snapshot_holder.record_change("job", job.id)
 
     def _repair(self) -> None:
         """Deletes Redis keys of the wrong type. Ignores errors of Redis."""
@@ -382,7 +396,7 @@ class Engine:
 
         Workers can write to Redis, and a key of the wrong type may block other workers.
         """
-        self._put_aside.flush()
+        self._dead_letters.flush()
         if time.monotonic() - self._repaired >= REPAIR_KEYS_EVERY_S:
             self._repair()
 
@@ -395,26 +409,26 @@ class Engine:
         jobs = [job for job in self._scheduler.jobs.values() if job.shot is not None and job.state in ("queued", "running")]
         jobs = [job for job in jobs if job.id not in self._bulkheads.verdicts and not job.is_done]
         return [
-            (job, self._scheduler.line_up.kind_for(job)) for job in sorted(jobs, key=lambda job: (-job.priority, job.created))
+            (job, self._scheduler.job_queue.kind_for(job)) for job in sorted(jobs, key=lambda job: (-job.priority, job.created))
         ]
 
     def _publish(self) -> None:
-        self._board.publish(self._scheduler.jobs, self._make_snapshot)
+        self._snapshot_holder.publish(self._scheduler.jobs, self._make_snapshot)
 
     def _make_snapshot(self, numbers: Mapping[str, JobNumbers]) -> Snapshot:
         return Snapshot(
             fault=self._fault or self._bulkheads.database_fault,
             roster=self._workers.roster,
             jobs=numbers,
-            ahead=self._scheduler.line_up.jobs_ahead(),
+            ahead=self._scheduler.job_queue.jobs_ahead(),
             waits={**self.trust.required_actions(), **self._bulkheads.waiting_reasons()},
-            preparing=dict(self._errands.preparing.progress),
+            preparing=dict(self._artifact_tasks.preparing.progress),
             counts={
                 **self._answers.counts,
                 **self.trust.counts,
                 "lost": self._scheduler.lost,
                 "doubled": self._scheduler.doubled,
-                "put_aside": self._put_aside.count,
+                "put_aside": self._dead_letters.count,
             },
             batches_out=len(self._scheduler.leases),
             results_unread=self._pace.unread_results,

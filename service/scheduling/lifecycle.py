@@ -53,33 +53,33 @@ class Lifecycle:
         records: Records,
         films: FilmStore,
         scheduler: Scheduler,
-        errands: ArtifactTasks,
+        artifact_tasks: ArtifactTasks,
         logs: JobLogs,
         bulkheads: Bulkheads,
         changes: Changes,
         waiting: DependencyTracker,
-        tell: Callable[[ItemKind, str], None],
+        record_change: Callable[[ItemKind, str], None],
         events: Events,
     ) -> None:
         """Stores the parameters. tell: records the change of a job or scene, to be published with the next snapshot."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
-        self._errands = errands
+        self._artifact_tasks = artifact_tasks
         self._logs = logs
         self._bulkheads = bulkheads
         self._changes = changes
         self._loading = Loading(records, films, scheduler, waiting, logs, self._handle_loaded)
-        self._tell = tell
+        self._record_change = record_change
         self._events = events
         self._expected: Iterator[str] = iter(())  # jobs whose changes are applied next
         self._pending: dict[str, PendingJob] = {}  # read in this round and not loaded yet
         self._autos: dict[str, dict[str, Any]] = {}  # by job of a shot: the view that frames its scene at the start time
 
-    def apply(self, what: str, id: str) -> bool:
+    def apply(self, item_kind: str, id: str) -> bool:
         """Applies the current row of a job or scene. Returns False if that must wait or has failed. what: job or scene."""
         is_done: list[bool] = []
-        step = self._apply_job if what == "job" else self._apply_scene
+        step = self._apply_job if item_kind == "job" else self._apply_scene
         return self._bulkheads.run(id, Step.CHANGE, lambda: is_done.append(step(id)), needs_database=True) and all(is_done)
 
     def begin_round(self) -> None:
@@ -97,9 +97,9 @@ class Lifecycle:
         """Returns True if jobs remain to be loaded in later rounds."""
         return self._loading.is_under_way or self._changes.has_low_priority
 
-    def may_apply(self, what: str, id: str) -> bool:
+    def may_apply(self, item_kind: str, id: str) -> bool:
         """Returns True if a change can be applied in this round. Loading a job requires that the round has time left."""
-        return what != "job" or id in self._scheduler.jobs or self._loading.has_time
+        return item_kind != "job" or id in self._scheduler.jobs or self._loading.has_time
 
     def is_awaited(self, id: str) -> bool:
         """Returns True if a job will be loaded as soon as its film and the database can be read."""
@@ -119,7 +119,7 @@ class Lifecycle:
             self._bulkheads.remove_id(id)
             if row is None:
                 self._logs.delete(id)
-                self._errands.discard_job(id)
+                self._artifact_tasks.discard_job(id)
                 self._films.delete(id)
             elif job is not None:
                 self._records.store_progress(job)
@@ -128,7 +128,7 @@ class Lifecycle:
             self._apply_user_changes(job, row) if job is not None else pending is not None and self._load_or_adjust(pending)
         ):
             return False
-        self._tell("job", id)
+        self._record_change("job", id)
         return True
 
     def _read_pending(self, id: str) -> PendingJob | None:
@@ -196,7 +196,7 @@ class Lifecycle:
     def can_start(self, job: ActiveJob, kind: str) -> bool:
         """Starts a job on workers of this kind if they can render it now; returns whether they can."""
         if kind not in job.compiled:
-            self._errands.preparing.request(job.scene, kind)
+            self._artifact_tasks.preparing.request(job.scene, kind)
             return False
         if job.shot is not None and not job.started and job.agenda.next_frame(kind) is None:
             return False  # its first frame is still being prepared
@@ -206,7 +206,7 @@ class Lifecycle:
             job.started, job.state = True, "running"
             job.history.add_event("begun", kind)
             job.kind = job.kind or kind
-            self._tell("job", job.id)
+            self._record_change("job", job.id)
         return True
 
     def record(self, job: ActiveJob) -> None:
@@ -233,11 +233,11 @@ class Lifecycle:
         if is_over and self._records.mark_finished(job, measured(job)):
             job.history.log.add_line(f"finished: {job.samples:,} samples in {job.active_s:.2f} s")
             record_job_span(job, "finished")
-            self._tell("scene", job.scene)
+            self._record_change("scene", job.scene)
             self._close_job(job)
             self._release_frames(job)
             self._bulkheads.remove_id(job.id)
-        self._tell("job", job.id)
+        self._record_change("job", job.id)
 
     def begin_next_round(self, job: ActiveJob) -> None:
         """Stores the goals of the frames for the next round of a shot, then starts the round."""
@@ -255,7 +255,7 @@ class Lifecycle:
         if job is None or job.shot is None or frame is None or message.kind not in job.compiled:
             return  # a still has no separately prepared frames
         found = message.info if isinstance(message, FramePrepared) else None
-        self._errands.moments.handle_answer(job, message.work, message.frame, message.worker, found)
+        self._artifact_tasks.moments.handle_answer(job, message.work, message.frame, message.worker, found)
         name = Sentence("label-frame", "frame {frame}", frame=frame_text(frame_number(message.frame)))
         if isinstance(message, FrameFailed):
             job.history.log.add_line(f"{name} could not be prepared by {message.worker}: {message.error}")
@@ -272,7 +272,7 @@ class Lifecycle:
                 job.fail_frame(frame, with_full_stop(error))
                 return
             job.mark_prepared(frame, message.kind, settings, asdict(info.compiled) if info.compiled else None)
-        self._tell("job", job.id)
+        self._record_change("job", job.id)
 
     def fail_lost_frame(self, job: ActiveJob, frame: ActiveFrame) -> None:
         """Fails a frame whose preparation was lost with its worker too often."""
@@ -293,7 +293,7 @@ class Lifecycle:
             if job is not None:
                 self._records.store_progress(job)
                 self._release_frames(job)
-            self._tell("job", id)
+            self._record_change("job", id)
             if FILM in verdict.error:
                 self._events.publish(FilmSuspected(id))
         else:
@@ -301,7 +301,7 @@ class Lifecycle:
 
     def handle_prepared(self, scene: str, info: SceneInfo) -> None:
         """Marks a scene as prepared for a worker kind, and continues its jobs."""
-        self._errands.preparing.forget_kind(scene, info.kind)
+        self._artifact_tasks.preparing.forget_kind(scene, info.kind)
         if (error := self._records.fail_if_strict(scene, info.warnings)) is not None:
             self.prepare_failed(scene, None, error)
             return
@@ -324,9 +324,9 @@ class Lifecycle:
     def prepare_failed(self, scene: str, kind: str | None, error: str) -> None:
         """Fails the jobs that wait for a scene: all of them, or only those that require this worker kind."""
         if self._records.prepare_failed(scene, error):
-            self._errands.preparing.remove_scene(scene)
+            self._artifact_tasks.preparing.remove_scene(scene)
         elif kind is not None:
-            self._errands.preparing.forget_kind(scene, kind)
+            self._artifact_tasks.preparing.forget_kind(scene, kind)
         row = self._records.scene(scene)
         if row is None:
             return
@@ -338,8 +338,8 @@ class Lifecycle:
                 self._records.mark_failed(id, error)
             elif job is not None and kind not in job.compiled and job.kind in (None, kind):
                 self._bulkheads.give_verdict(id, error)
-            self._tell("job", id)
-        self._tell("scene", scene)
+            self._record_change("job", id)
+        self._record_change("scene", scene)
 
     def fail_lost_scene(self, scene: str, kind: str | None) -> None:
         """Fails a scene whose preparation was lost with its worker too often."""
@@ -357,18 +357,18 @@ class Lifecycle:
         self._pending.clear()  # data of jobs of this scene
         scene = self._records.scene(id)
         if scene is None:
-            self._errands.preparing.remove_scene(id)
+            self._artifact_tasks.preparing.remove_scene(id)
         elif scene.status == "preparing":
             base = self._records.scene(scene.of) if scene.of else None
             if base is None or base.status != "preparing":  # otherwise this scene is applied again once its base is prepared
-                self._errands.preparing.request(id, None, by_blender=self._records.needs_blender(scene))
-        self._tell("scene", id)
+                self._artifact_tasks.preparing.request(id, None, by_blender=self._records.needs_blender(scene))
+        self._record_change("scene", id)
         return True
 
     def _close_job(self, job: ActiveJob) -> None:
         self._scheduler.withdraw(job)
         self._scheduler.jobs.pop(job.id, None)
-        self._errands.moments.discard_job(job.id)
+        self._artifact_tasks.moments.discard_job(job.id)
         self._logs.close(job.id)
         self._autos.pop(job.id, None)
         self._unpin_film(job.id)

@@ -39,7 +39,7 @@ class Loading:
         scheduler: Scheduler,
         waiting: DependencyTracker,
         logs: JobLogs,
-        loaded: Callable[[ActiveJob, Scene], None],
+        on_loaded: Callable[[ActiveJob, Scene], None],
     ) -> None:
         """Stores the parameters. loaded: called with each job that was added to the scheduler."""
         self._records = records
@@ -47,7 +47,7 @@ class Loading:
         self._scheduler = scheduler
         self._waiting = waiting
         self._logs = logs
-        self._loaded = loaded
+        self._on_loaded = on_loaded
         self._under_way: dict[str, tuple[object, Iterator[None]]] = {}  # by job: its fields, and the remaining steps
         self._rounds = 0
         self._is_first = True  # no job was loaded in this round
@@ -160,16 +160,16 @@ class Loading:
         self._scheduler.jobs[row.id] = job
         if not is_of_this_round:
             self._add_missed_kinds(job, row.compiled_scene_id)
-        self._loaded(job, scene)
+        self._on_loaded(job, scene)
 
     def _verify(self, row: Job) -> float:
         """Returns the fraction of batches that are rendered twice for verification: the job's setting, or the farm's."""
         asked: float | None = row.request.get("verify")
         return self._scheduler.verify if asked is None else asked
 
-    def _add_missed_kinds(self, job: ActiveJob, stage: str) -> None:
+    def _add_missed_kinds(self, job: ActiveJob, scene_id: str) -> None:
         """Adds worker kinds for which the scene was compiled after loading began. stage: the scene's id."""
-        scene = self._records.scene(stage)
+        scene = self._records.scene(scene_id)
         for kind, ref in (scene.compiled if scene is not None else {}).items():
             if kind not in job.compiled:
                 job.add_compiled_kind(kind, ref["sha256"])

@@ -114,9 +114,9 @@ class SnapshotHolder:
         """The workers in the latest snapshot."""
         return self.latest.roster
 
-    def record_change(self, what: ItemKind, id: str) -> None:
+    def record_change(self, item_kind: ItemKind, id: str) -> None:
         """Notes that an item has changed. The event is published with the next snapshot."""
-        self._changed[what, id] = None
+        self._changed[item_kind, id] = None
 
     def publish(self, jobs: Mapping[str, ActiveJob], make: Callable[[Mapping[str, JobNumbers]], Snapshot]) -> None:
         """Replaces the snapshot. The numbers of a job that changes all the time are updated ten times a second.
@@ -138,6 +138,6 @@ class SnapshotHolder:
         self._numbers = numbers
         self.latest = make({id: known for id, (_, known) in numbers.items()})
         changed, self._changed = self._changed, late
-        for what, id in changed:
-            if (what, id) not in late:
-                self._events.publish(ItemChanged(what, id))
+        for item_kind, id in changed:
+            if (item_kind, id) not in late:
+                self._events.publish(ItemChanged(item_kind, id))

@@ -50,7 +50,7 @@ class ArtifactResult:
 
 @dataclass
 class _PendingRequest(Generic[Request]):
-    wish: Request
+    request: Request
     answer: Future[ArtifactResult] = field(default_factory=Future)
     lease: Lease | None = None
     sent: int = 0
@@ -86,7 +86,7 @@ class ArtifactTask(ABC, Generic[Request]):
         """Returns the ready workers that can make this artifact."""
 
     @abstractmethod
-    def _send(self, wish: Request, queue: str) -> None:
+    def _send(self, request: Request, queue: str) -> None:
         """Sends a request to a queue. wish: the request; its `work` is its lease's id. Raises QueueError."""
 
     def _queue(self, kind: str) -> str:
@@ -94,7 +94,7 @@ class ArtifactTask(ABC, Generic[Request]):
         return prepare_queue(kind)
 
     @abstractmethod
-    def _is_size(self, size: int, wish: Request) -> bool:
+    def _is_size(self, size: int, request: Request) -> bool:
         """Returns True if `size`, in bytes, is a plausible size of the requested artifact."""
 
     @abstractmethod
@@ -106,14 +106,14 @@ class ArtifactTask(ABC, Generic[Request]):
     def _name(self) -> str:
         """The name of this artifact in error messages."""
 
-    def request(self, wish: Request, version: str = "") -> Future[ArtifactResult]:
+    def request(self, request: Request, version: str = "") -> Future[ArtifactResult]:
         """Requests an artifact and returns a future of it.
 
         wish: the request; its `work` is set later. version: required version of the film; a newer one is accepted. If the same
         artifact is already being made, returns that future. The future raises FarmError if the artifact cannot be made. Raises
         Unavailable if no worker can make it.
         """
-        job, frame = wish.job, wish.frame
+        job, frame = request.job, request.frame
         made = self._made.get((job, frame))
         # Queried without the lock, which the engine's thread needs: the store may be slow.
         if made is not None and made.version == version and self._blobs.exists(made.sha256):
@@ -125,7 +125,7 @@ class ArtifactTask(ABC, Generic[Request]):
             if wanted is None:
                 if self._kind() is None:
                     raise self._no_worker_error()
-                wanted = self._wanted[job, frame] = _PendingRequest(wish)
+                wanted = self._wanted[job, frame] = _PendingRequest(request)
             return wanted.answer
 
     def hand_out(self) -> None:
@@ -150,10 +150,10 @@ class ArtifactTask(ABC, Generic[Request]):
                     )
                     continue
                 kind, queue = place.kind, place.queue
-            patience = self._patience_s + TIMEOUT_S_PER_PIXEL * wanted.wish.width * wanted.wish.height
+            patience = self._patience_s + TIMEOUT_S_PER_PIXEL * wanted.request.width * wanted.request.height
             lease = Lease(key[0], kind, None, patience)
             try:
-                self._send(replace(wanted.wish, work=lease.id), queue)
+                self._send(replace(wanted.request, work=lease.id), queue)
             except QueueError as error:
                 self._fail_request(key, redis_unavailable(error))
                 raise
@@ -184,7 +184,7 @@ class ArtifactTask(ABC, Generic[Request]):
     def _keep_result(self, key: Key, work: str, result: ArtifactResult) -> None:
         with self._lock:
             wanted = self._wanted.get(key)
-        is_there = wanted is not None and is_sha256(result.sha256) and self._is_stored(result.sha256, wanted.wish)
+        is_there = wanted is not None and is_sha256(result.sha256) and self._is_stored(result.sha256, wanted.request)
         with self._lock:
             if wanted is None or self._wanted.get(key) is not wanted or wanted.lease is None or wanted.lease.id != work:
                 return  # given up meanwhile, or its job was deleted
@@ -265,22 +265,22 @@ class ArtifactTask(ABC, Generic[Request]):
         with contextlib.suppress(RuntimeError):  # during shutdown
             self._aside.submit(function, *arguments)
 
-    def _failure(self, why: str) -> FarmError:
+    def _failure(self, reason: str) -> FarmError:
         return Failed(
             Sentence(
                 "artifact-failed",
                 "The {artifact} could not be made: {reason}.",
                 artifact=self._name,
-                reason=(why or Sentence("artifact-file-missing", "its file is missing, or of another size")).rstrip("."),
+                reason=(reason or Sentence("artifact-file-missing", "its file is missing, or of another size")).rstrip("."),
             )
         )
 
-    def _is_stored(self, sha256: str, wish: Request) -> bool:
+    def _is_stored(self, sha256: str, request: Request) -> bool:
         try:
             size = self._blobs.size(sha256)
         except FarmError:
             return False  # an unreachable store counts as a missing blob
-        return size is not None and self._is_size(size, wish)
+        return size is not None and self._is_size(size, request)
 
     def _delete(self, sha256: str) -> None:
         self._events.publish(BlobsReleased(Counter([sha256])))  # other references to this blob may exist

@@ -25,11 +25,11 @@ class Denoising(ArtifactTask[DenoiseFrame]):
     def _queue(self, kind: str) -> str:
         return denoise_queue(kind)
 
-    def _send(self, wish: DenoiseFrame, queue: str) -> None:
-        self._dispatcher.send_denoise(wish, queue)
+    def _send(self, request: DenoiseFrame, queue: str) -> None:
+        self._dispatcher.send_denoise(request, queue)
 
-    def _is_size(self, size: int, wish: DenoiseFrame) -> bool:
-        return size == 3 * 4 * wish.width * wish.height
+    def _is_size(self, size: int, request: DenoiseFrame) -> bool:
+        return size == 3 * 4 * request.width * request.height
 
     def _no_worker_error(self) -> Unavailable:
         if not self._workers.roster.ready_reports():

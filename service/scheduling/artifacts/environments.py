@@ -25,10 +25,10 @@ class Environments(ArtifactTask[ShowEnvironment]):
     def _able_workers(self) -> list[WorkerReport]:
         return [report for report in self._workers.roster.ready_reports() if report.views]
 
-    def _send(self, wish: ShowEnvironment, queue: str) -> None:
-        self._dispatcher.send_environment(wish, queue)
+    def _send(self, request: ShowEnvironment, queue: str) -> None:
+        self._dispatcher.send_environment(request, queue)
 
-    def _is_size(self, size: int, wish: ShowEnvironment) -> bool:
+    def _is_size(self, size: int, request: ShowEnvironment) -> bool:
         return 0 < size <= MOST_BYTES
 
     def _no_worker_error(self) -> Unavailable:
@@ -47,5 +47,5 @@ class Environments(ArtifactTask[ShowEnvironment]):
             )
         )
 
-    def _failure(self, why: str) -> FarmError:
-        return Invalid(with_full_stop(why.rstrip("."))) if why else super()._failure(why)
+    def _failure(self, reason: str) -> FarmError:
+        return Invalid(with_full_stop(reason.rstrip("."))) if reason else super()._failure(reason)

@@ -58,7 +58,7 @@ class FramePreparation:
         self._unfit_kind: dict[str, str] = {}  # kind of the unfit workers, by job
 
     def hand_out(
-        self, jobs: Iterable[tuple[ActiveJob, str | None]], auto: FrameOf, busy: set[tuple[str, int]]
+        self, jobs: Iterable[tuple[ActiveJob, str | None]], automatic_view_of: FrameOf, busy: set[tuple[str, int]]
     ) -> list[ActiveJob]:
         """Sends the frames that are needed next to workers. Raises QueueError.
 
@@ -87,7 +87,7 @@ class FramePreparation:
                 chosen = chosen[: max(1, left // size)]
                 left -= len(chosen) * size
             if chosen:
-                self._send(job, place, chosen, auto(job))
+                self._send(job, place, chosen, automatic_view_of(job))
         return cleared
 
     def discard_job(self, job: str) -> None:
@@ -220,7 +220,7 @@ class FramePreparation:
         awaited = sum(self._sizes.get(job.id, 0) * len(job.agenda.turns.preparing_frames()) for job in jobs)
         return awaited + sum(total_bytes(jobs).values())
 
-    def _send(self, job: ActiveJob, place: Destination, frames: list[ActiveFrame], auto: dict[str, object]) -> None:
+    def _send(self, job: ActiveJob, place: Destination, frames: list[ActiveFrame], automatic_view: dict[str, object]) -> None:
         assert job.shot is not None
         lease = Lease(job.id, place.kind, None, self._deadline_s, queue=place.queue, only=place.worker)
         work = PrepareFrames(
@@ -229,7 +229,7 @@ class FramePreparation:
             scene=job.scene,
             frames=[frame.key for frame in frames],
             base=job.compiled[place.kind],
-            base_auto=auto,
+            base_auto=automatic_view,
             fps=job.shot.fps,
             clip=job.shot.clip,
             camera=job.request.get("camera"),

@@ -134,7 +134,7 @@ class ScenePreparations:
             if lease.kind == kind:
                 lease.has_arrived = True
 
-    def handle_return(self, scene: str, kind: str, why: str, unfit: MachineFault | None = None) -> None:
+    def handle_return(self, scene: str, kind: str, reason: str, unfit: MachineFault | None = None) -> None:
         """Ends the lease of a scene that a worker returned through no fault of the scene; it will be sent again.
 
         unfit: fault of that worker's machine; then the scene is sent to another worker.
@@ -144,9 +144,9 @@ class ScenePreparations:
                 self.leases.end(lease.id)
                 if unfit is not None:
                     self._unfit.add(scene, unfit)
-                    why = str(unfit)
+                    reason = str(unfit)
                 self.progress[scene] = Progress(
-                    joined_sentences(why, Sentence("advice-retried-automatically", "It will be retried.")), 0.0
+                    joined_sentences(reason, Sentence("advice-retried-automatically", "It will be retried.")), 0.0
                 )
 
     def reject_answer(self, scene: str, kind: str) -> bool:

@@ -22,11 +22,11 @@ class MachineFault:
     """A machine's fault as reported by its worker. passing: whether it may be temporary, such as a full disk."""
 
     worker: str
-    why: str
+    reason: str
     passing: bool
 
     def __str__(self) -> str:
-        return Sentence("worker-reason", "{worker}: {reason}.", worker=self.worker, reason=self.why.rstrip("."))
+        return Sentence("worker-reason", "{worker}: {reason}.", worker=self.worker, reason=self.reason.rstrip("."))
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class UnfitMachines:
         report = max(left, key=lambda each: (each.slots, each.name))
         return Destination(report.name, report.kind, own_prepare_queue(report.kind, report.name))
 
-    def error_message(self, owner: str, what: str) -> str:
+    def error_message(self, owner: str, task: str) -> str:
         """Returns the error sentence that lists the faults of all machines tried for a work.
 
         what: the work, as a text that completes "No worker can", such as "prepare this scene".
@@ -81,6 +81,6 @@ class UnfitMachines:
         return Sentence(
             "task-without-worker",
             "No worker can {task}. {faults}",
-            task=what,
+            task=task,
             faults=reduce(joined_sentences, map(str, self._faults[owner].values())),
         )

@@ -23,11 +23,11 @@ class Vectors(ArtifactTask[FrameVectors]):
     def _able_workers(self) -> list[WorkerReport]:
         return [report for report in self._workers.roster.ready_reports() if report.vectors]
 
-    def _send(self, wish: FrameVectors, queue: str) -> None:
-        self._dispatcher.send_vectors(wish, queue)
+    def _send(self, request: FrameVectors, queue: str) -> None:
+        self._dispatcher.send_vectors(request, queue)
 
-    def _is_size(self, size: int, wish: FrameVectors) -> bool:
-        return size == 4 * 4 * wish.width * wish.height
+    def _is_size(self, size: int, request: FrameVectors) -> bool:
+        return size == 4 * 4 * request.width * request.height
 
     def _no_worker_error(self) -> Unavailable:
         if not self._workers.roster.ready_reports():

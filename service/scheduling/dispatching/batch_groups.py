@@ -31,7 +31,7 @@ class SlotGroup:
     batch_s: float
     several: bool  # whether all workers accept several batches in one message
     joint: bool  # whether all workers add up the sums of one tile
-    of_a_tile: int = 1  # maximum number of consecutive batches of one tile
+    max_run: int = 1  # maximum number of consecutive batches of one tile
     most: int = 2  # maximum number of slots to occupy at once
 
 
@@ -57,7 +57,7 @@ def next_batch_groups(job: ActiveJob, slots: SlotGroup) -> list[BatchGroup]:
 
     A batch of unknown duration, or one that failed before, is sent alone, so that it cannot affect others.
     """
-    first = job.next_batch(slots.batch_s, slots.slots, slots.kind, slots.of_a_tile)
+    first = job.next_batch(slots.batch_s, slots.slots, slots.kind, slots.max_run)
     if first is None:
         return []
     if not _has_known_cost(job, first):
@@ -68,7 +68,7 @@ def next_batch_groups(job: ActiveJob, slots: SlotGroup) -> list[BatchGroup]:
         and job.expected_s(first) < GROUP_DURATION_SHARE * job.target_s(slots.batch_s, slots.slots)
     ):
         return _batches_of_many_tiles(job, slots, first)
-    return _batches_of_one_tile(job, slots, first) if slots.joint and slots.of_a_tile > 1 else [BatchGroup([first])]
+    return _batches_of_one_tile(job, slots, first) if slots.joint and slots.max_run > 1 else [BatchGroup([first])]
 
 
 def batch_message(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
@@ -111,9 +111,9 @@ def _batches_of_many_tiles(job: ActiveJob, slots: SlotGroup, first: Range) -> li
 
 def _batches_of_one_tile(job: ActiveJob, slots: SlotGroup, first: Range) -> list[BatchGroup]:
     batches = [first]
-    while len(batches) < min(slots.of_a_tile, slots.most):
+    while len(batches) < min(slots.max_run, slots.most):
         last = batches[-1]
-        batch = job.next_batch(slots.batch_s, slots.slots, slots.kind, slots.of_a_tile)
+        batch = job.next_batch(slots.batch_s, slots.slots, slots.kind, slots.max_run)
         if batch is None:
             break
         if batch[:2] != (last.tile, last.first + last.count) or batch.frame != last.frame or not _has_known_cost(job, batch):

@@ -77,7 +77,7 @@ class Lease:
         """
         return 0.0 if self.is_joint or self.is_of_card or self.held_since is None else max(now - self.held_since - seconds, 0.0)
 
-    def record_poll(self, is_seen: bool, end: Callable[[], Position], allowed: float = MAX_UNSEEN_POLLS) -> None:
+    def record_poll(self, is_seen: bool, stream_end: Callable[[], Position], max_unseen: float = MAX_UNSEEN_POLLS) -> None:
         """Records whether a check found the lease in its queue or with a worker (is_seen).
 
         end: returns the end of the result stream. allowed: number of successive checks in which the lease may be unseen.
@@ -90,8 +90,8 @@ class Lease:
             self.unseen, self.answered_by = 0, None
             return
         self.unseen += 1
-        if self.answered_by is None or self.unseen <= allowed:
-            self.answered_by = end()
+        if self.answered_by is None or self.unseen <= max_unseen:
+            self.answered_by = stream_end()
 
 
 class Leases:

@@ -82,14 +82,14 @@ class LostLeaseFinder:
         self._clock = clock
 
     def find_lost(
-        self, jobs: Mapping[str, ActiveJob], results: ResultStream, travel_s: float = 0.0
+        self, jobs: Mapping[str, ActiveJob], results: ResultStream, transit_s: float = 0.0
     ) -> Iterator[tuple[Lease, LossVerdict]]:
         """Yields the lost and late leases with the reasons. Raises redis.RedisError.
 
         A lease whose answer may be among unread results is not lost. travel_s: transit time of results in seconds; a message to a
         worker takes about as long, and in this time no worker reports it.
         """
-        allowed = MAX_UNSEEN_POLLS + travel_s
+        max_unseen = MAX_UNSEEN_POLLS + transit_s
         waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._queues.waiting_messages(queue)}
         roster = self._workers.roster
         held = HeldBatches(roster)
@@ -100,7 +100,7 @@ class LostLeaseFinder:
         for lease in out:
             holder = held.holder_of(lease, jobs[lease.owner])
             is_at_site, waits = held.waits_at_site(lease), lease.message in waiting
-            lease.record_poll(holder is not None or is_at_site or waits, end, allowed)
+            lease.record_poll(holder is not None or is_at_site or waits, end, max_unseen)
             lease.waited = now if waits else lease.waited
             lease.holder = holder or lease.holder
             lease.held_since = lease.held_since or (now if holder else None)
@@ -112,12 +112,12 @@ class LostLeaseFinder:
             waits_here = lease.has_begun and lease.is_held and not is_at_work
             is_rendered = lease.is_joint and (waits_here or held.waits_at_site(lease))
             self._leases.update_state(lease, is_gone and lease.holder in living, is_rendered)
-            fate = self._verdict(lease, is_gone, is_late, allowed)
+            fate = self._verdict(lease, is_gone, is_late, max_unseen)
             may_be_answered = lease.answered_by is not None and not results.has_read(lease.answered_by)
             if fate is LossVerdict.LATE or (fate is not None and lease.message not in waiting and not may_be_answered):
                 yield lease, fate
 
-    def _verdict(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], allowed: float) -> LossVerdict | None:
+    def _verdict(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], max_unseen: float) -> LossVerdict | None:
         """Returns why a lease is lost or late; None if it is neither.
 
         is_gone: its worker does not report. is_late: some worker's report is overdue, so that worker may have the lease without a
@@ -129,7 +129,7 @@ class LostLeaseFinder:
             return LossVerdict.DEAD
         if lease.is_overdue(self._clock.monotonic()) and (lease.is_held or not is_late()):
             return LossVerdict.OVERDUE
-        if lease.unseen >= allowed and not is_late():
+        if lease.unseen >= max_unseen and not is_late():
             return LossVerdict.UNSEEN
         since = lease.held_since or lease.issued
         is_straggler = lease.is_held and self._clock.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)

@@ -73,7 +73,7 @@ class Scheduler:
         self.leases = Leases()
         self._missing = LostLeaseFinder(self.leases, workers, dispatcher)
         self.jobs: dict[str, ActiveJob] = {}
-        self.line_up = JobQueue(workers, self.jobs)
+        self.job_queue = JobQueue(workers, self.jobs)
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
         self._places: list[SitePlace] = []  # sites, during one call of `hand_out`
@@ -96,7 +96,7 @@ class Scheduler:
             slots = self._workers.roster.cpu_slots(kind)
             room = self._pace.scaled_room(self._window(slots, kind) - self.leases.occupied_slots(kind))
             cards = self._cards.places(kind)
-            turns = self.line_up.by_priority(kind) if room > 0 or any(place.room > 0 for place in cards) else {}
+            turns = self.job_queue.by_priority(kind) if room > 0 or any(place.room > 0 for place in cards) else {}
             if not turns:
                 continue
             self._sent.clear()
@@ -106,10 +106,10 @@ class Scheduler:
                     self._fill_cards(cards, turns, kind, slots, start)
                     held = self.leases.slots_by_job()
                     shares_held = self.outstanding_by_share(held)
-                    pools: dict[str, QueueCapacity] = {}
+                    capacities: dict[str, QueueCapacity] = {}
                     for priority in sorted(turns, reverse=True):
-                        line = self.shares.queue_of(kind, turns[priority], held, shares_held)
-                        room -= self._serve_priority(line, kind, slots, room, start, pools)
+                        queue = self.shares.queue_of(kind, turns[priority], held, shares_held)
+                        room -= self._serve_priority(queue, kind, slots, room, start, capacities)
                         if room <= 0:
                             break
             except QueueError:
@@ -128,8 +128,8 @@ class Scheduler:
             held = self.leases.slots_by_job()
             shares_held = self.outstanding_by_share(held)
             for priority in sorted(turns, reverse=True):
-                line = self.shares.queue_of(kind, turns[priority], held, shares_held)
-                while place.room > 0 and (job := line.next_job()) is not None:
+                queue = self.shares.queue_of(kind, turns[priority], held, shares_held)
+                while place.room > 0 and (job := queue.next_job()) is not None:
                     if not self._may_serve(job) or not self._cards.meets_needs(place, job):
                         continue
                     if place.accepts(job) and not job.card_sample_s(place.worker) and self.leases.slots_waiting_in(place.queue):
@@ -139,7 +139,7 @@ class Scheduler:
                     self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
                     if new := self._sent[sent:]:
                         place.room -= 1
-                        line.record_served(job, 1, sum(lease.charged_s for lease in new))
+                        queue.record_served(job, 1, sum(lease.charged_s for lease in new))
 
     def _hand_to_card(self, job: ActiveJob, kind: str, place: CardPlace, cpu_slots: int, start: StartJob) -> None:
         """Dispatches one message to a worker with graphics cards. Does nothing if the job has no batch for it. Raises QueueError.
@@ -152,12 +152,12 @@ class Scheduler:
             return
         if place.accepts(job):
             found = self._cards.next_message(job, kind, place, cpu_slots)
-            handfuls = [] if found is None else [found]
+            groups = [] if found is None else [found]
         else:
             batch_s = self._pace.batch_s(place.slots, job.rendered_s / max(place.slots, 1))
             groups = next_batch_groups(job, SlotGroup(kind, place.slots, batch_s, several=True, joint=False, most=1))
-            handfuls = [replace(group, queue=place.queue, only=place.worker) for group in groups]
-        self._send_all(job, kind, handfuls)
+            groups = [replace(group, queue=place.queue, only=place.worker) for group in groups]
+        self._send_all(job, kind, groups)
 
     def _may_serve(self, job: ActiveJob) -> bool:
         return self._bulkheads.may_render(job.id) and time.monotonic() >= job.rests_until and not job.is_done
@@ -175,40 +175,44 @@ class Scheduler:
 
     def _serve_priority(
         self,
-        line: ShareQueue[ActiveJob],
+        queue: ShareQueue[ActiveJob],
         kind: str,
         slots: int,
         free_slots: int,
         start: StartJob,
-        pools: dict[str, QueueCapacity],
+        capacities: dict[str, QueueCapacity],
     ) -> int:
         """Dispatches batches of jobs of one priority for up to `free_slots` slots; returns the number of slots used.
 
         pools: capacities of the queues for worker requirements, by queue; computed on demand.
         """
         handed_out = 0
-        while handed_out < free_slots and (job := line.next_job()) is not None:
+        while handed_out < free_slots and (job := queue.next_job()) is not None:
             if not self._may_serve(job):
                 continue
-            pool = QueueCapacity(slots, free_slots) if job.needs is None else self._pool(job.needs.queue(kind), kind, pools)
-            if pool.room <= 0:
+            capacity = (
+                QueueCapacity(slots, free_slots)
+                if job.needs is None
+                else self._capacity_of(job.needs.queue(kind), kind, capacities)
+            )
+            if capacity.room <= 0:
                 continue
-            if not job.knows_cost and line.held >= max(MAX_UNMEASURED_BATCHES, len(job.film.tiles)):
+            if not job.knows_cost and queue.held >= max(MAX_UNMEASURED_BATCHES, len(job.film.tiles)):
                 continue  # single samples on many slots cost more than they gain
             sent = len(self._sent)
-            hand_out = partial(self._hand_out, job, kind, pool.slots, start, min(line.left, pool.room))
+            hand_out = partial(self._hand_out, job, kind, capacity.slots, start, min(queue.left, capacity.room))
             self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
             if new := self._sent[sent:]:
                 taken = len({lease.slot_unit for lease in new})
                 handed_out += taken
-                pool.room -= taken
-                line.record_served(job, taken, sum(lease.charged_s for lease in new))
+                capacity.room -= taken
+                queue.record_served(job, taken, sum(lease.charged_s for lease in new))
         return handed_out
 
     def _window(self, slots: int, kind: str) -> int:
         return self._pace.window(slots, self._settings.window_per_slot, self._workers.roster.accepts_joint(kind))
 
-    def _pool(self, queue: str, kind: str, cache: dict[str, QueueCapacity]) -> QueueCapacity:
+    def _capacity_of(self, queue: str, kind: str, cache: dict[str, QueueCapacity]) -> QueueCapacity:
         """Returns the capacity of the workers that serve a queue for requirements, computed once per call of `hand_out`."""
         if queue not in cache:
             slots = self._workers.roster.slots_serving(queue, of_cpu=True).get(kind, 0)
@@ -225,24 +229,24 @@ class Scheduler:
             return
         roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
         several, joint = roster.accepts_several(kind), roster.accepts_joint(kind)
-        of_a_tile = self._pace.batches_of_a_tile(slots, joint)
-        place = self._choose_site(job) if joint and of_a_tile > 1 else None
+        max_run = self._pace.batches_of_a_tile(slots, joint)
+        place = self._choose_site(job) if joint and max_run > 1 else None
         if place is not None:
-            of_a_tile, max_slots = self._pace.batches_of_a_site(place.slots), min(max_slots, place.room)
-        handfuls = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, of_a_tile, max_slots))
+            max_run, max_slots = self._pace.batches_of_a_site(place.slots), min(max_slots, place.room)
+        groups = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, max_run, max_slots))
         if place is not None:
             hold_s = self._pace.site_hold_s(batch_s)
-            handfuls = [message for handful in handfuls for message in place.split_for_machines(handful, hold_s)]
-        self._send_all(job, kind, handfuls)
+            groups = [message for group in groups for message in place.split_for_machines(group, hold_s)]
+        self._send_all(job, kind, groups)
 
-    def _send_all(self, job: ActiveJob, kind: str, handfuls: list[BatchGroup]) -> None:
+    def _send_all(self, job: ActiveJob, kind: str, groups: list[BatchGroup]) -> None:
         """Sends messages. Puts the batches of messages that could not be sent back into the plan. Raises QueueError."""
         try:
-            while handfuls:
-                self._send(job, kind, handfuls[0])
-                handfuls.pop(0)
+            while groups:
+                self._send(job, kind, groups[0])
+                groups.pop(0)
         except BaseException:
-            for batch in (batch for handful in handfuls for batch in handful.batches):
+            for batch in (batch for group in groups for batch in group.batches):
                 job.requeue(batch)
             raise
 
@@ -252,24 +256,24 @@ class Scheduler:
             return None
         return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)
 
-    def _send(self, job: ActiveJob, kind: str, handful: BatchGroup) -> None:
+    def _send(self, job: ActiveJob, kind: str, group: BatchGroup) -> None:
         """Sends the batches of one message and creates their leases. Raises QueueError; then there are no leases."""
-        batches, leases = handful.batches, list[Lease]()
+        batches, leases = group.batches, list[Lease]()
         expected = 0.0
         for batch in batches:
-            seconds = job.expected_s(batch, handful.only if handful.is_of_card else "")
+            seconds = job.expected_s(batch, group.only if group.is_of_card else "")
             expected += seconds
             trouble = job.trouble.get(batch)
             patience = max(self._settings.batch_deadline, 10 * expected) * 2 ** (trouble.losses if trouble else 0)
-            leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=handful.is_joint))
-            leases[-1].queue = handful.queue or job.queue_name(kind)
-            leases[-1].only, leases[-1].is_of_card = handful.only, handful.is_of_card
+            leases.append(Lease(job.id, kind, batch, patience, expected, is_joint=group.is_joint))
+            leases[-1].queue = group.queue or job.queue_name(kind)
+            leases[-1].only, leases[-1].is_of_card = group.only, group.is_of_card
             leases[-1].charged_s = seconds or self._settings.batch_seconds
             leases[-1].message = leases[0].id
-        if handful.is_joint:
+        if group.is_joint:
             hold_s = self._pace.hold_s(expected / len(batches))
-            self._dispatcher.send_joint(joint_message(job, leases, batches, hold_s, handful.run), leases[0].queue)
-        elif handful.is_of_card:
+            self._dispatcher.send_joint(joint_message(job, leases, batches, hold_s, group.run), leases[0].queue)
+        elif group.is_of_card:
             works = [batch_message(job, lease, batch) for lease, batch in zip(leases, batches, strict=True)]
             self._dispatcher.send_card(CardBatches(tuple(works)), leases[0].queue, leases[0].id)
         elif len(leases) == 1:
@@ -280,7 +284,7 @@ class Scheduler:
         self._sent += leases
         for lease in leases:
             self.leases.add(lease)
-        job.history.log.count_given(len(batches))
+        job.history.log.count_dispatched(len(batches))
         job.served = next(self._turn)
 
     def mark_answered(self, owner: str, lease: str) -> None:
@@ -361,7 +365,7 @@ class Scheduler:
             self._quarantine_if_alone(worker)
         return None
 
-    def handle_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
+    def handle_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, reason: str) -> None:
         """Handles a batch that a worker sent back because of a fault of the worker: puts it back into the plan.
 
         Does not count against the job.
@@ -370,17 +374,17 @@ class Scheduler:
         if ended is None:
             return
         batch = ended.batch or batch
-        if job.handed_back != why:
-            log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
-            job.history.log.add_line(f"{batch_description(batch)} is handed out again: {why}")
-        job.handed_back = why
+        if job.handed_back != reason:
+            log.info("job %s: %s", job.id, reason, extra=ids(job=job.id, batch=lease, worker=worker))
+            job.history.log.add_line(f"{batch_description(batch)} is handed out again: {reason}")
+        job.handed_back = reason
         job.requeue(batch)
         self.suspicion.record_failure(worker, (job.id, batch))
         self._quarantine_if_alone(worker)
         if not self._other_ready_workers(worker):
             job.rests_until = time.monotonic() + RETURNED_PAUSE_S
 
-    def handle_card_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, why: str) -> None:
+    def handle_card_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, reason: str) -> None:
         """Handles a batch that a graphics card cannot render: puts it back into the plan.
 
         From then on, that worker's cards get no batches of this job.
@@ -389,8 +393,8 @@ class Scheduler:
         if ended is None:
             return
         if worker not in job.card_refusals:
-            log.info("job %s: %s", job.id, why, extra=ids(job=job.id, batch=lease, worker=worker))
-            job.history.log.add_line(f"{worker}: {why}")
+            log.info("job %s: %s", job.id, reason, extra=ids(job=job.id, batch=lease, worker=worker))
+            job.history.log.add_line(f"{worker}: {reason}")
         job.card_refusals.add(worker)
         job.requeue(ended.batch or batch)
 
@@ -446,17 +450,17 @@ class Scheduler:
         failures = self.suspicion.failures_of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
             log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
-            why = Sentence(
+            reason = Sentence(
                 "worker-quarantined-failures",
                 "Set aside: {failures} of its batches failed while other workers rendered theirs. Check its log, then resume it.",
                 failures=failures,
             )
-            self.quarantine(worker, why)
+            self.quarantine(worker, reason)
 
-    def quarantine(self, worker: str, why: str) -> None:
+    def quarantine(self, worker: str, reason: str) -> None:
         """Quarantines a worker: pauses it until a user resumes it."""
         with suppress(redis.RedisError):  # the worker fails again and is paused then
-            self._workers.pause(worker, why)
+            self._workers.pause(worker, reason)
             self._workers.refresh(now=True)
 
     def _other_ready_workers(self, worker: str) -> list[str]:

@@ -39,14 +39,14 @@ class SitePlace:
     slots: int
     room: int
 
-    def split_for_machines(self, handful: BatchGroup, hold_s: float) -> list[BatchGroup]:
+    def split_for_machines(self, group: BatchGroup, hold_s: float) -> list[BatchGroup]:
         """Divides the joint batches of a tile into messages of about equal size for the site's machines.
 
         Other groups are unchanged.
         """
-        if not handful.is_joint:
-            return [handful]
-        batches = handful.batches
+        if not group.is_joint:
+            return [group]
+        batches = group.batches
         self.room -= len(batches)
         run = Run(self.name, batches[0].first, sum(batch.count for batch in batches), hold_s)
         messages = -(-len(batches) // MAX_JOINT_BATCHES)

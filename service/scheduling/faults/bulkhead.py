@@ -177,8 +177,8 @@ class Bulkheads:
         self._delay(id, step, sentence, began)
         self._database_until = self._waits[id][step].until
 
-    def _delay(self, id: str, step: Step, why: str, began: float) -> None:
-        sentence = Sentence("job-waits-because", "Waits: {reason}", reason=in_lower_case(why))
+    def _delay(self, id: str, step: Step, reason: str, began: float) -> None:
+        sentence = Sentence("job-waits-because", "Waits: {reason}", reason=in_lower_case(reason))
         waits = self._waits.setdefault(id, {})
         if step not in waits:
             log.warning("%s: %s (%s)", id, sentence, step, extra=ids(owner=id))

@@ -158,11 +158,11 @@ class WorkerSnapshot:
 class Workers:
     """Polls the workers' reports, and pauses workers. Each poll replaces `roster` with a new snapshot, in the engine's thread."""
 
-    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None], put_aside: DeadLetters) -> None:
+    def __init__(self, connection: redis.Redis, on_change: Callable[[str], None], dead_letters: DeadLetters) -> None:
         """Creates an empty roster. on_change: called with the name of a worker that has changed. put_aside: dead-letter list for
         invalid reports.
         """
-        self._put_aside = put_aside
+        self._dead_letters = dead_letters
         self._redis = connection
         self._on_change = on_change
         self._last_polled = -math.inf
@@ -185,7 +185,11 @@ class Workers:
         reports = {report.name: report for report in found if report is not None}
         names = sorted(reports)
         whys: Any = self._redis.mget([pause_key(name) for name in names]) if names else []
-        orders = {name: from_text(why.decode(errors="replace")) for name, why in zip(names, whys, strict=True) if why is not None}
+        orders = {
+            name: from_text(reason.decode(errors="replace"))
+            for name, reason in zip(names, whys, strict=True)
+            if reason is not None
+        }
         told: Any = self._redis.mget([vitals_key(name) for name in names]) if names else []
         vitals = self._parse_all(Vitals.from_bytes, vitals_key, names, told)
         said: Any = self._redis.mget([offer_key(name) for name in names]) if names else []
@@ -256,9 +260,9 @@ class Workers:
         self._vanished = {name: since for name, since in self._vanished.items() if name in living}
         return living
 
-    def pause(self, name: str, why: str) -> None:
+    def pause(self, name: str, reason: str) -> None:
         """Pauses a worker until `resume` is called. why: the reason, for users. Thread-safe. Raises redis.RedisError."""
-        self._redis.set(pause_key(name), to_text(why), ex=PAUSE_TTL_S)
+        self._redis.set(pause_key(name), to_text(reason), ex=PAUSE_TTL_S)
 
     def pause_reasons(self) -> dict[str, str]:
         """Returns the reasons of all paused workers by name, including workers that are not connected.
@@ -268,8 +272,8 @@ class Workers:
         keys = list(self._redis.scan_iter(pause_key("*"), count=1000))
         values: Any = self._redis.mget(keys) if keys else []
         prefix = len(pause_key(""))
-        found = ((key.decode(errors="replace")[prefix:], why) for key, why in zip(keys, values, strict=True))
-        return {name: from_text(why.decode(errors="replace")) for name, why in found if why is not None}
+        found = ((key.decode(errors="replace")[prefix:], reason) for key, reason in zip(keys, values, strict=True))
+        return {name: from_text(reason.decode(errors="replace")) for name, reason in found if reason is not None}
 
     def resume(self, name: str) -> None:
         """Resumes a paused worker. Thread-safe. Raises redis.RedisError."""
@@ -316,7 +320,7 @@ class Workers:
                 if len(self._strange) >= MAX_INVALID_KEYS:
                     self._strange.clear()
                 self._strange.add(key)
-                self._put_aside.add(key.decode(errors="backslashreplace")[:200], error, value)
+                self._dead_letters.add(key.decode(errors="backslashreplace")[:200], error, value)
             return None
         self._strange.discard(key)
         return told

@@ -42,7 +42,10 @@ class Deadlines:
     """The late jobs. Used only by the engine's thread."""
 
     def __init__(
-        self, records: DeadlineRecords, run: Callable[[str, Callable[[], object]], bool], tell: Callable[[ItemKind, str], None]
+        self,
+        records: DeadlineRecords,
+        run: Callable[[str, Callable[[], object]], bool],
+        record_change: Callable[[ItemKind, str], None],
     ) -> None:
         """Stores the parameters.
 
@@ -51,7 +54,7 @@ class Deadlines:
         """
         self._records = records
         self._run = run
-        self._tell = tell
+        self._record_change = record_change
         self._since: dict[str, float] = {}  # by job: since when its forecast contradicts its known state
         self._last_recorded = -math.inf
         self._next_update = -math.inf
@@ -78,7 +81,7 @@ class Deadlines:
                 job.expected, job.unforeseen, job.urgency = None, None, math.inf
                 continue
             found = forecast(job, now)
-            job.expected, job.unforeseen = found.at, found.why
+            job.expected, job.unforeseen = found.at, found.reason
             if (changed := self._changed_lateness(job, now)) is not None:
                 self._run(job.id, lambda job=job, late=changed: self._log_change(job, late, now))  # type: ignore[misc]
         if now - self._last_recorded >= RECORDS_EVERY_S:
@@ -106,10 +109,10 @@ class Deadlines:
         job.urgency = job.deadline if is_late and job.deadline is not None else math.inf
         job.history.add_event("late" if is_late else "in-time")
         job.history.log.add_line("is expected after its deadline" if is_late else "is expected by its deadline again")
-        self._tell("job", job.id)
+        self._record_change("job", job.id)
 
     def _record_overdue(self, active: dict[str, ActiveJob], now: float) -> None:
         """Marks overdue jobs as late that are not active in the engine, such as those waiting for a scene or for other jobs."""
         for id in self._records.find_overdue(now):
             if id not in active and self._records.store_lateness(id, now):
-                self._tell("job", id)
+                self._record_change("job", id)

@@ -24,7 +24,7 @@ from renderer.sentences import Sentence
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.shares import Shares
 
-__all__ = ["Forecast", "Forecaster", "JobLines", "RemainingWork"]
+__all__ = ["Forecast", "Forecaster", "QueuedJobs", "RemainingWork"]
 
 UPDATE_EVERY_S = 1.0
 VALIDITY_FACTOR = 20  # validity of a computation, as a multiple of its duration
@@ -38,10 +38,10 @@ class Forecast:
     """Forecast of a job. at: Unix time of completion; None if there is no forecast. why: then the reason, as a sentence."""
 
     at: float | None
-    why: str | None = None
+    reason: str | None = None
 
 
-class JobLines(Protocol):
+class QueuedJobs(Protocol):
     """Interface of the job queue used here; implemented by service/scheduling/dispatching/job_queue.py."""
 
     def kind_for(self, job: ActiveJob) -> str | None:
@@ -137,7 +137,7 @@ class RemainingWork:
 class Forecaster:
     """Computes forecasts of jobs. Used only by the engine's thread."""
 
-    def __init__(self, lines: JobLines, shares: Shares) -> None:
+    def __init__(self, lines: QueuedJobs, shares: Shares) -> None:
         self._lines = lines
         self._shares = shares
         self._crowds: dict[str, tuple[float, RemainingWork]] = {}  # by kind: end of validity, crowd

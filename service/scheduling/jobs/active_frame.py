@@ -56,9 +56,9 @@ class ActiveFrame:
     """A frame of an active job. Changed only by the engine's thread."""
 
     __slots__ = (
-        *("_due", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_plan", "_recorded", "_share", "_sums"),
-        *("bad_samples", "ceiling", "compiled", "error", "film", "is_idle", "is_preparing", "key", "noise", "noise_asked"),
-        *("_on_change", "_settings", "_stored", "own", "spp", "state"),
+        *("_due", "_expected_spp", "_focus", "_is_measured", "_is_told_anew", "_json", "_measured", "_on_change", "_plan"),
+        *("_recorded", "_settings", "_stored", "_sums", "bad_samples", "ceiling", "compiled", "error", "film", "is_idle"),
+        *("is_preparing", "key", "noise", "noise_asked", "own", "spp", "state"),
     )
 
     def __init__(
@@ -70,7 +70,7 @@ class ActiveFrame:
         spp: int,
         noise: float | None,
         is_measured: bool = False,
-        share: int | None = None,
+        expected_spp: int | None = None,
         on_change: Callable[[int], None] = _ignore,
     ) -> None:
         """Creates the frame from its row.
@@ -102,7 +102,7 @@ class ActiveFrame:
         self._is_told_anew = False
         self._due: dict[int, None] = {}  # tiles whose noise is to be estimated when time permits
         self._recorded = row.samples, row.target
-        self._share = share
+        self._expected_spp = expected_spp
         self._plan: FramePlan | None = None
         self._focus: Tile | None = None
         self._sums: tuple[int, int] | None = None  # samples and target; None after a change of the plan
@@ -191,8 +191,8 @@ class ActiveFrame:
                 samples, target = self._recorded
             else:
                 samples, target = self._plan.samples, self._plan.target_samples
-            if self._share is not None:
-                target = max(samples, max(self.ceiling, self._share) * pixels)
+            if self._expected_spp is not None:
+                target = max(samples, max(self.ceiling, self._expected_spp) * pixels)
             self._sums = samples, samples if self.state == "finished" else target or self.spp * pixels
         return self._sums
 
@@ -217,13 +217,13 @@ class ActiveFrame:
         self.is_idle = False
         self._notify_change()
 
-    def next_batch(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
+    def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1) -> Range | None:
         """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmUnavailable or FilmLost.
 
         samples_wanted: returns the suitable number of samples for a tile. of_a_tile: maximum number of consecutive batches of one
         tile.
         """
-        return self.plan.next_batch(samples_wanted, of_a_tile)
+        return self.plan.next_batch(samples_wanted, max_run)
 
     def requeue(self, batch: Range) -> None:
         """Puts a lost batch back into the plan, to be dispatched again."""
@@ -256,7 +256,7 @@ class ActiveFrame:
         """
         found = False
         for tile in list(self._due):
-            if self._share is None and not budget.has_time():  # the next round of a shot depends on this noise
+            if self._expected_spp is None and not budget.has_time():  # the next round of a shot depends on this noise
                 break
             del self._due[tile]
             covered = self._coverage(tile)

@@ -292,7 +292,7 @@ class ActiveJob:
 
         return self._next(kind, samples_wanted, 1)
 
-    def next_batch(self, batch_seconds: float, slots: int, kind: str, of_a_tile: int = 1) -> Range | None:
+    def next_batch(self, batch_seconds: float, slots: int, kind: str, max_run: int = 1) -> Range | None:
         """Returns the next batch for a slot, of about `batch_seconds` or shorter near the end; None if there is none.
 
         slots: number of slots of this worker kind. of_a_tile: maximum number of consecutive batches of one tile.
@@ -304,11 +304,11 @@ class ActiveJob:
             a_sample = self._costs.expected_cost(tile) * rect.w * rect.h
             return int(aim / a_sample) if a_sample > 0.0 else 1
 
-        return self._next(kind, samples_wanted, of_a_tile)
+        return self._next(kind, samples_wanted, max_run)
 
-    def _next(self, kind: str, samples_wanted: Callable[[int], int], of_a_tile: int) -> Range | None:
+    def _next(self, kind: str, samples_wanted: Callable[[int], int], max_run: int) -> Range | None:
         while (frame := self.agenda.next_frame(kind)) is not None:
-            batch = frame.next_batch(samples_wanted, of_a_tile)
+            batch = frame.next_batch(samples_wanted, max_run)
             if batch is not None:
                 return batch
             if not self.agenda.raise_ceiling(frame):

@@ -39,18 +39,18 @@ class History:
         self.has_changed = False
         self.log = JobLog()
         self._workers: set[str] = set()
-        for _, kind, words in self.events:
+        for _, kind, detail in self.events:
             if kind == "worker":
-                self._workers.add(words)
+                self._workers.add(detail)
             elif kind == "left":
-                self._workers.discard(words)
+                self._workers.discard(detail)
 
     @classmethod
     def parse(cls, data: Mapping[str, Any] | None) -> Self:
         """Parses the column of a job's row. An invalid value gives an empty history."""
         try:
             points = [[float(s), float(n), None if e is None else float(e)] for s, n, e in (data or {}).get("points", [])]
-            events = [[float(at), str(kind), str(words)] for at, kind, words in (data or {}).get("events", [])]
+            events = [[float(at), str(kind), str(detail)] for at, kind, detail in (data or {}).get("events", [])]
         except (TypeError, ValueError, AttributeError):
             return cls()
         return cls(points, events)
@@ -73,14 +73,14 @@ class History:
         self.points.append([round(seconds, 3), float(samples), noise])
         self.has_changed = True
 
-    def add_event(self, kind: str, words: str = "") -> None:
+    def add_event(self, kind: str, detail: str = "") -> None:
         """Adds an event with the current time, and logs it. An event equal to the latest one is only logged."""
-        self.log.add_line(SENTENCES.get(kind, kind).format(words or "somebody"))
-        if self.events and self.events[-1][1:] == [kind, words]:
+        self.log.add_line(SENTENCES.get(kind, kind).format(detail or "somebody"))
+        if self.events and self.events[-1][1:] == [kind, detail]:
             return
         if len(self.events) >= MOST_EVENTS:
             del self.events[1]
-        self.events.append([round(time.time(), 2), kind, words])
+        self.events.append([round(time.time(), 2), kind, detail])
         self.has_changed = True
 
     def rendered_by(self, worker: str) -> None:

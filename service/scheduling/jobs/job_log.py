@@ -35,7 +35,7 @@ class JobLog:
     def __init__(self) -> None:
         self._lines: list[str] = []
         self.counts: set[str] = set()  # pending lines that count batches
-        self._given = 0
+        self._dispatched = 0
         self._back: dict[str, list[float]] = {}  # by worker: batches, samples, seconds
 
     def add_line(self, text: str, details: str = "") -> None:
@@ -45,9 +45,9 @@ class JobLog:
         for line in details.splitlines():
             self._add(f"    {line}")
 
-    def count_given(self, batches: int) -> None:
+    def count_dispatched(self, batches: int) -> None:
         """Counts dispatched batches."""
-        self._given += batches
+        self._dispatched += batches
 
     def count_returned(self, worker: str, samples: int, seconds: float) -> None:
         """Counts a returned batch."""
@@ -63,9 +63,9 @@ class JobLog:
         return "".join(f"{line}\n" for line in lines)
 
     def _add_counts(self) -> None:
-        if self._given:
-            self.counts.add(self._add(f"handed out: {_batches(self._given)}"))
-            self._given = 0
+        if self._dispatched:
+            self.counts.add(self._add(f"handed out: {_batches(self._dispatched)}"))
+            self._dispatched = 0
         for worker, (batches, samples, seconds) in self._back.items():
             said = f"back from {worker}: {_batches(int(batches))}, {int(samples):,} samples in {seconds:.2f} s of its slots"
             self.counts.add(self._add(said))

@@ -27,23 +27,23 @@ class LazyHeap(Generic[Priority]):
 
     def __init__(self) -> None:
         self._heap: list[tuple[Priority, int]] = []
-        self._places: dict[int, Priority] = {}
+        self._priorities: dict[int, Priority] = {}
 
     def __len__(self) -> int:
-        return len(self._places)
+        return len(self._priorities)
 
-    def put(self, key: int, place: Priority) -> None:
+    def put(self, key: int, priority: Priority) -> None:
         """Adds a key with this priority, or changes its priority."""
-        if self._places.get(key) != place:
-            self._places[key] = place
-            heapq.heappush(self._heap, (place, key))
-            if len(self._heap) > 2 * len(self._places) + MAX_OUTDATED:
-                self._heap = [(place, key) for key, place in self._places.items()]
+        if self._priorities.get(key) != priority:
+            self._priorities[key] = priority
+            heapq.heappush(self._heap, (priority, key))
+            if len(self._heap) > 2 * len(self._priorities) + MAX_OUTDATED:
+                self._heap = [(priority, key) for key, priority in self._priorities.items()]
                 heapq.heapify(self._heap)
 
     def drop(self, key: int) -> None:
         """Removes a key if it is present."""
-        self._places.pop(key, None)
+        self._priorities.pop(key, None)
 
     def smallest(self) -> tuple[Priority, int] | None:
         """Returns the smallest priority with its key; None if the heap is empty."""
@@ -60,17 +60,17 @@ class LazyHeap(Generic[Priority]):
             heapq.heappush(self._heap, entry)
         return list(taken)
 
-    def count_before(self, place: Priority, max_count: int) -> int:
+    def count_before(self, priority: Priority, max_count: int) -> int:
         """Returns the number of keys with a smaller priority than `place`, at most `max_count`."""
         found: set[int] = set()
         look = [0]
         while look and len(found) < max_count:
             at = look.pop()
-            if at < len(self._heap) and self._heap[at][0] < place:
+            if at < len(self._heap) and self._heap[at][0] < priority:
                 if self._is_current(self._heap[at]):
                     found.add(self._heap[at][1])
                 look += (2 * at + 1, 2 * at + 2)
         return len(found)
 
     def _is_current(self, entry: tuple[Priority, int]) -> bool:
-        return self._places.get(entry[1]) == entry[0]
+        return self._priorities.get(entry[1]) == entry[0]

@@ -141,7 +141,7 @@ class FramePlan:
         heapq.heapify(self._focused)
         heapq.heapify(self._heap)
 
-    def next_batch(self, samples_wanted: Callable[[int], int], of_a_tile: int = 1) -> Range | None:
+    def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1) -> Range | None:
         """Returns the next batch; None if all are dispatched.
 
         samples_wanted: returns the suitable number of samples for a tile. of_a_tile: maximum number of consecutive batches of one
@@ -158,11 +158,11 @@ class FramePlan:
             self._requeue_gaps(lost, covered)
         is_first_wave = bool(self._heap) and self._heap[0][0] == 0
         for heap in (self._heap, self._focused) if is_first_wave else (self._focused, self._heap):
-            if (batch := self._next_from(heap, samples_wanted, of_a_tile)) is not None:
+            if (batch := self._next_from(heap, samples_wanted, max_run)) is not None:
                 return batch
         return None
 
-    def _next_from(self, heap: list[_HeapEntry], samples_wanted: Callable[[int], int], of_a_tile: int) -> Range | None:
+    def _next_from(self, heap: list[_HeapEntry], samples_wanted: Callable[[int], int], max_run: int) -> Range | None:
         while heap:
             turn, _, tile, planned = heap[0]
             if turn >= self.ceiling:
@@ -190,7 +190,7 @@ class FramePlan:
             self._planned[tile] = start + count
             if self._planned[tile] < self._limit[tile]:
                 following = self._following[1] + 1 if self._following[0] == (tile, turn) else 1
-                goes_on = start >= MIN_SAMPLES_FOR_RUNS and following < of_a_tile
+                goes_on = start >= MIN_SAMPLES_FOR_RUNS and following < max_run
                 self._following = ((tile, turn), following) if goes_on else _NO_WORST_TILE
                 self._push(tile, turn if goes_on else None)
             return Range(tile, start, count, self._frame)

@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 __all__ = ["record_job_span", "record_merge_span", "trace_headers"]
 
 
-def trace_headers(what: str, id: str) -> dict[str, str] | None:
+def trace_headers(item_kind: str, id: str) -> dict[str, str] | None:
     """Returns message headers that make the worker's spans part of a job's or scene's trace; None if tracing is disabled.
 
     what: "job" or "scene".
     """
-    return {tracing.HEADER: str(tracing.root_span(what, id))} if tracing.is_on() else None
+    return {tracing.HEADER: str(tracing.root_span(item_kind, id))} if tracing.is_on() else None
 
 
 def record_job_span(job: ActiveJob, state: str, error: str | None = None) -> None:

@@ -73,7 +73,7 @@ class Trust:
 
     def begin(self) -> None:
         """Restores the list of distrusted workers from a previous run. Raises redis.RedisError."""
-        self._scheduler.distrusted |= {name for name, why in self._workers.pause_reasons().items() if _is_distrust(why)}
+        self._scheduler.distrusted |= {name for name, reason in self._workers.pause_reasons().items() if _is_distrust(reason)}
         for worker in sorted(self._scheduler.distrusted):
             self._events.publish(WorkerQuarantined(worker, None))
 
@@ -138,23 +138,23 @@ class Trust:
             else:
                 self._apply_user_decision(check)
 
-    def apply_distrust(self, again: Callable[[ActiveJob], None]) -> None:
+    def apply_distrust(self, reload: Callable[[ActiveJob], None]) -> None:
         """Marks workers whose results were wrong as distrusted, and pauses them. again: reloads a job without their samples."""
-        for worker, (found_in, why) in list(self._wrong.items()):
+        for worker, (found_in, reason) in list(self._wrong.items()):
             self._scheduler.distrusted.add(worker)
             for check in self._open:
-                check.votes.take_back(worker)
+                check.votes.remove_worker(worker)
             self._open = [check for check in self._open if check.votes.cast]
             partly: list[str] = []
             for job in list(self._scheduler.jobs.values()):
                 if job.film.has_sent(worker):
                     partly.append(job.id)
                     job.history.add_event("distrusted", worker)
-                    again(job)
+                    reload(job)
             self.counts["distrusted"] += 1
-            log.warning("%s is set aside: %s; jobs that are rendered again in part: %s", worker, why, partly)
-            self._quarantine(worker, why)
-            details = {"worker": worker, "job": found_in, "why": f"{why}.", "rendered_again": partly}
+            log.warning("%s is set aside: %s; jobs that are rendered again in part: %s", worker, reason, partly)
+            self._quarantine(worker, reason)
+            details = {"worker": worker, "job": found_in, "why": f"{reason}.", "rendered_again": partly}
             self._events.publish(WorkerQuarantined(worker, details))
             del self._wrong[worker]
         self._update_counts()
@@ -223,19 +223,19 @@ class Trust:
             tile=batch.tile,
             job=check.job,
         )
-        why = Sentence(
+        reason = Sentence(
             "worker-results-differ",
             "Set aside: its results differ from those of other workers ({samples}), {verdict}",
             samples=where,
             verdict=evidence,
         )
-        self._wrong[worker] = check.job, why
+        self._wrong[worker] = check.job, reason
 
-    def _quarantine(self, worker: str, why: str) -> None:
+    def _quarantine(self, worker: str, reason: str) -> None:
         sentence = Sentence(
             "worker-quarantined",
             "{reason}. All its results of unfinished jobs are rendered again. Test its memory, then resume it.",
-            reason=why,
+            reason=reason,
         )
         with suppress(redis.RedisError):  # its results are rejected meanwhile
             self._workers.pause(worker, sentence)
@@ -273,6 +273,6 @@ class Trust:
             self._scheduler.checks.update(list(self._scheduler.jobs))
 
 
-def _is_distrust(why: str) -> bool:
+def _is_distrust(reason: str) -> bool:
     """Returns True if a worker was paused because its results differed from those of others. why: the reason of the pause."""
-    return why.startswith(REASON_OF_OLD_RELEASES) or (isinstance(why, Sentence) and why.code == "worker-quarantined")
+    return reason.startswith(REASON_OF_OLD_RELEASES) or (isinstance(reason, Sentence) and reason.code == "worker-quarantined")

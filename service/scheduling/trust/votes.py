@@ -32,7 +32,7 @@ class Votes:
             self.values.append(sums)
         self.cast.append((worker, found))
 
-    def take_back(self, worker: str) -> None:
+    def remove_worker(self, worker: str) -> None:
         """Removes all results of a worker."""
         self.cast = [vote for vote in self.cast if vote[0] != worker]
 

@@ -62,7 +62,7 @@ def test_a_film_that_goes_on_is_denoised_anew(service: Service, worker: PeerWork
     assert second.content != first.content
     assert second.headers["x-samples"] == str(64 * 48 * 16)
     assert len(worker.denoised) == 2
-    blobs = [made.sha256 for made in service.farm.engine._errands.denoising._made.values()]
+    blobs = [made.sha256 for made in service.farm.engine._artifact_tasks.denoising._made.values()]
     assert len(blobs) == 1, "the old one is gone"
 
 
@@ -75,7 +75,7 @@ def test_many_readers_wait_for_one_and_block_nobody(service: Service, worker: Pe
     with ThreadPoolExecutor(60) as pool, httpx.Client(base_url=service.url, timeout=30, limits=limits) as http:
         # more than the service's threads
         readers = [pool.submit(http.get, f"/api/jobs/{job}/frames/0/image.rgb9e5?denoise=true") for _ in range(60)]
-        until(lambda: job in {key[0] for key in service.farm.engine._errands.denoising._wanted}, "it is asked for")
+        until(lambda: job in {key[0] for key in service.farm.engine._artifact_tasks.denoising._wanted}, "it is asked for")
         time.sleep(0.3)
         begun = time.monotonic()
         assert raw(service, job).status_code == 200
@@ -183,7 +183,7 @@ def test_a_job_without_a_picture_or_that_is_deleted(service: Service, worker: Pe
     worker.on_denoise = lambda job: time.sleep(1)
     with ThreadPoolExecutor(1) as pool:
         reader = pool.submit(raw, service, job, "?denoise=true")
-        until(lambda: bool(service.farm.engine._errands.denoising._wanted), "it is asked for")
+        until(lambda: bool(service.farm.engine._artifact_tasks.denoising._wanted), "it is asked for")
         service.http.delete(f"/api/jobs/{job}").raise_for_status()
         assert "deleted" in problem(reader.result(), 404)
 

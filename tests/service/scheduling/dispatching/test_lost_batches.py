@@ -61,10 +61,10 @@ class World(FakeClock):
         hand = [lease.message for lease in leases]
         self.reports[worker] = WorkerReport(worker, "host", 1, 2, "cpu", "kind", "ready", 0.0, in_hand=hand)
 
-    def look(self, seconds: float = 1.0, travel_s: float = 0.0) -> dict[str, LossVerdict]:
+    def look(self, seconds: float = 1.0, transit_s: float = 0.0) -> dict[str, LossVerdict]:
         self.now += seconds
         self.roster = WorkerSnapshot(dict(self.reports), sites=self.sites)
-        return {lease.id: fate for lease, fate in self.missing.find_lost(self.jobs, self, travel_s)}
+        return {lease.id: fate for lease, fate in self.missing.find_lost(self.jobs, self, transit_s)}
 
 
 @pytest.fixture
@@ -196,6 +196,6 @@ def test_what_waits_at_a_site_for_the_others_of_its_run_takes_no_slot(world: Wor
 
 def test_where_results_travel_for_long_so_may_what_is_handed_out(world: World) -> None:
     lease = world.lease()
-    found = [bool(world.look(travel_s=6.0)) for _ in range(10)]
+    found = [bool(world.look(transit_s=6.0)) for _ in range(10)]
     assert found == [False] * 8 + [True] * 2
     world.leases.end(lease.id)

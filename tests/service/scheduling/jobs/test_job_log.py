@@ -15,11 +15,11 @@ from tests.service.peer_worker import PeerWorker
 def test_batches_are_counted_and_told_before_what_comes_after_them(tmp_path: Path) -> None:
     logs = JobLogs(tmp_path / "logs")
     log = logs.log_of("job")
-    log.count_given(2)
+    log.count_dispatched(2)
     log.count_returned("a", 4096, 0.25)
     log.count_returned("a", 4096, 0.25)
     log.add_line("an error", "first\nsecond")
-    log.count_given(1)
+    log.count_dispatched(1)
     logs.flush()
     lines = logs.text("job").decode().splitlines()
     assert all(line[10] == "T" and line[23] == "Z" for line in lines)
@@ -154,7 +154,7 @@ def test_the_services_log_has_a_jobs_counts_once_a_minute(tmp_path: Path, caplog
     logs = JobLogs(tmp_path)
     with caplog.at_level(logging.INFO):
         for _ in range(5):
-            logs.log_of("job").count_given(2)
+            logs.log_of("job").count_dispatched(2)
             logs.flush()
         logs.log_of("job").add_line("something happened")
         logs.flush()

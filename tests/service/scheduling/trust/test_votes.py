@@ -57,5 +57,5 @@ def test_workers_are_asked_while_they_can_say_something_new() -> None:
     assert not two.could_decide({"a", "b"})
     assert two.could_decide({"a", "b", "c"})
     assert not votes(("a", X)).could_decide({"a"})
-    two.take_back("b")
+    two.remove_worker("b")
     assert (two.workers, two.has_differences) == ({"a"}, False)
