@@ -22,7 +22,10 @@ NOISE_PLANES = (*range(CHANNELS)[COLOR], *range(CHANNELS)[COLOR_HALF], SAMPLES, 
 
 
 class FrameNumbers(NamedTuple):
-    """Progress of a frame: samples, noise and state. A tuple, since a list of jobs creates thousands of them."""
+    """Progress of a frame: its state and its numbers of samples, summed over all pixels, and its noise.
+
+    A named tuple is used because listing jobs creates thousands of these.
+    """
 
     state: str
     samples: int
@@ -34,7 +37,7 @@ class FrameNumbers(NamedTuple):
 
 
 class FrameRow(NamedTuple):
-    """The columns of a frame's row that the engine reads. has_settings: whether the row stores its render settings."""
+    """The columns that the engine reads of a frame's database row. has_settings: whether the row stores the render settings."""
 
     number: int
     samples: int
@@ -49,7 +52,7 @@ class FrameRow(NamedTuple):
 
 
 def _ignore(key: int) -> None:
-    """Ignores the change of a frame that belongs to no job."""
+    """Does nothing. Default callback of a frame that belongs to no job."""
 
 
 class ActiveFrame:
@@ -73,14 +76,15 @@ class ActiveFrame:
         expected_spp: int | None = None,
         on_change: Callable[[int], None] = _ignore,
     ) -> None:
-        """Creates the frame from its row.
+        """Creates the frame from its database row.
 
         settings: render settings at the frame's time; a function that loads them on demand; or None if they are not known yet.
         compiled: SHA-256 of the frame's compiled scene, by worker kind.
+        spp: samples per pixel. With a target noise, the upper limit of a tile.
         noise: target noise; None without a target.
         is_measured: whether to estimate the noise while rendering, even without a target.
-        share: expected samples per pixel, if `spp` is only the upper limit.
-        on_change: called with the frame's number when its state or numbers may have changed.
+        expected_spp: expected samples per pixel, if `spp` is only an upper limit.
+        on_change: called with the frame's key when its state or numbers may have changed.
         """
         self.key = row.number
         self.film = film
@@ -147,11 +151,11 @@ class ActiveFrame:
 
     @property
     def has_recorded_samples(self) -> bool:
-        """Returns True if the frame's target number of samples is already stored in its row."""
+        """Returns True if the frame's database row already stores the frame's target number of samples."""
         return self._recorded[1] > 0
 
     def focus_on(self, focus: Tile | None) -> None:
-        """Sets the rectangle of the picture that is rendered first; None: no such rectangle."""
+        """Sets the rectangle of the picture, in pixels, whose tiles are rendered before the others; None removes it."""
         self._focus = focus
         if self._plan is not None:
             self._plan.focus(self._tiles_in_focus())
@@ -164,7 +168,7 @@ class ActiveFrame:
         return [i for i, t in tiles if t.x < f.x + f.w and f.x < t.x + t.w and t.y < f.y + f.h and f.y < t.y + t.h]
 
     def set_goal(self, spp: int, noise: float | None) -> None:
-        """Sets a new goal: samples per pixel and target noise. Discards the plan, so outstanding batches are planned again."""
+        """Sets a new goal: samples per pixel, and target noise. Discards the plan, so outstanding batches are planned again."""
         self.spp, self.noise_asked, self.ceiling = spp, noise, spp
         self._plan, self.is_idle = None, False
         self._notify_change()
@@ -212,7 +216,7 @@ class ActiveFrame:
         return FrameNumbers(*(state, self.samples, self.target_samples, self.bad_samples, self.progress, self.noise, self.error))
 
     def raise_ceiling(self, ceiling: int) -> None:
-        """Raises the ceiling, the number of samples per pixel up to which batches may be dispatched."""
+        """Sets a higher ceiling: the number of samples per pixel up to which batches may be dispatched."""
         self.ceiling = self.plan.ceiling = ceiling
         self.is_idle = False
         self._notify_change()
@@ -220,8 +224,8 @@ class ActiveFrame:
     def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1) -> Range | None:
         """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmUnavailable or FilmLost.
 
-        samples_wanted: returns the suitable number of samples for a tile. of_a_tile: maximum number of consecutive batches of one
-        tile.
+        samples_wanted: returns the suitable number of samples for the tile of an index.
+        max_run: number of successive calls that may return consecutive batches of the same tile.
         """
         return self.plan.next_batch(samples_wanted, max_run)
 
@@ -250,7 +254,7 @@ class ActiveFrame:
                 self._due[batch.tile] = None
 
     def estimate_noise(self, budget: NoiseBudget) -> None:
-        """Estimates the noise of tiles that have many new samples, until the time limit `budget` is used up.
+        """Estimates the noise of tiles with many new samples, until `budget` has no processor time left.
 
         Raises FilmUnavailable or FilmLost.
         """
@@ -268,12 +272,12 @@ class ActiveFrame:
             self.noise = self._extrapolated_noise()
 
     def update_noise(self) -> None:
-        """Updates the frame's noise. For tiles with new samples it is extrapolated from their latest estimate."""
+        """Recomputes the frame's noise. For tiles with new samples, it is extrapolated from the latest estimate."""
         if self._plan is not None and self._measured:
             self.noise = self._extrapolated_noise()
 
     def measured_noise(self) -> float:
-        """Estimates the noise of all tiles now, and returns the frame's; infinity if unknown.
+        """Estimates the noise of all tiles now, and returns the noise of the frame; infinity if unknown.
 
         Raises FilmUnavailable or FilmLost.
         """
@@ -303,7 +307,7 @@ class ActiveFrame:
 
     @property
     def settings_json(self) -> dict[str, Any] | None:
-        """Returns the settings as JSON for the frame's row, cached; None if they are unknown or stored already."""
+        """The settings as JSON for the frame's database row; None if they are unknown, or are stored there and were not loaded."""
         if self._settings is None:
             return None
         if self._json is None or self._json[0] is not self._settings:
@@ -311,7 +315,7 @@ class ActiveFrame:
         return self._json[1]
 
     def _noise_for_plan(self, tile: int) -> float:
-        """Estimates the noise of a tile now and returns it, for the plan."""
+        """Estimates the noise of a tile now, and returns it. Called by the plan."""
         self._measure_tile(tile, self._coverage(tile).total)
         self._is_told_anew = True
         return self._measured[tile][1]
@@ -321,9 +325,9 @@ class ActiveFrame:
             self._measured[tile] = samples, self._tile_noise(tile)
 
     def _extrapolated_noise(self) -> float | None:
-        """Returns the root mean square of the tiles' noise, weighted by area; None if unknown.
+        """Returns the root mean square of the tiles' noise, weighted by their areas; None if unknown.
 
-        The noise of tiles with newer samples than their estimate is extrapolated.
+        If a tile has more samples than at its latest estimate, its noise is extrapolated.
         """
         square = area = 0.0
         for tile, (samples, noise) in self._measured.items():

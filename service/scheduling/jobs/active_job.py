@@ -35,7 +35,7 @@ FRAMES_PER_STEP = 2000  # frames per step
 
 
 class ActiveJob:
-    """The state in memory of a job that has not ended. Changed only by the engine's thread; other threads read its numbers."""
+    """In-memory state of a job that has not ended. Changed only by the engine's thread; other threads read its numbers."""
 
     def __init__(
         self,
@@ -45,11 +45,11 @@ class ActiveJob:
         of_scene: set[str],
         settings_of: Callable[[int], RenderSettings],
     ) -> None:
-        """Creates a job without frames. Before any other use, call `add_frames` for all frames and exhaust `prepare_in_steps`.
+        """Creates a job without frames. Before any other use, call `add_frames` and exhaust `prepare_in_steps`.
 
-        settings_of: returns the settings that are stored in a frame's row.
         compiled: SHA-256 of the scene compiled for the job's start time, by worker kind.
-        of_scene: hashes of all blobs that the scene refers to; releasing frames does not release these.
+        of_scene: hashes of all blobs that the scene refers to. They are not released together with the frames.
+        settings_of: returns the stored render settings of the frame with a key.
         """
         assert row.settings is not None and row.spp is not None
         self.id = row.id
@@ -106,7 +106,7 @@ class ActiveJob:
         self.unwritten: set[int] = set()  # frames changed since they were stored
 
     def add_frames(self, rows: Sequence[FrameRow]) -> None:
-        """Adds frames in rendering order. Raises FilmUnavailable or FilmLost."""
+        """Adds frames, in rendering order, from their database rows. Raises FilmUnavailable or FilmLost."""
         for row in rows:
             self.frames[row.number] = frame = self._frame(row)
             self._without_picture.append(frame)
@@ -114,10 +114,10 @@ class ActiveJob:
                 self._goals[row.number] = row.spp
 
     def prepare_in_steps(self) -> Iterator[None]:
-        """Sorts and sums up the frames; yields after each step.
+        """Computes the order and the totals of the frames; yields after each step.
 
-        A shot with very many frames needs many steps, between which the engine handles other jobs. Call no other method until the
-        iterator is exhausted.
+        A shot with very many frames needs many steps; the engine handles other jobs between them. Call no other method until
+        the iterator is exhausted.
         """
         self.focus_on(self.focus)
         order, every = (self.shot.order, self.shot.every) if self.shot else (IN_TURN_ORDER, 1)
@@ -159,7 +159,7 @@ class ActiveJob:
 
     @property
     def is_done(self) -> bool:
-        """Returns True if the job has reached its goal. Failed frames are ignored."""
+        """Returns True if the job has reached its goal and has no open verifications. Failed frames are ignored."""
         if self.checks.get(self.id):
             return False
         if self.shot is None:
@@ -194,14 +194,17 @@ class ActiveJob:
 
     @property
     def progress(self) -> float:
-        """The larger of the fractions of samples and of time that are done; 0 to 1."""
+        """Progress of the job, 0 to 1.
+
+        This is the rendered fraction of its samples, or the elapsed fraction of its time limit if that is larger.
+        """
         by_samples = self.samples / max(self.target_samples, 1)
         by_time = self.active_s / self.seconds if self.seconds else 0.0
         return 1.0 if self.is_done else min(max(by_samples, by_time), 0.9999)
 
     @property
     def current_noise(self) -> float | None:
-        """Maximum noise over the frames; None while that of any frame is unknown."""
+        """Maximum noise over the frames; None while the noise of any frame is unknown."""
         return self._totals.updated().noise.value
 
     @property
@@ -219,7 +222,7 @@ class ActiveJob:
         return by_samples if by_time is None else min(by_time, by_samples)
 
     def queue_name(self, kind: str) -> str:
-        """Returns the name of the queue for this job's batches and workers of this kind."""
+        """Returns the name of the queue through which workers of this kind get the job's batches."""
         return render_queue(kind) if self.needs is None else self.needs.queue(kind)
 
     @property
@@ -241,11 +244,11 @@ class ActiveJob:
         return max(1, math.ceil(left_s / WORK_PER_SLOT_S))
 
     def mark_changed(self, frame: ActiveFrame) -> None:
-        """Marks a frame as changed, so that its numbers are updated."""
+        """Marks a frame as changed, so that its numbers are computed again."""
         self._note_change(frame.key)
 
     def _note_change(self, key: int) -> None:
-        """Marks a frame as changed; before `prepare_in_steps` has counted the frames there is nothing to mark."""
+        """Marks a frame as changed. Has no effect before `prepare_in_steps` has counted the frames."""
         if not self._is_begun:
             return
         self._totals.mark_changed(key)
@@ -256,16 +259,15 @@ class ActiveJob:
     def target_s(self, batch_seconds: float, slots: int) -> float:
         """Returns the target duration, in seconds, of the work that is dispatched to a slot at once.
 
-        Near the end of the job it is at most a third of the remaining work per slot, so that all slots end at about the same
-        time.
+        It is at most `batch_seconds`. Near the end of the job it is at most a third of the remaining work per slot, so that all
+        slots end at about the same time. slots: number of slots that render the job.
         """
         return min(batch_seconds, max(SMALLEST_BATCH_S, self._left_s(slots) / 3))
 
     def _left_s(self, slots: int) -> float:
-        """Returns the expected wall time of the job's remaining work, in seconds, on this many CPU slots and the job's graphics
-        cards.
+        """Returns the expected wall time of the job's remaining work, in seconds; 0 if unknown.
 
-        0 if it is unknown.
+        slots: number of CPU slots that render the job. The job's graphics cards are included.
         """
         cost = self._costs.average
         rate = (max(slots, 0 if self.card_rate else 1) / cost if cost else 0.0) + self.card_rate
@@ -276,14 +278,17 @@ class ActiveJob:
         return self._card_costs[worker].average if worker in self._card_costs else 0.0
 
     def card_target_s(self, batch_seconds: float, slots: int, outstanding_s: float) -> float:
-        """Returns the target duration, in seconds, of a message for a graphics card.
+        """Returns the target duration, in seconds, of a message for a graphics card; at most `batch_seconds`.
 
-        slots: number of CPU slots that render the job too. outstanding_s: duration of the work that each card already has.
+        slots: number of CPU slots that render the job too. outstanding_s: seconds of work that each card already has.
         """
         return min(batch_seconds, max(SMALLEST_CARD_MESSAGE_S, (self._left_s(slots) - outstanding_s) / 3))
 
     def next_for_card(self, worker: str, seconds: float, kind: str) -> Range | None:
-        """Returns the next batch for a graphics card of this worker: of one tile, of about `seconds`; None if there is none."""
+        """Returns the next batch for a graphics card of this worker; None if there is none.
+
+        The batch has samples of one tile and takes about `seconds`. kind: worker kind.
+        """
 
         def samples_wanted(tile: int) -> int:
             rect = self.film.tiles[tile]
@@ -293,9 +298,10 @@ class ActiveJob:
         return self._next(kind, samples_wanted, 1)
 
     def next_batch(self, batch_seconds: float, slots: int, kind: str, max_run: int = 1) -> Range | None:
-        """Returns the next batch for a slot, of about `batch_seconds` or shorter near the end; None if there is none.
+        """Returns the next batch for a CPU slot; None if there is none.
 
-        slots: number of slots of this worker kind. of_a_tile: maximum number of consecutive batches of one tile.
+        It takes about `batch_seconds`, or less near the end of the job. slots: number of slots of this worker kind.
+        max_run: number of successive calls that may return consecutive batches of the same tile.
         """
         aim = self.target_s(batch_seconds, slots)
 
@@ -329,13 +335,13 @@ class ActiveJob:
 
     @property
     def knows_cost(self) -> bool:
-        """Returns True if the cost of a sample is known, because a batch has returned."""
+        """Returns True if a batch has returned, so that the cost of a sample is known."""
         return self._costs.average > 0.0
 
     def expected_s(self, batch: Range, card: str = "") -> float:
         """Returns the expected rendering time of a batch on one slot, in seconds; 0 if unknown.
 
-        card: name of the worker whose graphics card renders it; "": a CPU renders it.
+        card: name of the worker whose graphics card renders the batch; "" if a CPU does.
         """
         rect = self.film.tiles[batch.tile]
         costs = self._card_costs.get(card) if card else self._costs
@@ -344,7 +350,7 @@ class ActiveJob:
     def record_result(self, batch: Range, seconds: float, card: str = "") -> None:
         """Records a batch that the film accepted or dropped as a duplicate. Call `update_from_film` to update the plan.
 
-        seconds: its rendering time. card: as for `expected_s`.
+        seconds: rendering time of the batch. card: name of the worker whose graphics card rendered it; "" if a CPU did.
         """
         self.handed_back = None
         self._learn_cost(batch, seconds, card)
@@ -376,7 +382,10 @@ class ActiveJob:
         self._updating_frame(frame)
 
     def mark_prepared(self, frame: ActiveFrame, kind: str, settings: RenderSettings, own: dict[str, object] | None) -> None:
-        """Marks a frame as prepared for a worker kind. own: BlobRef of the scene compiled for this frame only, as JSON."""
+        """Marks a frame as prepared for a worker kind.
+
+        own: BlobRef, as JSON, of the scene compiled for this frame only; None if the frame uses the job's compiled scene.
+        """
         frame.settings = settings
         frame.compiled[kind] = self.compiled[kind] if own is None else str(own["sha256"])
         if own is not None and not frame.is_over:
@@ -386,7 +395,7 @@ class ActiveJob:
     def release_compiled(self, all_frames: bool = False) -> Counter[str]:
         """Removes the compiled scenes that frames no longer need. Returns the number of removed references, by blob hash.
 
-        all_frames: removes those of all frames.
+        all_frames: whether to remove the compiled scenes of all frames.
         """
         gone: Counter[str] = Counter()
         for frame in self.agenda.turns.frames_with_own_scene():
@@ -397,7 +406,7 @@ class ActiveJob:
         return gone
 
     def add_compiled_kind(self, kind: str, sha256: str) -> None:
-        """Records that the scene was compiled for a worker kind."""
+        """Records that the scene was compiled for a worker kind, as the blob with this hash."""
         self.compiled[kind] = sha256
         if self.shot is None:  # a still is rendered from it directly
             self.agenda.turns.mark_changed(*self.frames)
@@ -409,11 +418,17 @@ class ActiveJob:
                 frame.finish()
 
     def differs_from_goal(self, spp: int, noise: float | None, seconds: float | None) -> bool:
-        """Returns True if this goal differs from the job's current one."""
+        """Returns True if this goal differs from the job's current one.
+
+        spp: samples per pixel. noise: target noise. seconds: time limit.
+        """
         return (spp, noise, seconds) != (self.spp, self.noise, self.seconds)
 
     def set_goal(self, spp: int, noise: float | None, seconds: float | None) -> None:
-        """Sets a new goal for a still image. Outstanding batches are planned again. Raises FilmUnavailable or FilmLost."""
+        """Sets a new goal for a still image: samples per pixel, target noise, and time limit in seconds.
+
+        Outstanding batches are planned again. Raises FilmUnavailable or FilmLost.
+        """
         self.spp, self.noise, self.seconds = spp, noise, seconds
         self._unsettled.clear()
         for frame in self.frames.values():
@@ -421,13 +436,16 @@ class ActiveJob:
             frame.plan  # noqa: B018
 
     def focus_on(self, focus: Sequence[int] | None) -> None:
-        """Sets the rectangle (x, y, w, h), in pixels, that is rendered first in every frame; None: no such rectangle."""
+        """Sets the rectangle (x, y, w, h), in pixels, whose tiles are rendered first in every frame; None removes it."""
         self.focus = None if focus is None else list(focus)
         for frame in self.frames.values():
             frame.focus_on(None if focus is None else Tile(*focus))
 
     def advance_clock(self, rendering: bool) -> None:
-        """Updates the job's speed about once a second. rendering: also adds the elapsed wall time to the job's rendering time."""
+        """Updates the job's speed about once a second.
+
+        rendering: whether to add the elapsed wall time to the job's rendering time.
+        """
         now = time.monotonic()
         if rendering:
             self.active_s += now - self._clock

@@ -1,11 +1,11 @@
-"""Selects the next frame of a job, and the number of samples up to which it is rendered.
+"""Selects the next frame of a job, and the number of samples up to which the frame is rendered.
 
 Decisions depend only on films at fixed sample counts, so the final samples of a frame do not depend on the workers' speeds.
 
-Order `noisiest-first`: every frame first gets the samples of a pilot. Then the remaining budget is distributed in rounds to
-minimize the maximum noise, like water filling: the standard error falls with the square root of the samples, so a frame of noise
-n with L samples needs L (n/v)^2 for noise v. As the estimates are rough, no round aims below half of the maximum noise. A round
-begins when all frames have the samples of the previous one.
+Order `noisiest-first`: every frame is first rendered with a few pilot samples per pixel. Then the remaining budget is
+distributed in rounds to minimize the maximum noise, as in water filling: the standard error falls with the square root of the
+samples, so a frame of noise n with L samples needs L (n/v)^2 samples for noise v. As the estimates are rough, no round aims
+below half of the maximum noise. A round begins when all frames have the samples of the previous one.
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ PILOT_SAMPLES = 16  # samples per pixel before a frame's noise determines its sh
 
 
 class FrameOrder:
-    """Order in which a job's frames are rendered. `frames`: by key, in the shot's order."""
+    """Order in which a job's frames are rendered."""
 
     def __init__(
         self, frames: Mapping[int, ActiveFrame], order: str, every: int, spp: int, goals: Mapping[int, int] | None = None
     ) -> None:
-        """Stores the parameters.
+        """Creates the order of these frames, which are given by key in the order of the shot.
 
-        every: the step n of the order. spp: mean samples per pixel over the shot's frames. goals: samples per pixel by frame,
-        from an earlier round.
+        order: name of the order. every: step n of the order `every-nth`. spp: mean samples per pixel over the shot's frames.
+        goals: samples per pixel by frame key, from an earlier round of the order `noisiest-first`.
         """
         self._frames = frames
         self._order = order
@@ -66,9 +66,9 @@ class FrameOrder:
         return self.turns.ready_frames(kind)
 
     def is_out_of_order(self, frame: ActiveFrame, kind: str) -> bool:
-        """Returns True if a frame is rendered now only because a frame before it in the order is not prepared yet.
+        """Returns True if a frame is rendered now only because an earlier frame of the order is not prepared yet.
 
-        Always False for orders without rounds.
+        Always returns False for orders that render each frame in a single pass.
         """
         if self._order not in MULTI_PASS_ORDERS:
             return False
@@ -89,7 +89,7 @@ class FrameOrder:
     def raise_ceiling(self, frame: ActiveFrame) -> bool:
         """Raises a frame's ceiling after all samples below it were dispatched.
 
-        Returns whether the frame has more to dispatch now.
+        The ceiling is the number of samples per pixel up to which batches may be dispatched. Returns False if it cannot rise.
         """
         top = {"breadth-first": frame.spp, "noisiest-first": self._pilot}.get(self._order, frame.ceiling)
         if frame.ceiling >= top:
@@ -98,10 +98,10 @@ class FrameOrder:
         return True
 
     def finish_if_complete(self, frame: ActiveFrame) -> None:
-        """Finishes a frame if it is complete. If it was the last frame of the round, starts the next round.
+        """Finishes a frame if it is complete. If it was the last frame of the round, plans the next round.
 
-        Call it after a batch of the frame returned, after all its batches were dispatched, or after it failed. Raises
-        FilmUnavailable or FilmLost; then call it again.
+        Call this after a batch of the frame has returned, after all batches of the frame were dispatched, or after the frame
+        has failed. Raises FilmUnavailable or FilmLost; then call it again.
         """
         if not frame.is_over and frame.plan.is_done:
             frame.finish()
@@ -113,7 +113,7 @@ class FrameOrder:
                 self._plan_round()
 
     def _plan_round(self) -> None:
-        """Computes the sample goals of the next round. Finishes all frames if no budget remains."""
+        """Computes the sample goals of the next round. Finishes all frames if no samples remain to be distributed."""
         open = [f for f in self._frames.values() if not f.is_over]
         noises = [f.measured_noise() for f in open]
         spent = sum(f.ceiling for f in self._frames.values() if f.state == "finished")
@@ -128,17 +128,18 @@ class FrameOrder:
                 frame.finish()
 
     def begin_round(self) -> None:
-        """Starts the next round, once its goals are stored."""
+        """Starts the next round. Call it after the goals of that round were stored."""
         for key, goal in self.new_goals.items():
             self._frames[key].raise_ceiling(goal)
         self.new_goals = {}
 
 
 def goals_of_frames(samples: list[int], noise: list[float], budget: int, maximum: int) -> tuple[list[int], float | None]:
-    """Returns the next goal of each frame in samples per pixel, and the expected maximum noise after `budget` samples (or None).
+    """Returns the next goal of each frame in samples per pixel, and the expected maximum noise or None.
 
-    samples, noise: samples per pixel and relative noise of each frame. budget: samples per pixel summed over all frames,
-    including existing ones. maximum: maximum per frame. Frames of unknown or zero noise get no more samples.
+    The expected maximum noise is that after `budget` samples. samples, noise: samples per pixel and relative noise of each
+    frame. budget: samples per pixel summed over all frames, including existing ones. maximum: largest goal of a frame. Frames
+    of unknown or zero noise get no more samples.
     """
     known = [(h, n) for h, n in zip(samples, noise, strict=True) if math.isfinite(n) and n > 0]
     if not known:

@@ -1,4 +1,4 @@
-"""Failures and losses of batches, and their limits."""
+"""Failures and losses of batches, and how many of them are tolerated."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LOSSES_ALLOWED = 5
 
 @dataclass
 class BatchFailures:
-    """Counts of the failures and losses of one batch."""
+    """Failures and losses of one batch. A loss is a batch whose result never arrived."""
 
     since: float = field(default_factory=time.monotonic)
     losses: int = 0

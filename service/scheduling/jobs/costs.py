@@ -1,7 +1,7 @@
-"""Expected time of a sample in each tile of a job's film.
+"""Expected rendering time of a sample in each tile of a job's film.
 
-A machine that becomes busy slows down all tiles at once. So the cost of tiles that were rendered before is corrected by the
-change of speed since then, and batches have the right length although most tiles were not rendered at the new speed.
+A machine that becomes busy slows down all tiles at once. So the measured cost of a tile is corrected by the change of speed
+since its measurement. Batches then have the right length, although most tiles were not rendered at the new speed.
 """
 
 from __future__ import annotations
@@ -23,14 +23,17 @@ class Costs:
         self._tiles: dict[int, tuple[float, float]] = {}  # tile -> its latest cost, and the pace at that time
 
     def expected_cost(self, tile: int) -> float:
-        """Returns the expected cost of a tile; the average tile's if the tile's is unknown; 0 before the first batch."""
+        """Returns the expected cost of a tile.
+
+        This is the average over all tiles if the tile has no measurement, and 0 before the first batch.
+        """
         if tile not in self._tiles:
             return self.average
         cost, pace = self._tiles[tile]
         return cost * min(max(self._pace / pace, 1 / MOST_FASTER), MOST_SLOWER)
 
     def record(self, tile: int, cost: float) -> bool:
-        """Records the measured cost of a batch. Returns False if it is 0 and no other is known."""
+        """Records the cost that was measured for a batch of a tile. Returns False if it is 0 and no other cost is known."""
         cost = max(cost, self.average / LEAST_COST)
         if cost <= 0.0:
             return False

@@ -1,8 +1,8 @@
 """Stores snapshots of a still image at 1, 2, 4, 8 ... samples per pixel.
 
-A snapshot is due when every tile has that many samples or is complete. The engine's thread then only opens a consistent view of
-the film (store/film_moment.py); another thread reads and compresses it. If that thread is too slow, snapshots are skipped; those
-that are stored are always complete.
+A snapshot is due when every tile has that many samples or is complete. The engine's thread only opens a consistent view of the
+film (store/film_moment.py); another thread reads and compresses it. If that thread is too slow, snapshots are skipped. Stored
+snapshots are always complete.
 """
 
 from __future__ import annotations
@@ -32,14 +32,14 @@ log = logging.getLogger(__name__)
 
 
 class _Progress:
-    """How many tiles of a frame have the samples of its next snapshot."""
+    """Tracks how many tiles of a frame have the samples of its next snapshot."""
 
     def __init__(self, due: int) -> None:
         self.due = due
         self._reached = 0  # all tiles before this index are done
 
     def is_reached(self, frame: ActiveFrame) -> bool:
-        """Returns True if every tile has the required samples. A tile that has them is not checked again."""
+        """Returns True if every tile has enough samples. A tile that was found to have them is not checked again."""
         tiles = len(frame.plan.tiles)
         while self._reached < tiles and not frame.plan.tile_lacks(self._reached, self.due):
             self._reached += 1
@@ -54,9 +54,9 @@ class SnapshotKeeper:
     """Creates snapshots. The engine's thread calls `store_if_due`; a separate thread writes the files."""
 
     def __init__(self, snapshots: FilmSnapshots, folder: Path, is_rendered: Callable[[str], bool]) -> None:
-        """Stores the parameters. snapshots: store of the snapshots. folder: for temporary files.
+        """Starts the thread. snapshots: store of the snapshots. folder: for temporary files.
 
-        is_rendered: returns whether a job is active.
+        is_rendered: returns whether the job with an id is active.
         """
         self._kept = snapshots
         self._folder = folder
@@ -66,7 +66,7 @@ class SnapshotKeeper:
         self._writer = ThreadPoolExecutor(1, "snapshots")
 
     def store_if_due(self, job: ActiveJob) -> None:
-        """Creates a snapshot if one is due after new samples. Shots and finished pictures get none."""
+        """Creates a snapshot if one is due. Does nothing for shots and finished pictures."""
         if job.shot is not None or self._kept.is_disabled:
             return
         (frame,) = job.frames.values()
@@ -93,7 +93,7 @@ class SnapshotKeeper:
         self._writer.submit(self._write, job.id, frame.key, facts, moment, job.film)
 
     def close(self) -> None:
-        """Stops the thread after the snapshot that it is writing. Pending ones are discarded."""
+        """Stops the thread after the snapshot that it is writing. Discards pending snapshots."""
         self._writer.shutdown(cancel_futures=True)
 
     def _write(self, job: str, frame: int, facts: FilmSnapshot, moment: FilmSnapshotView, film: Film) -> None:

@@ -1,4 +1,4 @@
-"""Storage used by compiled frames, in bytes. A shared blob is counted once; blobs of the scene itself are not counted."""
+"""Computes the storage used by compiled frames, in bytes. A shared blob is counted once; blobs of the scene are not counted."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["additional_bytes", "exclusive_bytes", "total_bytes"]
 
 
 def total_bytes(jobs: Iterable[ActiveJob]) -> dict[str, int]:
-    """Returns the sizes in bytes, by hash, of the blobs compiled for frames of these jobs."""
+    """Returns the sizes in bytes, by hash, of the blobs that were compiled for frames of these jobs."""
     return {
         sha256: size
         for job in jobs
@@ -22,7 +22,7 @@ def total_bytes(jobs: Iterable[ActiveJob]) -> dict[str, int]:
 
 
 def exclusive_bytes(job: ActiveJob, frame: ActiveFrame) -> int:
-    """Returns the size in bytes of the blobs that only this frame of the job refers to."""
+    """Returns the total size in bytes of the blobs to which only this frame of the job refers."""
     others = {
         sha256 for other in job.agenda.turns.frames_with_own_scene() if other is not frame for sha256, _ in _of_frame(job, other)
     }
@@ -30,7 +30,7 @@ def exclusive_bytes(job: ActiveJob, frame: ActiveFrame) -> int:
 
 
 def additional_bytes(job: ActiveJob, ref: Mapping[str, Any]) -> int:
-    """Returns the size in bytes that a new BlobRef (protocol.contract; given as JSON) would add."""
+    """Returns by how many bytes the job's storage would grow with the blobs of this BlobRef (protocol.contract; given as JSON)."""
     return _sum_without(_blobs(ref), {*total_bytes([job]), *job.of_scene})
 
 

@@ -11,7 +11,7 @@ __all__ = ["FrameProgress"]
 
 
 class FrameProgress:
-    """Progress numbers of all frames. Call `mark_changed` for each change.
+    """Progress numbers of all frames. Call `mark_changed` whenever a frame changes.
 
     Used only by the engine's thread, except for the mappings that `numbers` returns.
     """
@@ -24,7 +24,7 @@ class FrameProgress:
         self._changed: set[int] = set()
 
     def begin(self, frames_per_step: int) -> Iterator[None]:
-        """Counts all frames for the first time; yields after each step. frames_per_step: number of frames per step."""
+        """Counts all frames for the first time; yields after each step of `frames_per_step` frames."""
         keys, numbers = list(self._frames), dict[int, FrameNumbers]()
         for at in range(0, len(keys), frames_per_step):
             numbers |= self._numbers_of(keys[at : at + frames_per_step])
@@ -32,7 +32,7 @@ class FrameProgress:
         self._numbers = numbers
 
     def mark_changed(self, key: int) -> None:
-        """Marks a frame as changed."""
+        """Marks a frame as changed, by its key."""
         self._changed.add(key)
 
     def numbers(self) -> Mapping[int, FrameNumbers]:

@@ -1,7 +1,7 @@
 """Priority queues of a job's frames.
 
-A shot may have a hundred thousand frames, and the next one is needed for every batch. So the frames stay sorted, and only changed
-frames are sorted again.
+A shot may have a hundred thousand frames, and each batch needs the next one. So the frames stay sorted, and only changed frames
+are sorted again.
 """
 
 from __future__ import annotations
@@ -20,10 +20,13 @@ FrameHeap = LazyHeap[SortKey]
 
 
 class FrameQueue:
-    """Queues of a job's frames, by worker kind. Call `mark_changed` for each change. Used only by the engine's thread."""
+    """Priority queues of a job's frames, by worker kind. Used only by the engine's thread.
+
+    Call `mark_changed` whenever a frame changes.
+    """
 
     def __init__(self, frames: Mapping[int, ActiveFrame], sort_key_of: SortKeyOf) -> None:
-        """Creates the queues. sort_key_of: returns the current sort key of a frame."""
+        """Creates the queues. sort_key_of: returns the current sort key of a frame; the smallest comes first."""
         self._frames = frames
         self._turn = sort_key_of
         self._changed: dict[int, None] = {}
@@ -34,11 +37,11 @@ class FrameQueue:
         self.mark_changed(*frames)
 
     def mark_changed(self, *keys: int) -> None:
-        """Marks frames as changed."""
+        """Marks frames as changed, by their keys, so that they are sorted again."""
         self._changed.update(dict.fromkeys(keys))
 
     def ready_frames(self, kind: str) -> ActiveFrame | None:
-        """Returns the next frame to render by workers of this kind; None if no prepared frame has work."""
+        """Returns the next frame to render on workers of this kind; None if no prepared frame has work."""
         first = self._heap_of(self._ready, kind).smallest()
         return None if first is None else self._frames[first[1]]
 
@@ -51,8 +54,9 @@ class FrameQueue:
         return [self._frames[key] for key in self._heap_of(self._lacking, kind).first_keys(max_count)]
 
     def first_unprepared(self, kind: str) -> SortKey | None:
-        """Returns the smallest sort key of the frames not prepared for this kind, including those in preparation; None if there
-        are none.
+        """Returns the smallest sort key of the frames that are not prepared for this worker kind; None if there are none.
+
+        Frames in preparation are included.
         """
         first = self._heap_of(self._lacking, kind).smallest()
         at_it = (self._turn(f) for f in self.preparing_frames() if kind not in f.compiled and not f.is_over and not f.is_idle)
@@ -69,7 +73,7 @@ class FrameQueue:
         return [self._frames[key] for key in self._owning]
 
     def add_kind(self, kind: str) -> None:
-        """Creates the queues for a worker kind, if they do not exist."""
+        """Creates the queues for a worker kind, unless they exist."""
         if kind not in self._ready:
             self._ready[kind], self._lacking[kind] = LazyHeap(), LazyHeap()
             self.mark_changed(*self._frames)
@@ -80,7 +84,7 @@ class FrameQueue:
         return lines[kind]
 
     def update(self, max_count: int | None = None) -> bool:
-        """Sorts at most `max_count` changed frames (None: all); returns whether none is left.
+        """Sorts at most `max_count` changed frames (None: all). Returns True if no changed frame is left.
 
         Queries sort all changed frames first.
         """

@@ -1,4 +1,4 @@
-"""A job's noise over time, and its events. Limited to a few kilobytes for jobs of any duration."""
+"""A job's noise over time, and its events. Limited to a few kilobytes, however long the job is."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class History:
 
     @classmethod
     def parse(cls, data: Mapping[str, Any] | None) -> Self:
-        """Parses the column of a job's row. An invalid value gives an empty history."""
+        """Parses the stored JSON of a job's row. Returns an empty history if it is invalid."""
         try:
             points = [[float(s), float(n), None if e is None else float(e)] for s, n, e in (data or {}).get("points", [])]
             events = [[float(at), str(kind), str(detail)] for at, kind, detail in (data or {}).get("events", [])]
@@ -60,9 +60,9 @@ class History:
         return {"points": self.points, "events": self.events}
 
     def add_point(self, seconds: float, samples: int, noise: float | None, is_end: bool = False) -> None:
-        """Adds a point if the samples have grown by the factor `POINT_SPACING` since the last one.
+        """Adds a point if the samples have grown by the factor `POINT_SPACING` since the latest point.
 
-        is_end: adds it if they have grown at all.
+        seconds: rendering time. is_end: whether to add the point even if the samples have grown by less.
         """
         last = self.points[-1] if self.points else None
         has = (last[1] or 0) if last is not None else 0
@@ -74,7 +74,10 @@ class History:
         self.has_changed = True
 
     def add_event(self, kind: str, detail: str = "") -> None:
-        """Adds an event with the current time, and logs it. An event equal to the latest one is only logged."""
+        """Adds an event with the current time, and logs it. An event equal to the latest one is only logged.
+
+        kind: a key of `SENTENCES`. detail: text inserted into the sentence, such as a worker's name.
+        """
         self.log.add_line(SENTENCES.get(kind, kind).format(detail or "somebody"))
         if self.events and self.events[-1][1:] == [kind, detail]:
             return
@@ -84,13 +87,13 @@ class History:
         self.has_changed = True
 
     def rendered_by(self, worker: str) -> None:
-        """Adds an event if this is the first batch rendered by this worker."""
+        """Adds an event if this is the first batch that the worker has rendered for the job."""
         if worker not in self._workers:
             self._workers.add(worker)
             self.add_event("worker", worker)
 
     def note_departed(self, workers: set[str]) -> None:
-        """Adds an event for each contributing worker that is no longer connected. workers: the connected ones."""
+        """Adds an event for each worker that rendered for the job and is not in `workers`, the names of the connected ones."""
         for gone in sorted(self._workers - workers):
             self._workers.discard(gone)
             self.add_event("left", gone)

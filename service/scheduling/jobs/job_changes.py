@@ -1,4 +1,4 @@
-"""Changes of a job that a user requests, applied to its row."""
+"""Changes of a job that a user requests, applied to the job's database row."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ __all__ = ["begins_anew", "drop_failed_dependencies", "set_focus", "set_samples"
 
 
 def set_samples(job: Job, spp: int | None, added: int | None, present: int) -> None:
-    """Sets a job's goal: `spp` samples per pixel in total, or `added` samples per pixel in addition to the present ones.
+    """Sets a job's goal: `spp` samples per pixel in total, or `added` samples per pixel more than at present.
 
     Replaces a goal by noise or time. present: number of samples in the film, over all pixels. Raises Invalid and Conflict.
     """
@@ -61,7 +61,7 @@ def set_samples(job: Job, spp: int | None, added: int | None, present: int) -> N
 
 
 def set_state(job: Job, state: str, is_anew: bool) -> None:
-    """Pauses, cancels or resumes a job. is_anew: it resumes with an empty film. Raises Conflict."""
+    """Pauses, cancels or resumes a job. is_anew: whether a resumed job starts with an empty film. Raises Conflict."""
     if state == "cancelled":
         if job.state == "finished":
             raise Conflict(
@@ -95,7 +95,7 @@ def drop_failed_dependencies(jobs: list[str], session: Session) -> None:
 
 
 def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
-    """Sets the rectangle of the picture (x0, y0, x1, y1, pixels) that is rendered first; None: none.
+    """Sets the rectangle of the picture (x0, y0, x1, y1, in pixels) that is rendered first; None removes it.
 
     Raises Invalid and Conflict.
     """
@@ -123,10 +123,10 @@ def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
 
 
 def begins_anew(job: Job, films: FilmStore) -> bool:
-    """Removes unreadable data from the film of an ended job; returns whether the film is empty then.
+    """Removes unreadable data from the film of an ended job. Returns True if the film is empty afterwards.
 
-    Reads the whole film of a still image, which may have undetected damage; a shot's film only if it is known to be damaged,
-    since reading may take minutes. Raises FilmUnavailable and FilmLost.
+    Reads the whole film of a still image, since it may have undetected damage. Reads a shot's film, which may take minutes,
+    only if it is known to be damaged. Raises FilmUnavailable and FilmLost.
     """
     if job.state not in FINAL_STATES or job.settings is None or job.tile_size is None:
         return False

@@ -30,7 +30,7 @@ _service_log = logging.getLogger(__name__)
 
 
 class JobLog:
-    """Lines of one job's log that are not written to its file yet. Written by the engine's thread."""
+    """The lines of one job's log that are not written to its file yet. Used by the engine's thread."""
 
     def __init__(self) -> None:
         self._lines: list[str] = []
@@ -46,11 +46,11 @@ class JobLog:
             self._add(f"    {line}")
 
     def count_dispatched(self, batches: int) -> None:
-        """Counts dispatched batches."""
+        """Adds to the number of dispatched batches, which is logged with the next lines."""
         self._dispatched += batches
 
     def count_returned(self, worker: str, samples: int, seconds: float) -> None:
-        """Counts a returned batch."""
+        """Counts a returned batch of a worker. samples: over all pixels. seconds: rendering time."""
         counts = self._back.setdefault(worker, [0, 0, 0.0])
         counts[0] += 1
         counts[1] += samples
@@ -94,7 +94,10 @@ class JobLogs:
         return self._logs.setdefault(job, JobLog())
 
     def flush(self, now: bool = True) -> None:
-        """Writes pending lines to the files, at most once a second unless `now`. Lines that cannot be written are dropped."""
+        """Writes pending lines to the files. Lines that cannot be written are dropped.
+
+        now: False to write at most once a second.
+        """
         if not now and time.monotonic() - self._flushed < FLUSH_EVERY_S:
             return
         self._flushed = time.monotonic()
@@ -107,7 +110,10 @@ class JobLogs:
                     self._append(self._path(job), text.encode(errors="replace"))
 
     def _log_to_service(self, job: str, lines: list[str], counts: set[str]) -> None:
-        """Writes a job's lines to the service's log. Lines that count batches have level info once a minute, otherwise debug."""
+        """Writes a job's lines to the service's log.
+
+        counts: the lines that count batches. They have the level info at most once a minute, and otherwise the level debug.
+        """
         is_due = time.monotonic() - self._counted.get(job, -COUNTS_EVERY_S) >= COUNTS_EVERY_S
         if is_due and not counts.isdisjoint(lines):
             self._counted[job] = time.monotonic()
@@ -122,7 +128,7 @@ class JobLogs:
         self._counted.pop(job, None)
 
     def text(self, job: str) -> bytes:
-        """Returns the last `KEPT_BYTES` bytes of a job's log as whole lines; empty if there is no log. Thread-safe."""
+        """Returns the last `KEPT_BYTES` bytes of a job's log, as whole lines; empty if there is no log. Thread-safe."""
         with contextlib.suppress(OSError), self._path(job).open("rb") as file:
             return _last_bytes(file.fileno())
         return b""

@@ -23,7 +23,7 @@ Priority = TypeVar("Priority", bound=Comparable)
 
 
 class LazyHeap(Generic[Priority]):
-    """Integer keys sorted by priority (`place`, any comparable value), then by key."""
+    """Integer keys sorted by priority, then by key. A priority is any comparable value; the smallest comes first."""
 
     def __init__(self) -> None:
         self._heap: list[tuple[Priority, int]] = []

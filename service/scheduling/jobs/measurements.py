@@ -1,4 +1,4 @@
-"""Measured cost and noise of a job's scene, from which the page predicts time and noise of the next picture."""
+"""Measures cost and noise of a job's scene. From these, the page predicts time and noise of the next picture."""
 
 from __future__ import annotations
 

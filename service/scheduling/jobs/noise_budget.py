@@ -1,7 +1,7 @@
-"""Time limit for noise estimates that are only displayed.
+"""Limit on the processor time for noise estimates that are only displayed.
 
 Estimating a tile's noise reads all its sums, which takes milliseconds, and on a farm of thousands of slots a hundred tiles may
-quadruple their samples at once. So these estimates get a fixed fraction of the engine's time. Until a tile is estimated again,
+quadruple their samples at once. So these estimates get a fixed fraction of the engine's time. Between two estimates of a tile,
 its noise is extrapolated from its number of samples.
 """
 

@@ -1,9 +1,9 @@
 """The plan of a frame: selects the next tile and its number of samples. Independent of clocks, queues and film files.
 
-The first wave is one sample of every tile, from the centre outwards, so that the whole picture is visible at once. After that the
-tile with the fewest samples comes next, and batches grow with the samples of their tile; tiles in a focus rectangle come before
-all others. With a target noise, a tile ends only at fixed sample counts and depends only on its own film, so the picture does
-not depend on the workers' speeds.
+The first wave is one sample of every tile, from the centre outwards, so that the whole picture is visible at once. After that,
+the tile with the fewest samples comes next, and batches grow with the samples of their tile. Tiles in a focus rectangle come
+before all others. With a target noise, a tile is completed only at fixed sample counts, depending only on its own film, so the
+picture does not depend on the workers' speeds.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _NO_WORST_TILE: tuple[tuple[int, int], int] = ((-1, -1), 0)
 
 
 class Range(NamedTuple):
-    """A batch: samples first ... first + count - 1 of one tile (by index) in one frame (renderer.frames.frame_key)."""
+    """A batch: samples first ... first + count - 1 of one tile (by index) in one frame (by key, renderer.frames.frame_key)."""
 
     tile: int
     first: int
@@ -49,7 +49,7 @@ def first_check(tile: Tile) -> int:
 def checkpoints(covered: int, spp: int, noise: float | None, first: int = FIRST_CHECK_SAMPLES) -> int:
     """Returns the sample count up to which a tile is rendered before its next noise estimate; `spp` without a target noise.
 
-    covered: number of samples it has. first: its first checkpoint (`first_check`).
+    covered: number of samples that the tile has. spp: maximum number. noise: target noise. first: first checkpoint of the tile.
     """
     if noise is None:
         return spp
@@ -60,7 +60,7 @@ def checkpoints(covered: int, spp: int, noise: float | None, first: int = FIRST_
 
 
 class FramePlan:
-    """The plan of one frame. `coverage` and `tile_noise` return the samples and the noise of a tile in the film, by index."""
+    """The plan of one frame: which samples of which tile are dispatched next."""
 
     def __init__(
         self,
@@ -74,7 +74,8 @@ class FramePlan:
     ) -> None:
         """Creates a plan for the samples that the film lacks.
 
-        ceiling: sample count of a tile up to which batches may be dispatched at present.
+        spp, noise: samples per pixel, and target noise. coverage, tile_noise: return the samples and the noise of the tile with
+        an index, read from the film. ceiling: samples per pixel up to which batches may be dispatched at present; None: `spp`.
         """
         self.tiles = tiles
         self.ceiling = spp if ceiling is None else ceiling
@@ -133,7 +134,7 @@ class FramePlan:
         return sum(t.w * t.h * covered for t, covered in zip(self.tiles, self.covered, strict=True))
 
     def focus(self, tiles: Iterable[int]) -> None:
-        """Sets the tiles that are rendered first, after the first wave. Does not change the final samples of any tile."""
+        """Sets the tiles that are rendered first after the first wave. Does not change the final samples of any tile."""
         self._focus = frozenset(tiles)
         entries = self._focused + self._heap
         self._focused = [entry for entry in entries if entry[2] in self._focus]
@@ -144,8 +145,8 @@ class FramePlan:
     def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1) -> Range | None:
         """Returns the next batch; None if all are dispatched.
 
-        samples_wanted: returns the suitable number of samples for a tile. of_a_tile: maximum number of consecutive batches of one
-        tile, which return together.
+        samples_wanted: returns the suitable number of samples for the tile of an index. max_run: number of successive calls
+        that may return consecutive batches of the same tile.
 
         The film is queried before the plan is changed, so an error of the film leaves the plan unchanged.
         """
@@ -206,12 +207,12 @@ class FramePlan:
         )
 
     def requeue(self, lost: Range) -> None:
-        """Queues a lost batch, to be dispatched first."""
+        """Queues a lost batch, which is then dispatched before all others."""
         if lost.tile in self._open:
             self._lost.append(lost)
 
     def update_from_film(self, back: Range) -> None:
-        """Updates the plan from the film after a batch was merged or dropped.
+        """Updates the plan from the film after the batch `back` was merged or dropped.
 
         An error of the film leaves the plan unchanged; then call it again.
         """
@@ -250,7 +251,7 @@ class FramePlan:
         return noise <= self.noise
 
     def _push(self, tile: int, sort_key: int | None = None) -> None:
-        """Adds a tile to its heap. sort_key: sort key; None: the tile's number of planned samples."""
+        """Adds a tile to its heap. sort_key: position in the heap; None: the tile's number of planned samples."""
         heap = self._focused if tile in self._focus else self._heap
         planned = self._planned[tile]
         heapq.heappush(heap, (planned if sort_key is None else sort_key, self._order[tile], tile, planned))

@@ -1,4 +1,4 @@
-"""Builds the command line that reproduces an error, from the worker's settings of the batch and the job's request."""
+"""Builds the command line that reproduces an error, from the worker's command and the job's request."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["reproduce"]
 
 
 def reproduce(command: str, job: ActiveJob, frame: ActiveFrame | None = None) -> str:
-    """Completes a worker's command line with the scene's options, and with the time and camera of `frame` if given."""
+    """Adds the scene's options to a worker's command line; also the time and the camera of `frame`, if given."""
     words = list(job.scene_words)
     if frame is not None and job.shot is not None:
         shot = job.shot

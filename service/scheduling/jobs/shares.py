@@ -1,13 +1,13 @@
 """Fair sharing of slot time between jobs of one priority, by weights. Independent of clocks, queues and databases.
 
-A share belongs to a user, or to a project that has its own terms; all jobs of such a project use its share, whoever submitted
-them.
+All jobs of a user form one share. All jobs of a project form one share, whoever submitted them, if an administrator has set a
+weight or a limit for the project.
 
-Between shares: start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time, at the end of
-its previous one, or now if it was idle; the earliest start is served, and "now" is the latest start so far. A batch of t seconds
-takes t / weight of virtual time, so busy shares get slot-seconds in proportion to their weights; an idle share accumulates
-no credit, and the others use its part. The estimated time of a batch is charged when it is dispatched, and corrected when it
-returns.
+Between shares: start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time, at the end
+of its previous one, or now if it was idle; the earliest start is served, and "now" is the latest start so far. A batch of t
+seconds takes t / weight of virtual time, so busy shares get slot-seconds in proportion to their weights. An idle share
+accumulates no credit, and the others use its slots. The estimated time of a batch is charged when it is dispatched, and
+corrected when it returns.
 
 Within a share: first the late jobs, earliest deadline first; then the job with the fewest outstanding batches, and among those
 the one that was served longest ago.
@@ -60,7 +60,7 @@ Job = TypeVar("Job", bound=ShareableJob)
 
 
 def share_of(user: str | None, project: str = "", terms: Container[str] = ()) -> str:
-    """Returns the name of a job's share: its project's if the project has its own terms, else its user's."""
+    """Returns the name of a job's share: its project's if `terms` has settings for the project, else its user's."""
     if project and f"project:{project}" in terms:
         return f"project:{project}"
     return f"user:{user}" if user else EVERYBODY
@@ -68,7 +68,7 @@ def share_of(user: str | None, project: str = "", terms: Container[str] = ()) ->
 
 @dataclass(frozen=True)
 class Terms:
-    """Terms of a share: a weight, to which its slots are proportional, and the maximum number of slots at once (`max_slots`)."""
+    """Settings of a share: its weight, to which its slots are proportional, and the limit of slots at once."""
 
     weight: float = 1.0
     max_slots: int | None = None
@@ -84,7 +84,7 @@ class _VirtualClock:
 
 
 class Shares:
-    """Usage of the workers by each share, by worker kind."""
+    """Slot time used by each share, by worker kind."""
 
     def __init__(self) -> None:
         self.terms: Mapping[str, Terms] = {}
@@ -92,23 +92,23 @@ class Shares:
         self._turn = count(1)
 
     def terms_of(self, share: str) -> Terms:
-        """Returns a share's terms."""
+        """Returns a share's weight and limit; the defaults if the administrators have set none."""
         return self.terms.get(share, _DEFAULT_TERMS)
 
     def name_of(self, user: str | None, project: str) -> str:
-        """Returns the name of a job's share under the current terms."""
+        """Returns the name of a job's share under the current settings of the shares."""
         return share_of(user, project, self.terms)
 
     def queue_of(self, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]) -> ShareQueue[Job]:
         """Returns the queue of jobs of one priority for workers of this kind.
 
-        held: number of outstanding messages of each job. shares_held: the same of each share, over all priorities and kinds;
-        updated when work is dispatched.
+        held: number of outstanding messages of each job, by id. shares_held: number of outstanding messages of each share, over
+        all priorities and kinds; the queue updates it when work is dispatched.
         """
         return ShareQueue(self, kind, jobs, held, shares_held)
 
     def start(self, kind: str, share: str) -> tuple[float, int]:
-        """Returns the sort key of a share: the virtual start time of its next batch, and the sequence number of its latest batch.
+        """Returns the sort key of a share: virtual start time of its next batch, and sequence number of its latest batch.
 
         The share with the smallest key is served.
         """
@@ -116,12 +116,12 @@ class Shares:
         return clock.ends.get(share, clock.now), clock.served.get(share, 0)
 
     def reset_share(self, kind: str, share: str) -> None:
-        """Advances the virtual time of an idle or full share to now, so that it accumulates no credit."""
+        """Advances the virtual time of an idle or full share to now, so that the share accumulates no credit."""
         clock = self._clocks.setdefault(kind, _VirtualClock())
         clock.ends[share] = max(clock.ends.get(share, 0.0), clock.now)
 
     def charge(self, kind: str, share: str, seconds: float) -> None:
-        """Charges a share for a dispatched batch with this expected duration."""
+        """Charges a share for a dispatched batch. seconds: expected duration of the batch."""
         clock = self._clocks.setdefault(kind, _VirtualClock())
         begins, _ = self.start(kind, share)
         clock.now = max(clock.now, begins)
@@ -129,7 +129,7 @@ class Shares:
         clock.served[share] = next(self._turn)
 
     def correct_charge(self, kind: str, share: str, seconds: float) -> None:
-        """Corrects a share's charge after a batch returned. seconds: actual minus expected duration."""
+        """Corrects a share's charge after a batch has returned. seconds: actual minus expected duration."""
         clock = self._clocks.setdefault(kind, _VirtualClock())
         clock.ends[share] = clock.ends.get(share, 0.0) + seconds / self.terms_of(share).weight
 
@@ -141,7 +141,7 @@ _QueueEntry = tuple[float, int, int, float, str]
 class ShareQueue(Generic[Job]):
     """Queue of jobs ordered by share, then by job.
 
-    Call `record_served` after work was dispatched; otherwise the job is skipped.
+    Call `record_served` after dispatching work of the job that `next_job` returned. Otherwise the queue skips the job.
     """
 
     def __init__(
@@ -165,7 +165,7 @@ class ShareQueue(Generic[Job]):
         self.held = 0  # slots that the current job occupies
 
     def next_job(self) -> Job | None:
-        """Returns the next job; None if no job may use more slots. A job that is not served then is not returned again."""
+        """Returns the next job; None if no job may use more slots. A job without `record_served` is not returned again."""
         while self._turns:
             share = self._turns[0][1]
             queue = self._queues[share]
@@ -185,7 +185,7 @@ class ShareQueue(Generic[Job]):
         return None
 
     def record_served(self, job: Job, messages: int, seconds: float) -> None:
-        """Records that messages of the current job were dispatched, and charges its share. seconds: expected slot-seconds."""
+        """Records that `messages` of the current job were dispatched, and charges its share. seconds: expected slot-seconds."""
         assert self._place is not None
         urgency, held, _, created, id = self._place
         share = job.share

@@ -1,4 +1,4 @@
-"""Changes of a shot that a user requests, as steps for its frames."""
+"""Changes of a shot that a user requests, translated into steps for its frames."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NOISIEST_FIRST = "noisiest-first"
 
 @dataclass(frozen=True)
 class ShotRequest:
-    """The fields of service.models.jobs.JobPatch that concern a shot. Frames are given as text, such as 10-20 or 7,9."""
+    """The fields of service.models.jobs.JobPatch that concern a shot. Sets of frames are texts, such as "10-20" or "7,9"."""
 
     state: str | None = None
     spp: int | None = None
@@ -35,7 +35,7 @@ class ShotRequest:
 
     @property
     def is_about_frames(self) -> bool:
-        """Returns True if applying the request needs the rows of frames."""
+        """Returns True if the request cannot be applied without the database rows of the frames."""
         return self.state == "running" or not self.is_about_failures
 
     @property
@@ -45,16 +45,17 @@ class ShotRequest:
 
 
 class CurrentFrame(NamedTuple):
-    """The relevant columns of a frame's row. spp: samples per pixel; None: the job's."""
+    """The required columns of a frame's database row. spp: samples per pixel; None if the frame uses the job's."""
 
     spp: int | None
     state: str
 
 
 def change_shot(job: Job, shot: Shot, frames: Mapping[int, CurrentFrame], request: ShotRequest) -> list[Step]:
-    """Applies a request to a job's row and returns the steps for its frames. frames: all by key, if it `is_about_frames`.
+    """Applies a request to a job's row, and returns the steps for its frames.
 
-    Raises Invalid and Conflict; then discard the changed row.
+    frames: all frames of the shot by key; may be empty if not `request.is_about_frames`. Raises Invalid and Conflict; then
+    discard the changed row.
     """
     now, steps = shot, list[Step]()
     if request.first is not None:
@@ -88,16 +89,20 @@ def change_shot(job: Job, shot: Shot, frames: Mapping[int, CurrentFrame], reques
 
 
 def samples_of(job: Job) -> int:
-    """Returns the samples of one frame at the job's spp, over all pixels; 0 if unknown.
+    """Returns the number of samples of one frame at the job's spp, over all pixels; 0 if unknown.
 
-    A goal by noise or time may need fewer.
+    A job with a noise or time goal may need fewer.
     """
     size = job.settings or job.request
     return int(size.get("width") or 0) * int(size.get("height") or 0) * (job.spp or 0)
 
 
 def added_samples(job: Job, frames: Mapping[int, CurrentFrame], spp_before: int | None, steps: Iterable[Step]) -> int:
-    """Returns the number of samples that the steps add to a job. job: the row after the steps."""
+    """Returns the number of samples, over all pixels, that these steps add to a job.
+
+    job: the row after the steps. frames: the frames before the steps, by key. spp_before: the job's samples per pixel before
+    them.
+    """
     per_frame, now = samples_of(job), job.spp or 0
     pixels = per_frame // now if now else 0
     samples = 0
@@ -132,7 +137,11 @@ def _added(frames: Mapping[int, CurrentFrame], request: ShotRequest) -> list[int
 def _ask_for_samples(
     job: Job, shot: Shot, frames: Mapping[int, CurrentFrame], added: Sequence[int], failed: Set[int], request: ShotRequest
 ) -> tuple[list[Step], bool]:
-    """Returns the steps that set the frames' samples, and whether any frame will be rendered. failed: frames that stay failed."""
+    """Returns the steps that set the frames' samples, and whether any frame will be rendered.
+
+    added: keys of the frames that the request adds. failed: keys of the frames that stay failed unless the request renders
+    them.
+    """
     if request.spp is None and request.more is None:
         if request.frames is not None:
             raise Invalid(

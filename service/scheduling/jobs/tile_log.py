@@ -26,7 +26,7 @@ class TileLogs:
         self._jobs: OrderedDict[str, OrderedDict[Tile, tuple[str, ...]]] = OrderedDict()
 
     def add_line(self, job: str, frame: int, tile: int, text: str) -> None:
-        """Adds the line of a returned batch."""
+        """Adds the line of a returned batch to a tile's log, with the current time."""
         tiles = self._jobs.get(job)
         if tiles is None:
             tiles = self._jobs[job] = OrderedDict()
@@ -51,7 +51,8 @@ class TileLogs:
 def tile_log_line(worker: str, first: int, count: int, seconds: float, step_seconds: dict[str, float], lines: list[str]) -> str:
     """Returns the log line of a batch: `attic: samples 0 to 15 in 0.41 s (open scene 0.12 s); warning: ...`.
 
-    seconds: duration of the batch. step_seconds: seconds by step; short steps are omitted. lines: warnings.
+    first, count: first sample and number of samples. seconds: duration of the batch. step_seconds: duration of each step; short
+    steps are omitted. lines: warnings.
     """
     steps = ", ".join(
         f"{name} {spent:.2f} s" for name, spent in step_seconds.items() if spent >= MIN_SHOWN_S and name != "trace paths"

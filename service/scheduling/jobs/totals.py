@@ -1,4 +1,4 @@
-"""Totals over all frames of a job, updated incrementally: they are read often, and a shot may have very many frames."""
+"""Totals over all frames of a job. Updated incrementally, since they are read often and a shot may have very many frames."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class RunningMaximum:
         self._unknown: set[int] = set()
 
     def set(self, key: int, value: float | None) -> None:
-        """Sets the value of a key. None: unknown."""
+        """Sets the value of a key; None if the value is unknown."""
         if value is None:
             self._known.drop(key)
             self._unknown.add(key)
@@ -35,7 +35,7 @@ class RunningMaximum:
 
     @property
     def value(self) -> float | None:
-        """The maximum; None if there are no values or any is unknown."""
+        """The maximum; None if there are no values or any value is unknown."""
         first = None if self._unknown else self._known.smallest()
         return None if first is None else -first[0]
 
@@ -66,12 +66,12 @@ class Totals:
         self._changed[key] = None
 
     def updated(self) -> Totals:
-        """Updates the totals and returns this object."""
+        """Updates the totals from all changed frames, and returns this object."""
         self.count()
         return self
 
     def count(self, max_count: int | None = None) -> bool:
-        """Updates the totals from at most `max_count` changed frames (None: all); returns whether none is left."""
+        """Updates the totals from at most `max_count` changed frames (None: all). Returns True if no changed frame is left."""
         for key in list(islice(self._changed, max_count)):
             del self._changed[key]
             frame = self._frames[key]

@@ -15,15 +15,15 @@ __all__ = ["record_job_span", "record_merge_span", "trace_headers"]
 
 
 def trace_headers(item_kind: str, id: str) -> dict[str, str] | None:
-    """Returns message headers that make the worker's spans part of a job's or scene's trace; None if tracing is disabled.
+    """Returns message headers that add the worker's spans to the trace of a job or scene; None if tracing is disabled.
 
-    what: "job" or "scene".
+    item_kind: "job" or "scene".
     """
     return {tracing.HEADER: str(tracing.root_span(item_kind, id))} if tracing.is_on() else None
 
 
 def record_job_span(job: ActiveJob, state: str, error: str | None = None) -> None:
-    """Records the span of an ended job, which starts at its creation, with a link to the upload of its scene."""
+    """Records the tracing span of an ended job, from its creation until now, with a link to the upload of its scene."""
     if not tracing.is_on():
         return
     tracing.record_span(
@@ -44,7 +44,11 @@ def record_job_span(job: ActiveJob, state: str, error: str | None = None) -> Non
 
 
 def record_merge_span(job: ActiveJob, begun: float, batches: int, batch_spans: Iterable[str]) -> None:
-    """Records the span of a merge into a job's film. begun: its start. batch_spans: spans in which the batches were rendered."""
+    """Records the tracing span of a merge of batches into a job's film.
+
+    begun: Unix time of its start. batches: number of batches. batch_spans: traceparents of the spans in which they were
+    rendered.
+    """
     if tracing.is_on():
         links = [tracing.parse_traceparent(each) for each in batch_spans]
         tracing.record_span(
