@@ -1,10 +1,10 @@
 """Handles the messages from workers, grouped by job or scene.
 
 A message that cannot be stored at present (its film is locked, the database is full) stays in the stream and in memory, and is
-retried. So no batch is rendered twice for that reason, and a fault of one job's film does not delay other jobs' messages.
+retried. So no batch is rendered twice for that reason, and a fault of one job's film does not delay the messages of other jobs.
 
-An invalid message, or one whose handling raises any other error, is moved to the dead-letter list: counted, stored in a bounded
-list and deleted from the stream. Its work is dispatched again.
+An invalid message, or one whose handling raises any other error, is moved to the dead-letter list: it is counted, stored in a
+bounded list and deleted from the stream. Its work is dispatched again.
 """
 
 from __future__ import annotations
@@ -102,8 +102,9 @@ class Answers:
     ) -> None:
         """Stores the parameters.
 
-        put_aside: dead-letter list. tell: records the change of an item, to be published with the next snapshot. settled: called
-        with a job after its plan was updated from its film.
+        dead_letters: list of the messages that could not be handled.
+        record_change: records the change of an item, to be published with the next snapshot.
+        on_plan_update: called with a job after its plan was updated from its film.
         """
         self._results = results
         self._bulkheads = bulkheads
@@ -126,9 +127,9 @@ class Answers:
         self.counts: Counter[str] = Counter()  # batches merged, dropped, failed; and their results
 
     def read_answers(self, block_ms: int) -> None:
-        """Reads new messages and stores those that can be stored. Waits at most `block_ms` milliseconds for messages.
+        """Reads new messages, and stores all pending messages that can be stored at present.
 
-        Raises redis.RedisError.
+        Waits at most `block_ms` milliseconds for messages. Raises redis.RedisError.
         """
         self._wait_for_results()
         with self._pace.measuring():
@@ -143,7 +144,7 @@ class Answers:
         self._batches = 0
 
     def count_unread(self) -> None:
-        """Updates the number of unread results that the pacing uses, if it is due. Raises redis.RedisError."""
+        """Counts the unread results for the pacing, if that is due. Raises redis.RedisError."""
         is_due = self._results.was_full or time.monotonic() - self._last_counted >= COUNT_UNREAD_EVERY_S
         if self._results.size and is_due:
             self._last_counted = time.monotonic()
@@ -151,7 +152,7 @@ class Answers:
             self._pace.record_unread(max(unread, 0), self._results.size)
 
     def _wait_for_results(self) -> None:
-        """Sleeps until `gather_s` of the pacing has passed since the last call.
+        """Sleeps until `BatchSizing.gather_s` seconds have passed since the last call.
 
         Results of the same tile that arrive in the meantime are then stored together.
         """
@@ -211,9 +212,9 @@ class Answers:
         return any(isinstance(answer.message, PrepareDone | PrepareFailed | ThumbnailMade) for answer in self._kept[owner])
 
     def _store_answers(self, owner: str) -> None:
-        """Stores the pending messages of a job or a scene.
+        """Stores the pending messages of a job or a scene (`owner`).
 
-        Removes each stored message from the list even if a later one raises an error.
+        Each stored message is removed from the list, even if a later one raises an error.
         """
         answers = self._kept[owner]
         if owner in self._scheduler.jobs:
@@ -227,10 +228,11 @@ class Answers:
     def _handle_isolated(
         self, entry: Entry, message: Message | None, action: Callable[[], object], fallback: Callable[[], object] | None = None
     ) -> None:
-        """Handles one message by calling `action`; moves the message to the dead-letter list if it caused an error.
+        """Handles one message by calling `action`. Moves the message to the dead-letter list if it caused an error.
 
-        message: the decoded message, whose work is then dispatched again; None: no work is. instead: called in that case, if not
-        None. Errors that the message did not cause (of Redis, the database, the machine, a film or a job) are raised.
+        message: the decoded message, whose work is then dispatched again; None to dispatch nothing. fallback: called after the
+        message was moved, if not None. Errors that the message did not cause (of Redis, the database, the machine, a film or a
+        job) are raised.
         """
         try:
             action()
@@ -244,7 +246,7 @@ class Answers:
                 self._requeue_work(message, library_message(error))
 
     def _requeue_work(self, message: Message, reason: str) -> None:
-        """Dispatches the work of a message again after the message was moved to the dead-letter list."""
+        """Dispatches the work of a message again after the message was moved to the dead-letter list for this reason."""
         if isinstance(message, BatchDone):
             if (job := self._scheduler.jobs.get(message.job)) is not None:
                 self._reject_sums(job, message, batch_of(message, job), reason)
@@ -279,14 +281,14 @@ class Answers:
         self._record_merge(job, arrived)
 
     def _add(self, job: ActiveJob, rendered: list[_PendingAnswer]) -> list[_MergedSums]:
-        """Merges the batches of results into a job's film: all of them, or none if an error is raised."""
+        """Merges rendered batches into a job's film: all of them, or none if an error is raised."""
         entries = {id(answer.message): answer for answer in rendered}
         sums = [(answer.message, answer.sums or b"") for answer in rendered if isinstance(answer.message, BatchDone)]
         kept = self._trust.mergeable_answers(job, sums)
         return [_MergedSums(each, entries[id(each.message)]) for each in merge(job, kept)]
 
     def _record_merge(self, job: ActiveJob, arrived: list[_MergedSums]) -> None:
-        """Updates leases, logs, statistics and listeners after batches were merged into the film."""
+        """Updates leases, logs and statistics after batches were merged into the film, and publishes the changed tiles."""
         tiles: dict[int, set[int]] = {}
         with_bad: set[int] = set()  # frames with new discarded samples
         for each, answer in arrived:
@@ -310,7 +312,7 @@ class Answers:
             self._lifecycle.record(job)
 
     def _end_leases(self, job: ActiveJob, each: ReceivedBatch) -> None:
-        """Ends the leases of a merged batch and updates its job: the minimum to do if the full bookkeeping fails."""
+        """Ends the leases of a merged batch, and updates its job. Called if the full bookkeeping of the batch has failed."""
         for piece in each.message.pieces if each.taken and each.batch is not None else ():
             assert each.batch is not None
             lease = self._scheduler.leases.end(piece.batch)
@@ -331,9 +333,10 @@ class Answers:
         self._log_batch(job, each)
 
     def _reject_sums(self, job: ActiveJob, message: BatchDone, run: Range | None, reason: str) -> None:
-        """Treats sums that cannot be decoded or merged as a failure of their batch on the worker that sent them.
+        """Records sums that cannot be decoded or merged as a failure of their batch on the worker that sent them.
 
-        A joint result counts as one failure, and against no worker if several contributed to it.
+        run: the samples of the message; None if the job does not need them. A joint result counts as one failure, and against
+        no worker if several contributed to it.
         """
         for number, piece in enumerate(message.pieces):
             if run is None:
@@ -359,7 +362,7 @@ class Answers:
         self._scheduler.fail_batch(job, batch, sentence, trouble.reproduce)
 
     def _log_batch(self, job: ActiveJob, each: ReceivedBatch) -> None:
-        """Logs a batch in its tile's log; if its slot reported warnings, also in the job's log."""
+        """Logs a batch in the log of its tile. If its slot reported warnings, also logs them in the job's log."""
         said, batch = each.message, each.batch
         if batch is not None:
             seconds = sum(piece.seconds for piece in said.pieces)
@@ -428,9 +431,10 @@ class Answers:
             self._fail_batch(job, batch, trouble)
 
     def _handle_misunderstood(self, job: ActiveJob, batch: Range, message: BatchFailed) -> None:
-        """Dispatches a batch again that a worker of another release did not understand.
+        """Dispatches a batch again if a worker of another release did not understand it.
 
-        This does not count against the job, since other workers may render it. A worker that does it repeatedly is quarantined.
+        This does not count against the job, since other workers may render the batch. A worker that does it repeatedly is
+        quarantined.
         """
         lease = self._scheduler.leases.get(message.batch)
         if lease is None or lease.owner != job.id:

@@ -1,4 +1,4 @@
-"""Queue of database changes that the engine has not applied yet."""
+"""Queue of the database changes that the engine has not applied yet."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Change = tuple[str, str]  # kind ("job", "scene", "worker", "terms") and id
 
 
 class Changes:
-    """Changes of items in the database, added by any thread and applied by the engine's thread.
+    """Changed database items. Any thread adds them; the engine's thread applies them.
 
     A change that cannot be applied yet stays in the queue.
     """
@@ -25,17 +25,17 @@ class Changes:
         self._later: dict[Change, None] = {}
 
     def add_low_priority(self, item_kind: str, ids: Iterable[str]) -> None:
-        """Adds low-priority changes, such as jobs left by a previous run. Used only by the engine's thread."""
+        """Adds low-priority changes, such as the jobs left by a previous run. Used only by the engine's thread."""
         self._later |= dict.fromkeys((item_kind, id) for id in ids)
 
     def add(self, item_kind: str, id: str) -> None:
-        """Adds the change that an item was created, modified or deleted. what: job or scene."""
+        """Records that an item was created, modified or deleted. item_kind: "job", "scene", "worker" or "terms"."""
         self._new.put((item_kind, id))
 
     def pending(self) -> list[Change]:
-        """Returns the pending changes in the order in which they were taken up.
+        """Returns the pending changes in the order in which they were taken from the queue.
 
-        If there are fewer than `AT_A_TIME`, low-priority changes are added until there are that many or none is left.
+        If there are fewer than `AT_A_TIME`, low-priority changes are added up to this number.
         """
         while not self._new.empty():
             change = self._new.get()
@@ -48,7 +48,7 @@ class Changes:
 
     @property
     def has_low_priority(self) -> bool:
-        """Returns True if low-priority changes left by a previous run are still unprocessed."""
+        """Returns True if low-priority changes are still unprocessed."""
         return bool(self._later)
 
     def is_pending(self, change: Change) -> bool:

@@ -1,8 +1,8 @@
 """The engine: one thread that alternates between processing results and dispatching work.
 
-With a single thread, films, plans and leases need no locks. The HTTP side reads its latest snapshot, writes to the database and
-notifies it of changes. Errors of one job, scene or worker are contained by the bulkheads (bulkhead.py); `_run` catches only
-errors of Redis and bugs in the engine.
+With a single thread, films, plans and leases need no locks. The HTTP handlers read its latest snapshot, write to the database
+and notify it of changes. Errors of one job, scene or worker are contained by the bulkheads (faults/bulkhead.py); `_run` catches
+only errors of Redis and bugs in the engine.
 """
 
 from __future__ import annotations
@@ -83,8 +83,9 @@ class Engine:
     ) -> None:
         """Creates the engine without starting its thread.
 
-        connection, dispatcher: closed by `stop`. guard: raises FarmError if this service may not act as the farm's owner.
-        has_views: returns whether unfinished views wait for slots.
+        connection, dispatcher: closed by `stop`. snapshots: store for the snapshots of films. snapshot_holder: publishes the
+        engine's state to other threads. guard: raises FarmError if this service may not act as the farm's owner. has_views:
+        returns whether unfinished views wait for slots.
         """
         self._guard = guard
         self.films = films
@@ -162,7 +163,7 @@ class Engine:
         return self._thread.is_alive()
 
     def makes_progress(self) -> bool:
-        """Whether the thread completes its rounds. Always True during the start, which may take long after a previous run."""
+        """Returns True if the thread has completed a round recently, or is still starting, which may take long."""
         return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_TIMEOUT_S)
 
     @property
@@ -171,7 +172,10 @@ class Engine:
         return self._snapshot_holder.latest
 
     def record_change(self, item_kind: str, id: str) -> None:
-        """Notifies the engine that a job or another item was created, modified or deleted in the database, and wakes it."""
+        """Notifies the engine that an item was created, modified or deleted in the database, and wakes its thread.
+
+        item_kind: "job", "scene", "worker" or "terms".
+        """
         self._changes.add(item_kind, id)
         self._results.end_read()
 
@@ -183,7 +187,7 @@ class Engine:
         self._results.end_read()
 
     def set_paused(self, worker: str, reason: str | None) -> None:
-        """Pauses a worker; `why`: the reason, shown to users. None: resumes the worker. Raises redis.RedisError."""
+        """Pauses a worker. reason: shown to users; None: resumes the worker. Raises redis.RedisError."""
         if reason is None:
             self._workers.resume(worker)
         else:
@@ -198,7 +202,7 @@ class Engine:
         return self._workers.log(worker)
 
     def denoise(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
-        """Requests that a worker denoise a frame with the samples now in its film. Raises Unavailable if no worker can."""
+        """Requests that a worker denoise a frame, with the samples that its film has now. Raises Unavailable if no worker can."""
         request = DenoiseFrame("", job, frame, film.width, film.height)
         return self._with_wake_up(self._artifact_tasks.denoising.request(request, film.version(frame)))
 
@@ -225,7 +229,7 @@ class Engine:
                 self._stop.wait(PAUSE_AFTER_FAULT_S)
 
     def _run_catching_faults(self, action: Callable[[], None]) -> str | None:
-        """Runs an action. Returns None, or its error as a sentence."""
+        """Runs an action. Returns None, or a sentence if the action raised any error."""
         try:
             action()
         except (redis.RedisError, QueueError) as error:
@@ -299,7 +303,7 @@ class Engine:
             self._scheduler.hand_out(self._lifecycle.can_start)
 
     def _clean_up_previous_run(self) -> None:
-        """Deletes queued messages, films and logs left by deleted jobs or a previous run; queues unfinished jobs and scenes."""
+        """Deletes queued messages of a previous run, and films and logs of deleted jobs. Queues unfinished jobs and scenes."""
         self._dispatcher.purge()
         self.trust.begin()
         self.films.sweep(jobs := self._records.all_jobs())
@@ -343,7 +347,7 @@ class Engine:
         self._terms = self._records.worker_terms()
 
     def _run_periodic_tasks(self) -> None:
-        """Runs the tasks that are due once a second. An unexpected error in one does not prevent the others."""
+        """Runs the tasks that are due once a second. An unexpected error in one task does not prevent the others."""
         self._refused = self._run_catching_faults(self._write_heartbeat)
         faults = [
             self._run_catching_errors(part)

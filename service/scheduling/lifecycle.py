@@ -61,7 +61,7 @@ class Lifecycle:
         record_change: Callable[[ItemKind, str], None],
         events: Events,
     ) -> None:
-        """Stores the parameters. tell: records the change of a job or scene, to be published with the next snapshot."""
+        """Stores the parameters. record_change: records the change of a job or scene, to be published with the next snapshot."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
@@ -77,7 +77,10 @@ class Lifecycle:
         self._autos: dict[str, dict[str, Any]] = {}  # by job of a shot: the view that frames its scene at the start time
 
     def apply(self, item_kind: str, id: str) -> bool:
-        """Applies the current row of a job or scene. Returns False if that must wait or has failed. what: job or scene."""
+        """Applies the current database row of a job or scene. Returns False if that has to wait or has failed.
+
+        item_kind: "job" or "scene".
+        """
         is_done: list[bool] = []
         step = self._apply_job if item_kind == "job" else self._apply_scene
         return self._bulkheads.run(id, Step.CHANGE, lambda: is_done.append(step(id)), needs_database=True) and all(is_done)
@@ -88,7 +91,7 @@ class Lifecycle:
         self.set_order(())
 
     def set_order(self, jobs: Iterable[str]) -> None:
-        """Announces the jobs whose changes are applied next, in order, so that rows of jobs to load are read together."""
+        """Sets the jobs whose changes are applied next, in order, so that rows of jobs to load are read together."""
         self._expected = (id for id in jobs if id not in self._scheduler.jobs)
         self._pending.clear()
 
@@ -98,11 +101,14 @@ class Lifecycle:
         return self._loading.is_under_way or self._changes.has_low_priority
 
     def may_apply(self, item_kind: str, id: str) -> bool:
-        """Returns True if a change can be applied in this round. Loading a job requires that the round has time left."""
+        """Returns True if a change can be applied in this round. A job can be loaded only if the round has time left.
+
+        item_kind: "job" or "scene".
+        """
         return item_kind != "job" or id in self._scheduler.jobs or self._loading.has_time
 
     def is_awaited(self, id: str) -> bool:
-        """Returns True if a job will be loaded as soon as its film and the database can be read."""
+        """Returns True if a job is not loaded yet, but will be once its film and the database can be read."""
         return id not in self._scheduler.jobs and self._changes.is_pending(("job", id))
 
     def _apply_job(self, id: str) -> bool:
@@ -132,7 +138,7 @@ class Lifecycle:
         return True
 
     def _read_pending(self, id: str) -> PendingJob | None:
-        """Returns the data of a job that is not in the scheduler; None if it has no row."""
+        """Returns the data of a job that is not in the scheduler; None if the job has no database row."""
         if id not in self._pending:
             ids = [id, *islice(self._expected, READ_AT_ONCE)]
             try:
@@ -150,7 +156,7 @@ class Lifecycle:
         return job is None or self._apply_user_changes(job, pending.row)  # changes made while it was being loaded
 
     def _apply_user_changes(self, job: ActiveJob, row: Job) -> bool:
-        """Applies a user's changes to an active job. Returns whether all were applied."""
+        """Applies a user's changes to an active job, from its database row. Returns False if some have to wait."""
         shot = Shot.parse(row.shot)
         if shot is not None and job.shot is not None and shot.revision != job.shot.revision:
             self._records.store_progress(job)
@@ -194,7 +200,10 @@ class Lifecycle:
         self._changes.add("job", job.id)
 
     def can_start(self, job: ActiveJob, kind: str) -> bool:
-        """Starts a job on workers of this kind if they can render it now; returns whether they can."""
+        """Starts a job on workers of this kind if they can render it now. Returns whether they can.
+
+        If the scene is not compiled for this kind, requests that.
+        """
         if kind not in job.compiled:
             self._artifact_tasks.preparing.request(job.scene, kind)
             return False
@@ -240,12 +249,12 @@ class Lifecycle:
         self._record_change("job", job.id)
 
     def begin_next_round(self, job: ActiveJob) -> None:
-        """Stores the goals of the frames for the next round of a shot, then starts the round."""
+        """Stores the sample goals of a shot's frames for its next round, then starts the round."""
         self._records.store_goals(job)
         job.agenda.begin_round()
 
     def automatic_view(self, job: ActiveJob) -> dict[str, Any]:
-        """Returns the automatic view of a job's scene, which frames the scene at the job's start time."""
+        """Returns the automatic view of a job's scene: a camera that frames the scene at the job's start time."""
         return self._autos[job.id]
 
     def handle_frame_answer(self, message: FramePrepared | FrameFailed) -> None:
@@ -275,14 +284,14 @@ class Lifecycle:
         self._record_change("job", job.id)
 
     def fail_lost_frame(self, job: ActiveJob, frame: ActiveFrame) -> None:
-        """Fails a frame whose preparation was lost with its worker too often."""
+        """Fails a frame whose preparation was repeatedly lost together with its worker."""
         error = Sentence(
             "worker-lost-preparing-frame", "The worker was lost three times while it prepared this frame. It may be too large."
         )
         self._bulkheads.run(job.id, Step.RECORD, lambda: job.fail_frame(frame, error))
 
     def fail(self, id: str, verdict: Verdict) -> None:
-        """Fails a job or a scene with the error in `verdict`. A job's samples are preserved."""
+        """Fails a job or a scene with the error of `verdict`. The samples of a job are preserved."""
         job = self._scheduler.jobs.get(id)
         if job is not None:
             job.history.log.add_line(f"failed: {verdict.error}", verdict.reproduce or "")
@@ -300,7 +309,7 @@ class Lifecycle:
             self.prepare_failed(id, None, verdict.error)
 
     def handle_prepared(self, scene: str, info: SceneInfo) -> None:
-        """Marks a scene as prepared for a worker kind, and continues its jobs."""
+        """Marks a scene as prepared for a worker kind, and continues its jobs. info: the message of the worker."""
         self._artifact_tasks.preparing.forget_kind(scene, info.kind)
         if (error := self._records.fail_if_strict(scene, info.warnings)) is not None:
             self.prepare_failed(scene, None, error)
@@ -318,11 +327,11 @@ class Lifecycle:
                 self._changes.add("job", id)
 
     def add_thumbnail(self, scene: str, thumbnail: BlobRef) -> bool:
-        """Stores the thumbnail of a prepared scene. Returns False if it has one, or if the scene is deleted."""
+        """Stores the thumbnail of a prepared scene. Returns False if the scene already has one or is deleted."""
         return self._records.add_thumbnail(scene, thumbnail)
 
     def prepare_failed(self, scene: str, kind: str | None, error: str) -> None:
-        """Fails the jobs that wait for a scene: all of them, or only those that require this worker kind."""
+        """Fails a scene, and the jobs that wait for it: all of them, or only those that require this worker kind."""
         if self._records.prepare_failed(scene, error):
             self._artifact_tasks.preparing.remove_scene(scene)
         elif kind is not None:
@@ -342,7 +351,7 @@ class Lifecycle:
         self._record_change("scene", scene)
 
     def fail_lost_scene(self, scene: str, kind: str | None) -> None:
-        """Fails a scene whose preparation was lost with its worker too often."""
+        """Fails a scene whose preparation was repeatedly lost together with its worker."""
         error = Sentence(
             "worker-lost-preparing-scene",
             "The worker was lost three times while it prepared this scene. It may be too large.",
@@ -350,7 +359,7 @@ class Lifecycle:
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
     def fail_impossible_scene(self, scene: str, kind: str | None, error: str) -> None:
-        """Fails a scene that no worker's machine can prepare."""
+        """Fails a scene because the machine of no connected worker can prepare it."""
         self._bulkheads.run(scene, Step.RECORD, lambda: self.prepare_failed(scene, kind, error), needs_database=True)
 
     def _apply_scene(self, id: str) -> bool:

@@ -1,7 +1,7 @@
 """Loads jobs from the database into the scheduler.
 
-A shot may have a hundred thousand frames, so it is loaded in steps, with a time limit in each of the engine's rounds: results of
-other jobs are merged in between.
+A shot may have a hundred thousand frames, so it is loaded in steps, with a time limit in each round of the engine. Results of
+other jobs are merged between the rounds.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Loading:
         logs: JobLogs,
         on_loaded: Callable[[ActiveJob, Scene], None],
     ) -> None:
-        """Stores the parameters. loaded: called with each job that was added to the scheduler."""
+        """Stores the parameters. on_loaded: called with each job that was added to the scheduler, and its scene."""
         self._records = records
         self._films = films
         self._scheduler = scheduler
@@ -62,7 +62,7 @@ class Loading:
 
     @property
     def has_time(self) -> bool:
-        """Returns True if the round has time to load another job. Always True for the first step, even on a stalled machine."""
+        """Returns True if the round has time to load another job. Always True for the first job of a round."""
         return self._is_first or (time.thread_time() <= self._until and time.monotonic() <= self._until_by_clock)
 
     @property
@@ -73,7 +73,7 @@ class Loading:
     def continue_loading(self, pending: PendingJob) -> bool:
         """Loads an unfinished job until the round's time is used up.
 
-        Returns whether it is done: loaded, or not loadable at present.
+        Returns True if the job is loaded or cannot be loaded at present, and False if steps remain.
         """
         self._is_first = False
         row = pending.row
@@ -125,9 +125,9 @@ class Loading:
         self._add(job, row, scene, is_of_this_round=since == self._rounds)
 
     def _film(self, row: Job, resolved: Job) -> Film:
-        """Opens the job's film, and removes samples that must be rendered again or come from distrusted workers.
+        """Opens the job's film, and removes the samples that must be rendered again or come from distrusted workers.
 
-        Raises FilmUnavailable or FilmLost.
+        resolved: the job's row with render settings. Raises FilmUnavailable or FilmLost.
         """
         assert resolved.settings is not None and resolved.tile_size is not None
         film = self._films.open(row.id, RenderSettings.from_json(resolved.settings), resolved.tile_size, pin=True)
@@ -163,12 +163,12 @@ class Loading:
         self._on_loaded(job, scene)
 
     def _verify(self, row: Job) -> float:
-        """Returns the fraction of batches that are rendered twice for verification: the job's setting, or the farm's."""
+        """Returns the fraction of batches that are rendered twice for verification: the job's setting, else the farm's."""
         asked: float | None = row.request.get("verify")
         return self._scheduler.verify if asked is None else asked
 
     def _add_missed_kinds(self, job: ActiveJob, scene_id: str) -> None:
-        """Adds worker kinds for which the scene was compiled after loading began. stage: the scene's id."""
+        """Adds the worker kinds for which the scene was compiled after the loading of the job had begun."""
         scene = self._records.scene(scene_id)
         for kind, ref in (scene.compiled if scene is not None else {}).items():
             if kind not in job.compiled:
@@ -177,7 +177,7 @@ class Loading:
 
 
 def _summary(job: ActiveJob, scene: Scene) -> str:
-    """Returns the first line of the job's log: its goals, and the preparation of the scene."""
+    """Returns the first line of the job's log: its goals, and how its scene was prepared."""
     info = scene.info or {}
     goals = [f"{job.spp} samples per pixel", job.noise and f"noise {job.noise:g}", job.seconds and f"{job.seconds:g} s"]
     asked = f"{job.film.width} x {job.film.height}, {', '.join(str(goal) for goal in goals if goal)}, {len(job.frames)} frame(s)"

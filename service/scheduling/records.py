@@ -1,4 +1,4 @@
-"""Database access of the engine.
+"""The engine's database operations.
 
 Every write is one transaction and respects concurrent changes by users: a cancelled job stays cancelled.
 """
@@ -68,7 +68,7 @@ _FRAMES = select(Frame.job, *_FRAME_COLUMNS).where(Frame.job.in_(_IDS)).order_by
 
 @dataclass(frozen=True)
 class PendingJob:
-    """A job that is not in the scheduler, with the data that decides whether it may start."""
+    """A job that is not in the scheduler, with the data that determines whether it may start."""
 
     row: Job
     scene: Scene | None  # the scene whose compiled form is rendered
@@ -147,7 +147,10 @@ class Records:
             session.execute(update(Job).where(Job.id == job).values(doubted=None))
 
     def pending(self, ids: Collection[str]) -> dict[str, PendingJob]:
-        """Returns the data of those jobs that have a row, by id. Reads all together, since thousands may be submitted at once."""
+        """Returns the data of those jobs that have a database row, by id.
+
+        All are read together, since thousands may be submitted at once.
+        """
         with self._sessions() as session:
             found = session.execute(_PENDING, {"ids": list(ids)}).all()
             stages = {job.compiled_scene_id for job, *_ in found}
@@ -180,7 +183,7 @@ class Records:
             return [(job, id, name, state) for job, id, name, state in session.execute(query)]
 
     def shares(self) -> dict[str, Terms]:
-        """Returns the terms of the shares that have their own, by share name."""
+        """Returns the weights and limits that administrators have set for shares, by share name."""
         with self._sessions() as session:
             return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
 
@@ -194,12 +197,12 @@ class Records:
         return found
 
     def remove_waits(self, other: str) -> None:
-        """Removes the dependencies of all jobs on this finished job."""
+        """Removes the dependencies of all jobs on a finished job."""
         with self._sessions.begin() as session:
             session.execute(delete(Wait).where(Wait.other == other))
 
     def store_lateness(self, id: str, since: float | None) -> bool:
-        """Stores the Unix time since which a job is late; None: it is not late.
+        """Stores the Unix time since which a job is late; None if it is not late.
 
         Returns False if the job has ended or is deleted.
         """
@@ -208,13 +211,13 @@ class Records:
             return bool(changed.rowcount)  # type: ignore[attr-defined]
 
     def find_overdue(self, now: float) -> list[str]:
-        """Returns the ids of the unfinished jobs whose deadline has passed, but that are not yet marked late."""
+        """Returns the ids of the unfinished jobs whose deadline has passed and that are not marked late yet."""
         with self._sessions() as session:
             query = select(Job.id).where(Job.state.in_(ACTIVE_STATES), Job.deadline < now, Job.late.is_(None))
             return list(session.scalars(query))
 
     def frames(self, job: str) -> Iterator[list[FrameRow]]:
-        """Yields the rows of a job's frames in order, in lists of `AT_A_TIME`."""
+        """Yields the database rows of a job's frames in order, in lists of `AT_A_TIME`."""
         query = select(*_FRAME_COLUMNS).where(Frame.job == job).order_by(Frame.number).limit(AT_A_TIME)
         last = -1
         while True:
@@ -227,7 +230,7 @@ class Records:
             last = rows[-1].number
 
     def frame_settings(self, job: str, frame: int) -> RenderSettings:
-        """Returns the stored render settings of a frame. Raises Conflict, SettingsError."""
+        """Returns the stored render settings of a frame. Raises Conflict or SettingsError."""
         with self._sessions() as session:
             found = session.scalar(select(Frame.settings).where(Frame.job == job, Frame.number == frame))
         if found is None:
@@ -240,7 +243,7 @@ class Records:
         return RenderSettings.from_json(found)
 
     def needs_blender(self, scene: Scene) -> bool:
-        """Returns True if Blender has to open a scene's file before the scene can be prepared."""
+        """Returns True if a scene's file must be opened with Blender before the scene can be prepared."""
         with self._sessions() as session:
             return needs_blender(session, scene)
 
@@ -250,7 +253,10 @@ class Records:
             return session.get(Scene, id)
 
     def resolve(self, id: str, scene: Scene) -> Job | None:
-        """Sets a job's render settings from its scene, once. If the request does not fit the scene, marks the job as failed."""
+        """Sets a job's render settings from its scene, if not done before, and returns the row; None if the job is deleted.
+
+        If the request does not fit the scene, marks the job as failed.
+        """
         with self._sessions.begin() as session:
             job = session.get(Job, id, with_for_update=True)
             if job is not None and job.settings is None:
@@ -275,7 +281,7 @@ class Records:
             return True
 
     def store_progress(self, job: ActiveJob) -> None:
-        """Stores a job's progress; for a shot, the progress of its changed frames."""
+        """Stores the progress of a job, or that of the changed frames of a shot."""
         with self._sessions.begin() as session:
             told = {"active_s": job.active_s} | ({"history": job.history.to_json()} if job.history.has_changed else {})
             session.execute(update(Job).where(Job.id == job.id).values(told), execution_options=NO_SYNCHRONIZE)
@@ -296,7 +302,7 @@ class Records:
                 row.shot = replace(shot, anew=frames_text(map(frame_number, left))).to_json()
 
     def store_goals(self, job: ActiveJob) -> None:
-        """Stores the goals of all frames for a shot's next round."""
+        """Stores the sample goals of a shot's frames for its next round."""
         with self._sessions.begin() as session:
             goals = [{"of": job.id, "key": key, "goal": goal} for key, goal in job.agenda.new_goals.items()]
             row = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))
@@ -305,8 +311,8 @@ class Records:
     def mark_finished(self, job: ActiveJob, measured: dict[str, float | None] | None = None) -> bool:
         """Marks a job as finished, or as failed if all its frames failed.
 
-        measured: measurements of its scene (service/scheduling/jobs/measurements.py). Returns False if the job has already ended
-        or its goal was changed concurrently.
+        measured: measurements of the scene (service/scheduling/jobs/measurements.py). Returns False if the job has already
+        ended, or its goal was changed concurrently.
         """
         with self._sessions.begin() as session:
             row = session.get(Job, job.id, with_for_update=True)
@@ -357,7 +363,7 @@ class Records:
             return True
 
     def add_thumbnail(self, id: str, thumbnail: BlobRef) -> bool:
-        """Stores the thumbnail of a prepared scene. Returns False if it has one, or if the scene is deleted."""
+        """Stores the thumbnail of a prepared scene. Returns False if the scene already has one or is deleted."""
         with self._sessions.begin() as session:
             scene = session.get(Scene, id)
             if scene is None or scene.info is None or scene.info.get("thumbnail"):
@@ -366,7 +372,7 @@ class Records:
             return True
 
     def fail_if_strict(self, id: str, warnings: Sequence[str]) -> str | None:
-        """Marks a strict scene as failed if it was prepared with warnings, and returns its error; None for other scenes.
+        """Marks a strict scene as failed if it was prepared with warnings. Returns its error; None if it was not failed.
 
         A scene that is ready for another worker kind stays ready. The warnings are added to the scene's notes.
         """
@@ -382,7 +388,7 @@ class Records:
             return scene.error
 
     def prepare_failed(self, id: str, error: str) -> bool:
-        """Marks a scene as failed. Returns False if it is deleted or ready for another worker kind."""
+        """Marks a scene as failed. Returns False if it is deleted, or ready for another worker kind."""
         with self._sessions.begin() as session:
             scene = session.get(Scene, id)
             if scene is None or scene.status != "preparing":

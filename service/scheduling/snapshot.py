@@ -1,4 +1,4 @@
-"""Immutable snapshots of the engine's state. Other threads read the latest one; the engine's thread replaces it."""
+"""Immutable snapshots of the engine's state. The engine's thread replaces the latest one, which all threads can read."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ class JobNumbers:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """State of the engine at one moment: jobs, workers, and reasons for waiting."""
+    """State of the engine at one moment: jobs, workers, and the reasons why jobs wait."""
 
     fault: str | None = Sentence("service-starting", "The service is starting.")  # why the whole engine is stopped
     roster: WorkerSnapshot = field(default_factory=WorkerSnapshot)
@@ -83,7 +83,7 @@ class Snapshot:
 
     @property
     def unready_reason(self) -> str | None:
-        """Returns a sentence on why the farm cannot work at present; None if it can."""
+        """A sentence that explains why the farm cannot work at present; None if it can."""
         age = time.monotonic() - self.made
         if age > STUCK_TIMEOUT_S:
             return Sentence(
@@ -101,7 +101,7 @@ class Snapshot:
 
 
 class SnapshotHolder:
-    """Holds the engine's latest snapshot. Publishes `ItemChanged` as soon as the snapshot shows the change."""
+    """Holds the engine's latest snapshot. Publishes `ItemChanged` once a snapshot contains the change."""
 
     def __init__(self, events: Events) -> None:
         self._events = events
@@ -115,13 +115,14 @@ class SnapshotHolder:
         return self.latest.roster
 
     def record_change(self, item_kind: ItemKind, id: str) -> None:
-        """Notes that an item has changed. The event is published with the next snapshot."""
+        """Records that an item has changed. The event is published with the next snapshot."""
         self._changed[item_kind, id] = None
 
     def publish(self, jobs: Mapping[str, ActiveJob], make: Callable[[Mapping[str, JobNumbers]], Snapshot]) -> None:
-        """Replaces the snapshot. The numbers of a job that changes all the time are updated ten times a second.
+        """Replaces the snapshot, and publishes the recorded changes.
 
-        jobs: ids of the active jobs. make: creates the snapshot.
+        jobs: active jobs by id. make: creates the snapshot from the numbers of these jobs. The numbers of a job that changes
+        continuously are updated at most ten times a second.
         """
         now = time.monotonic()
         late: dict[tuple[ItemKind, str], None] = {}

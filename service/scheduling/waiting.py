@@ -1,11 +1,11 @@
 """Dependencies of jobs on other jobs.
 
-They are stored only in the database (store/models.py: Wait) and checked about once a second, so it does not matter how the other
-jobs end, or whether the service was restarted meanwhile.
+They are stored only in the database (store/models.py: Wait) and checked about once a second. So it does not matter how the
+other jobs end, or whether the service was restarted meanwhile.
 
 Once a predecessor is finished, the dependency is removed, and later changes of the predecessor have no effect. If a predecessor
-fails, is cancelled, or is deleted before it was finished, the job fails too, with an error that names the predecessor; and so do
-the jobs that depend on this one.
+fails, is cancelled, or is deleted before it was finished, the dependent job fails too, with an error that names the
+predecessor. The same applies to the jobs that depend on the failed job.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ MAX_REVIEW_S = 0.1  # seconds per review, limited for long chains of failing job
 
 
 class DependencyTracker:
-    """The jobs with unfinished dependencies. Used only by the engine's thread."""
+    """Tracks the jobs with unfinished dependencies. Used only by the engine's thread."""
 
     def __init__(self, records: Records, bulkheads: Bulkheads, changes: Changes) -> None:
         self._records = records
@@ -40,7 +40,7 @@ class DependencyTracker:
             self._held.discard(job)
 
     def settle_ended(self) -> None:
-        """Continues jobs whose dependencies are finished, and fails those with a failed predecessor. Called once a second."""
+        """Continues jobs whose dependencies are finished, and fails jobs with a failed predecessor. Called once a second."""
         if self._held:
             self._bulkheads.run(ALL_WAITING_JOBS, Step.CHANGE, self._settle_ended, needs_database=True)
 
@@ -53,7 +53,11 @@ class DependencyTracker:
             self._changes.add("job", job)
 
     def _end_dependencies(self, waits: list[tuple[str, str, str | None, str | None]]) -> bool:
-        """Removes dependencies on finished jobs, and fails jobs whose predecessor failed; returns whether any job failed."""
+        """Removes dependencies on finished jobs, and fails jobs whose predecessor failed. Returns whether any job failed.
+
+        waits: (job id, predecessor's id, name, state) of each dependency on an ended job; name and state are None if it was
+        deleted.
+        """
         failed = False
         for job, other, name, state in waits:
             if state == "finished":

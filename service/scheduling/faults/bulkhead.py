@@ -5,8 +5,8 @@ Every step that the engine takes for a job or a scene runs through `Bulkheads.ru
 Redis             raised: without the queue no work is possible, and the whole engine waits for it.
 the database      not the job's fault. The step is retried about once a second; steps that need no database continue.
 FilmUnavailable   the job waits and shows the reason. The step is retried about once a second.
-the machine       out of memory or file descriptors, or a failing disk: as for FilmUnavailable.
-all others        the job's own fault: it gets a verdict, which `Lifecycle.fail` carries out.
+the machine       out of memory or file descriptors, or a failing disk: handled like FilmUnavailable.
+all others        the job's own fault: the job gets a verdict, an error with which `Lifecycle.fail` ends it.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ log = logging.getLogger(__name__)
 
 
 def is_message_fault(error: Exception) -> bool:
-    """Returns True if an error was caused by the message being handled.
+    """Returns True if an error was caused by the message that was being handled.
 
-    False for errors of Redis, the database, the machine, a film or a job, which the next message would cause too.
+    Returns False for errors of Redis, the database, the machine, a film or a job, which the next message would cause too.
     """
     if isinstance(error, (Invalid, *ROW_FAULTS)):
         return True
@@ -63,7 +63,7 @@ class Step(StrEnum):
 
 @dataclass(frozen=True)
 class Verdict:
-    """The error that ends a job, and the command that reproduces it, or None."""
+    """The error that ends a job. reproduce: the command line that reproduces it, or None."""
 
     error: str
     reproduce: str | None = None
@@ -76,7 +76,7 @@ class _Delay:
 
 
 class Bulkheads:
-    """Waiting steps and verdicts of jobs and scenes. Used only by the engine's thread."""
+    """Delayed steps and verdicts of jobs and scenes. A verdict is the error that ends a job. Used only by the engine's thread."""
 
     def __init__(self, clock: Clock = time) -> None:
         self._clock = clock
@@ -86,16 +86,20 @@ class Bulkheads:
         self._database_until = 0.0
 
     def run(self, id: str, step: Step, action: Callable[[], object], needs_database: bool = False) -> bool:
-        """Runs a step of a job or scene; returns whether it succeeded. After an error the step waits, or the job gets a verdict.
+        """Runs a step of a job or scene. Returns whether it succeeded.
 
-        needs_database: the step is not run while the database is unavailable. Raises only redis.RedisError and QueueError.
+        After an error, the step is delayed, or the job gets a verdict. needs_database: whether to skip the step while the
+        database is unavailable. Raises only redis.RedisError and QueueError.
         """
         if id in self.verdicts or not self._is_due(id, step, needs_database):
             return False
         return self._attempt(id, step, action, needs_database)
 
     def end_failed_jobs(self, end: Callable[[str, Verdict], object]) -> None:
-        """Ends the jobs that have a verdict, if the database accepts it. end: ends one job. Raises as `run` does."""
+        """Calls `end` with the id and the verdict of each failed job, unless the database is unavailable.
+
+        Raises redis.RedisError and QueueError.
+        """
         for id, verdict in list(self.verdicts.items()):
             if not self._is_due(id, Step.END, True):
                 continue
@@ -148,11 +152,11 @@ class Bulkheads:
         return False
 
     def give_verdict(self, id: str, error: str, reproduce: str | None = None) -> None:
-        """Sets the verdict of a job, unless it already has one. reproduce: command that reproduces the error."""
+        """Sets the error that ends a job, unless the job already has one. reproduce: command line that reproduces the error."""
         self.verdicts.setdefault(id, Verdict(error, reproduce))
 
     def may_render(self, id: str) -> bool:
-        """Returns True if batches of a job may be dispatched: it has no verdict, and its film accepts results."""
+        """Returns True if batches of a job may be dispatched: it has not failed, and its film accepts results."""
         waits = self._waits.get(id, {})
         return id not in self.verdicts and Step.RESULTS not in waits and self._is_due(id, Step.HAND_OUT, False)
 

@@ -97,7 +97,7 @@ ERROR_SENTENCES: tuple[tuple[str, Callable[[str], Sentence], Sentence], ...] = (
 
 
 def redis_fault(error: BaseException) -> FactAndRemedy:
-    """Returns what is wrong and what to do, for an error of the Redis client or a queue error caused by one."""
+    """Returns the fault and its remedy, as sentences, for an error of the Redis client or a queue error caused by one."""
     found = exception_chain(error)
     for cause in found:
         text = str(cause)
@@ -118,7 +118,7 @@ def redis_fault(error: BaseException) -> FactAndRemedy:
 
 
 def redis_unavailable(error: BaseException) -> Unavailable:
-    """Returns the error for a request that needs Redis while it is unavailable."""
+    """Returns the error for an HTTP request that needs Redis while Redis is unavailable."""
     return Unavailable(redis_fault(error)[0], advice=Sentence("advice-retry-later", "Try again when that is done."))
 
 

@@ -1,4 +1,4 @@
-"""Deletes Redis keys of the wrong type. Workers can write any of the farm's keys, and all commands on such a key fail."""
+"""Deletes Redis keys of the wrong type. Workers can write any of the farm's keys, and commands on such a key fail."""
 
 from __future__ import annotations
 
@@ -45,12 +45,12 @@ log = logging.getLogger(__name__)
 
 
 def is_wrong_type(error: BaseException) -> bool:
-    """Returns True if a command failed because its key has another type."""
+    """Returns True if a Redis command failed because its key has the wrong type."""
     return isinstance(error, redis.ResponseError) and "WRONGTYPE" in str(error)
 
 
 def repair(connection: redis.Redis, key: str | bytes, type: str) -> bool:
-    """Deletes a key if its type differs from `type`; returns whether it was deleted. Raises redis.RedisError."""
+    """Deletes a key if its Redis type differs from `type`. Returns whether it was deleted. Raises redis.RedisError."""
     with connection.pipeline() as pipe:
         pipe.watch(key)
         found: Any = pipe.type(key)
@@ -67,7 +67,7 @@ def repair(connection: redis.Redis, key: str | bytes, type: str) -> bool:
 
 
 def repair_all(connection: redis.Redis) -> int:
-    """Deletes all keys of the farm that have the wrong type; returns their number. Raises redis.RedisError."""
+    """Deletes all keys of the farm that have the wrong type. Returns their number. Raises redis.RedisError."""
     repaired = 0
     for pattern, type in TYPES:
         keys = list(connection.scan_iter(pattern, count=AT_ONCE)) if pattern.endswith("*") else [pattern.encode()]

@@ -14,8 +14,8 @@ FORGIVEN_PER_SUCCESS = 0.02  # failures cancelled by one success, so one failure
 class Suspicion:
     """Counts the failures that are attributed to each worker. Used only by the engine's thread.
 
-    Two kinds of failure are attributed to a worker: of batches that another worker then rendered; and successive failures of
-    different batches while another worker succeeded. Without this, a worker that fails at once would fetch all the work.
+    A failure is attributed to a worker if another worker then rendered the batch. Successive failures of different batches are
+    also attributed if another worker succeeded meanwhile. Otherwise a worker that fails at once would fetch all the work.
     """
 
     def __init__(self) -> None:
@@ -35,12 +35,12 @@ class Suspicion:
         self._row[worker].add(batch)
 
     def record_misunderstood(self, worker: str) -> int:
-        """Records that a worker did not understand a batch; returns how many since its last success."""
+        """Records that a worker did not understand a batch. Returns how often this has happened since its last success."""
         self._misunderstood[worker] += 1
         return self._misunderstood[worker]
 
     def record_success(self, worker: str, failed_on: list[str]) -> None:
-        """Records that a worker rendered a batch. The failures of this batch are attributed to the workers in `failed_on`."""
+        """Records that a worker rendered a batch, and attributes earlier failures of the batch to the workers `failed_on`."""
         for other in set(failed_on) - {worker}:
             self._made_good[other] += 1
         self._success[worker] = next(self._clock)
@@ -50,7 +50,7 @@ class Suspicion:
             self._made_good[worker] = max(self._made_good[worker] - FORGIVEN_PER_SUCCESS, 0.0)
 
     def failures_of(self, worker: str, others: list[str]) -> int:
-        """Returns the number of failures attributed to a worker. others: the workers it is compared with."""
+        """Returns the number of failures attributed to a worker. others: the workers with which it is compared."""
         in_a_row = self._row.get(worker, set())
         others_can = any(self._success.get(other, -1) > self._row_began.get(worker, 0) for other in others)
         return max(int(self._made_good.get(worker, 0.0)), len(in_a_row) if others_can else 0)

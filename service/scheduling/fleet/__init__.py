@@ -4,5 +4,5 @@ workers.py       the connected workers
 reports.py       validates the workers' reports
 speeds.py        speeds during the last hour
 needs.py         requirements of jobs on their workers
-dead_letters.py  messages of workers that could not be handled
+dead_letters.py  messages from workers that could not be handled
 """

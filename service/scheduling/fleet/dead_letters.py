@@ -1,4 +1,4 @@
-"""Dead-letter list: messages of workers that could not be handled. All are counted; the latest are stored in a file."""
+"""Dead-letter list: messages from workers that could not be handled. All are counted; the latest are stored in a file."""
 
 from __future__ import annotations
 
@@ -35,9 +35,9 @@ class DeadLetters:
         self.count = 0  # since the service started
 
     def add(self, where: str, why: object, content: object, error: BaseException | None = None) -> None:
-        """Adds a message. where: its Redis key or stream entry. why: the fault.
+        """Adds a message. where: its Redis key or stream entry. why: the fault, as a text or an exception.
 
-        error: if unexpected, logged with its traceback.
+        content: the message. error: an unexpected error, which is logged with its traceback.
         """
         self.count += 1
         reason = f"{type(why).__name__}: {why}" if isinstance(why, BaseException) else str(why)
@@ -53,7 +53,7 @@ class DeadLetters:
         log.warning("a message was put aside (%s): %.500s%s", where, reason, more, exc_info=error, extra=ids(owner=where))
 
     def flush(self) -> None:
-        """Writes the list to the file if it has changed. If writing fails, only logs that."""
+        """Writes the list to its file if it has changed. A failure to write is only logged."""
         if self._is_written:
             return
         self._is_written = True
@@ -64,7 +64,7 @@ class DeadLetters:
 
 
 def _readable(content: object) -> Any:
-    """Returns a readable, shortened form of a message. Binary fields are truncated and described by their size."""
+    """Returns a message in a readable, shortened form. Binary fields are truncated and described by their size."""
     if isinstance(content, Mapping):
         fields = list(content.items())[:20]
         return {_text(name, 100): _text(value, MAX_CHARACTERS) for name, value in fields}

@@ -1,7 +1,7 @@
-"""Requirements of a job on its workers: tags and a minimum of memory.
+"""Requirements that a job has on its workers: tags and a minimum of memory.
 
 Batches of such a job have a separate queue. The service instructs each worker that meets all requirements to serve that queue
-(protocol/terms.py), and sends batches only when a worker has confirmed that it does.
+(protocol/terms.py), and sends batches only after a worker has confirmed it.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ MEMORY_PATTERN = re.compile(r"memory_gb=(\d{1,6}(?:\.\d{1,3})?)")
 
 @dataclass(frozen=True)
 class Needs:
-    """Requirements of a job. tags: sorted; all are required. memory_gb: minimum memory in GB; 0: no minimum."""
+    """Requirements of a job on its workers. tags: all are required; sorted. memory_gb: minimum memory in GB; 0 for no minimum."""
 
     tags: tuple[str, ...]
     memory_gb: float = 0.0
 
     @classmethod
     def parse(cls, texts: Sequence[str]) -> Needs | None:
-        """Parses requirements: tags, and entries such as memory_gb=32. Returns None if there are none.
+        """Parses requirements: tags, and entries such as "memory_gb=32". Returns None if there are none.
 
         Raises ValueError with a sentence if a text is neither, or if there are too many tags.
         """
@@ -54,7 +54,7 @@ class Needs:
 
     @classmethod
     def from_json(cls, row: Mapping[str, Any] | None) -> Needs | None:
-        """Parses the JSON object written by `to_json`; None for an empty value."""
+        """Parses the JSON object that `to_json` returns; None for an empty value."""
         return cls(tuple(map(str, row.get("tags", ()))), float(row.get("memory_gb", 0.0))) if row else None
 
     def to_json(self) -> dict[str, Any]:
@@ -68,19 +68,19 @@ class Needs:
 
     @cached_property
     def text(self) -> str:
-        """Returns a canonical text: equal for equal requirements."""
+        """Canonical text of the requirements: equal for equal requirements."""
         return ",".join(self.texts)
 
     def queue(self, kind: str) -> str:
-        """Returns the name of the queue for batches with these requirements and workers of this kind."""
+        """Returns the name of the queue for batches that have these requirements and are rendered by workers of this kind."""
         return needs_queue(kind, self.text)
 
     def are_met(self, offer: Offer) -> bool:
-        """Returns True if a worker's offer meets all requirements."""
+        """Returns True if a worker meets all requirements. offer: the worker's report of its tags, memory and queues."""
         return set(self.tags) <= set(offer.tags) and offer.memory >= self.memory_gb * 1e9
 
     def unmet_reason(self, offers: Iterable[Offer | None]) -> str | None:
-        """Returns a sentence on why no worker meets the requirements; None if one does.
+        """Returns a sentence that explains why no worker meets the requirements; None if one does.
 
         offers: one per worker; None for a worker that sent none.
         """

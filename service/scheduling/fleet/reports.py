@@ -1,7 +1,7 @@
-"""Validation of the workers' reports. Invalid ones are rejected.
+"""Validates the workers' reports, and rejects invalid ones.
 
-Reported numbers are shown to users and added to those of other workers, so an invalid one must not break the engine, the list of
-workers or a page.
+Reported numbers are shown to users and added to those of other workers, so an invalid one must not break the engine, the list
+of workers or a page.
 """
 
 from __future__ import annotations
@@ -69,7 +69,10 @@ def _is_card(card: dict[str, Any]) -> bool:
 
 
 def is_plain(value: Any, deepest: int = MAX_DEPTH, longest: int = MAX_TEXT_LENGTH) -> bool:
-    """Whether a worker's JSON value is safe to use: finite numbers, bounded texts, at most `deepest` levels of nesting."""
+    """Returns True if a worker's JSON value is safe to use: finite numbers, texts of at most `longest` characters.
+
+    deepest: maximum number of nesting levels.
+    """
     if isinstance(value, str):
         return len(value) <= longest and "\0" not in value
     if isinstance(value, int | float):

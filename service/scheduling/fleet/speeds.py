@@ -18,7 +18,7 @@ FORGET_AFTER_S = 3600.0
 class Speeds:
     """Samples per second of each worker's slots while they render, averaged per minute.
 
-    The last value is the current minute's.
+    The last value belongs to the current minute.
     """
 
     def __init__(self, now: float | None = None) -> None:
@@ -28,7 +28,7 @@ class Speeds:
         self._seen: dict[str, float] = {}
 
     def add_reports(self, reports: Iterable[WorkerReport], now: float | None = None) -> None:
-        """Adds the speeds in the workers' current reports. now: Unix time."""
+        """Adds the speeds of the workers' current reports. now: Unix time; None: the current time."""
         now = time.monotonic() if now is None else now
         if now - self._begun >= INTERVAL_S:
             self._begun = now
@@ -40,7 +40,7 @@ class Speeds:
 
     @property
     def speeds_by_worker(self) -> Mapping[str, tuple[float, ...]]:
-        """Returns the speeds by worker, oldest first: one value per minute since the worker connected, at most KEPT."""
+        """Returns the speeds of each worker: one value per minute since it connected, oldest first, at most `KEPT` values."""
         return {name: (*self._past.get(name, ()), *_rounded_mean(self._running.get(name))) for name in self._seen}
 
     def _close_interval(self, now: float) -> None:

@@ -1,4 +1,4 @@
-"""The connected workers, from their reports in Redis, which expire unless renewed."""
+"""The connected workers, according to their reports in Redis, which expire unless renewed."""
 
 from __future__ import annotations
 
@@ -72,9 +72,10 @@ class WorkerSnapshot:
         return [report for report in self.ready_reports() if report.kind == kind and report.has_card_queue]
 
     def slots_serving(self, queue: str, of_cpu: bool = False) -> dict[str, int]:
-        """Returns the slots, by kind, of the ready workers that have confirmed that they serve this queue for requirements.
+        """Returns the number of slots, by worker kind, of the ready workers that serve a queue.
 
-        A worker with graphics cards confirms it too, but gets the batches from its own queue. of_cpu: excludes such workers.
+        queue: queue of batches with certain requirements. Only workers that have confirmed to serve it are counted.
+        of_cpu: whether to exclude workers with graphics cards, which confirm too but get such batches from queues of their own.
         """
         found: dict[str, int] = {}
         for report in self.ready_reports():
@@ -85,57 +86,61 @@ class WorkerSnapshot:
         return found
 
     def best_kind(self) -> str | None:
-        """Returns the worker kind with most slots; None if no worker is ready."""
+        """Returns the worker kind with the most slots; None if no worker is ready."""
         kinds = {report.kind for report in self.ready_reports()}
         return max(sorted(kinds), key=self.slots, default=None)
 
     def frame_preparing_kind(self) -> str | None:
-        """Returns the kind with most slots among the workers that can prepare frames of shots; None if none is ready."""
+        """Returns the kind with the most slots among the workers that can prepare frames of shots; None if none is ready."""
         return self._kind_of([report for report in self.ready_reports() if report.frames])
 
     def open_shutter_kind(self) -> str | None:
-        """Returns the kind with most slots all of whose ready workers can prepare frames with an open shutter; None if there is
-        none.
+        """Returns the largest worker kind that can prepare frames with an open shutter (motion blur); None if there is none.
 
-        All workers of the kind must support it, since any of them may fetch a message from the kind's queue.
+        This is the kind with the most slots all of whose ready workers support it: any of them may fetch a message from the
+        kind's queue.
         """
         ready = self.ready_reports()
         unable = {report.kind for report in ready if not report.blurs}
         return self._kind_of([report for report in ready if report.blurs and report.kind not in unable])
 
     def motion_vector_kind(self) -> str | None:
-        """Returns the kind with most slots all of whose ready workers can compute motion vectors; None if there is none."""
+        """Returns the largest worker kind that can compute motion vectors; None if there is none.
+
+        This is the kind with the most slots all of whose ready workers can compute them.
+        """
         ready = self.ready_reports()
         unable = {report.kind for report in ready if not report.vectors}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
     def environment_kind(self) -> str | None:
-        """Returns the kind with most slots all of whose ready workers can make thumbnails of environments; None if there is none.
+        """Returns the largest worker kind that can make thumbnails of environment images; None if there is none.
 
-        Detected by the `views` flag of the reports, since both features were introduced by the same release.
+        This is the kind with the most slots all of whose ready workers report the feature `views`, which was introduced by the
+        same release as these thumbnails.
         """
         ready = self.ready_reports()
         unable = {report.kind for report in ready if not report.views}
         return self._kind_of([report for report in ready if report.kind not in unable])
 
     def blender_kind(self) -> str | None:
-        """Returns the kind with most slots among the workers that can open .blend files; None if none is ready."""
+        """Returns the kind with the most slots among the workers that can open .blend files; None if none is ready."""
         return self._kind_of([report for report in self.ready_reports() if self.has_blender(report.name)])
 
     def has_blender(self, name: str) -> bool:
-        """Returns True if a worker can open .blend files."""
+        """Returns True if the worker with this name can open .blend files."""
         return name in self.offers and TAG in self.offers[name].tags
 
     def accepts_several(self, kind: str) -> bool:
-        """Returns True if all workers of this kind accept several batches in one message. Any of them may receive it."""
+        """Returns True if all workers of this kind, any of which may receive a message, accept several batches in one message."""
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
     def accepts_joint(self, kind: str) -> bool:
-        """Whether all workers of this kind support joint messages: they add up the sums that their slots render of one tile."""
+        """Returns True if all workers of this kind support joint messages, whose batches of one tile they add up."""
         return all(report.adds for report in self.reports.values() if report.kind == kind)
 
     def denoising_kind(self) -> str | None:
-        """Returns the kind with most slots among the workers that can denoise; None if none is ready."""
+        """Returns the kind with the most slots among the workers that can denoise; None if none is ready."""
         return self._kind_of([report for report in self.ready_reports() if report.denoises])
 
     def is_about_to_change(self) -> bool:
@@ -151,16 +156,17 @@ class WorkerSnapshot:
         return max(sorted(slots), key=lambda kind: slots[kind], default=None)
 
     def current(self) -> list[dict[str, Any]]:
-        """Returns the current work of all busy slots, as reported."""
+        """Returns the current work of all busy slots, as reported by the workers."""
         return [doing for report in self.reports.values() for doing in report.current if doing]
 
 
 class Workers:
-    """Polls the workers' reports, and pauses workers. Each poll replaces `roster` with a new snapshot, in the engine's thread."""
+    """Polls the workers' reports, and pauses workers. Each poll, in the engine's thread, replaces the snapshot `roster`."""
 
     def __init__(self, connection: redis.Redis, on_change: Callable[[str], None], dead_letters: DeadLetters) -> None:
-        """Creates an empty roster. on_change: called with the name of a worker that has changed. put_aside: dead-letter list for
-        invalid reports.
+        """Creates an empty roster.
+
+        on_change: called with the name of each worker that has changed. dead_letters: list to which invalid reports are added.
         """
         self._dead_letters = dead_letters
         self._redis = connection
@@ -173,7 +179,7 @@ class Workers:
         self.roster = WorkerSnapshot()
 
     def refresh(self, now: bool = False) -> None:
-        """Polls the workers if the poll interval has passed, or in any case if `now`. Raises redis.RedisError."""
+        """Polls the workers if the poll interval has passed. now: whether to poll in any case. Raises redis.RedisError."""
         age = time.monotonic() - self._last_polled
         if not now and age < (FAST_POLL_S if self.roster.is_about_to_change() else POLL_EVERY_S):
             return
@@ -207,7 +213,7 @@ class Workers:
                 self._on_change(name)
 
     def _correct_expiries(self, keys: list[Any]) -> None:
-        """Limits the expiry of the reports after Redis's clock was set back. Raises redis.RedisError.
+        """Limits the expiry of the workers' keys if the clock of Redis was set back. Raises redis.RedisError.
 
         Otherwise the reports of departed workers, and the work in them, would persist for as long as the clock was set back.
         """
@@ -224,17 +230,20 @@ class Workers:
             all_at_once.execute()
 
     def _sites(self, offers: Mapping[str, Offer]) -> dict[str, SiteReport]:
-        """Returns the reports of the reducers at the workers' sites, by site. Raises redis.RedisError."""
+        """Returns the reports of the reducers at the workers' sites, by site. Raises redis.RedisError.
+
+        A reducer adds up the sums of all machines at a site (protocol/site.py).
+        """
         tags = {tag for offer in offers.values() for tag in offer.tags if tag.startswith(SITE)}
         names = sorted(tag.removeprefix(SITE) for tag in tags)
         said: Any = self._redis.mget([site_key(name) for name in names]) if names else []
         return self._parse_all(SiteReport.from_bytes, site_key, names, said)
 
     def send_terms(self, terms: Mapping[str, Terms], needs: Iterable[Needs]) -> None:
-        """Sends each worker its terms, unless it has confirmed them already. Raises redis.RedisError.
+        """Sends each worker its settings (protocol/terms.py), unless it has confirmed them already. Raises redis.RedisError.
 
-        terms: by worker name. needs: requirements of the active jobs. A worker must serve the queues of all requirements
-        that it meets.
+        terms: administrators' settings, by worker name. needs: requirements of the active jobs. A worker must serve the queues
+        of all requirements that it meets.
         """
         different = {each.text: each for each in needs}
         for name, offer in self.roster.offers.items():
@@ -245,7 +254,7 @@ class Workers:
                 self._redis.set(terms_key(name), wanted.to_bytes())
 
     def has_late_report(self) -> bool:
-        """Returns True if any worker's report is so old that its current work is unknown. Raises redis.RedisError."""
+        """Returns True if the report of any worker is so old that its current work is unknown. Raises redis.RedisError."""
         with self._redis.pipeline(transaction=False) as all_at_once:
             for name in self.roster.reports:
                 all_at_once.pttl(worker_key(name))
@@ -253,7 +262,7 @@ class Workers:
         return min(left_ms, default=math.inf) < 1000 * (HEARTBEAT_TTL_S - LATE_S)
 
     def silent_workers(self) -> set[str]:
-        """Returns the names of workers that have stopped reporting but are still connected to Redis. Raises redis.RedisError."""
+        """Returns the names of the workers that are connected to Redis but have stopped reporting. Raises redis.RedisError."""
         now = time.monotonic()
         lately = {name for name, since in self._vanished.items() if now - since < SILENT_TIMEOUT_S}
         living = connected(self._redis, lately) if lately else set()
@@ -261,7 +270,7 @@ class Workers:
         return living
 
     def pause(self, name: str, reason: str) -> None:
-        """Pauses a worker until `resume` is called. why: the reason, for users. Thread-safe. Raises redis.RedisError."""
+        """Pauses a worker until `resume` is called. reason: shown to users. Thread-safe. Raises redis.RedisError."""
         self._redis.set(pause_key(name), to_text(reason), ex=PAUSE_TTL_S)
 
     def pause_reasons(self) -> dict[str, str]:
@@ -297,7 +306,10 @@ class Workers:
     def _parse_all(
         self, read: Callable[[bytes], Parsed], key_of: Callable[[str], str], names: list[str], values: list[bytes | None]
     ) -> dict[str, Parsed]:
-        """Parses the values of these workers' keys. Returns them by worker; invalid and missing ones are skipped."""
+        """Parses the values of the workers' keys with `read`. Returns them by worker; invalid and missing values are omitted.
+
+        key_of: returns the Redis key of a worker. names, values: the workers, and the value of each one's key.
+        """
         found = {}
         for name, value in zip(names, values, strict=True):
             if value is not None and (told := self._parse(read, key_of(name).encode(), value)) is not None:

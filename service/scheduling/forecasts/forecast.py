@@ -91,13 +91,13 @@ class _Share:
 class RemainingWork:
     """Remaining work of all jobs that workers of one kind render, by priority and share."""
 
-    def __init__(self, lines: Mapping[int, Iterable[ActiveJob]], shares: Shares, slots: int) -> None:
+    def __init__(self, jobs_by_priority: Mapping[int, Iterable[ActiveJob]], shares: Shares, slots: int) -> None:
         """Sums up the remaining work by priority and share. slots: number of slots available to these jobs."""
         self._shares = shares
         self._of: dict[int, dict[str, _Share]] = {}
         self.is_known = True  # whether the work of all jobs is known
         self.jobs = 0
-        for priority, jobs in lines.items():
+        for priority, jobs in jobs_by_priority.items():
             found = self._of.setdefault(priority, {})
             for job in jobs:
                 if job.is_done:
@@ -137,8 +137,8 @@ class RemainingWork:
 class Forecaster:
     """Computes forecasts of jobs. Used only by the engine's thread."""
 
-    def __init__(self, lines: QueuedJobs, shares: Shares) -> None:
-        self._lines = lines
+    def __init__(self, queued_jobs: QueuedJobs, shares: Shares) -> None:
+        self._queued_jobs = queued_jobs
         self._shares = shares
         self._crowds: dict[str, tuple[float, RemainingWork]] = {}  # by kind: end of validity, crowd
 
@@ -146,7 +146,7 @@ class Forecaster:
         """Returns the forecast of a job. now: Unix time. For a paused job, assumes that it resumes now and runs alone."""
         if job.is_done:
             return Forecast(now)
-        slots = self._lines.slots_for(job)
+        slots = self._queued_jobs.slots_for(job)
         if slots <= 0:
             return Forecast(None, NO_SLOTS)
         work = remaining_work_s(job, slots)
@@ -157,7 +157,7 @@ class Forecaster:
             return Forecast(None, SPEED_UNKNOWN)
         if work is None or alone is None or job.state == "paused":
             return Forecast(now + measured)
-        crowd = self._remaining_work(self._lines.kind_for(job) or "", slots)
+        crowd = self._remaining_work(self._queued_jobs.kind_for(job) or "", slots)
         if crowd.jobs <= 1:
             return Forecast(now + measured)
         left = max(crowd.seconds(job, work, slots), alone)
@@ -167,7 +167,7 @@ class Forecaster:
         until, crowd = self._crowds.get(kind, (0.0, None))
         begins = time.monotonic()
         if crowd is None or begins > until:
-            crowd = RemainingWork(self._lines.by_priority(kind), self._shares, slots)
+            crowd = RemainingWork(self._queued_jobs.by_priority(kind), self._shares, slots)
             ends = time.monotonic()
             self._crowds[kind] = ends + max(UPDATE_EVERY_S, VALIDITY_FACTOR * (ends - begins)), crowd
         return crowd

@@ -20,9 +20,9 @@ __all__ = ["ReceivedBatch", "batch_of", "merge"]
 
 @dataclass(frozen=True)
 class ReceivedBatch:
-    """A received batch. taken: whether the film accepted it; False for a duplicate.
+    """A received batch. taken: whether the film accepted it; False for a duplicate or an unusable batch.
 
-    fault: why its sums cannot be used, or None.
+    fault: the reason why its sums cannot be used; None if they can.
     """
 
     message: BatchDone
@@ -32,9 +32,9 @@ class ReceivedBatch:
 
 
 def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[ReceivedBatch]:
-    """Adds the batches that the job still needs to its film; returns all batches.
+    """Adds those batches to a job's film that the job still needs. Returns all batches.
 
-    Raises FilmUnavailable or FilmLost; then none was added.
+    answers: messages with their packed sums. Raises FilmUnavailable or FilmLost; then no batch was added.
     """
     wanted = [_wanted_batch(message, job) for message, _ in answers]
     faults = [_weight_error(sums, batch, job) for (_, sums), batch in zip(answers, wanted, strict=True)]
@@ -64,7 +64,7 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Receiv
 
 
 def batch_of(message: BatchDone | BatchFailed | BatchReturned, job: ActiveJob) -> Range | None:
-    """Returns the batch that a message refers to; None if the job has no such frame, or its film no such tile."""
+    """Returns the batch that a message refers to; None if the job does not have the frame, or its film the tile."""
     tile = job.film.tile_index(Tile(*message.tile)) if message.frame in job.frames else None
     return None if tile is None else Range(tile, message.first, message.count, message.frame)
 
@@ -75,7 +75,10 @@ def _wanted_batch(message: BatchDone, job: ActiveJob) -> Range | None:
 
 
 def _weight_error(sums: bytes, batch: Range | None, job: ActiveJob) -> str | None:
-    """Returns an error sentence if the sums have another number of samples than the batch; None if valid or no longer needed."""
+    """Returns an error sentence if the sums have another number of samples than the batch, else None.
+
+    batch: None if it is not needed any more; then the sums are not checked.
+    """
     return None if batch is None else _error_of(lambda: check_weight(sums, job.film.tiles[batch.tile], batch.count))
 
 

@@ -1,4 +1,4 @@
-"""Models of the workers' messages. Parsing an invalid message raises Unusable."""
+"""Models of the messages from workers. Parsing an invalid message raises Unusable."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ Id = Annotated[str, Field(max_length=200, pattern=r"^[^\x00]*$")]
 
 
 def _sentence(value: Any) -> str:
-    """Shortens a sentence to the maximum length, and preserves its code."""
+    """Validates a sentence in a message, and replaces its NUL characters. Preserves its code. Raises ValueError."""
     if not isinstance(value, str) or len(value) > MAX_SENTENCE_LENGTH:
         raise ValueError(f"not a text of at most {MAX_SENTENCE_LENGTH} characters")
     return value.mapped(_without_nul_characters) if isinstance(value, Sentence) else _without_nul_characters(value)
@@ -64,7 +64,7 @@ Info = TypeVar("Info", SceneInfo, FrameInfo)
 
 
 def _with_warnings(info: Info, sent: Any) -> Info:
-    """Returns `info` with the sentences that were sent, including their codes; validation has converted them to plain texts."""
+    """Returns `info` with the warnings of the sent message. Unlike the validated ones, these have their sentence codes."""
     warnings = sent["warnings"] if isinstance(sent, dict) else sent.warnings
     return replace(info, warnings=[_sentence(warning) for warning in warnings])
 
@@ -106,7 +106,7 @@ class _Batch(BaseModel):
 
 
 class Piece(NamedTuple):
-    """One of several batches whose sums a worker has added up."""
+    """One of the consecutive batches of a tile whose sums a worker has added up."""
 
     batch: Id
     first: Number
@@ -116,7 +116,7 @@ class Piece(NamedTuple):
 
 
 class BatchDone(_Batch):
-    """Message: a batch, or several consecutive batches of a tile, were rendered. Includes their sums."""
+    """Message: a batch, or several consecutive batches of a tile, were rendered. Their sums are sent with it."""
 
     type: Literal["batch", "batches"]
     batch: Id = ""
@@ -130,7 +130,7 @@ class BatchDone(_Batch):
 
     @property
     def pieces(self) -> list[Piece]:
-        """Returns the individual batches, as they were dispatched."""
+        """Returns the individual batches as they were dispatched, each with its rendering time and worker."""
         return self.parts or [Piece(self.batch, self.first, self.count, self.seconds)]
 
     @property
@@ -160,7 +160,7 @@ class BatchFailed(_Batch):
 
 
 class BatchReturned(_Batch):
-    """Message: a worker sends back a batch because of a fault of the worker, such as a lost connection or a full disk."""
+    """Message: a worker sends back a batch because of a fault of its own, such as a lost connection or a full disk."""
 
     type: Literal["batch-returned"]
     error: SentSentence
@@ -214,7 +214,7 @@ class VectorsFailed(_Vectors):
 
 
 class EnvironmentShown(_Denoise):
-    """Message: the thumbnail of an uploaded environment was made."""
+    """Message: the thumbnail of an uploaded environment image was made."""
 
     type: Literal["environment-shown"]
     sha256: Id
@@ -246,7 +246,7 @@ class PrepareStarted(_Prepare):
 
 
 class PrepareProgress(_Prepare):
-    """Message: progress of a scene's preparation. `fraction`: 0 to 1."""
+    """Message: progress of a scene's preparation. `fraction`: completed fraction, 0 to 1."""
 
     type: Literal["prepare-progress"]
     step: SentSentence
@@ -337,7 +337,10 @@ def _without_nul(value: Any) -> Any:
 
 
 def _check_plain(info: SceneInfo | FrameInfo) -> None:
-    """Checks values that are stored as JSON and displayed: finite numbers, limited text lengths and depth. Raises ValueError."""
+    """Checks values that are stored as JSON and displayed. Raises ValueError.
+
+    Numbers must be finite, and the lengths of texts and the depth of nesting are limited.
+    """
     if not is_plain(asdict(info), MAX_DEPTH, MAX_TEXT_LENGTH):
         raise ValueError("a value that is not finite, too long or too deep")
 
@@ -350,9 +353,9 @@ class PrepareFailed(_Prepare):
 
 
 class PrepareReturned(_Prepare):
-    """Message: a worker sends back a scene because of a fault of the worker, such as a full disk.
+    """Message: a worker sends back a scene because of a fault of its own, such as a full disk.
 
-    unfit: the worker's machine cannot prepare the scene. passing: the cause is temporary.
+    unfit: whether the worker's machine cannot prepare the scene. passing: whether the cause is temporary.
     """
 
     type: Literal["prepare-returned"]
@@ -403,7 +406,10 @@ class FrameFailed(_Frames):
 
 
 class FramesReturned(_Frames):
-    """Message: a worker sends back the frames that it has not prepared. unfit, passing: as in PrepareReturned."""
+    """Message: a worker sends back the frames that it has not prepared.
+
+    unfit: whether the worker's machine cannot prepare them. passing: whether the cause is temporary.
+    """
 
     type: Literal["frames-returned"]
     error: SentSentence

@@ -37,7 +37,7 @@ BEGINNING: Position = (0, 0)
 
 @dataclass(frozen=True)
 class Entry:
-    """An entry of the stream. `result`: the parsed message; None if it cannot be parsed, for the reason in `fault`."""
+    """An entry of the stream. result: the parsed message; None if it cannot be parsed, for the reason `fault`."""
 
     id: bytes
     result: Result | None
@@ -51,7 +51,10 @@ class Entry:
 
 
 class Results:
-    """Reads the stream from its beginning, each entry once. Entries that exist at the start have not been stored yet."""
+    """Reads the stream of results from its beginning, each entry once.
+
+    Entries that exist at the start of the service have not been stored yet.
+    """
 
     def __init__(self, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
         """Stores the parameters.
@@ -102,7 +105,7 @@ class Results:
         return entries
 
     def latest_position(self) -> Position:
-        """Returns the position of the latest entry. Raises redis.RedisError.
+        """Returns the position of the latest entry of the stream. Raises redis.RedisError.
 
         Does not use XINFO STREAM, whose reply includes the first and last entries, which may be large.
         """
@@ -137,7 +140,7 @@ class Results:
         return int(self._redis.xlen(RESULTS))
 
     def repair(self) -> bool:
-        """Restores a damaged stream so that it accepts entries; returns whether that was necessary. Raises redis.RedisError.
+        """Restores a damaged stream so that it accepts entries. Returns whether that was necessary. Raises redis.RedisError.
 
         Deletes a key of another type, and an empty stream whose last id is far in the future.
         """
@@ -165,7 +168,7 @@ class Results:
         self._read_to = BEGINNING
 
     def end_read(self) -> None:
-        """Makes a blocking `read` return. Thread-safe. Ignores errors of Redis, since they make `read` return too."""
+        """Makes a blocking `read` return. Thread-safe. Errors of Redis are ignored, since they make `read` return too."""
         with contextlib.suppress(redis.RedisError):
             self._redis.xadd(RESULTS, {"event": json.dumps({"type": "wake"})})
 

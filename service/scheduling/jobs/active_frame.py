@@ -307,7 +307,7 @@ class ActiveFrame:
 
     @property
     def settings_json(self) -> dict[str, Any] | None:
-        """The settings as JSON for the frame's database row; None if they are unknown, or are stored there and were not loaded."""
+        """The settings as JSON for the frame's database row; None if they are unknown or only stored there."""
         if self._settings is None:
             return None
         if self._json is None or self._json[0] is not self._settings:

@@ -30,7 +30,7 @@ def exclusive_bytes(job: ActiveJob, frame: ActiveFrame) -> int:
 
 
 def additional_bytes(job: ActiveJob, ref: Mapping[str, Any]) -> int:
-    """Returns by how many bytes the job's storage would grow with the blobs of this BlobRef (protocol.contract; given as JSON)."""
+    """Returns by how many bytes the blobs of this BlobRef (protocol.contract; as JSON) would increase the job's storage."""
     return _sum_without(_blobs(ref), {*total_bytes([job]), *job.of_scene})
 
 
