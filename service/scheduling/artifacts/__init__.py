@@ -1,11 +1,11 @@
 """Work for workers other than rendering batches.
 
 artifacts.py          facade of all of them
-scene_preparation.py  scenes
-frame_preparation.py  frames of shots
+scene_preparation.py  preparation of scenes
+frame_preparation.py  preparation of frames of shots
 unfit_machines.py     machines that cannot prepare a scene or a frame
 artifact_task.py      artifacts: files made on request; the base of the next three
 denoising.py          denoised frames
 vectors.py            motion vectors
-environments.py       thumbnails of uploaded environments
+environments.py       thumbnails of uploaded environment images
 """

@@ -3,7 +3,7 @@
 If a machine cannot make an artifact, the request is sent to another worker (unfit_machines.py).
 
 An artifact is outdated as soon as its film grows. A client that requests one while it is being made receives that one; the next
-request starts a new one. Artifacts are blobs without a database reference, and are made again after a restart.
+request starts a new one. Artifacts are blobs to which the database does not refer, and are made again after a restart.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ Request = TypeVar("Request", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 @dataclass(frozen=True)
 class ArtifactResult:
-    """A finished artifact: its blob (defined by the request in protocol.contract), film version and sample count."""
+    """A finished artifact: SHA-256 of its blob, and the version and sample count of the film from which it was made."""
 
     sha256: str
     version: str = ""
@@ -59,8 +59,8 @@ class _PendingRequest(Generic[Request]):
 class ArtifactTask(ABC, Generic[Request]):
     """Base class of artifacts of one type.
 
-    Any thread may request one. The engine's thread dispatches the requests and handles the answers. A separate thread queries the
-    blob store, which may be slow.
+    Any thread may request one. The engine's thread dispatches the requests and handles the answers. A separate thread queries
+    the blob store, which may be slow.
     """
 
     _patience_s = 60.0
@@ -87,10 +87,10 @@ class ArtifactTask(ABC, Generic[Request]):
 
     @abstractmethod
     def _send(self, request: Request, queue: str) -> None:
-        """Sends a request to a queue. wish: the request; its `work` is its lease's id. Raises QueueError."""
+        """Sends a request to a queue. The request's field `work` is the id of its lease. Raises QueueError."""
 
     def _queue(self, kind: str) -> str:
-        """Returns the queue of this artifact for a worker kind."""
+        """Returns the queue for requests of this artifact to workers of this kind."""
         return prepare_queue(kind)
 
     @abstractmethod
@@ -99,7 +99,7 @@ class ArtifactTask(ABC, Generic[Request]):
 
     @abstractmethod
     def _no_worker_error(self) -> Unavailable:
-        """Returns the error that explains why no worker can make this artifact."""
+        """Returns the error of a request that no worker can serve, with the reason."""
 
     @property
     @abstractmethod
@@ -107,11 +107,11 @@ class ArtifactTask(ABC, Generic[Request]):
         """The name of this artifact in error messages."""
 
     def request(self, request: Request, version: str = "") -> Future[ArtifactResult]:
-        """Requests an artifact and returns a future of it.
+        """Requests an artifact, and returns a future of it.
 
-        wish: the request; its `work` is set later. version: required version of the film; a newer one is accepted. If the same
-        artifact is already being made, returns that future. The future raises FarmError if the artifact cannot be made. Raises
-        Unavailable if no worker can make it.
+        request: its field `work` is set later. version: required version of the film; a newer one is accepted. If the same
+        artifact is already being made, returns the future of that one. The future raises FarmError if the artifact cannot be
+        made. Raises Unavailable if no worker can make it.
         """
         job, frame = request.job, request.frame
         made = self._made.get((job, frame))
@@ -161,9 +161,10 @@ class ArtifactTask(ABC, Generic[Request]):
             wanted.sent += 1
 
     def handle_answer(self, work: str, result: ArtifactResult | None, error: str = "", unfit: MachineFault | None = None) -> None:
-        """Handles a worker's answer to request `work`. result: the artifact; None if it failed with message `error`.
+        """Handles a worker's answer to a request. work: the id in the request's field `work`.
 
-        unfit: fault of that worker's machine; then the request is sent to another worker.
+        result: the artifact; None if the worker failed with the message `error`. unfit: fault of that worker's machine, after
+        which the request is sent to another worker.
         """
         with self._lock:
             key = next((key for key, wanted in self._wanted.items() if wanted.lease and wanted.lease.id == work), None)
@@ -201,7 +202,7 @@ class ArtifactTask(ABC, Generic[Request]):
             self._delete(old.sha256)
 
     def release_lost(self) -> None:
-        """Releases the leases of requests that were lost with their worker, and fails overdue requests. Called once a second."""
+        """Ends the leases of requests that were lost with their worker, and fails overdue requests. Called once a second."""
         with self._lock:
             self._release_lost()
             late = [
@@ -222,7 +223,7 @@ class ArtifactTask(ABC, Generic[Request]):
             )
 
     def _release_lost(self) -> None:
-        """Ends the leases of requests that no worker reports any more.
+        """Ends the leases of requests that no worker reports any more, so that they are sent again.
 
         When a worker is killed, its current request is lost, and the broker would deliver it again only much later.
         """

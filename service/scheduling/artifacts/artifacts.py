@@ -1,4 +1,4 @@
-"""Facade of all work other than batches, for the engine, the message handler and the lifecycle of jobs."""
+"""Facade of all work for workers other than batches. Used by the engine, the message handler and the lifecycle of jobs."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class ArtifactTasks:
             each.hand_out()
 
     def review_artifacts(self) -> None:
-        """Handles artifact requests that were lost or are overdue. Called once a second."""
+        """Sends lost artifact requests again, and fails overdue ones. Called once a second."""
         for each in self._aside:
             each.release_lost()
 

@@ -1,4 +1,4 @@
-"""Thumbnails of uploaded environments, made by a worker during the upload, which also validates the image."""
+"""Thumbnails of uploaded environment images. A worker makes each one during the upload, which also validates the image."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ MOST_BYTES = 1 << 20  # of a thumbnail
 
 
 class Environments(ArtifactTask[ShowEnvironment]):
-    """Requests for thumbnails of environments. The `job` field of a request is the hash of the image."""
+    """Requests for thumbnails of environment images. The `job` field of a request is the hash of the image."""
 
     _name = Sentence("artifact-environment-picture", "environment's picture")
     _doing = "environment"

@@ -1,8 +1,8 @@
-"""Preparation of the frames of shots: each is compiled shortly before it is rendered, within a storage limit.
+"""Preparation of the frames of shots: each frame is compiled shortly before it is rendered, within a storage limit.
 
-Every frame of an animation has its own compiled scene, which can be compiled again and is deleted when the frame is finished. If
-storage is short, the compiled scene of the frame that is needed last is deleted first; a shot rendered breadth-first compiles it
-again later.
+Every frame of an animation has its own compiled scene, which can be compiled again and is deleted when the frame is finished.
+If storage is short, the compiled scene of the frame that is needed last is deleted first; a shot rendered breadth-first
+compiles it again later.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ FrameOf = Callable[[ActiveJob], dict[str, object]]  # returns the view that fram
 
 
 class FramePreparation:
-    """Selects the frames to prepare and tracks their leases. Used only by the engine's thread."""
+    """Selects the frames to prepare, and tracks the leases of their preparation. Used only by the engine's thread."""
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float, max_bytes: int) -> None:
         """Stores the parameters.
@@ -60,10 +60,13 @@ class FramePreparation:
     def hand_out(
         self, jobs: Iterable[tuple[ActiveJob, str | None]], automatic_view_of: FrameOf, busy: set[tuple[str, int]]
     ) -> list[ActiveJob]:
-        """Sends the frames that are needed next to workers. Raises QueueError.
+        """Sends the frames that are needed next to workers, to be prepared. Raises QueueError.
 
-        jobs: in the order in which they are served, with the worker kind that renders each. auto: view that frames a job's scene.
-        busy: (job, frame) pairs with outstanding batches. Returns the jobs of which a compiled frame was deleted.
+        jobs: the jobs in the order in which they are served, with the worker kind that renders each.
+        automatic_view_of: returns the camera that frames a job's scene.
+        busy: (job id, frame key) pairs with outstanding batches.
+
+        Returns the jobs that lost a compiled frame because storage is short.
         """
         cleared = []
         shots = [(job, kind) for job, kind in jobs if job.shot is not None and kind is not None and kind in job.compiled]
@@ -91,7 +94,7 @@ class FramePreparation:
         return cleared
 
     def discard_job(self, job: str) -> None:
-        """Discards the state of a job that has ended or whose frames are planned anew."""
+        """Discards the state of a job that has ended or whose frames are planned again."""
         self._seconds.pop(job, None)
         self._sizes.pop(job, None)
         self._unfit.remove_owner(job)
@@ -102,7 +105,10 @@ class FramePreparation:
             self._end_lease(lease)
 
     def handle_answer(self, job: ActiveJob, work: str, frame: int, worker: str, info: FrameInfo | None) -> None:
-        """Handles a worker's answer about a frame. info: the prepared frame; None if the preparation failed."""
+        """Handles a worker's answer about a frame. work: lease id. frame: frame key.
+
+        info: the prepared frame; None if the preparation failed.
+        """
         if info is not None:
             before = self._seconds.get(job.id, info.seconds)
             self._seconds[job.id] = before + (info.seconds - before) / 2
@@ -122,9 +128,9 @@ class FramePreparation:
             self._end_lease(lease)
 
     def handle_return(self, job: ActiveJob, work: str, unfit: MachineFault | None = None) -> None:
-        """Ends the lease of frames that a worker returned without preparing them.
+        """Ends the lease (with the id `work`) of frames that a worker returned without preparing them.
 
-        unfit: fault of that worker's machine; then the frames are sent to another worker.
+        unfit: fault of that worker's machine, after which the frames are sent to another worker.
         """
         lease = self.leases.get(work)
         if lease is not None:
@@ -143,14 +149,14 @@ class FramePreparation:
         return found
 
     def _choose_destination(self, job: str, kind: str) -> Destination | None:
-        """Returns the worker or queue to which a job's next frames are sent; None if no worker is left."""
+        """Returns the worker or queue to which a job's next frames are sent; None if no suitable worker is left."""
         if job not in self._unfit:
             return Destination("", kind, prepare_queue(kind))
         ready = self._workers.roster.ready_reports()
         return self._unfit.next_destination(job, [report for report in ready if report.kind == kind and report.frames])
 
     def end_lost_leases(self, jobs: dict[str, ActiveJob], results: Results) -> list[tuple[ActiveJob, ActiveFrame]]:
-        """Ends lost leases. Returns the frames that were lost too often. Called once a second.
+        """Ends lost leases. Returns the frames whose preparation was lost too often. Called once a second.
 
         A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
@@ -182,7 +188,7 @@ class FramePreparation:
         return hopeless
 
     def _choose_frames(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
-        """Returns the frames to send in the next message; empty if enough frames are ready."""
+        """Returns the frames to prepare with the next message; empty if enough frames are ready to render."""
         turns, seconds = job.agenda.turns, self._seconds.get(job.id)
         most = MAX_FRAMES_PER_MESSAGE if self._sizes.get(job.id) else MAX_CAMERA_ONLY_FRAMES
         together = 1 if seconds is None else max(1, min(most, int(TARGET_S / max(seconds, 1e-6))))
@@ -195,10 +201,11 @@ class FramePreparation:
         return lacking[: min(together, ahead - ready)] if ready < ahead else []
 
     def _make_room(self, job: ActiveJob, kind: str, frame: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
-        """Deletes the compiled scene of the idle frame that is needed last; returns the number of bytes freed.
+        """Deletes the compiled scene of the idle frame that is needed last. Returns the number of bytes freed.
 
-        Only frames needed later than `frame`, or not needed at present, are candidates. Returns None if the frame must wait for
-        space; 0 if nothing can be deleted but the job has no other work, so the frame is prepared anyway.
+        Candidates are frames that are needed later than `frame`, or not needed at present, and are not in `busy`: (job id,
+        frame key) pairs with outstanding batches. Returns None if the preparation of `frame` must wait for space. Returns 0 if
+        nothing can be deleted but the job has no other work, so that `frame` is prepared anyway.
         """
         turn = job.agenda.sort_key(frame)
         idle = [

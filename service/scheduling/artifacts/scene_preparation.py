@@ -1,4 +1,4 @@
-"""Preparation of scenes: workers compile their files for the kernels. Requested, monitored, and requested again if lost."""
+"""Preparation of scenes: workers compile a scene's files for the kernels. Lost requests are sent again."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ NO_BLENDER = Progress(WAITS_FOR_BLENDER, 0.0)
 
 
 class ScenePreparations:
-    """The scenes to prepare, each for one worker kind. Kind None: the kind with most slots."""
+    """The scenes to prepare, each for one worker kind. The kind None stands for the kind with the most slots."""
 
     def __init__(self, dispatcher: Dispatcher, workers: Workers, deadline_s: float) -> None:
         self._dispatcher = dispatcher
@@ -50,7 +50,7 @@ class ScenePreparations:
         self.progress: dict[str, Progress] = {}
 
     def request(self, scene: str, kind: str | None, by_blender: bool = False) -> None:
-        """Requests the preparation of a scene. by_blender: only workers that have Blender can do it."""
+        """Requests the preparation of a scene. by_blender: whether only workers with Blender can prepare it."""
         self._wanted.setdefault((scene, kind), 0)
         if by_blender:
             self._by_blender.add(scene)
@@ -66,7 +66,7 @@ class ScenePreparations:
             self.leases.end(lease.id)
 
     def forget_kind(self, scene: str, kind: str) -> None:
-        """Removes the request for a scene that is prepared for this kind; requests for other kinds remain."""
+        """Removes the request for a scene that is now prepared for this worker kind. Requests for other kinds remain."""
         self._wanted.pop((scene, kind), None)
         self._wanted.pop((scene, None), None)
         self._by_blender.discard(scene)
@@ -101,7 +101,7 @@ class ScenePreparations:
                 del self.progress[scene]
 
     def impossible_requests(self) -> list[tuple[str, str | None, str]]:
-        """Returns (scene, kind, error sentence) of the requests that no connected worker can serve because of machine faults."""
+        """Returns the requests that no connected worker can serve because of machine faults: (scene, kind, error sentence)."""
         found = []
         for scene, kind in self._wanted:
             if scene not in self._unfit or any(kind in (None, lease.kind) for lease in self.leases.leases_of(scene)):
@@ -114,12 +114,12 @@ class ScenePreparations:
         return found
 
     def _able_workers(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:
-        """Returns the workers among `reports` that can prepare a scene for this kind."""
+        """Returns those workers among `reports` that can prepare a scene for this kind."""
         by_blender, has_blender = scene in self._by_blender, self._workers.roster.has_blender
         return [each for each in reports if kind in (None, each.kind) and (not by_blender or has_blender(each.name))]
 
     def handle_progress(self, scene: str, kind: str, worker: str, progress: Progress | None) -> None:
-        """Records that a worker is preparing a scene, and its progress if given."""
+        """Records that a worker is preparing a scene, and its progress if not None."""
         for lease in self.leases.leases_of(scene):
             if lease.kind == kind:
                 lease.holder = worker
@@ -129,15 +129,16 @@ class ScenePreparations:
             self.progress[scene] = replace(progress, preview=progress.preview or (before.preview if before else None))
 
     def mark_answered(self, scene: str, kind: str) -> None:
-        """Marks the lease of a preparation whose answer was read, so it is not lost while the answer waits for the database."""
+        """Marks a preparation as answered, so that its lease cannot become lost while the answer waits for the database."""
         for lease in self.leases.leases_of(scene):
             if lease.kind == kind:
                 lease.has_arrived = True
 
     def handle_return(self, scene: str, kind: str, reason: str, unfit: MachineFault | None = None) -> None:
-        """Ends the lease of a scene that a worker returned through no fault of the scene; it will be sent again.
+        """Ends the lease of a scene that a worker returned through no fault of the scene. The scene will be sent again.
 
-        unfit: fault of that worker's machine; then the scene is sent to another worker.
+        reason: error sentence of the worker. unfit: fault of that worker's machine, after which the scene is sent to another
+        worker.
         """
         for lease in self.leases.leases_of(scene):
             if lease.kind == kind:
@@ -164,7 +165,7 @@ class ScenePreparations:
         return False
 
     def end_lost_leases(self, results: Results) -> list[tuple[str, str | None]]:
-        """Ends lost leases. Returns the (scene, kind) pairs that were lost too often. Called once a second.
+        """Ends lost leases. Returns the (scene, kind) pairs whose preparation was lost too often. Called once a second.
 
         A lease whose answer may be among unread results is not lost. Raises redis.RedisError.
         """

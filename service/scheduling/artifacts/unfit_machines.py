@@ -1,6 +1,6 @@
 """Machines that cannot do some work because of their limits, memory or temporary folder, independent of the scene.
 
-Work returned by such a machine is sent to the queue of another single worker. If there is none, the error lists all faults.
+Work returned by such a machine is sent to another worker's own queue. If there is none, the error lists all faults.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MAX_TRIED = 5  # after this many unfit machines, no others are tried
 
 @dataclass(frozen=True)
 class MachineFault:
-    """A machine's fault as reported by its worker. passing: whether it may be temporary, such as a full disk."""
+    """A machine's fault as reported by its worker. passing: whether the fault may be temporary, such as a full disk."""
 
     worker: str
     reason: str
@@ -31,7 +31,7 @@ class MachineFault:
 
 @dataclass(frozen=True)
 class Destination:
-    """Destination of work: a worker, its kind, and the queue to use. If `worker` is empty, the queue is the whole kind's."""
+    """Destination of work: a worker, its kind, and the queue to use. If `worker` is empty, any worker of the kind."""
 
     worker: str
     kind: str
@@ -55,11 +55,11 @@ class UnfitMachines:
         self._faults.setdefault(owner, {})[fault.worker] = fault
 
     def remove_owner(self, owner: str) -> None:
-        """Removes the faults recorded for an owner that has ended or is started again."""
+        """Removes the faults recorded for an owner whose work has ended or starts again."""
         self._faults.pop(owner, None)
 
     def next_destination(self, owner: str, able: Sequence[WorkerReport]) -> Destination | None:
-        """Returns the next worker to try among `able`; None if there is none.
+        """Returns the destination of the next worker to try among `able`; None if there is none.
 
         If all have failed, those whose fault may be temporary are tried again.
         """
@@ -74,9 +74,9 @@ class UnfitMachines:
         return Destination(report.name, report.kind, own_prepare_queue(report.kind, report.name))
 
     def error_message(self, owner: str, task: str) -> str:
-        """Returns the error sentence that lists the faults of all machines tried for a work.
+        """Returns the error sentence that lists the faults of all machines that were tried for an owner's work.
 
-        what: the work, as a text that completes "No worker can", such as "prepare this scene".
+        task: the work, as a text that completes "No worker can", such as "prepare this scene".
         """
         return Sentence(
             "task-without-worker",

@@ -1,4 +1,4 @@
-"""Motion vectors of frames: made by a worker on request from the scene's files. They depend only on the request."""
+"""Motion vectors of frames. A worker computes them on request from the scene's files. They depend only on the request."""
 
 from __future__ import annotations
 

@@ -1,13 +1,13 @@
 """Dispatching batches: from the choice of a job to the lease, which lasts until the result arrives.
 
 scheduler.py     fills the window of outstanding batches
-job_queue.py     the jobs that a kind of workers may render, by priority
+job_queue.py     the jobs that workers of one kind may render, by priority
 batch_groups.py  several batches in one message
 sites.py         batches for the machines of a site
 cards.py         messages for workers with graphics cards
-pacing.py        length of batches, and number of outstanding ones
-dispatcher.py    the port through which work is sent to queues; celery_dispatcher.py implements it
+pacing.py        duration of batches, and number of outstanding ones
+dispatcher.py    the interface through which work is sent to queues; celery_dispatcher.py implements it
 leases.py        outstanding work
-held_batches.py  the batches that workers report to hold
+held_batches.py  the batches that workers currently report
 lost_batches.py  lost and late leases
 """

@@ -1,7 +1,8 @@
-"""Grouping of batches into one message.
+"""Groups batches into messages.
 
-Either several short batches of a shot for one slot, since at a few samples per frame a batch takes less time than its message; or
-consecutive batches of one tile for several slots of one machine, which adds up their sums (a joint message).
+Either several short batches of a shot are sent to one slot, since at a few samples per frame a batch takes less time than its
+message. Or consecutive batches of one tile are sent to several slots of one machine, which adds up their sums (a joint
+message).
 """
 
 from __future__ import annotations
@@ -39,9 +40,11 @@ class SlotGroup:
 class BatchGroup:
     """The batches of one message.
 
-    is_joint: they are consecutive batches of one tile, whose sums are added up by the receiving machine. run: the run that the
-    batches belong to, if the message is for a site. queue: the queue to use, if not the kind's: a site's, or that of a worker
-    with graphics cards. only: name of that worker, the only receiver. is_of_card: the batches are rendered with a graphics card.
+    is_joint: whether they are consecutive batches of one tile, whose sums the receiving machine adds up.
+    run: for a message to a site, the samples that the machines of the site render together.
+    queue: the queue of a site or of a worker with graphics cards; "" for the queue of the worker kind.
+    only: name of the worker with graphics cards that is the only receiver; "" for any worker.
+    is_of_card: whether a graphics card renders the batches.
     """
 
     batches: list[Range]
@@ -80,10 +83,10 @@ def batch_message(job: ActiveJob, lease: Lease, batch: Range) -> RenderBatch:
 
 
 def joint_message(job: ActiveJob, leases: list[Lease], batches: list[Range], hold_s: float, run: Run | None = None) -> JointBatch:
-    """Returns the joint message for consecutive batches of a tile.
+    """Returns the joint message for consecutive batches of a tile. leases: the lease of each batch.
 
-    hold_s: how long, in seconds, the sums of one batch may wait for those of the others. run: the site's run; None: not at a
-    site.
+    hold_s: how long, in seconds, the sums of one batch may wait for those of the others. run: for a site, the samples that its
+    machines render together; else None.
     """
     whole = batches[0]._replace(count=sum(batch.count for batch in batches))
     pieces = tuple(Piece(lease.id, batch.first, batch.count) for lease, batch in zip(leases, batches, strict=True))
@@ -125,7 +128,8 @@ def _batches_of_one_tile(job: ActiveJob, slots: SlotGroup, first: Range) -> list
 def _separate_group(job: ActiveJob, slots: SlotGroup, occupied: int, batch: Range) -> list[BatchGroup]:
     """Returns a list with one message, for a batch that cannot be grouped with the previous ones.
 
-    If all slots are taken, returns an empty list, and the batch is put back into the job's plan.
+    occupied: number of slots for which batches were found before. If no slot is left, puts the batch back into the job's plan
+    and returns an empty list.
     """
     if occupied < slots.most:
         return [BatchGroup([batch])]

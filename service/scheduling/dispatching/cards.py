@@ -1,10 +1,10 @@
-"""Dispatching to workers with graphics cards, which have a queue each (protocol/card.py).
+"""Dispatching to workers with graphics cards, each of which has its own queue (protocol/card.py).
 
-A slot with a card renders some hundred times the samples of a CPU slot. So it gets messages with batches of many tiles, sized by
-the measured cost of a sample on that worker's cards; each batch has as many samples of its tile as make its result worth sending.
-The sums of each batch are sent as soon as they are known, so pictures are updated while a message is rendered, and if a card
-fails, only sums that were not sent are lost. Towards the end of a job a message takes at most a third of the remaining time, so
-that all slots end together.
+A slot with a card renders some hundred times the samples of a CPU slot. So it gets messages with batches of many tiles, sized
+by the measured cost of a sample on that worker's cards. Each batch has enough samples of its tile to make its result worth
+sending. The sums of each batch are sent as soon as they are known, so pictures are updated while a message is rendered, and if
+a card fails, only unsent sums are lost. Towards the end of a job a message takes at most a third of the remaining time, so that
+all slots end together.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from service.scheduling.fleet.workers import Workers
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.plan import Range
 
-__all__ = ["CardPlace", "CardPlaces"]
+__all__ = ["CardWorker", "CardWorkers"]
 
 MESSAGES_PER_SLOT = 2  # one in progress, and one that waits
 UNMEASURED_BATCHES = 16  # of a message before the cost of a sample is known
@@ -27,7 +27,7 @@ MAX_BATCHES = 512  # of a message
 
 
 @dataclass
-class CardPlace:
+class CardWorker:
     """A ready worker whose slots have graphics cards. room: how many more messages it accepts."""
 
     worker: str
@@ -38,12 +38,12 @@ class CardPlace:
     def accepts(self, job: ActiveJob) -> bool:
         """Returns True if this worker's graphics cards may render a job.
 
-        False if the job's batches are rendered twice for verification, or if the worker has refused the job for its cards.
+        Returns False if the job's batches are rendered twice for verification, or if the cards cannot render the job.
         """
         return not job.verify and self.worker not in job.card_refusals
 
 
-class CardPlaces:
+class CardWorkers:
     """The workers with graphics cards that accept batches at present. Used only by the engine's thread."""
 
     def __init__(self, workers: Workers, leases: Leases, pace: BatchSizing) -> None:
@@ -51,25 +51,25 @@ class CardPlaces:
         self._leases = leases
         self._pace = pace
 
-    def places(self, kind: str) -> list[CardPlace]:
-        """Returns the workers of this kind."""
+    def of_kind(self, kind: str) -> list[CardWorker]:
+        """Returns the ready workers of this kind that have graphics cards."""
         is_full = self._pace.scaled_room(1000) <= 0  # too many results are unread
         found = []
         for report in self._workers.roster.with_cards(kind):
             queue = card_queue(report.name)
             room = 0 if is_full else MESSAGES_PER_SLOT * report.slots - self._leases.slots_waiting_in(queue)
-            found.append(CardPlace(report.name, queue, report.slots, room))
+            found.append(CardWorker(report.name, queue, report.slots, room))
         return found
 
-    def meets_needs(self, place: CardPlace, job: ActiveJob) -> bool:
+    def meets_needs(self, place: CardWorker, job: ActiveJob) -> bool:
         """Returns True if a worker meets a job's requirements."""
         offer = self._workers.roster.offers.get(place.worker)
         return job.needs is None or (offer is not None and job.needs.are_met(offer))
 
-    def next_message(self, job: ActiveJob, kind: str, place: CardPlace, cpu_slots: int) -> BatchGroup | None:
-        """Returns the message with the next batches of a job for one slot with a graphics card; None if there are none.
+    def next_message(self, job: ActiveJob, kind: str, place: CardWorker, cpu_slots: int) -> BatchGroup | None:
+        """Returns a message with the next batches of a job for one slot with a graphics card; None if there are none.
 
-        cpu_slots: number of CPU slots that may render the job.
+        kind: worker kind. place: the worker. cpu_slots: number of CPU slots that may render the job too.
         """
         aim = job.card_target_s(self._pace.card_message_s(), cpu_slots, self._outstanding_s(job, kind))
         tile_s = self._pace.card_batch_s(aim, len(job.film.tiles))
@@ -84,9 +84,7 @@ class CardPlaces:
         return BatchGroup(batches, queue=place.queue, only=place.worker, is_of_card=True) if batches else None
 
     def _outstanding_s(self, job: ActiveJob, kind: str) -> float:
-        """Returns the duration, in seconds per slot, of the batches of a job that were sent to this kind's cards and are
-        outstanding.
-        """
+        """Returns the duration, in seconds per slot, of a job's outstanding batches on graphics cards of this worker kind."""
         slots = sum(report.slots for report in self._workers.roster.with_cards(kind))
         out = (lease.charged_s for lease in self._leases.leases_of(job.id) if lease.is_of_card and lease.takes_a_slot)
         return sum(out) / max(slots, 1)

@@ -46,7 +46,7 @@ class CeleryDispatcher:
     """Implements service.scheduling.dispatching.dispatcher.Dispatcher."""
 
     def __init__(self, redis_url: str, connection: redis.Redis, guard: Callable[[], None] = lambda: None) -> None:
-        """Connects to the broker. guard: raises FarmError if this service may not send."""
+        """Connects to the broker. guard: raises FarmError if this service does not own the farm and therefore may not send."""
         self._redis = connection
         self._guard = guard
         self._producer: Any = None  # set while several messages are sent at once
@@ -81,7 +81,7 @@ class CeleryDispatcher:
         self._send(RENDER_BATCH, {"batch": batch.to_json()}, queue, batch.batch, ("job", batch.job))
 
     def send_batches(self, batches: Sequence[RenderBatch], queue: str, message: str) -> None:
-        """Sends batches to be rendered one after another, in one message with this id. Raises QueueError."""
+        """Sends one message, with the id `message`, whose batches a worker renders one after another. Raises QueueError."""
         self._send(
             RENDER_BATCHES,
             {"batches": [batch.to_json() for batch in batches]},
@@ -91,7 +91,7 @@ class CeleryDispatcher:
         )
 
     def send_card(self, work: CardBatches, queue: str, message: str) -> None:
-        """Sends batches for a graphics card in one message with this id. Raises QueueError."""
+        """Sends one message, with the id `message`, whose batches a graphics card renders. Raises QueueError."""
         self._send(RENDER_ON_CARD, {"card": work.to_json()}, queue, message, ("job", work.batches[0].job))
 
     def send_joint(self, joint: JointBatch, queue: str) -> None:
@@ -112,20 +112,20 @@ class CeleryDispatcher:
         self._send(DENOISE, {"frame": asdict(work)}, queue, work.work, ("job", work.job))
 
     def send_vectors(self, work: FrameVectors, queue: str) -> None:
-        """Sends a request for a frame's motion vectors. Raises QueueError."""
+        """Sends a request to compute a frame's motion vectors. Raises QueueError."""
         self._send(VECTORS, {"vectors": asdict(work)}, queue, work.work, ("job", work.job))
 
     def send_view(self, work: ViewParts | ViewFrame, queue: str) -> None:
-        """Sends a request for pieces of a view, or for animation frames that it shows. Raises QueueError."""
+        """Sends a request to render parts of a live view, or to prepare an animation frame for it. Raises QueueError."""
         name, argument = (RENDER_VIEW, "parts") if isinstance(work, ViewParts) else (VIEW_FRAME, "frame")
         self._send(name, {argument: work.to_json()}, queue, work.message)
 
     def send_environment(self, work: ShowEnvironment, queue: str) -> None:
-        """Sends a request for a thumbnail of an environment image. Raises QueueError."""
+        """Sends a request to make a thumbnail of an environment image. Raises QueueError."""
         self._send(ENVIRONMENT, {"environment": asdict(work)}, queue, work.work)
 
     def send_explain(self, work: ExplainPixel, queue: str) -> None:
-        """Sends a request to explain a pixel. Raises QueueError."""
+        """Sends a request to explain how a pixel got its colour. Raises QueueError."""
         self._send(EXPLAIN, {"pixel": work.to_json()}, queue, work.message)
 
     def waiting_messages(self, queue: str) -> dict[str, bytes]:
@@ -140,9 +140,9 @@ class CeleryDispatcher:
         return found
 
     def withdraw(self, queue: str, messages: set[str]) -> set[str]:
-        """Removes messages from a queue if no worker has fetched them; returns the ids of those removed.
+        """Removes those of these messages from a queue that no worker has fetched yet. Returns the ids of the removed ones.
 
-        Raises redis.RedisError.
+        messages: ids. Raises redis.RedisError.
         """
         taken = set()
         for id, message in self.waiting_messages(queue).items():
@@ -151,7 +151,7 @@ class CeleryDispatcher:
         return taken
 
     def purge(self) -> None:
-        """Removes all waiting messages of a previous run, whose leases no longer exist. Raises redis.RedisError."""
+        """Removes all waiting messages of a previous run, since their leases no longer exist. Raises redis.RedisError."""
         for pattern in (
             render_queue("*"),
             prepare_queue("*"),
@@ -175,7 +175,7 @@ class CeleryDispatcher:
         self._celery.close()
 
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str, traced: tuple[str, str] | None = None) -> None:
-        """Sends a Celery task. traced: ("job" or "scene", id) of the trace that it belongs to, or None."""
+        """Sends a Celery task. traced: kind ("job" or "scene") and id of the item to whose trace it belongs, or None."""
         self._check_ownership()
         try:
             options: dict[str, Any] = {

@@ -1,6 +1,6 @@
 """Interface through which the service sends work to the workers' queues, and withdraws it.
 
-Implemented with Celery by celery_dispatcher.py, the only module of the service that constructs messages of Celery.
+celery_dispatcher.py implements it with Celery. It is the only module of the service that constructs Celery messages.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["Dispatcher"]
 
 
 class Dispatcher(Protocol):
-    """Sends tasks. A task has the id of its lease or message, so waiting tasks can be identified and withdrawn."""
+    """Sends tasks. The id of a task is that of its lease or message, so that waiting tasks can be identified and withdrawn."""
 
     def send_together(self) -> AbstractContextManager[None]:
         """Context manager that sends all messages together on exit, in one round trip to the broker.
@@ -31,10 +31,10 @@ class Dispatcher(Protocol):
         """Sends a batch. Raises QueueError."""
 
     def send_batches(self, batches: Sequence[RenderBatch], queue: str, message: str) -> None:
-        """Sends batches to be rendered one after another, in one message with this id. Raises QueueError."""
+        """Sends one message, with the id `message`, whose batches a worker renders one after another. Raises QueueError."""
 
     def send_card(self, work: CardBatches, queue: str, message: str) -> None:
-        """Sends batches for a graphics card in one message with this id. Raises QueueError."""
+        """Sends one message, with the id `message`, whose batches a graphics card renders. Raises QueueError."""
 
     def send_joint(self, joint: JointBatch, queue: str) -> None:
         """Sends a message with batches of one tile, which the slots of one machine render in parallel. Raises QueueError."""
@@ -49,28 +49,28 @@ class Dispatcher(Protocol):
         """Sends a request to denoise a frame. Raises QueueError."""
 
     def send_vectors(self, work: FrameVectors, queue: str) -> None:
-        """Sends a request for a frame's motion vectors. Raises QueueError."""
+        """Sends a request to compute a frame's motion vectors. Raises QueueError."""
 
     def send_view(self, work: ViewParts | ViewFrame, queue: str) -> None:
-        """Sends a request for pieces of a view, or for animation frames that it shows. Raises QueueError."""
+        """Sends a request to render parts of a live view, or to prepare an animation frame for it. Raises QueueError."""
 
     def send_environment(self, work: ShowEnvironment, queue: str) -> None:
-        """Sends a request for a thumbnail of an environment image. Raises QueueError."""
+        """Sends a request to make a thumbnail of an environment image. Raises QueueError."""
 
     def send_explain(self, work: ExplainPixel, queue: str) -> None:
-        """Sends a request to explain a pixel. Raises QueueError."""
+        """Sends a request to explain how a pixel got its colour. Raises QueueError."""
 
     def waiting_messages(self, queue: str) -> dict[str, bytes]:
         """Returns the messages in a queue that no worker has fetched yet, by id. Raises redis.RedisError."""
 
     def withdraw(self, queue: str, messages: set[str]) -> set[str]:
-        """Removes messages from a queue if no worker has fetched them; returns the ids of those removed.
+        """Removes those of these messages from a queue that no worker has fetched yet. Returns the ids of the removed ones.
 
-        Raises redis.RedisError.
+        messages: ids. Raises redis.RedisError.
         """
 
     def purge(self) -> None:
-        """Removes all waiting messages of a previous run, whose leases no longer exist. Raises redis.RedisError."""
+        """Removes all waiting messages of a previous run, since their leases no longer exist. Raises redis.RedisError."""
 
     def close(self) -> None:
         """Closes the connections to the broker."""

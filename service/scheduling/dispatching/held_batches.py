@@ -1,4 +1,4 @@
-"""The batches that workers currently report: fetched, being rendered, or waiting at a site."""
+"""The batches that workers currently report: fetched, being rendered, or waiting at a site to be added up."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ __all__ = ["HeldBatches"]
 
 
 class HeldBatches:
-    """The reported batches, from one snapshot of the workers' reports."""
+    """The batches that are reported in one snapshot of the workers' reports."""
 
     def __init__(self, roster: WorkerSnapshot) -> None:
         self._by_message: dict[Any, str] = {}
@@ -33,7 +33,7 @@ class HeldBatches:
                     )
 
     def holder_of(self, lease: Lease, job: ActiveJob) -> str | None:
-        """Returns the name of the worker that reports this lease; None if none does."""
+        """Returns the name of the worker that reports the batch of this lease; None if none does. job: the job of the lease."""
         if lease.batch is None:
             return None
         tile, first, count, frame = lease.batch
@@ -47,7 +47,7 @@ class HeldBatches:
         return lease.id in self._at_work
 
     def waits_at_site(self, lease: Lease) -> bool:
-        """Returns True if a lease's sums are at a site and wait there for the sums of other batches."""
+        """Returns True if a lease's sums have arrived at a site's reducer and wait there for the sums of other batches."""
         return lease.id in self._at_sites
 
 

@@ -15,7 +15,7 @@ COUNT_AHEAD_EVERY_S = 1.0
 
 
 class JobQueue:
-    """Orders jobs for the scheduler. Used only by the engine's thread."""
+    """Orders the active jobs for the scheduler. Used only by the engine's thread."""
 
     def __init__(self, workers: Workers, jobs: Mapping[str, ActiveJob]) -> None:
         self._workers = workers
@@ -23,7 +23,10 @@ class JobQueue:
         self._ahead: tuple[float, dict[str, int]] = (-math.inf, {})  # time and result of the latest count
 
     def kind_for(self, job: ActiveJob) -> str | None:
-        """Returns the worker kind that renders a job: the kind that it started with, else the kind with most slots."""
+        """Returns the worker kind that renders a job: the kind with which it started, else the kind with the most slots.
+
+        Returns None if no ready worker can render it.
+        """
         roster = self._workers.roster
         if job.needs is not None and job.kind is None and job.shot is None:
             kinds = {report.kind for report in roster.ready_reports()}
@@ -61,9 +64,9 @@ class JobQueue:
         return found
 
     def jobs_ahead(self) -> dict[str, int]:
-        """Returns the number of unfinished higher-priority jobs served before each job, by job id; jobs with 0 are omitted.
+        """Returns, by job id, the number of unfinished jobs of higher priority that are served before a job.
 
-        The counts are at most a second old.
+        Jobs with 0 are omitted. The counts are at most a second old.
         """
         if time.monotonic() - self._ahead[0] > COUNT_AHEAD_EVERY_S:
             self._ahead = time.monotonic(), self._count_ahead()

@@ -19,7 +19,7 @@ MAX_UNSEEN_POLLS = 3  # polls, one per second
 
 @dataclass
 class Lease:
-    """A batch of a job that is in a queue or with a worker; without a batch, the preparation of a scene."""
+    """A batch of a job that is in a queue or with a worker. Without a batch: other work, such as the preparation of a scene."""
 
     owner: str  # job or scene
     kind: str
@@ -47,44 +47,48 @@ class Lease:
     is_joint: bool = False  # whether the batches of its message are rendered in parallel by slots of one machine
 
     def __post_init__(self) -> None:
-        """Sets the message's id to the lease's own id unless another was given."""
+        """Sets the message's id to the lease's own id, unless another was given."""
         self.message = self.message or self.id
 
     @property
     def slot_unit(self) -> str:
-        """Id of what occupies one slot: a message, or a single batch of a joint message."""
+        """Id of the work that occupies one slot: a message, or a single batch of a joint message."""
         return self.id if self.is_joint else self.message
 
     @property
     def takes_a_slot(self) -> bool:
-        """Whether the batch occupies a slot: it has no answer yet, its sums are not rendered, and its worker sends reports."""
+        """True while the batch occupies a slot.
+
+        This ends when its result has arrived, its sums are rendered, or its worker stops sending reports.
+        """
         return self.batch is not None and not (self.has_arrived or self.is_away or self.is_rendered)
 
     def is_overdue(self, now: float) -> bool:
-        """Returns True if the lease's timeout has passed since it was last seen in its queue.
+        """Returns True if the lease's timeout has passed since it was last seen in its queue. now: monotonic time.
 
-        A lease that a worker reports gets `HELD_DEADLINE_FACTOR` times the timeout, since a tile may be slower than estimated.
+        The timeout is multiplied by `HELD_DEADLINE_FACTOR` while a worker reports the lease, since its tile may be slow.
         """
         patience = self.patience_s * (HELD_DEADLINE_FACTOR if self.is_held else 1)
         return now - max(self.issued, self.waited) > patience
 
     def transit_s(self, seconds: float, now: float) -> float:
-        """Returns the time that the lease's sums spent in transit, in seconds. seconds: the batch's rendering time.
+        """Returns for how long, in seconds, the lease's sums were in transit; 0 if unknown.
 
-        Returns 0 if it is unknown: for joint batches, whose sums wait for others on their machine, for batches of a graphics
-        card, which wait for those before them in their message, and for results that arrived before a worker had reported the
-        lease.
+        seconds: rendering time of the batch. now: monotonic time. Unknown for joint batches, whose sums wait for others on
+        their machine; for batches of a graphics card, which wait for those before them in their message; and for results that
+        arrived before a worker had reported the lease.
         """
         return 0.0 if self.is_joint or self.is_of_card or self.held_since is None else max(now - self.held_since - seconds, 0.0)
 
     def record_poll(self, is_seen: bool, stream_end: Callable[[], Position], max_unseen: float = MAX_UNSEEN_POLLS) -> None:
-        """Records whether a check found the lease in its queue or with a worker (is_seen).
+        """Records whether a poll found the lease in its queue or with a worker (`is_seen`).
 
-        end: returns the end of the result stream. allowed: number of successive checks in which the lease may be unseen.
+        stream_end: returns the position of the latest result in the stream. max_unseen: number of successive polls that may
+        miss the lease.
 
-        A lease that is unseen for the first time may be with a worker that has not reported it yet, and be answered before the
-        next check. So the stream's end at the last allowed check is stored, up to which results must be read before the lease is
-        lost.
+        A lease that is missed for the first time may be with a worker that has not reported it yet, and be answered before the
+        next poll. So the end of the stream is stored, up to the last allowed poll; all results before it must be read before
+        the lease is considered lost.
         """
         if is_seen:
             self.unseen, self.answered_by = 0, None
@@ -95,7 +99,7 @@ class Lease:
 
 
 class Leases:
-    """All leases, by id and by owner.
+    """All leases, by id and by owner (job or scene).
 
     The number of occupied slots is updated incrementally, since every step reads it and there can be thousands of leases.
     """
@@ -126,16 +130,16 @@ class Leases:
         return self._all.get(lease)
 
     def mark_answered(self, lease: Lease) -> None:
-        """Marks the lease as answered: its result was read, but perhaps not stored yet."""
+        """Marks the lease as answered: its result was read, but may not be stored yet. It no longer occupies a slot."""
         if lease.takes_a_slot:
             self._release_slot(lease)
         lease.has_arrived = True
 
     def update_state(self, lease: Lease, is_away: bool, is_rendered: bool) -> None:
-        """Updates the state of a lease after a check.
+        """Updates the state of a lease after a poll of the workers.
 
-        is_away: the worker that has the batch sends no reports; the lease then occupies no slot, so other workers get work
-        instead. is_rendered: the batch's sums are complete and wait for those of other batches.
+        is_away: whether the worker that has the batch is connected but sends no reports. The lease then occupies no slot, so
+        that other workers get work. is_rendered: whether the batch's sums are complete and wait for those of other batches.
         """
         took = lease.takes_a_slot
         lease.is_away, lease.is_rendered = is_away, is_rendered
@@ -165,17 +169,17 @@ class Leases:
         return owner in self._of
 
     def slots_by_job(self) -> Counter[str]:
-        """Returns the number of slots that each job occupies, by job id. Leases whose answers were read are not counted."""
+        """Returns the number of slots that each job occupies, by job id. Leases whose results were read are not counted."""
         return self._held.copy()
 
     def slots_waiting_in(self, queue: str) -> int:
-        """Returns the number of slots occupied by the leases of one queue, counted as in `occupied_slots`."""
+        """Returns the number of slots occupied by the leases of one queue. Leases whose results were read are not counted."""
         return self._waiting[queue]
 
     def occupied_slots(self, kind: str) -> int:
-        """Returns the number of the CPU's slots of this kind occupied by leases, including those whose results are unread.
+        """Returns the number of CPU slots of this worker kind that are occupied by leases.
 
-        Because of the latter, a backlog of results reduces the work that is dispatched.
+        A lease counts until its result is read. So a backlog of unread results reduces the work that is dispatched.
         """
         return self._kinds[kind]
 

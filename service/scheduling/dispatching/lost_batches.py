@@ -1,10 +1,10 @@
-"""Detection of lost and late batches.
+"""Detects lost and late batches.
 
-A batch is lost if its worker has died, if several successive checks found it nowhere although all results were read, or if it
-takes far too long. An overloaded machine is different: its reports are late or missing for a while, and messages wait long in the
-queue or the stream. Treating that as a loss would render everything again and increase the overload. So a worker that has stopped
-reporting but is still connected (protocol/lifeline.py) is "away": other workers get its share of new work, and its batches are
-duplicated, like those of stragglers, once other slots are idle.
+A batch is lost if its worker has died, if several successive polls found it nowhere although all results were read, or if it
+takes far too long. An overloaded machine is different: its reports are late or missing for a while, and messages wait long in
+the queue or the stream. Treating that as a loss would render everything again and increase the overload. So a worker that has
+stopped reporting but is still connected (protocol/lifeline.py) is "away": other workers get its share of new work, and its
+batches are duplicated, like those of stragglers, once other slots are idle.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ STRAGGLER_S = 3.0
 
 
 class LossVerdict(Enum):
-    """Why a batch is considered lost or late. The values appear in logs."""
+    """The reason why a batch is considered lost or late. The values appear in logs."""
 
     DEAD = "its worker is gone"
     OVERDUE = "it took too long"
@@ -42,10 +42,10 @@ class LossVerdict(Enum):
 
 
 class Queues(Protocol):
-    """Interface of the queues, with the messages that no worker has fetched."""
+    """Interface of the queues, with the messages that no worker has fetched yet."""
 
     def waiting_messages(self, queue: str) -> Collection[str]:
-        """Returns the ids of the messages in a queue. Raises redis.RedisError."""
+        """Returns the ids of the messages that wait in a queue. Raises redis.RedisError."""
 
 
 class Fleet(Protocol):
@@ -59,7 +59,7 @@ class Fleet(Protocol):
         """Returns the names of workers that are connected but do not report. Raises redis.RedisError."""
 
     def has_late_report(self) -> bool:
-        """Returns True if any worker's report is overdue."""
+        """Returns True if the report of any worker is overdue."""
 
 
 class ResultStream(Protocol):
@@ -73,7 +73,7 @@ class ResultStream(Protocol):
 
 
 class LostLeaseFinder:
-    """Finds lost and late leases by regular checks. Used only by the engine's thread."""
+    """Finds lost and late leases in regular polls. Used only by the engine's thread."""
 
     def __init__(self, leases: Leases, workers: Fleet, queues: Queues, clock: Clock = time) -> None:
         self._leases = leases
@@ -84,10 +84,10 @@ class LostLeaseFinder:
     def find_lost(
         self, jobs: Mapping[str, ActiveJob], results: ResultStream, transit_s: float = 0.0
     ) -> Iterator[tuple[Lease, LossVerdict]]:
-        """Yields the lost and late leases with the reasons. Raises redis.RedisError.
+        """Polls queues and workers, and yields the lost and late leases with the reasons. Raises redis.RedisError.
 
-        A lease whose answer may be among unread results is not lost. travel_s: transit time of results in seconds; a message to a
-        worker takes about as long, and in this time no worker reports it.
+        A lease whose answer may be among unread results is not lost. transit_s: transit time of results in seconds; a message
+        to a worker takes about as long, and is not reported by any worker in the meantime.
         """
         max_unseen = MAX_UNSEEN_POLLS + transit_s
         waiting = {id for queue in {lease.queue for lease in self._leases} for id in self._queues.waiting_messages(queue)}
@@ -120,8 +120,8 @@ class LostLeaseFinder:
     def _verdict(self, lease: Lease, is_gone: bool, is_late: Callable[[], bool], max_unseen: float) -> LossVerdict | None:
         """Returns why a lease is lost or late; None if it is neither.
 
-        is_gone: its worker does not report. is_late: some worker's report is overdue, so that worker may have the lease without a
-        report. allowed: number of successive checks in which the lease may be unseen.
+        is_gone: whether its worker does not report. is_late: returns whether the report of some worker is overdue, which may
+        therefore have the lease. max_unseen: number of successive polls without the lease after which it is lost.
         """
         if lease.is_away:
             return None if lease.doubled else LossVerdict.LATE

@@ -1,4 +1,4 @@
-"""Pacing: derives the length and number of batches from the rate at which the engine can process results.
+"""Pacing: derives the duration and the number of batches from the rate at which the engine can process results.
 
 With more slots, batches get longer, and several consecutive batches of one tile are dispatched together. No new batches are
 dispatched while unread results accumulate.
@@ -57,8 +57,8 @@ class BatchSizing:
     ) -> None:
         """Stores the parameters; there are no measurements yet.
 
-        shortest_s, longest_s: bounds on a batch's duration in seconds. unread_bytes: size of unread results at which dispatching
-        stops. is_pressed: returns whether interactive work waits for slots between batches.
+        shortest_s, longest_s: bounds on a batch's duration in seconds. unread_bytes: size of the unread results at which
+        dispatching stops. is_pressed: returns whether a live view waits for slots, which become free between batches.
         """
         self.is_pressed = is_pressed
         self._clock = clock
@@ -87,9 +87,9 @@ class BatchSizing:
             self._busy_s += self._clock.thread_time() - begun
 
     def record_results(self, results: int, batches: int = 0, seconds: float = 0.0) -> None:
-        """Records that results were processed. batches: number of their batches, since some results combine several.
+        """Records that results were processed. seconds: wall time spent.
 
-        seconds: wall time spent.
+        batches: number of batches in the results, since some results combine several.
         """
         self._results += results
         self._batches += batches
@@ -108,10 +108,10 @@ class BatchSizing:
         self._busy_s, self._storing_s, self._results, self._batches, self._since = 0.0, 0.0, 0, 0, now
 
     def record_transit(self, seconds: float) -> None:
-        """Records the transit time of a result in seconds. A batch should render at least that long, since its slot is idle
-        meanwhile.
+        """Records the transit time of a result in seconds. Batches are rendered for at least the typical transit time.
 
-        The lower quartile of the latest times is used, so a first kernel compilation or a single slow worker has no effect.
+        A slot is idle during the transit. The lower quartile of the latest times is used, so that a first kernel compilation or
+        a single slow worker has no effect.
         """
         self._travels.append(seconds)
 
@@ -125,7 +125,7 @@ class BatchSizing:
 
         spent_s: slot-seconds per slot that the job has used. Batches get longer with it: a few more samples are invisible in a
         picture of many, and half as many results cost the service half the time. They do not get longer if there are few slots,
-        whose results cost little and whose picture would be updated too rarely, nor while a viewer needs slots soon.
+        whose results cost little and whose picture would be updated too rarely, nor while a live view waits for slots.
         """
         most_s = min(MAX_GROWTH * self._shortest_s, slots * RESULT_EVERY_S)
         grown_s = 0.0 if self.is_pressed() else min(spent_s * BATCH_GROWTH, most_s)
@@ -133,14 +133,15 @@ class BatchSizing:
         return self._batch_s_at_full_load(slots, self._grown_s)
 
     def card_message_s(self) -> float:
-        """Returns the target duration of a message for a graphics card, in seconds; shorter while a viewer needs slots soon."""
+        """Returns the target duration of a message for a graphics card, in seconds; shorter while a live view waits for slots."""
         return CARD_MESSAGE_S / 4 if self.is_pressed() else CARD_MESSAGE_S
 
     @staticmethod
     def card_batch_s(message_s: float, tiles: int) -> float:
-        """Returns the target duration, in seconds, of one tile's batch in a message of `message_s` seconds for a graphics card.
+        """Returns the target duration, in seconds, of a batch of one tile in a message for a graphics card.
 
-        A message has batches of all the frame's tiles, or of fewer, so that each batch is long enough to be worth a result.
+        message_s: target duration of the message. tiles: number of the frame's tiles. A message has batches of all tiles, or of
+        fewer if each batch would otherwise be too short to be worth a result.
         """
         return min(message_s, max(message_s / tiles, MIN_CARD_BATCH_S))
 
@@ -150,8 +151,8 @@ class BatchSizing:
         per_slot: messages per slot, of which one is in progress. The queued ones cover at most about a second of work, so that
         long batches do not delay other jobs.
 
-        joint: sums wait on their machines for those of other slots, so some slots are already idle while their batches still
-        count as in progress; the window is larger.
+        joint: whether the sums of a batch wait on their machine for those of other slots. Then some slots are already idle
+        while their batches still count as in progress, so the window is larger.
         """
         ahead_s = WORK_AHEAD_S + (NOTICE_DELAY_S if joint and slots > MAX_SLOTS_WITH_OWN_TILE else 0.0)
         return slots + math.ceil(slots * (per_slot - 1) * min(1.0, ahead_s / self._batch_s_at_full_load(slots, self._grown_s)))
@@ -161,9 +162,9 @@ class BatchSizing:
         return min(max(shortest_s, self.transit_s, slots * cost_s / RESULTS_TIME_SHARE) * self._stretch, self._longest_s)
 
     def batches_of_a_tile(self, slots: int, joint: bool = False) -> int:
-        """Returns how many consecutive batches of one tile are dispatched together; their sums become one row of the film.
+        """Returns how many consecutive batches of one tile are dispatched together. Their sums become one row of the film.
 
-        joint: the workers add up the sums, instead of the service.
+        joint: whether the workers add up the sums, instead of the service.
         """
         if joint:
             return min(2 * slots // MAX_SLOTS_WITH_OWN_TILE, MAX_JOINT_BATCHES) if slots > MAX_SLOTS_WITH_OWN_TILE else 1
@@ -171,7 +172,7 @@ class BatchSizing:
 
     @staticmethod
     def hold_s(batch_s: float) -> float:
-        """Returns how long, in seconds, the sums of a batch may wait on a machine for those that they are added to.
+        """Returns how long, in seconds, the sums of a batch may wait on their machine for the sums to which they are added.
 
         batch_s: expected duration of each batch in seconds.
         """
@@ -179,18 +180,22 @@ class BatchSizing:
 
     @staticmethod
     def batches_of_a_site(slots: int) -> int:
-        """Returns how many consecutive batches of one tile are sent to a site with this many slots, which adds up their sums."""
+        """Returns how many consecutive batches of one tile are sent together to a site, which adds up their sums.
+
+        slots: number of slots at the site.
+        """
         return max(2, min(slots, MAX_BATCHES_OF_A_SITE))
 
     @staticmethod
     def site_hold_s(batch_s: float) -> float:
-        """Returns how long, in seconds, the sums of a batch may wait at a site, where the last batches of a run wait for a free
-        slot.
+        """Returns how long, in seconds, the sums of a batch may wait at a site for the sums to which they are added.
+
+        The last batches sent to the site wait for free slots. batch_s: expected duration of each batch in seconds.
         """
         return MIN_HOLD_S + 2 * batch_s
 
     def scaled_room(self, free_slots: int) -> int:
-        """Returns the number of batches to dispatch: `free_slots`, reduced linearly with unread results; 0 at the limit."""
+        """Returns the number of batches to dispatch: `free_slots`, reduced linearly with the unread results; 0 at their limit."""
         return int(free_slots * max(0.0, 1.0 - self._unread * self._size / self._unread_bytes)) if free_slots > 0 else free_slots
 
     def record_unread(self, results: int, size: float) -> None:
@@ -204,5 +209,5 @@ class BatchSizing:
 
     @property
     def gather_s(self) -> float:
-        """Time to wait for more results before processing them together, in seconds; 0 while results are few."""
+        """Seconds for which results are collected before they are processed together; 0 while results are few."""
         return GATHER_DELAY_S if self.results_per_s >= GATHER_RATE else 0.0

@@ -18,13 +18,13 @@ from renderer.frames import frame_number, frame_text
 from renderer.sentences import Sentence, joined_sentences
 from service.errors import QueueError
 from service.scheduling.dispatching.batch_groups import BatchGroup, SlotGroup, batch_message, joint_message, next_batch_groups
-from service.scheduling.dispatching.cards import CardPlace, CardPlaces
+from service.scheduling.dispatching.cards import CardWorker, CardWorkers
 from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.job_queue import JobQueue
 from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.dispatching.lost_batches import LossVerdict, LostLeaseFinder
 from service.scheduling.dispatching.pacing import BatchSizing
-from service.scheduling.dispatching.sites import SitePlace, Sites
+from service.scheduling.dispatching.sites import ReadySite, Sites
 from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.scheduling.faults.suspicion import Suspicion
 from service.scheduling.fleet.workers import Workers
@@ -52,14 +52,14 @@ StartJob = Callable[[ActiveJob, str], bool]
 
 @dataclass
 class QueueCapacity:
-    """Capacity of the workers that serve a queue: their slots, and how many more messages they may get."""
+    """Capacity of the workers that serve a queue. slots: their slots. room: how many more messages may be sent to them."""
 
     slots: int
     room: int
 
 
 class Scheduler:
-    """Decides which batches are rendered next. Used only by the engine's thread."""
+    """Selects the batches that are rendered next. Used only by the engine's thread."""
 
     def __init__(
         self, settings: Settings, dispatcher: Dispatcher, workers: Workers, bulkheads: Bulkheads, pace: BatchSizing
@@ -76,8 +76,8 @@ class Scheduler:
         self.job_queue = JobQueue(workers, self.jobs)
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
-        self._places: list[SitePlace] = []  # sites, during one call of `hand_out`
-        self._cards = CardPlaces(workers, self.leases, pace)
+        self._places: list[ReadySite] = []  # sites, during one call of `hand_out`
+        self._cards = CardWorkers(workers, self.leases, pace)
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers whose results no film accepts (trust/trust.py)
         self.looks = NoiseBudget()
@@ -88,14 +88,14 @@ class Scheduler:
         self.doubled = 0  # duplicates of straggling batches
 
     def hand_out(self, start: StartJob) -> None:
-        """Dispatches batches until every worker kind has its maximum number of outstanding messages. Raises QueueError.
+        """Dispatches batches until each worker kind has its maximum number of outstanding messages. Raises QueueError.
 
         start(job, kind): starts a job on workers of this kind; returns False if the job is not ready.
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready_reports()}):
             slots = self._workers.roster.cpu_slots(kind)
             room = self._pace.scaled_room(self._window(slots, kind) - self.leases.occupied_slots(kind))
-            cards = self._cards.places(kind)
+            cards = self._cards.of_kind(kind)
             turns = self.job_queue.by_priority(kind) if room > 0 or any(place.room > 0 for place in cards) else {}
             if not turns:
                 continue
@@ -117,9 +117,12 @@ class Scheduler:
                 raise
 
     def _fill_cards(
-        self, cards: list[CardPlace], turns: dict[int, list[ActiveJob]], kind: str, slots: int, start: StartJob
+        self, cards: list[CardWorker], turns: dict[int, list[ActiveJob]], kind: str, slots: int, start: StartJob
     ) -> None:
-        """Dispatches batches to workers with graphics cards. slots: number of CPU slots of this kind. Raises QueueError."""
+        """Dispatches batches to the workers `cards`, which have graphics cards. Raises QueueError.
+
+        turns: jobs by priority. kind: worker kind. slots: number of CPU slots of this kind. start: as for `hand_out`.
+        """
         for each in (job for jobs in turns.values() for job in jobs):
             each.card_rate = sum(
                 place.slots / cost for place in cards if place.accepts(each) and (cost := each.card_sample_s(place.worker)) > 0.0
@@ -141,10 +144,11 @@ class Scheduler:
                         place.room -= 1
                         queue.record_served(job, 1, sum(lease.charged_s for lease in new))
 
-    def _hand_to_card(self, job: ActiveJob, kind: str, place: CardPlace, cpu_slots: int, start: StartJob) -> None:
-        """Dispatches one message to a worker with graphics cards. Does nothing if the job has no batch for it. Raises QueueError.
+    def _hand_to_card(self, job: ActiveJob, kind: str, place: CardWorker, cpu_slots: int, start: StartJob) -> None:
+        """Dispatches one message to the worker `place`, which has graphics cards. Raises QueueError.
 
-        cpu_slots: number of CPU slots. If none renders this job, the worker's own CPU renders what its graphics cards cannot.
+        Does nothing if the job has no batch for it. cpu_slots: number of CPU slots. If none of them may render this job, the
+        worker's own CPU renders what its graphics cards cannot.
         """
         if job.needs is not None:
             cpu_slots = self._workers.roster.slots_serving(job.needs.queue(kind), of_cpu=True).get(kind, 0)
@@ -163,7 +167,7 @@ class Scheduler:
         return self._bulkheads.may_render(job.id) and time.monotonic() >= job.rests_until and not job.is_done
 
     def _end_unsent_leases(self) -> None:
-        """Ends the leases of messages whose sending failed, so that their batches are dispatched again.
+        """Ends the leases of messages that may not have been sent, so that their batches are dispatched again.
 
         If a message was sent nevertheless, its batch may be rendered twice; the film accepts each batch only once.
         """
@@ -182,9 +186,10 @@ class Scheduler:
         start: StartJob,
         capacities: dict[str, QueueCapacity],
     ) -> int:
-        """Dispatches batches of jobs of one priority for up to `free_slots` slots; returns the number of slots used.
+        """Dispatches batches of jobs of one priority for up to `free_slots` slots. Returns the number of slots used.
 
-        pools: capacities of the queues for worker requirements, by queue; computed on demand.
+        queue: the jobs. kind: worker kind. slots: number of CPU slots of this kind. start: as for `hand_out`. capacities:
+        capacities of the queues of jobs with requirements, by queue; extended on demand.
         """
         handed_out = 0
         while handed_out < free_slots and (job := queue.next_job()) is not None:
@@ -213,7 +218,10 @@ class Scheduler:
         return self._pace.window(slots, self._settings.window_per_slot, self._workers.roster.accepts_joint(kind))
 
     def _capacity_of(self, queue: str, kind: str, cache: dict[str, QueueCapacity]) -> QueueCapacity:
-        """Returns the capacity of the workers that serve a queue for requirements, computed once per call of `hand_out`."""
+        """Returns the capacity of the workers that serve a queue of jobs with requirements.
+
+        cache: capacities that were computed during the same call of `hand_out`, by queue.
+        """
         if queue not in cache:
             slots = self._workers.roster.slots_serving(queue, of_cpu=True).get(kind, 0)
             window = self._window(slots, kind) if slots else 0
@@ -223,7 +231,7 @@ class Scheduler:
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: StartJob, max_slots: int) -> None:
         """Dispatches the next batches of a job for at most `max_slots` slots, if it has any. Raises QueueError.
 
-        slots: number of slots that may render the job.
+        slots: number of slots that may render the job. start: as for `hand_out`.
         """
         if not start(job, kind):
             return
@@ -240,7 +248,7 @@ class Scheduler:
         self._send_all(job, kind, groups)
 
     def _send_all(self, job: ActiveJob, kind: str, groups: list[BatchGroup]) -> None:
-        """Sends messages. Puts the batches of messages that could not be sent back into the plan. Raises QueueError."""
+        """Sends a job's messages. Puts the batches of messages that could not be sent back into the plan. Raises QueueError."""
         try:
             while groups:
                 self._send(job, kind, groups[0])
@@ -250,14 +258,17 @@ class Scheduler:
                 job.requeue(batch)
             raise
 
-    def _choose_site(self, job: ActiveJob) -> SitePlace | None:
-        """Returns the site that accepts most batches; None if there is none, or if sums of this job stay separate by worker."""
+    def _choose_site(self, job: ActiveJob) -> ReadySite | None:
+        """Returns the site that accepts the most batches; None if there is none or if this job cannot be rendered at sites.
+
+        At sites, sums of several workers are added up. Jobs with requirements or with verification are not rendered there.
+        """
         if job.needs is not None or job.verify:
             return None
         return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)
 
     def _send(self, job: ActiveJob, kind: str, group: BatchGroup) -> None:
-        """Sends the batches of one message and creates their leases. Raises QueueError; then there are no leases."""
+        """Sends the batches of one message, and creates their leases. Raises QueueError; then there are no leases."""
         batches, leases = group.batches, list[Lease]()
         expected = 0.0
         for batch in batches:
@@ -288,18 +299,18 @@ class Scheduler:
         job.served = next(self._turn)
 
     def mark_answered(self, owner: str, lease: str) -> None:
-        """Marks the lease of a batch whose sums were read.
+        """Marks the lease of a batch whose sums were read. owner: job id. lease: lease id.
 
-        They are stored when the film accepts them; until then the lease cannot become lost.
+        The sums are stored once the film accepts them. Until then the lease cannot become lost.
         """
         known = self.leases.get(lease)
         if known is not None and known.owner == owner:
             self.leases.mark_answered(known)
 
     def end_batch(self, job: ActiveJob, lease: str, batch: Range | None, seconds: float, worker: str) -> None:
-        """Ends the lease of a batch that the film accepted or dropped as a duplicate.
+        """Ends the lease of a batch that the film accepted or dropped as a duplicate. lease: its id.
 
-        batch: None if the job does not need it any more.
+        batch: None if the job does not need the batch any more. seconds: reported rendering time.
         """
         ended = self._end_lease(job, lease)
         if ended is not None:  # limits the reported time to the age of the lease
@@ -322,7 +333,10 @@ class Scheduler:
             self._quarantine_if_alone(other)
 
     def _card_worker(self, lease: Lease | None, worker: str) -> str:
-        """Returns the worker whose graphics card has rendered a batch; "" if a CPU has. lease: None if it had ended before."""
+        """Returns the name of the worker whose graphics card has rendered a batch; "" if a CPU has.
+
+        lease: the batch's lease; None if it had already ended. worker: name of the worker that sent the result.
+        """
         if lease is not None:
             return lease.only if lease.is_of_card else ""
         report = self._workers.roster.reports.get(worker)
@@ -339,9 +353,10 @@ class Scheduler:
         trace: str = "",
         is_suspect: bool = True,
     ) -> BatchFailures | None:
-        """Handles a batch that a worker failed to render: returns it to the plan, to be dispatched again.
+        """Handles a batch that a worker failed to render: puts it back into the plan, to be dispatched again.
 
-        Returns the failures of the batch if they stop the job, else None. is_suspect: whether the failure counts against the
+        Returns the failures of the batch if they end the job, else None. lease: its id. reproduce: command line that reproduces
+        the error. trace: the last lines of the worker's error output. is_suspect: whether the failure counts against the
         worker.
         """
         ended = self._end_lease(job, lease)
@@ -368,7 +383,7 @@ class Scheduler:
     def handle_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, reason: str) -> None:
         """Handles a batch that a worker sent back because of a fault of the worker: puts it back into the plan.
 
-        Does not count against the job.
+        This does not count against the job. lease: its id. reason: error sentence of the worker.
         """
         ended = self._end_lease(job, lease)
         if ended is None:
@@ -387,7 +402,7 @@ class Scheduler:
     def handle_card_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, reason: str) -> None:
         """Handles a batch that a graphics card cannot render: puts it back into the plan.
 
-        From then on, that worker's cards get no batches of this job.
+        From then on, that worker's cards get no batches of this job. lease: its id. reason: error sentence of the worker.
         """
         ended = self._end_lease(job, lease)
         if ended is None:
@@ -404,7 +419,7 @@ class Scheduler:
         return self.leases.end(lease) if known is not None and known.owner == job.id else None
 
     def withdraw(self, job: ActiveJob, frame: int | None = None) -> None:
-        """Withdraws the waiting batches of a job or of one of its frames, and ends all their leases.
+        """Withdraws the queued batches of a job or of one of its frames, and ends the leases of all its outstanding batches.
 
         Results of batches that are already with a worker are still accepted, but the plan treats those batches as lost.
         """
@@ -425,7 +440,7 @@ class Scheduler:
                 job.requeue(lease.batch)
 
     def review_leases(self, results: Results) -> None:
-        """Dispatches overdue and lost batches again, and fails jobs whose batches were lost too often. Called once a second.
+        """Dispatches overdue and lost batches again. Fails jobs whose batches were lost too often. Called once a second.
 
         A batch whose answer may be among unread results is not lost. Raises redis.RedisError.
         """
@@ -458,13 +473,13 @@ class Scheduler:
             self.quarantine(worker, reason)
 
     def quarantine(self, worker: str, reason: str) -> None:
-        """Quarantines a worker: pauses it until a user resumes it."""
+        """Pauses a worker until a user resumes it. reason: shown to users."""
         with suppress(redis.RedisError):  # the worker fails again and is paused then
             self._workers.pause(worker, reason)
             self._workers.refresh(now=True)
 
     def _other_ready_workers(self, worker: str) -> list[str]:
-        """Returns the names of the other ready workers of the worker's kind; empty if the worker itself is not ready."""
+        """Returns the names of the other ready workers of the same kind; empty if the worker itself is not ready."""
         kinds = {report.name: report.kind for report in self._workers.roster.ready_reports()}
         return [name for name, kind in kinds.items() if kind == kinds.get(worker) and name != worker]
 
@@ -492,7 +507,7 @@ class Scheduler:
             self.fail_batch(job, batch, sentence)
 
     def fail_batch(self, job: ActiveJob, batch: Range, error: str, command: str | None = None) -> None:
-        """Fails a still image's job, or one frame of a shot, because a batch cannot be rendered.
+        """Fails the job of a still image, or one frame of a shot, because a batch cannot be rendered.
 
         command: the worker's command line that reproduces the error.
         """
@@ -517,7 +532,7 @@ class Scheduler:
         return set(self._workers.roster.reports)
 
     def outstanding_by_share(self, held: Counter[str]) -> Counter[str]:
-        """Returns the number of outstanding messages of each share. held: the number for each job, by id."""
+        """Returns the number of outstanding messages of each share. held: number of outstanding messages of each job, by id."""
         found: Counter[str] = Counter()
         for id, messages in held.items():
             if (job := self.jobs.get(id)) is not None:

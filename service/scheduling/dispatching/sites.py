@@ -1,8 +1,9 @@
 """Dispatching to sites: groups of machines that add up their sums before they send them (protocol/site.py).
 
-A site is efficient for consecutive batches of one tile. It has a queue, that of jobs which require the site's tag (needs.py); its
-workers serve this queue in addition to all others. A run of consecutive batches is sent there in as many messages as the site has
-machines. Nothing is sent while the site's reducer is away; batches left in its queue are withdrawn once no worker serves it.
+A site is efficient for consecutive batches of one tile. Its workers serve the queue of jobs that require the site's tag
+(needs.py), in addition to all other queues. Consecutive batches are sent to this queue in several messages, each of which one
+machine renders. Nothing is sent while the site's reducer, which adds up the sums, is away; batches left in the queue are
+withdrawn once no worker serves it.
 """
 
 from __future__ import annotations
@@ -25,13 +26,13 @@ from service.scheduling.fleet.needs import Needs
 from service.scheduling.fleet.workers import Workers
 from service.scheduling.jobs.active_job import ActiveJob
 
-__all__ = ["SitePlace", "Sites"]
+__all__ = ["ReadySite", "Sites"]
 
 log = logging.getLogger(__name__)
 
 
 @dataclass
-class SitePlace:
+class ReadySite:
     """A site with ready workers of one kind. room: for how many more slots it accepts batches."""
 
     name: str
@@ -40,9 +41,10 @@ class SitePlace:
     room: int
 
     def split_for_machines(self, group: BatchGroup, hold_s: float) -> list[BatchGroup]:
-        """Divides the joint batches of a tile into messages of about equal size for the site's machines.
+        """Divides a group of joint batches into messages of about equal size for the site's machines.
 
-        Other groups are unchanged.
+        hold_s: how long, in seconds, sums may wait at the site for the others. Groups that are not joint are returned
+        unchanged.
         """
         if not group.is_joint:
             return [group]
@@ -64,21 +66,24 @@ class Sites:
         self._pace = pace
 
     def site_requirements(self) -> list[Needs]:
-        """Returns the tags of all sites with a reducer, as requirements; their workers serve the corresponding queues."""
+        """Returns, for each site with a reducer, the site's tag as a requirement.
+
+        The workers of the site serve the queue of jobs with this requirement.
+        """
         return [Needs((f"{SITE}{name}",)) for name in self._workers.roster.sites]
 
-    def ready_sites(self, kind: str, per_slot: int) -> list[SitePlace]:
-        """Returns the sites that have ready workers of this kind. per_slot: outstanding messages per slot."""
+    def ready_sites(self, kind: str, per_slot: int) -> list[ReadySite]:
+        """Returns the sites that have ready workers of this kind. per_slot: maximum number of outstanding messages per slot."""
         found = []
         for needs in self.site_requirements():
             queue = needs.queue(kind)
             if slots := self._workers.roster.slots_serving(queue, of_cpu=True).get(kind, 0):
                 room = self._pace.window(slots, per_slot, joint=True) - self._leases.slots_waiting_in(queue)
-                found.append(SitePlace(needs.tags[0].removeprefix(SITE), queue, slots, room))
+                found.append(ReadySite(needs.tags[0].removeprefix(SITE), queue, slots, room))
         return found
 
     def withdraw_unserved(self, jobs: Mapping[str, ActiveJob]) -> None:
-        """Withdraws the batches in queues that no worker serves any more. Raises redis.RedisError."""
+        """Withdraws the batches in queues that no worker serves any more. jobs: active jobs by id. Raises redis.RedisError."""
         elsewhere: defaultdict[str, list[tuple[ActiveJob, Lease]]] = defaultdict(list)
         for lease in self._leases:
             job = jobs.get(lease.owner)

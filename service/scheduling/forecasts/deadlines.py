@@ -1,9 +1,9 @@
-"""Detection of late jobs: those that are not expected to finish by their deadline.
+"""Detects late jobs: those that are not expected to finish by their deadline.
 
 A job's forecast (forecast.py) takes into account its remaining work, its cost per sample, and the jobs served before it.
 
-A job becomes late if its forecast has exceeded the deadline for some seconds, or if the deadline has passed. It stops being late
-once the forecast has been before the deadline for as long. A late job is served before others of its priority and share
+A job becomes late if its forecast has exceeded the deadline for some seconds, or if the deadline has passed. It stops being
+late once the forecast has been before the deadline for as long. A late job is served before others of its priority and share
 (shares.py).
 """
 
@@ -29,17 +29,20 @@ RunStep = Callable[[str, Callable[[], object]], bool]
 
 
 class DeadlineRecords(Protocol):
-    """Interface of the database operations used here; implemented by service/scheduling/records.py."""
+    """Interface of the required database operations, which service/scheduling/records.py implements."""
 
     def store_lateness(self, id: str, since: float | None) -> bool:
-        """Stores the time since which a job is late; None: it is not late. Returns False if the job has ended or is deleted."""
+        """Stores the Unix time since which a job is late; None if it is not late.
+
+        Returns False if the job has ended or is deleted.
+        """
 
     def find_overdue(self, now: float) -> list[str]:
-        """Returns the ids of the jobs whose deadline has passed and that are not stored as late."""
+        """Returns the ids of the jobs whose deadline has passed and that are not stored as late. now: Unix time."""
 
 
 class Deadlines:
-    """The late jobs. Used only by the engine's thread."""
+    """Detects late jobs. Used only by the engine's thread."""
 
     def __init__(
         self,
@@ -49,8 +52,8 @@ class Deadlines:
     ) -> None:
         """Stores the parameters.
 
-        run: runs a step that needs the database; returns False if the step has to wait. tell: records a job's change, to be
-        published with the next snapshot.
+        run: runs a step that needs the database; returns False if the step has to wait. record_change: records a job's change,
+        to be published with the next snapshot.
         """
         self._records = records
         self._run = run
@@ -61,9 +64,9 @@ class Deadlines:
         self._now = -math.inf
 
     def update(self, jobs: list[ActiveJob], forecast: Callable[[ActiveJob, float], Forecast], now: float) -> None:
-        """Updates the expected completion time of each job and whether it is late. Called once a second.
+        """Updates the expected completion time of each job, and whether it is late. Called once a second.
 
-        forecast: returns the forecast of a job at a time. now: Unix time.
+        forecast: returns the forecast of a job at a Unix time. now: Unix time.
         """
         if now < self._now:  # the clock was set back
             self._since.clear()
@@ -92,7 +95,7 @@ class Deadlines:
             del self._since[id]
 
     def _changed_lateness(self, job: ActiveJob, now: float) -> bool | None:
-        """Returns whether a job is late if that has changed just now; None if it has not changed."""
+        """Returns True if a job has just become late, False if it has just stopped being late; None without a change."""
         assert job.deadline is not None
         if now > job.deadline:
             return None if job.is_late else True
@@ -112,7 +115,7 @@ class Deadlines:
         self._record_change("job", job.id)
 
     def _record_overdue(self, active: dict[str, ActiveJob], now: float) -> None:
-        """Marks overdue jobs as late that are not active in the engine, such as those waiting for a scene or for other jobs."""
+        """Marks overdue jobs as late that are not in `active`, such as those waiting for a scene or for other jobs."""
         for id in self._records.find_overdue(now):
             if id not in active and self._records.store_lateness(id, now):
                 self._record_change("job", id)

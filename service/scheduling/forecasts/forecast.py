@@ -1,14 +1,14 @@
 """Expected completion time of a job, from its remaining work, the jobs served before it, and the available slots.
 
 The model follows the order of service (shares.py): all work of higher priorities comes first; jobs of one priority share the
-slots by the weights of their shares; jobs within a share get equal parts, except that late ones go first. As slots are never idle
-while there is work, the time follows in closed form, as for generalized processor sharing (Parekh and Gallager 1993). When a
-share has received d slot-seconds, its virtual time is v = d / weight, and every other share has received min(its work, v * its
-weight). When a job has received its work w, each other job of its share has received min(w, its own work).
+slots by the weights of their shares; jobs within a share get equal parts, except that late ones go first. As slots are never
+idle while there is work, the time follows in closed form, as for generalized processor sharing (Parekh and Gallager 1993). When
+a share has received d slot-seconds, its virtual time is v = d / weight, and every other share has received min(its work, v *
+its weight). When a job has received its work w, each other job of its share has received min(w, its own work).
 
 The forecast is pessimistic: slots left over by the limits of other jobs are not counted. It ignores machines that connect and
-disconnect, future jobs, jobs that wait for others, and jobs of unknown cost per sample; while there is one of the latter, the
-forecast is at least what the current speed implies.
+disconnect, future jobs, jobs that wait for others, and jobs of unknown cost per sample. While there is a job of unknown cost,
+the forecast is at least the time that follows from the current speed.
 """
 
 from __future__ import annotations
@@ -35,14 +35,14 @@ SPEED_UNKNOWN = Sentence("forecast-speed-unknown", "Its rendering speed is not k
 
 @dataclass(frozen=True)
 class Forecast:
-    """Forecast of a job. at: Unix time of completion; None if there is no forecast. why: then the reason, as a sentence."""
+    """Forecast of a job. at: Unix time of completion; None without a forecast. reason: why there is none, as a sentence."""
 
     at: float | None
     reason: str | None = None
 
 
 class QueuedJobs(Protocol):
-    """Interface of the job queue used here; implemented by service/scheduling/dispatching/job_queue.py."""
+    """Interface of the job queue, as far as forecasts need it. Implemented by service/scheduling/dispatching/job_queue.py."""
 
     def kind_for(self, job: ActiveJob) -> str | None:
         """Returns the worker kind that renders a job; None if there is none."""
@@ -58,7 +58,7 @@ class QueuedJobs(Protocol):
 class _Share:
     """Remaining work of one share's jobs at one priority.
 
-    works: remaining slot-seconds of each job that is not late, sorted. sums: their prefix sums.
+    works: remaining slot-seconds of each job that is not late, sorted. sums: prefix sums of `works`.
     """
 
     works: list[float] = field(default_factory=list)
@@ -66,7 +66,7 @@ class _Share:
     urgent: dict[str, tuple[float, float]] = field(default_factory=dict)  # late jobs: deadline and work, by id
 
     def close(self) -> None:
-        """Sorts the works and computes their prefix sums. Call it once all jobs were added."""
+        """Sorts the work of the jobs and computes the prefix sums. Call it once all jobs were added."""
         self.works.sort()
         self.sums = [0.0, *accumulate(self.works)]
 
@@ -76,7 +76,7 @@ class _Share:
         return self.sums[-1] + sum(work for _, work in self.urgent.values())
 
     def served_until(self, job: ActiveJob, work: float) -> float:
-        """Returns how many slot-seconds the share has received when one of its jobs has received `work`.
+        """Returns how many slot-seconds the share has received when one of its jobs has received `work` slot-seconds.
 
         A late job is treated like the others. Otherwise its precedence would make its forecast timely, so that it is no longer
         late, loses its precedence, and becomes late again.
@@ -115,7 +115,7 @@ class RemainingWork:
         self._totals = {p: sum(share.total_work for share in found.values()) for p, found in self._of.items()}
 
     def seconds(self, job: ActiveJob, work: float, slots: int) -> float:
-        """Returns the time until a job has received `work` slot-seconds, in seconds.
+        """Returns the time, in seconds, until a job has received `work` slot-seconds.
 
         slots: number of slots available to all jobs.
         """
@@ -174,7 +174,10 @@ class Forecaster:
 
 
 def remaining_work_s(job: ActiveJob, slots: int) -> float | None:
-    """Returns the remaining work of a job in slot-seconds; None if its cost per sample is unknown. slots: that render it."""
+    """Returns the remaining work of a job in slot-seconds; None if its cost per sample is unknown.
+
+    slots: number of slots that render it.
+    """
     cost = job.sample_s
     if cost <= 0.0:
         return None

@@ -1,10 +1,10 @@
 """Verification: a fraction of the batches is rendered again by another worker, and the results are compared bit by bit.
 
-The repetition is sent like any other batch, through the same queue, so a worker cannot detect which of its results are verified.
-If the first worker happens to fetch it, it is sent once more. If two results differ, further repetitions decide: a result is
-correct if two different workers return it. A worker with another result is paused; its samples are removed from the films of
-unfinished jobs and rendered again, and finished jobs are marked (service/maintenance/taint.py). Until the decision, the job
-continues but cannot finish.
+The repetition is sent like any other batch, through the same queue, so a worker cannot detect which of its results are
+verified. If the first worker happens to fetch it, it is sent once more. If two results differ, further repetitions decide: a
+result is correct if two different workers return it. A worker with another result is paused; its samples are removed from the
+films of unfinished jobs and rendered again, and finished jobs are marked (service/maintenance/taint.py). Until the decision,
+the job continues but cannot finish.
 """
 
 from __future__ import annotations
@@ -72,16 +72,16 @@ class Trust:
         self.counts: Counter[str] = Counter()  # batches verified, differed; workers distrusted
 
     def begin(self) -> None:
-        """Restores the list of distrusted workers from a previous run. Raises redis.RedisError."""
+        """Restores the set of distrusted workers of a previous run. Raises redis.RedisError."""
         self._scheduler.distrusted |= {name for name, reason in self._workers.pause_reasons().items() if _is_distrust(reason)}
         for worker in sorted(self._scheduler.distrusted):
             self._events.publish(WorkerQuarantined(worker, None))
 
     def mergeable_answers(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
-        """Returns the results that may be merged into the job's film.
+        """Returns those results that may be merged into the job's film. answers: messages with their packed sums.
 
         Excludes repetitions for verification and results of distrusted workers. If the job is verified, also excludes results
-        with no or several senders, which could not be removed later.
+        without exactly one sender, which could not be removed later.
         """
         kept = []
         for message, sums in answers:
@@ -97,7 +97,7 @@ class Trust:
         return kept
 
     def consider_verification(self, job: ActiveJob, message: BatchDone, batch: Range, sums: bytes) -> None:
-        """Starts, at random, the verification of a batch that the film has accepted."""
+        """Selects at random whether to verify a batch that the film has accepted. If so, sends a repetition."""
         if (
             not job.verify
             or len(message.senders) != 1
@@ -118,7 +118,7 @@ class Trust:
             self._send_repetition(job, check)
 
     def advance_checks(self) -> None:
-        """Sends due repetitions, and drops verifications that cannot be completed. Raises QueueError."""
+        """Sends due repetitions, and drops verifications that cannot be completed. Called once a second. Raises QueueError."""
         for check in list(self._open):
             job = self._scheduler.jobs.get(check.job)
             ready = self._trusted_ready_workers(check.kind)
@@ -139,7 +139,7 @@ class Trust:
                 self._apply_user_decision(check)
 
     def apply_distrust(self, reload: Callable[[ActiveJob], None]) -> None:
-        """Marks workers whose results were wrong as distrusted, and pauses them. again: reloads a job without their samples."""
+        """Marks workers whose results were wrong as distrusted, and pauses them. reload: reloads a job without their samples."""
         for worker, (found_in, reason) in list(self._wrong.items()):
             self._scheduler.distrusted.add(worker)
             for check in self._open:
@@ -160,7 +160,7 @@ class Trust:
         self._update_counts()
 
     def required_actions(self) -> Mapping[str, str]:
-        """Returns the action required of a user for each job that waits for a decision, as sentences by job id."""
+        """Returns, by id of each job whose verification no other worker can decide, a sentence that tells a user what to do."""
         return {
             check.job: (
                 Sentence(
@@ -205,7 +205,7 @@ class Trust:
         self._end_verification(check)
 
     def _apply_user_decision(self, check: _Verification) -> None:
-        """If a user has paused some of the workers whose results differ, treats the results of those workers as wrong."""
+        """Treats the results of workers that a user has paused as wrong, if other results of the batch remain."""
         orders = self._workers.roster.orders
         paused = {worker for worker in check.votes.workers if orders.get(worker) == PAUSED_BY_USER}
         if paused and paused != check.votes.workers:
@@ -263,9 +263,9 @@ class Trust:
         self._update_counts()
 
     def _update_counts(self) -> None:
-        """Updates the set of jobs that cannot finish: those with a pending decision.
+        """Updates the jobs that cannot finish: those with an open verification.
 
-        While the samples of a worker with wrong results are not removed yet, all jobs.
+        While the samples of a worker with wrong results are not removed yet, no job can finish.
         """
         self._scheduler.checks.clear()
         self._scheduler.checks.update(check.job for check in self._open)
@@ -274,5 +274,5 @@ class Trust:
 
 
 def _is_distrust(reason: str) -> bool:
-    """Returns True if a worker was paused because its results differed from those of others. why: the reason of the pause."""
+    """Returns True if a worker was paused because its results were wrong. reason: stored reason of the pause."""
     return reason.startswith(REASON_OF_OLD_RELEASES) or (isinstance(reason, Sentence) and reason.code == "worker-quarantined")

@@ -1,4 +1,4 @@
-"""Results of several workers for one batch. A value that two workers agree on is correct. Independent of clocks and queues."""
+"""Results of several workers for one batch. A result that two workers agree on is correct. Independent of clocks and queues."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ MAX_RESULTS_PER_WORKER = 2  # results per worker, if others are available
 
 @dataclass
 class Votes:
-    """The results for one batch, by worker. Bitwise equal results are one value."""
+    """The results for one batch, by worker. Results with equal sums count as one value."""
 
     tile: Tile
     values: list[bytes] = field(default_factory=list)  # distinct packed sums
     cast: list[tuple[str, int]] = field(default_factory=list)  # (worker, index of the value)
 
     def add(self, worker: str, sums: bytes) -> None:
-        """Adds a worker's result. Raises ValueError if it cannot be decoded."""
+        """Adds a worker's result. sums: packed. Raises ValueError if they cannot be decoded."""
         known = (number for number, value in enumerate(self.values) if self._is_equal(value, sums))
         if (found := next(known, None)) is None:
             unpack_sums(sums, self.tile)
@@ -43,7 +43,7 @@ class Votes:
 
     @property
     def has_differences(self) -> bool:
-        """Returns True if there is more than one distinct value."""
+        """True if there is more than one distinct value."""
         return len({value for _, value in self.cast}) > 1
 
     @property
@@ -57,15 +57,15 @@ class Votes:
 
     @property
     def outvoted_workers(self) -> set[str]:
-        """Names of the workers with a value other than the correct one; empty while that is unknown."""
+        """Names of the workers whose value is not the correct one; empty while no value is known to be correct."""
         right = self.agreed_index
         return set() if right is None else {worker for worker, value in self.cast if value != right}
 
     def could_decide(self, ready: set[str]) -> bool:
-        """Returns True if a further result of any of these workers could decide which value is correct."""
+        """Returns True if a further result of any worker in `ready` could decide which value is correct."""
         answers = Counter(worker for worker, _ in self.cast)
         return any(answers[worker] < MAX_RESULTS_PER_WORKER for worker in ready) and len(ready | self.workers) > 1
 
     def _is_equal(self, value: bytes, sums: bytes) -> bool:
-        """Whether two results are equal. Decodes them if needed, since LZ4 releases may compress the same sums differently."""
+        """Returns True if two packed results have equal sums. Different LZ4 releases may compress equal sums differently."""
         return value == sums or np.array_equal(unpack_sums(value, self.tile), unpack_sums(sums, self.tile))
