@@ -1,4 +1,4 @@
-"""A simulated clock whose time tests set."""
+"""A simulated clock, whose time is set by tests."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ __all__ = ["FakeClock"]
 
 
 class FakeClock:
-    """A simulated clock: wall time, and processor time of this thread, which counts as always busy."""
+    """A simulated clock: wall time, and processor time of a thread that is always busy."""
 
     def __init__(self) -> None:
         self.now = 100.0

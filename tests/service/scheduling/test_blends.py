@@ -1,6 +1,6 @@
 """Tests of scenes that require Blender.
 
-Only workers with Blender get them, a message says if there is none, and the result of Blender's export is stored.
+Only workers with Blender get them. A message says if there is no such worker. The result of Blender's export is stored.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ SHA256 = hashlib.sha256(WRITTEN).hexdigest()
 
 
 def with_blender(service: Service, **options: Any) -> PeerWorker:
-    """Returns a worker with Blender, which exports the same result for every .blend file."""
+    """Returns a simulated worker with Blender, which returns the same export for every .blend file. options: of the worker."""
     worker = service.worker(name="blender", tags=("blender",), **options)
     worker.more = [blender_queue(worker.kind)]
 

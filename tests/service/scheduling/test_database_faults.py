@@ -1,4 +1,4 @@
-"""Tests of a locked, read-only or unreachable database: films continue, and pending writes are made once it is back."""
+"""Tests of a locked, read-only or unreachable database. Films continue, and pending writes are made once it is available."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
     assert service.digest(job) == expected_digest(spp=60)
 
 
-def away_while(flag: threading.Event, method: Any) -> Any:
+def failing_while(flag: threading.Event, method: Any) -> Any:
     """Returns a method of Records that fails while `flag` is set, as if the database were unreachable."""
 
     def instead(*arguments: Any) -> Any:
@@ -74,7 +74,7 @@ def test_a_database_that_is_away_at_the_start_is_a_sentence(
     service.stop()
     away = threading.Event()
     away.set()
-    monkeypatch.setattr(Records, "all_jobs", away_while(away, Records.all_jobs))
+    monkeypatch.setattr(Records, "all_jobs", failing_while(away, Records.all_jobs))
     service.start()
     until(lambda: "does not answer" in service.http.get("/readyz").text, "the service says so")
     assert service.http.get("/readyz").json()["detail"] == "The database does not answer."
@@ -89,7 +89,7 @@ def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
 ) -> None:
     away = threading.Event()
     away.set()
-    monkeypatch.setattr(Records, "prepare_failed", away_while(away, Records.prepare_failed))
+    monkeypatch.setattr(Records, "prepare_failed", failing_while(away, Records.prepare_failed))
     scene = service.upload(b"broken")
     until(lambda: bool(worker.prepared), "a worker has looked at the scene")
     time.sleep(5.5)  # longer than until a batch counts as lost
@@ -106,7 +106,7 @@ def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
     job = under_way(service, worker)
     away = threading.Event()
     away.set()
-    monkeypatch.setattr(Records, "mark_failed", away_while(away, Records.mark_failed))
+    monkeypatch.setattr(Records, "mark_failed", failing_while(away, Records.mark_failed))
     service.farm.engine._bulkheads.give_verdict(job, "The film of this job is lost.")
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
     time.sleep(0.5)  # the engine notices it meanwhile
@@ -115,7 +115,7 @@ def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
 
 
 def answers_of(worker: PeerWorker, job: str) -> bool:
-    """Returns whether the result stream contains a result for this job."""
+    """Returns True if the result stream contains a result for this job."""
     return any(json.loads(fields[b"event"]).get("job") == job for _, fields in worker.redis.xrange(RESULTS))
 
 
@@ -129,7 +129,7 @@ def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
     until(lambda: answers_of(worker, job), "the worker answers meanwhile")
     away = threading.Event()
     away.set()
-    monkeypatch.setattr(Records, "pending", away_while(away, Records.pending))
+    monkeypatch.setattr(Records, "pending", failing_while(away, Records.pending))
     service.start()
     until(lambda: "does not answer" in (service.job(job)["message"] or ""), "the job says what it waits for")
     time.sleep(1.0)
@@ -141,7 +141,7 @@ def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
 
 
 def test_a_character_that_a_database_cannot_have_is_no_fault(service: Service) -> None:
-    """NUL characters, which PostgreSQL does not accept, are not treated as a database fault."""
+    """Checks that NUL characters, which PostgreSQL does not accept, are not treated as a fault of the database."""
     assert service.http.get("/api/jobs/%00").status_code == 404
     assert service.http.get("/%00").status_code == 404
     asked = {"scene": "\0", "width": 16, "height": 16}

@@ -1,4 +1,4 @@
-"""Tests of shares and limits of users through the real service, by the work that workers actually get."""
+"""Tests of shares and slot limits of users with the real service, measured by the work that workers get."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from tests.service.peer_worker import PeerWorker
 
 
 def submit_as(service: Service, user: str, scene: str, **request: object) -> str:
-    """Submits a user's job with a token as from `rayfarm token`."""
+    """Submits a job as this user, with a new access token. Returns the job's id."""
     if not any(each.name == user for each in service.farm.access.users.listed()):
         service.farm.access.users.add(user, Role.SUBMIT, None)
     secret, _ = service.farm.access.keys.create("token", user, Role.SUBMIT)
@@ -42,10 +42,10 @@ def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerW
     assert service.job(anna)["user"] == "anna"
     had: Counter[str] = Counter()
 
-    def of_batches() -> float:
-        """Stores the reported duration of each user's batches in `had`, in slot-seconds; returns the sum over both users.
+    def update_slot_seconds() -> float:
+        """Stores the slot-seconds of each user's batches in `had`. Returns the sum over both users.
 
-        Counts from 100 batches after the moment at which every job had its first batch.
+        Counting starts 100 batches after every job has had its first batch.
         """
         had.clear()
         batches = list(worker.batches)
@@ -54,7 +54,7 @@ def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerW
             had["anna" if batch.job == anna else "ben"] += 0.001 * batch.count
         return sum(had.values())
 
-    until(lambda: of_batches() > 30, "each has had its share", 60, lambda: had)
+    until(lambda: update_slot_seconds() > 30, "each has had its share", 60, lambda: had)
     assert had["anna"] / had["ben"] == pytest.approx(3, rel=0.2)
     rows = {row["share"]: row for row in service.http.get("/api/shares").raise_for_status().json()}
     assert {name: (row["weight"], row["jobs"]) for name, row in rows.items()} == {"user:anna": (3, 1), "user:ben": (1, 3)}
@@ -68,7 +68,7 @@ def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Serv
     waiting: list[int] = []
     with service.worker(slots=8) as worker:
 
-        def look(batch: RenderBatch) -> None:
+        def record_waiting(batch: RenderBatch) -> None:
             """Records the number of messages that wait in the queue when a batch is rendered.
 
             Without a limit on the slots of a job there would be 16: two for each of the worker's 8 slots.
@@ -76,7 +76,7 @@ def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Serv
             waiting.append(worker.redis.llen(render_queue(worker.kind)))  # type: ignore[arg-type]
 
         scene = service.ready_scene()
-        worker.on_batch = look
+        worker.on_batch = record_waiting
         service.wait_for(service.submit(scene, spp=64, max_slots=2), "finished")
         assert max(waiting) == 1, "the second"
         waiting.clear()

@@ -1,4 +1,4 @@
-"""Tests of faults of films and jobs, one kind per test: unrelated jobs continue, and nothing is lost."""
+"""Tests of faults of films and jobs, one fault per test: unrelated jobs continue, and nothing is lost."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def film_of(service: Service, job: str) -> Path:
 
 @contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Holds a write lock on a database from another program during the `with` block."""
+    """Holds a write lock on a database file from another connection during the `with` block."""
     other = sqlite3.connect(path, timeout=10, isolation_level=None)
     try:
         other.execute("BEGIN IMMEDIATE")
@@ -44,7 +44,7 @@ def locked(path: Path) -> Iterator[None]:
 
 
 def under_way(service: Service, worker: PeerWorker, **request: Any) -> str:
-    """Submits a job; returns its id once it has some samples, while it is still being rendered."""
+    """Submits a job. Returns its id when it has some samples and is still being rendered."""
     job = service.submit(service.ready_scene(), **{"spp": 30, **request})
     until(lambda: service.job(job)["samples"] > 0, "the job is under way")
     return job
@@ -197,9 +197,9 @@ def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
 
 
 def failing_at_first(method: Any, error: Callable[[], Exception], applies: Callable[..., bool], failed: Counter[str]) -> Any:
-    """Returns a replacement for `method` that raises `error()` at the first and third call for which `applies` returns True.
+    """Returns a replacement for `method` that raises `error()` in the first and third call for which `applies` returns True.
 
-    failed: counts the raised errors by the method's name.
+    failed: counts the raised errors by the name of the method.
     """
     calls = Counter[str]()
 
@@ -296,7 +296,10 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
 def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """A job deleted after its rows were read but before it is loaded delays no other job."""
+    """Checks that a job that is deleted while it is being loaded delays no other job.
+
+    It is deleted after its rows were read.
+    """
     scene, records, deleted = service.ready_scene(), service.farm.records, list[str]()
     pending = records.pending
 

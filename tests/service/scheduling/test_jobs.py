@@ -1,4 +1,4 @@
-"""Tests of jobs from the request to the finished film, through a real Redis and the real protocol."""
+"""Tests of jobs from the request to the finished film, with a real Redis and the real protocol."""
 
 from __future__ import annotations
 
@@ -265,7 +265,7 @@ def test_deleting_a_job_removes_its_film(service: Service, worker: PeerWorker) -
 
 @pytest.mark.long
 def test_a_rectangle_is_rendered_first_and_changes_no_bit(service: Service, worker: PeerWorker) -> None:
-    """A job whose crop rectangle is rendered first ends with the same digest as a job without one.
+    """Checks that a job whose focus rectangle is rendered first ends with the same digest as a job without one.
 
     The rectangle survives a restart of the service.
     """

@@ -1,6 +1,6 @@
-"""Tests of joint batches: batches of one tile for the slots of one machine, whose sums are added up there.
+"""Tests of joint batches: batches of one tile for several slots of one machine, which adds up their sums.
 
-Each sample is in the film once, even if sums are lost, duplicated, or arrive separately.
+Each sample is in the film exactly once, even if sums are lost, duplicated, or arrive separately.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ Run = list[tuple[Any, float]]
 class Machines(Slots):
     """Two simulated machines with 32 slots each, which record the number of batches in each result.
 
-    `troubled` may return True for a result, which then is not sent.
+    A result is lost if `troubled` returns True for it.
     """
 
     def __init__(self, service: Service, adds: bool = True) -> None:

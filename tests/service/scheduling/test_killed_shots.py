@@ -31,8 +31,8 @@ PATIENCE_S = 240.0
 pytestmark = [pytest.mark.long, pytest.mark.timeout(1800)]
 
 
-class Looked:
-    """Reads the service's database through a connection of its own, without the service."""
+class DatabaseReader:
+    """Reads the service's database through its own connection, without the service."""
 
     def __init__(self, data: Path, url: str) -> None:
         self._engine = create_engine(url or sqlite_url(data / "rayfarm.sqlite"))
@@ -52,7 +52,7 @@ class Looked:
         return int(self.one("SELECT count(*) FROM frames WHERE job = :job", job=job))
 
     def targets(self, job: str) -> dict[int, int]:
-        """Returns the number of frames of a job by their target in samples per pixel."""
+        """Returns the number of frames of a job for each target in samples per pixel."""
         rows = self.all("SELECT target, count(*) FROM frames WHERE job = :job GROUP BY target", job=job)
         return {target // PIXELS: count for target, count in rows}
 
@@ -60,14 +60,14 @@ class Looked:
         return self.one("SELECT count(*) FROM frame_changes") == 0
 
 
-class Mortal:
-    """A service that can be killed and restarted."""
+class KillableService:
+    """A service that tests can kill and restart."""
 
     def __init__(self, data: Path, redis_url: str, database: str) -> None:
         self._arguments = data, redis_url, database
-        self.looked: Looked
+        self.database_reader: DatabaseReader
         self.start()
-        self.looked = Looked(data, database)
+        self.database_reader = DatabaseReader(data, database)
 
     def start(self) -> None:
         data, redis_url, database = self._arguments
@@ -87,9 +87,9 @@ class Mortal:
         return self.service.http.post("/api/jobs", json=body, headers={"Idempotency-Key": key} if key else {})
 
     def killed_during(self, request: Callable[[], Any], is_time: Callable[[], bool]) -> bool:
-        """Kills the service once `is_time` returns True during a request, and restarts it.
+        """Kills the service during a request as soon as `is_time` returns True, and restarts it.
 
-        Returns whether the request was still without a response when the service was killed.
+        Returns True if the request had no response yet when the service was killed.
         """
         answered: list[int] = []
 
@@ -107,10 +107,10 @@ class Mortal:
         self.start()
         return in_the_midst
 
-    def at_rest(self, job: str) -> dict[str, Any]:
-        """Waits until all changes of a job are carried out and the engine has loaded it, and returns the job."""
-        until(self.looked.is_at_rest, "what was accepted is done", PATIENCE_S)
-        until(lambda: self.told(job)["count"] == self.looked.frames(job), "it is taken up", PATIENCE_S)
+    def wait_until_idle(self, job: str) -> dict[str, Any]:
+        """Waits until all changes of a job are carried out and the engine has loaded it. Returns the job's description."""
+        until(self.database_reader.is_at_rest, "what was accepted is done", PATIENCE_S)
+        until(lambda: self.told(job)["count"] == self.database_reader.frames(job), "it is taken up", PATIENCE_S)
         return self.told(job)
 
     def told(self, job: str) -> dict[str, Any]:
@@ -119,21 +119,21 @@ class Mortal:
 
 
 @pytest.fixture
-def mortal(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[Mortal]:
-    farm = Mortal(tmp_path / "data", redis_server.url, database)
+def mortal(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[KillableService]:
+    farm = KillableService(tmp_path / "data", redis_server.url, database)
     yield farm
     farm.service.end()
-    farm.looked.close()
+    farm.database_reader.close()
 
 
-def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) -> None:
+def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: KillableService) -> None:
     farm = mortal
-    scene, looked = farm.scene(), farm.looked
+    scene, database_reader = farm.scene(), farm.database_reader
     in_the_midst = 0
 
     def done(job: str | None, share: float) -> bool:
         """Returns whether a change of a job (None: of any job) has been carried out for at least this share of all frames."""
-        row = looked.all("SELECT job, done FROM frame_changes")
+        row = database_reader.all("SELECT job, done FROM frame_changes")
         return any((job is None or id == job) and count >= share * FRAMES for id, count in row)
 
     jobs = []
@@ -141,42 +141,49 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Mortal) 
         key = f"shot {number}"
         in_the_midst += farm.killed_during(lambda key=key: farm.shoot(scene, key), lambda share=share: done(None, share))
         jobs.append(farm.shoot(scene, key).raise_for_status().json()["id"])
-        assert farm.at_rest(jobs[-1])["states"] == {"queued": FRAMES}
-        assert looked.targets(jobs[-1]) == {4: FRAMES}
-        assert looked.one("SELECT count(*) FROM jobs") == number + 1, "a request that is repeated makes no other job"
+        assert farm.wait_until_idle(jobs[-1])["states"] == {"queued": FRAMES}
+        assert database_reader.targets(jobs[-1]) == {4: FRAMES}
+        assert database_reader.one("SELECT count(*) FROM jobs") == number + 1, "a request that is repeated makes no other job"
     job = jobs[0]
     for number, share in enumerate(MOMENTS):
         spp = 8 + number
         url = f"/api/jobs/{job}"
-        before = looked.targets(job)
+        before = database_reader.targets(job)
         in_the_midst += farm.killed_during(
             lambda url=url, spp=spp: farm.service.http.patch(url, json={"spp": spp, "extend": f"{FRAMES + spp}"}),
             lambda share=share: done(job, share),
         )
-        farm.at_rest(job)
-        targets = looked.targets(job)
+        farm.wait_until_idle(job)
+        targets = database_reader.targets(job)
         assert targets == {spp: sum(before.values()) + 1}, "all of it is done, or none"
     for share, gone in zip(MOMENTS, jobs, strict=True):
-        left = (1 - share) * looked.frames(gone)
+        left = (1 - share) * database_reader.frames(gone)
 
         def is_time(gone: str = gone, left: float = left) -> bool:
-            return looked.one("SELECT count(*) FROM frame_changes WHERE job = :job", job=gone) > 0 and looked.frames(gone) <= left
+            return (
+                database_reader.one("SELECT count(*) FROM frame_changes WHERE job = :job", job=gone) > 0
+                and database_reader.frames(gone) <= left
+            )
 
         in_the_midst += farm.killed_during(lambda gone=gone: farm.service.http.delete(f"/api/jobs/{gone}"), is_time)
-        until(lambda gone=gone: looked.one("SELECT count(*) FROM jobs WHERE id = :job", job=gone) == 0, "it is gone", PATIENCE_S)
-        assert looked.frames(gone) == 0
-        assert looked.is_at_rest()
+        until(
+            lambda gone=gone: database_reader.one("SELECT count(*) FROM jobs WHERE id = :job", job=gone) == 0,
+            "it is gone",
+            PATIENCE_S,
+        )
+        assert database_reader.frames(gone) == 0
+        assert database_reader.is_at_rest()
         assert farm.service.http.get(f"/api/jobs/{gone}").status_code == 404
     assert in_the_midst >= 6, "most of the nine kills came while the request was under way"
 
 
-def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
-    """Concurrent changes by several clients leave both shots in a consistent state.
+def test_several_clients_at_once_leave_every_shot_whole(mortal: KillableService) -> None:
+    """Checks that concurrent changes by several clients leave both shots in a consistent state.
 
-    The clients request more samples, render frames anew, set priorities, cancel, resume and delete.
+    The clients add samples, render frames again, set priorities, cancel, resume and delete.
     """
     farm = mortal
-    scene, looked = farm.scene(), farm.looked
+    scene, database_reader = farm.scene(), farm.database_reader
     kept, gone = (farm.shoot(scene).raise_for_status().json()["id"] for _ in range(2))
     counter = itertools.count(5)
     deleted = threading.Event()
@@ -215,24 +222,29 @@ def test_several_clients_at_once_leave_every_shot_whole(mortal: Mortal) -> None:
     assert {status for _, status in answers} <= {200, 204, 404, 409, 503}, answers
     assert sum(status == 200 for _, status in answers) >= 12, answers
     http = farm.service.http
-    until(looked.is_at_rest, "what was accepted is done", PATIENCE_S)
+    until(database_reader.is_at_rest, "what was accepted is done", PATIENCE_S)
     until(
-        lambda: looked.one("SELECT count(*) FROM jobs WHERE id = :job", job=gone) == 0, "it is gone", PATIENCE_S, lambda: answers
+        lambda: database_reader.one("SELECT count(*) FROM jobs WHERE id = :job", job=gone) == 0,
+        "it is gone",
+        PATIENCE_S,
+        lambda: answers,
     )
-    assert looked.frames(gone) == 0
+    assert database_reader.frames(gone) == 0
     final = 1000
     http.patch(f"/api/jobs/{kept}", json={"spp": final, "state": "running"}).raise_for_status()
-    assert farm.at_rest(kept)["states"] == {"queued": FRAMES}
-    assert looked.targets(kept) == {final: FRAMES}
+    assert farm.wait_until_idle(kept)["states"] == {"queued": FRAMES}
+    assert database_reader.targets(kept) == {final: FRAMES}
     assert farm.service.process.poll() is None
 
 
-def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(mortal: Mortal, redis_server: running_redis) -> None:
+def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(
+    mortal: KillableService, redis_server: running_redis
+) -> None:
     farm = mortal
     scene = farm.scene()
     shots = [farm.shoot(scene, spp=1).raise_for_status().json()["id"] for _ in range(3)]
     for shot in shots:
-        farm.at_rest(shot)
+        farm.wait_until_idle(shot)
     rendered: list[str] = []
     with rendering(farm, redis_server, rendered):
         until(lambda: len(rendered) > 20, "they are rendered", 60)
@@ -244,7 +256,7 @@ def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(morta
 
 
 @contextmanager
-def rendering(mortal: Mortal, redis_server: running_redis, rendered: list[str]) -> Iterator[None]:
+def rendering(mortal: KillableService, redis_server: running_redis, rendered: list[str]) -> Iterator[None]:
     with PeerWorker(redis_server.url, mortal.service.url, TOKEN) as worker:
         worker.on_batch = lambda batch: rendered.append(batch.job)
         yield

@@ -1,4 +1,4 @@
-"""Tests that workers that send false sums, times or blobs, or answer others' batches, do not affect the pictures."""
+"""Tests that workers cannot affect pictures with false sums, times or blobs, or by answering batches of other workers."""
 
 from __future__ import annotations
 
@@ -122,7 +122,10 @@ def test_times_that_are_not_so_starve_nobody(service: Service, worker: PeerWorke
 
 @pytest.mark.long
 def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, worker: PeerWorker) -> None:
-    """If a worker names an upload as its denoised picture, the upload is neither exposed nor deleted."""
+    """Checks that an upload is not deleted if a worker names it as its denoised picture.
+
+    A blob that does not have the size of the picture is refused.
+    """
     upload = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".ljust(64 * 48 * 12)
     scene = service.upload(upload)
     until(lambda: service.scene(scene)["status"] == "ready", "the scene is prepared")
@@ -164,7 +167,7 @@ def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, 
 
 @pytest.mark.long
 def test_what_several_or_nobody_sent_is_not_taken_where_batches_are_looked_at(service: Service) -> None:
-    """If the service verifies batches, samples of several or unknown senders are refused: they could not be removed later."""
+    """Checks that a job with verification refuses samples of several or unknown senders, which could not be removed later."""
     with service.worker(name="good") as good, service.worker(name="bad") as bad:
 
         def lie(batch: RenderBatch) -> bool:

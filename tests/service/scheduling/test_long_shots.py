@@ -1,6 +1,6 @@
-"""Tests of shots with very many frames: changes are carried out in several transactions, with the same result as in one.
+"""Tests of shots with very many frames. Changes are carried out in several transactions, with the same result as in one.
 
-A killed service leaves nothing half done.
+A killed service leaves no change half done.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ COLUMNS = ("number", "samples", "target", "bad_samples", "progress", "state", "e
 
 
 class KilledError(Exception):
-    """Raised to simulate the end of the process."""
+    """Simulates the end of the process."""
 
 
 def shoot(service: Service, scene: str, frames: str = f"0-{LAST}", key: str = "") -> Any:
@@ -39,7 +39,7 @@ def rows(service: Service, job: str) -> list[tuple[Any, ...]]:
 
 
 def is_at_rest(service: Service, job: str) -> bool:
-    """Returns True if no change of a job is pending, and the engine has loaded it."""
+    """Returns True if the job has no pending changes and the engine has loaded it."""
     with service.farm.sessions() as session:
         return session.get(FrameChange, job) is None and job in service.farm.engine.snapshot.jobs
 

@@ -1,6 +1,6 @@
-"""Test of four users of a farm with quotas who create, change and delete shots while workers start, stop and change.
+"""Test of four users with quotas who create, change and delete shots, while workers start, stop and change their settings.
 
-The service is restarted meanwhile, and at the end every picture equals its expected samples.
+The service is restarted meanwhile. At the end every picture has its expected samples.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ EXPECTED = {200, 201, 204, 304, 404, 409, 422, 429, 503}  # statuses of conflict
 
 
 class Crowd:
-    """The clients and workers of the test, a count of the responses by status, and the faults found."""
+    """The clients and workers of the test, the number of responses by status, and the faults found."""
 
     def __init__(self, service: Service, chief: httpx.Client, scene: str) -> None:
         self.service = service
@@ -56,8 +56,8 @@ class Crowd:
         self.over = threading.Event()
         self._made = 0
 
-    def hire(self) -> None:
-        """Starts one more worker, which sometimes loses a batch; every second worker has the tag `gpu`."""
+    def start_worker(self) -> None:
+        """Starts another worker, which sometimes loses a batch. Every second worker has the tag `gpu`."""
         draw = random.Random(self._made)
         options = self.service.options
         worker = PeerWorker(
@@ -70,8 +70,8 @@ class Crowd:
         self.workers.append(worker.__enter__())
         self._made += 1
 
-    def ask(self, http: httpx.Client, method: str, path: str, **more: Any) -> httpx.Response | None:
-        """Sends a request; returns None if the service does not respond because it restarts."""
+    def send(self, http: httpx.Client, method: str, path: str, **more: Any) -> httpx.Response | None:
+        """Sends a request and counts the response by its status. Returns None if the service is restarting."""
         http.base_url = httpx.URL(self.service.url)
         try:
             answer = http.request(method, path, **more)
@@ -83,8 +83,11 @@ class Crowd:
             self.faults.append(f"{method} {path} {more}: {answer.status_code} {answer.text[:200]}")
         return answer
 
-    def person(self, secret: str, seed: int) -> None:
-        """Acts as one user, who creates, changes, views and deletes own jobs until the test ends."""
+    def act_as_user(self, secret: str, seed: int) -> None:
+        """Acts as one user, who creates, changes, views and deletes jobs until the test ends.
+
+        secret: the user's token. seed: of the random actions.
+        """
         draw, mine = random.Random(seed), list[str]()
         with caller(self.service, secret) as http:
             while not self.over.is_set():
@@ -94,38 +97,38 @@ class Crowd:
                     wish: dict[str, Any] = {"scene": self.scene, "spp": draw.choice([1, 4, 16]), "fresh": True, **SIZE}
                     rare = {"frames": draw.choice(FRAMES), "after": mine[-1:], "needs": ["gpu"], "verify": 0.5, "max_slots": 1}
                     wish |= {name: value for name, value in rare.items() if draw.random() < (0.7 if name == "frames" else 0.15)}
-                    answer = self.ask(http, "POST", "/api/jobs", json=wish)
+                    answer = self.send(http, "POST", "/api/jobs", json=wish)
                     if answer is not None and answer.status_code == 201:
                         mine.append(answer.json()["id"])
                     elif answer is not None and answer.status_code == 429 and job:
-                        self.ask(http, "PATCH", f"/api/jobs/{job}", json={"state": "cancelled"})
+                        self.send(http, "PATCH", f"/api/jobs/{job}", json={"state": "cancelled"})
                 elif deed < 0.75:
-                    self.ask(http, "PATCH", f"/api/jobs/{job}", json=draw.choice(CHANGES))
+                    self.send(http, "PATCH", f"/api/jobs/{job}", json=draw.choice(CHANGES))
                 elif deed < 0.85:
                     mine.remove(job)
-                    self.ask(http, "DELETE", f"/api/jobs/{job}")
+                    self.send(http, "DELETE", f"/api/jobs/{job}")
                 else:
                     for path in (f"/{job}", f"/{job}/frames", f"/{job}/frames/0/image.png", ""):
-                        self.ask(http, "GET", f"/api/jobs{path}")
+                        self.send(http, "GET", f"/api/jobs{path}")
                 time.sleep(0.1 * draw.random())
 
-    def administrator(self, seed: int) -> None:
+    def act_as_administrator(self, seed: int) -> None:
         """Acts as the administrator, who changes quotas and workers' settings, and starts and stops workers."""
         draw = random.Random(seed)
         while not self.over.is_set():
             deed, who = draw.random(), draw.choice(PEOPLE)
             if deed < 0.15 and len(self.workers) < 4:
-                self.hire()
+                self.start_worker()
             elif deed < 0.25 and len(self.workers) > 1:
                 self.workers.pop(draw.randrange(len(self.workers))).__exit__(None, None, None)
             elif deed < 0.5:
-                self.ask(self.chief, "PATCH", f"/api/workers/{draw.choice(self.workers).name}", json=draw.choice(TERMS))
+                self.send(self.chief, "PATCH", f"/api/workers/{draw.choice(self.workers).name}", json=draw.choice(TERMS))
             elif deed < 0.7:
                 limits = draw.choice([{"jobs": 3}, {"jobs": 40}, {"samples_day": 3_000_000}])
-                self.ask(self.chief, "PUT", f"/api/quotas/users/{who}", json=limits)
+                self.send(self.chief, "PUT", f"/api/quotas/users/{who}", json=limits)
             else:
                 share = {"weight": draw.choice([1, 5]), "max_slots": draw.choice([None, 1, 2])}
-                self.ask(self.chief, "PUT", f"/api/shares/user:{who}", json=share)
+                self.send(self.chief, "PUT", f"/api/shares/user:{who}", json=share)
             time.sleep(0.15)
 
 
@@ -139,7 +142,7 @@ def crowd(tmp_path: Path, redis_server: running_redis, database: str) -> Iterato
         scene = chief.post("/api/scenes", files={"files": ("a.obj", OBJ)}).raise_for_status().json()["id"]
         crowd = Crowd(service, chief, scene)
         leaving.callback(lambda: [worker.__exit__(None, None, None) for worker in crowd.workers])
-        crowd.hire()
+        crowd.start_worker()
         until(lambda: chief.get(f"/api/scenes/{scene}").json()["status"] == "ready", "the scene is prepared")
         yield crowd
 
@@ -147,11 +150,11 @@ def crowd(tmp_path: Path, redis_server: running_redis, database: str) -> Iterato
 @pytest.mark.long
 def test_whatever_four_people_and_an_administrator_do_every_picture_is_right(crowd: Crowd) -> None:
     service, access = crowd.service, crowd.service.farm.access
-    acting = [threading.Thread(target=crowd.administrator, args=[0])]
+    acting = [threading.Thread(target=crowd.act_as_administrator, args=[0])]
     for number, name in enumerate(PEOPLE, 1):
         access.users.add(name, Role.SUBMIT, None)
         secret = access.keys.create("token", name, Role.SUBMIT, "test")[0]
-        acting.append(threading.Thread(target=crowd.person, args=[secret, number]))
+        acting.append(threading.Thread(target=crowd.act_as_user, args=[secret, number]))
     for thread in acting:
         thread.start()
     for _ in range(2):
@@ -166,7 +169,7 @@ def test_whatever_four_people_and_an_administrator_do_every_picture_is_right(cro
     assert not crowd.faults
     assert min(crowd.answers[code] for code in (200, 201, 204, 429)) > 0, "quotas, too, had a say"
     _let_all_end(crowd)
-    looked_at = sum(_look(crowd, job) for job in _jobs(crowd) if job["state"] == "finished")
+    looked_at = sum(_compare_frames(crowd, job) for job in _jobs(crowd) if job["state"] == "finished")
     assert looked_at > 20
 
 
@@ -179,7 +182,7 @@ def _jobs(crowd: Crowd) -> list[dict[str, Any]]:
 def _let_all_end(crowd: Crowd) -> None:
     """Removes all limits and pauses, so that the jobs can finish."""
     while len(crowd.workers) < 3:
-        crowd.hire()
+        crowd.start_worker()
     jobs = _jobs(crowd)
     for name in PEOPLE:
         crowd.chief.put(f"/api/quotas/users/{name}", json={"jobs": 1000}).raise_for_status()
@@ -210,8 +213,8 @@ def _let_all_end(crowd: Crowd) -> None:
     )
 
 
-def _look(crowd: Crowd, job: dict[str, Any]) -> int:
-    """Asserts that some frames of a job are finished and have the expected samples; returns the number of compared frames."""
+def _compare_frames(crowd: Crowd, job: dict[str, Any]) -> int:
+    """Checks that some frames of a job are finished and have the expected samples. Returns the number of checked frames."""
     path = f"/api/jobs/{job['id']}/frames"
     frames = crowd.chief.get(path).raise_for_status().json()
     some = random.Random(1).sample(frames, min(len(frames), LOOKED_AT))

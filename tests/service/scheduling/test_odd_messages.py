@@ -1,4 +1,4 @@
-"""Tests of malformed messages of workers, by hypothesis and by hand: each is stored and counted, and jobs keep their bits."""
+"""Tests of malformed messages from workers: each is stored and counted, and the pictures of jobs do not change."""
 
 from __future__ import annotations
 
@@ -118,7 +118,10 @@ def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: 
 
 @pytest.mark.long
 def test_a_still_is_not_failed_by_news_of_a_frame(service: Service, worker: PeerWorker) -> None:
-    """A message that reports a frame error does not fail a still's only frame, after which the job would never end."""
+    """Checks that a message about a failed frame does not fail the only frame of a still image.
+
+    Otherwise the job would never end.
+    """
 
     def lie(batch: RenderBatch) -> None:
         worker.send({"type": "frame-prepared", "job": batch.job, "worker": "odd", **SENSE["frame-prepared"]})
@@ -152,9 +155,9 @@ def test_a_message_that_made_the_engine_loop_is_put_aside_also_after_a_restart(s
 def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
-    """A batch whose results raise an error in the service is handed out again, and stops no other batch.
+    """Checks that a batch whose result raises an error in the service is dispatched again and stops no other batch.
 
-    Results of one tile fail, once before and once after the film accepted them.
+    where: whether the error is raised before the film has accepted the result ("merge"), or afterwards ("note").
     """
     left = [2]  # a batch that fails three times ends its job
     answers = service.farm.engine._answers

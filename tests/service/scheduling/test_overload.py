@@ -1,6 +1,6 @@
 """Tests of a service that merges results more slowly than the slots render them.
 
-It hands out fewer and longer batches, and none of them twice.
+It dispatches fewer and longer batches, and no batch twice.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SLOTS = 200
 @pytest.mark.long
 @pytest.mark.timeout(300)
 def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No batch is rendered twice if the disk is slow and results wait longer than the time after which batches count as lost."""
+    """Checks that no batch is rendered twice if the disk is slow and results wait longer than the timeout of their batches."""
     add = FilmFile.add
 
     def slowly(*arguments: Any) -> None:
@@ -58,7 +58,7 @@ def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monke
 
 @pytest.mark.long
 def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Workers whose reports expire while they are suspended keep their batches, since they are still connected to Redis."""
+    """Checks that suspended workers keep their batches after their reports expired, since they are still connected to Redis."""
     monkeypatch.setattr(slots_module, "HEARTBEAT_TTL_S", 1)
     sums, samples = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)), 40
     slots = Slots(service.options["redis_url"], service.url, TOKEN, 6, sums, 0.05)

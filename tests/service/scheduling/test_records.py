@@ -1,4 +1,4 @@
-"""Tests that the engine's writes never undo a user's concurrent change."""
+"""Tests that the engine's database writes never undo a concurrent change by a user."""
 
 from __future__ import annotations
 
@@ -84,7 +84,7 @@ def test_many_jobs_that_are_to_be_taken_up_are_read_by_three_queries(tmp_path: P
 
 
 def test_writers_wait_for_each_other(records: Records) -> None:
-    """Four threads that read, modify and write the same row lose no update, and none of them fails."""
+    """Checks that no update is lost when four threads read, change and write the same row, and that no thread fails."""
 
     def add() -> None:
         for _ in range(25):

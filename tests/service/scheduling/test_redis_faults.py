@@ -1,4 +1,4 @@
-"""Tests of a faulty Redis, one kind of fault per test: the service reports the fault, loses nothing, and recovers afterwards."""
+"""Tests of a faulty Redis, one kind of fault per test. The service reports the fault, loses nothing, and recovers afterwards."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of jobs of several frames, through a real Redis and the real protocol: frames are independent of each other."""
+"""Tests of jobs of several frames, with a real Redis and the real protocol. The frames are independent of each other."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def expected(frame: float, spp: int = 4) -> str:
 
 
 def begun(batches: list[RenderBatch]) -> list[float]:
-    """Returns the frames of these batches, each once, ordered by their first batch."""
+    """Returns the frame numbers of these batches, without duplicates, in the order of each frame's first batch."""
     return list(dict.fromkeys(batch.frame / 2 for batch in batches))
 
 
@@ -194,7 +194,7 @@ def test_one_frame_goes_before_all_others(service: Service, worker: PeerWorker) 
 
 
 def blobs(data: Path) -> dict[str, bytes]:
-    """Returns the stored blobs by name; blobs deleted during the call are left out."""
+    """Returns the stored blobs by name. Blobs that are deleted during the call are omitted."""
     found = {}
     for path in (data / "blobs").glob("??/*"):
         with contextlib.suppress(FileNotFoundError):
@@ -234,9 +234,9 @@ def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker
 def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A service that stops between two rounds of a shot's samples starts the next round after its restart.
+    """Checks that a service that stops between two rounds of a shot starts the next round after its restart.
 
-    When it stops, all frames have the samples of the round, so that no further result could start the next one.
+    When it stops, all frames have the samples of the round, so no further result could start the next round.
     """
     request = {"spp": 64, "order": "noisiest-first"}
     whole = shoot(service, service.ready_scene(), "0-3", **request)

@@ -1,4 +1,4 @@
-"""Tests of the copies of the engine's state that other threads read, and of when these threads are notified of a new copy."""
+"""Tests of the engine's snapshots, which other threads read, and of when these threads are notified of a new one."""
 
 from __future__ import annotations
 

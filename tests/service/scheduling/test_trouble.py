@@ -1,4 +1,4 @@
-"""Tests of jobs while batches, workers, Redis, the service or a film are lost: jobs take longer, but have the same pictures."""
+"""Tests of jobs while batches, workers, Redis, the service or a film are lost. Jobs take longer, but have the same pictures."""
 
 from __future__ import annotations
 

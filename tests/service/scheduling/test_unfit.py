@@ -1,4 +1,4 @@
-"""Tests of workers whose machine cannot prepare a scene or frame: another worker prepares it, and the scene does not fail."""
+"""Tests of workers whose machine cannot prepare a scene or frame. Another worker prepares it, and the scene does not fail."""
 
 from __future__ import annotations
 
@@ -72,9 +72,9 @@ def test_a_workers_own_queue_is_one_of_its_kinds() -> None:
 
 
 def test_another_worker_makes_what_clients_ask_for_where_one_machine_cannot(service: Service) -> None:
-    """Derived files are made by another worker if one worker's machine cannot make them.
+    """Checks that another worker makes an artifact if the machine of one worker cannot make it.
 
-    These are denoised pictures, motion vectors, thumbnails of environments and explained pixels.
+    The artifacts are denoised pictures, motion vectors, thumbnails of environments and explanations of pixels.
     """
     with service.worker(name="small", slots=1, denoises=True) as small:
         scene = service.ready_scene()

@@ -1,4 +1,4 @@
-"""Tests of jobs that wait for other jobs, through the real service."""
+"""Tests of jobs that wait for other jobs, with the real service."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest
 
 
 def submit_paused(service: Service, scene: str, **request: object) -> str:
-    """Submits a job that stays unfinished until it is resumed; returns its id."""
+    """Submits a job that stays unfinished until it is resumed. Returns its id."""
     service.http.patch("/api/workers/peer", json={"state": "paused"}).raise_for_status()
     job = service.submit(scene, **request)
     service.patch(job, state="paused")

@@ -1,4 +1,4 @@
-"""Tests of denoised pictures: they are available at any time, made once, and separate from raw pictures.
+"""Tests of denoised pictures: available at any time during rendering, made once, and separate from the raw pictures.
 
 Without a worker that can denoise, a request gets an error.
 """

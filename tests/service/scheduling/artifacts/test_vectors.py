@@ -1,4 +1,4 @@
-"""Tests of motion vectors: a worker makes them once from the job's request, separately from the film.
+"""Tests of motion vectors: a worker makes them once from the job's request, independently of the film.
 
 Without a worker that can make them, a request gets an error.
 """

@@ -1,4 +1,4 @@
-"""Tests of messages with several batches: only workers that support them get them, and a lost worker loses no samples."""
+"""Tests of messages with several batches. Only workers that support them get them, and a lost worker loses no samples."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of rendering one frame with CPU slots and graphics cards, whose speeds differ much: all finish at about the same time.
+"""Tests of rendering one frame with CPU slots and graphics cards of very different speeds: all finish at about the same time.
 
 The scheduler is the real one; time and workers are simulated.
 """
@@ -74,7 +74,10 @@ class MemoryFilm:
 
 @dataclass
 class Slot:
-    """A simulated slot (a processor core or a graphics card): the queue that it reads, its speed, and its busy intervals."""
+    """A simulated slot: a processor core or a graphics card.
+
+    queue: the queue from which it gets batches. rate: samples per second. busy: intervals in which it renders, in seconds.
+    """
 
     worker: str
     queue: str
@@ -89,7 +92,7 @@ class Slot:
 
 
 class Queues:
-    """A substitute for the dispatcher, with the message queues of a simulated broker."""
+    """A substitute for the dispatcher: the message queues of a simulated broker."""
 
     def __init__(self) -> None:
         self.messages: defaultdict[str, deque[list[RenderBatch]]] = defaultdict(deque)
@@ -111,7 +114,7 @@ class Queues:
 
 
 class Farm:
-    """The real scheduler, and simulated workers that render the one frame of a job."""
+    """The real scheduler, with simulated workers that render the single frame of a job."""
 
     def __init__(self, slots: int, cards: int, spp: int = 1024, size: tuple[int, int] = (1920, 1080)) -> None:
         self.reports = {"card": self.report("card", cards, has_card_queue=True)} if cards else {}
@@ -148,7 +151,7 @@ class Farm:
         return job
 
     def run(self, until: float = 1e9) -> float:
-        """Simulates until the job is done or the simulated time is `until` (s); returns the time of the last event."""
+        """Simulates until the job is done or the simulated time reaches `until` seconds. Returns the time of the last event."""
         last = self.now
         self._at(self.now, self._step)
         while self._events and not self.job.is_done and self._events[0][0] <= until:
@@ -208,15 +211,15 @@ class Farm:
 
     @property
     def work(self) -> float:
-        """The number of samples that the frame needs, over all pixels."""
+        """Number of samples that the frame needs, over all pixels."""
         return self.job.target_samples
 
 
 @grid("case", CASES, ordinary=list(CASES)[:2])
 def test_cards_and_cpus_end_together_and_none_waits(case: str) -> None:
-    """CPU slots and graphics cards are idle for less than 6 % of the time, and each is busy until 0.2 s before the end or later.
+    """Checks that each CPU slot and graphics card is idle for less than 6 % of the time, and busy almost until the end.
 
-    The first 0.5 s, in which the costs of tiles are measured, is not counted.
+    "Almost" means 0.2 s before the end. The first 0.5 s, in which the costs of tiles are measured, are not counted.
     """
     farm = Farm(*CASES[case])
     end = farm.run()

@@ -1,6 +1,6 @@
-"""Tests of leases of batches: a batch that no worker holds is declared lost only once its answer can no longer arrive.
+"""Tests of leases of batches. A batch that no worker reports is lost only once its result can no longer arrive.
 
-Until then, the service reads all results that may contain the answer.
+Until then, the service reads all results that may belong to the batch.
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from service.scheduling.jobs.plan import Range
 
 
 def test_an_answer_may_have_come_at_the_last_of_the_looks() -> None:
-    """A batch is lost only after all results that the stream had at the last poll were read.
+    """Checks that a batch is lost only after all results that the stream had at the last allowed poll were read.
 
-    A slot may take a batch and answer it between two polls.
+    A slot may fetch a batch and answer it between two polls.
     """
     lease = Lease("job", "kind", Range(0, 0, 1), 30.0)
     for look in range(1, MAX_UNSEEN_POLLS + 1):

@@ -1,4 +1,4 @@
-"""Tests of which batches count as lost or late; those of a merely overloaded machine count as neither."""
+"""Tests of the detection of lost and late batches. Batches of a merely overloaded machine are neither."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ PATIENCE_S = 30.0
 
 
 class World(FakeClock):
-    """A farm without Redis and workers: its queues, fleet, results and clock."""
+    """A simulated farm without Redis and workers: queues, workers' reports, results and clock."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -152,7 +152,7 @@ def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World,
 
 
 def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
-    """Rendered batches whose results wait for other batches of the same run are not counted as occupying slots.
+    """Checks that rendered batches whose sums wait for those of other batches do not count as occupying slots.
 
     Otherwise the machine would get too few new batches, and be idle meanwhile.
     """

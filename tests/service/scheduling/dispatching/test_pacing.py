@@ -1,4 +1,4 @@
-"""Tests of limiting the rate of batches by the rate at which results arrive, with a simulated clock."""
+"""Tests of pacing: the duration and number of batches follow the rate at which results are processed. The clock is simulated."""
 
 from __future__ import annotations
 
@@ -112,9 +112,9 @@ def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: FakeClock) ->
 
 
 def test_batches_take_as_long_as_their_results_travel(clock: FakeClock) -> None:
-    """The target duration of batches is at least the transfer time of their results.
+    """Checks that the target duration of batches is at least the transit time of their results.
 
-    Otherwise slots on slow connections would spend most of their time on sending.
+    Otherwise slots with slow connections would spend most of their time on sending.
     """
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for seconds in (30.0, 30.0, 0.0, 0.0, 0.1, 0.0, 30.0, 0.0, 0.0):

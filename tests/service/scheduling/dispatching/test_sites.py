@@ -1,6 +1,6 @@
-"""Tests of a site, whose reducer adds up its workers' sums before they are sent: each sample is in the film once.
+"""Tests of a site, whose reducer adds up the workers' sums before they are sent. Each sample is in the film exactly once.
 
-The reducer and the messages are real, the slots simulated.
+The reducer and the messages are real; the slots are simulated.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ SUMS = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0))
 
 @contextmanager
 def machines(service: Service, site: str) -> Iterator[Slots]:
-    """Yields the simulated slots of eight machines at a site, eight on each."""
+    """Yields 64 simulated slots: eight on each of eight machines at a site."""
     made = Slots(service.options["redis_url"], service.url, TOKEN, 64, SUMS, 0.01, True, site, 8)
     made.report()
     thread = threading.Thread(target=made.run, args=(200.0,))

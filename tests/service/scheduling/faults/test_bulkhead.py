@@ -1,4 +1,4 @@
-"""Tests of attributing errors to Redis, the database or a job, and of when the failed step is tried again."""
+"""Tests that errors are attributed to Redis, the database or a job, and that the failed step is retried in time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the error messages for Redis' errors."""
+"""Tests of the error sentences for errors of Redis."""
 
 from __future__ import annotations
 

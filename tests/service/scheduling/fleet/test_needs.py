@@ -1,4 +1,4 @@
-"""Tests of a job's requirements: which workers get the job, and the message if no worker meets the requirements."""
+"""Tests of a job's requirements: which workers get the job, and the message if no worker meets them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of workers' reports: invalid numbers in one report affect neither the display nor the totals of other workers."""
+"""Tests of workers' reports. Invalid numbers in one report affect neither the page nor the totals of other workers."""
 
 from __future__ import annotations
 

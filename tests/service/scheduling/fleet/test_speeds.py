@@ -1,4 +1,4 @@
-"""Tests of the recorded speeds of workers: one mean per minute over the slots that render, for the last hour."""
+"""Tests of the recorded speeds of workers: one mean per minute over the slots that render, during the last hour."""
 
 from __future__ import annotations
 

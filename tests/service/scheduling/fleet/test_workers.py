@@ -1,4 +1,4 @@
-"""Tests of pausing workers, and of the suspicion count of a worker that fails, which rises and is reset."""
+"""Tests of pausing workers, and of counting the failures of a worker, which are cleared later."""
 
 from __future__ import annotations
 
@@ -98,9 +98,9 @@ def test_machines_tell_their_memory_and_where_somebody_reads_it_their_log(servic
 
 
 def test_who_is_gone_does_not_stay_because_redis_clock_was_put_back(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A worker that left is dropped even if Redis's clock is set back.
+    """Checks that a departed worker is removed even if the clock of Redis is set back.
 
-    Otherwise its report would expire late: its batches would count as held, and its slots as present.
+    Otherwise its report would expire late. Until then its batches would count as held, and its slots as available.
     """
     fleet, hour = service.farm.engine._workers, 3600
     with redis.Redis.from_url(service.options["redis_url"]) as store:

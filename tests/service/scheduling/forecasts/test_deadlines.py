@@ -1,4 +1,4 @@
-"""Tests of when a job begins to count as late for its deadline, and when it stops."""
+"""Tests of when a job becomes late for its deadline, and when it stops being late."""
 
 from __future__ import annotations
 

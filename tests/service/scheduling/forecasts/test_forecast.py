@@ -1,4 +1,4 @@
-"""Tests of forecasts of when jobs end.
+"""Tests of the forecast completion times of jobs.
 
 For concurrent jobs, the closed-form forecast is compared with a simulation of fair sharing.
 """
@@ -134,9 +134,9 @@ def test_weights_and_limits_of_shares() -> None:
 
 
 def test_one_that_is_late_is_foretold_as_if_it_were_not() -> None:
-    """The forecast of a late job ignores the priority that it gets for being late.
+    """Checks that the forecast of a late job ignores the precedence that the job gets for being late.
 
-    Otherwise the job would alternately count as late and not late.
+    Otherwise the job would alternate between late and not late.
     """
     other = Job("other", 1000)
     assert expected(Job(), other) == expected(Job(urgency=5.0), other)
@@ -149,13 +149,16 @@ def test_it_is_what_the_rule_comes_to(seed: int) -> None:
     jobs = [Job(str(i), rng.uniform(20, 200), rng.choice((0, 0, 1)), rng.choice(shares), created=i) for i in range(12)]
     terms = {share: Terms(rng.choice((1.0, 2.0, 4.0))) for share in shares}
     told = {job.id: expected(job, *(each for each in jobs if each is not job), slots=3, terms=terms) for job in jobs}
-    ended = played(jobs, 3, terms)
+    ended = simulated_completion(jobs, 3, terms)
     for job in jobs:
         assert told[job.id] == pytest.approx(ended[job.id], rel=0.1, abs=6.0), (job, ended)
 
 
-def played(jobs: list[Job], slots: int, terms: Mapping[str, Terms]) -> dict[str, float]:
-    """Returns the completion time of each job by id, simulated with the scheduler's sharing rule and batches of 0.5 s."""
+def simulated_completion(jobs: list[Job], slots: int, terms: Mapping[str, Terms]) -> dict[str, float]:
+    """Returns the completion time of each job by id, simulated with the scheduler's sharing rule and batches of 0.5 s.
+
+    terms: weight and limit of each share, by name.
+    """
     step, left, ended = 0.5, {job.id: job.work for job in jobs}, dict[str, float]()
     shares, now, turn = Shares(), 0.0, 0
     shares.terms = terms

@@ -1,4 +1,4 @@
-"""Tests of arbitrary messages from workers: invalid ones are dropped, and the farm continues."""
+"""Tests of arbitrary messages from workers: invalid ones are rejected, and the farm continues."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests of the reader of the result stream: it returns every entry once, with the entry's position."""
+"""Tests of the reader of the result stream, which returns every entry exactly once, with its position."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def test_an_answer_may_be_unread_up_to_the_end(connection: redis.Redis) -> None:
 
 @pytest.fixture
 def limited(connection: redis.Redis) -> Iterator[redis.Redis]:
-    """Yields a Redis that closes a connection whose reply exceeds 2 MiB, as the farm's own does at 192 MiB."""
+    """Yields a connection to a Redis that closes connections whose reply exceeds 2 MiB. The farm's own limit is 192 MiB."""
     name = "client-output-buffer-limit"
     before = connection.config_get(name)[name]
     connection.config_set(name, "normal 2097152 0 0")
@@ -64,8 +64,8 @@ def limited(connection: redis.Redis) -> Iterator[redis.Redis]:
     connection.config_set(name, before)
 
 
-def patiently(results: Results) -> list[Entry]:
-    """Reads all available entries, and reconnects after a closed connection."""
+def read_with_retries(results: Results) -> list[Entry]:
+    """Returns the next entries of the stream. Retries after Redis has closed the connection."""
     for _ in range(20):
         try:
             return results.read(10)
@@ -80,7 +80,7 @@ def test_an_entry_that_is_longer_than_an_answer_may_be_is_put_aside_unread(limit
     large = limited.xadd(RESULTS, {"event": json.dumps({"number": 1}), "sums": bytes(3 << 20)})
     for number in (2, 3):
         append(limited, number)
-    entries = [entry for _ in range(4) for entry in patiently(results)]
+    entries = [entry for _ in range(4) for entry in read_with_retries(results)]
     assert [entry.result and entry.result.event["number"] for entry in entries] == [0, None, 2, 3]
     assert entries[1].id == large
     assert "too large" in entries[1].fault
@@ -95,7 +95,7 @@ def test_fewer_entries_are_read_where_many_would_make_too_long_an_answer(limited
         limited.xadd(RESULTS, {"event": json.dumps({"number": number}), "sums": bytes(400 << 10)})
     found: list[int] = []
     while len(found) < 12:
-        found += [entry.result.event["number"] for entry in patiently(results) if entry.result is not None]
+        found += [entry.result.event["number"] for entry in read_with_retries(results) if entry.result is not None]
     assert found == list(range(12))
 
 

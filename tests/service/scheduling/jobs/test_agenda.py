@@ -1,4 +1,4 @@
-"""Tests of the order in which a shot's frames are rendered, and of dividing its samples among frames of different noise."""
+"""Tests of the order in which a shot's frames are rendered, and of how samples are divided among frames of different noise."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from service.scheduling.jobs.agenda import PILOT_SAMPLES, FrameOrder, goals_of_f
 
 
 class Frame:
-    """A simulated frame: its noise is proportional to 1 / sqrt(samples), and requested samples are rendered at once."""
+    """A simulated frame, whose noise is proportional to 1 / sqrt(samples). Requested samples are rendered immediately."""
 
     def __init__(self, key: int, grain: float = 1.0, spp: int = 1 << 20) -> None:
         self.key, self.grain, self.spp = key, grain, spp
@@ -50,8 +50,11 @@ def agenda(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> An
     return plan
 
 
-def laid_out(frames: list[Frame], spp: int) -> Any:
-    """Renders all frames to their end, in the order `noisiest-first` with a mean of `spp` samples; returns the agenda."""
+def render_to_end(frames: list[Frame], spp: int) -> Any:
+    """Renders all frames completely in the order `noisiest-first`, and returns the order object.
+
+    spp: mean samples per pixel over the frames.
+    """
     plan = agenda("noisiest-first", frames, spp)
     rounds = 0
     while not all(frame.is_over for frame in frames):
@@ -67,7 +70,7 @@ def laid_out(frames: list[Frame], spp: int) -> Any:
 
 def test_the_pilot_is_for_all_and_the_rest_goes_where_the_noise_is() -> None:
     frames = [Frame(0, 0.1), Frame(1, 1.0), Frame(2, 4.0)]
-    plan = laid_out(frames, 256)
+    plan = render_to_end(frames, 256)
     assert frames[0].ceiling == PILOT_SAMPLES, "quiet as it is"
     assert sum(frame.ceiling for frame in frames) <= 3 * 256
     assert sum(frame.ceiling for frame in frames) > 0.99 * 3 * 256, "the budget is spent"
@@ -78,7 +81,7 @@ def test_the_pilot_is_for_all_and_the_rest_goes_where_the_noise_is() -> None:
 def test_a_frame_that_failed_leaves_its_samples_to_the_others() -> None:
     frames = [Frame(0), Frame(1), Frame(2)]
     frames[1].state = "failed"
-    laid_out(frames, 100)
+    render_to_end(frames, 100)
     assert [frame.ceiling for frame in frames if frame.state != "failed"] == [100, 100]
 
 

@@ -1,4 +1,4 @@
-"""Tests of the expected times of batches, estimated from measured ones."""
+"""Tests of the expected rendering times of batches, estimated from measured ones."""
 
 from __future__ import annotations
 
@@ -9,10 +9,10 @@ from service.scheduling.jobs.costs import LEAST_COST, MOST_FASTER, Costs
 TILES = {0: 1.0, 1: 4.0, 2: 0.5, 3: 2.0, 4: 1.0, 5: 8.0, 6: 1.5, 7: 1.0}  # seconds per sample of each tile
 
 
-def rendered(costs: Costs, pace: float, rounds: int = 1) -> list[float]:
-    """Records the batches of one or more rounds over all tiles; returns measured time / expected time of each batch.
+def measured_over_expected(costs: Costs, pace: float, rounds: int = 1) -> list[float]:
+    """Records one batch per tile and round. Returns the ratio of measured to expected time of each batch.
 
-    pace: the factor by which the machine is slower than the costs in TILES.
+    pace: factor by which the machine is slower than the costs in TILES.
     """
     ratios = []
     for _ in range(rounds):
@@ -24,19 +24,19 @@ def rendered(costs: Costs, pace: float, rounds: int = 1) -> list[float]:
 
 def test_batches_keep_their_length_on_a_machine_that_gets_busy() -> None:
     costs = Costs()
-    rendered(costs, 1.0)
-    assert rendered(costs, 1.0) == pytest.approx([1.0] * len(TILES))
-    ratios = rendered(costs, 3.0)  # each tile once; from here on three times as slow
+    measured_over_expected(costs, 1.0)
+    assert measured_over_expected(costs, 1.0) == pytest.approx([1.0] * len(TILES))
+    ratios = measured_over_expected(costs, 3.0)  # each tile once; from here on three times as slow
     assert ratios[0] == pytest.approx(3.0)
     assert max(ratios[4:]) < 1.4, "most tiles were last rendered at the old pace"
-    rendered(costs, 3.0, rounds=10)
-    assert rendered(costs, 3.0) == pytest.approx([1.0] * len(TILES), rel=0.1)
+    measured_over_expected(costs, 3.0, rounds=10)
+    assert measured_over_expected(costs, 3.0) == pytest.approx([1.0] * len(TILES), rel=0.1)
 
 
 def test_a_machine_that_gets_idle_lengthens_batches_cautiously() -> None:
     costs = Costs()
-    rendered(costs, 3.0, rounds=2)
-    ratios = rendered(costs, 1.0)
+    measured_over_expected(costs, 3.0, rounds=2)
+    ratios = measured_over_expected(costs, 1.0)
     assert min(ratios) >= 1 / 3 - 1e-9
     assert max(costs.expected_cost(tile) / (3.0 * cost) for tile, cost in TILES.items()) <= 1.0
     assert all(costs.expected_cost(tile) >= cost / MOST_FASTER for tile, cost in TILES.items()), (
@@ -48,9 +48,9 @@ def test_first_batches_that_compile_kernels_say_nothing_of_others() -> None:
     costs = Costs()
     for tile, cost in TILES.items():
         costs.record(tile, 5.0 * cost)
-    ratios = rendered(costs, 1.0)
+    ratios = measured_over_expected(costs, 1.0)
     assert all(ratio == pytest.approx(1 / 5) for ratio in ratios)
-    assert rendered(costs, 1.0) == pytest.approx([1.0] * len(TILES))
+    assert measured_over_expected(costs, 1.0) == pytest.approx([1.0] * len(TILES))
 
 
 def test_costs_are_positive_and_bounded_below() -> None:

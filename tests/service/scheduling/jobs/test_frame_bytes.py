@@ -1,4 +1,4 @@
-"""Tests of the storage of a shot's compiled frames, and of which frames are dropped if space is short."""
+"""Tests of the storage used by a shot's compiled frames, and of which frames are deleted if space is short."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that the frame queue's order equals the one found by examining all frames each time."""
+"""Tests that the frame queue returns the same frames as a search through all frames."""
 
 from __future__ import annotations
 

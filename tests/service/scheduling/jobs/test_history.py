@@ -1,4 +1,4 @@
-"""Tests of a job's history: enough points for a plot, within a few kilobytes."""
+"""Tests of a job's history: it has enough points for a plot, and takes a few kilobytes at most."""
 
 from __future__ import annotations
 

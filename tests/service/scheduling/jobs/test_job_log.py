@@ -1,4 +1,4 @@
-"""Tests of a job's log: limited in size, preserved over a restart, and deleted with its job."""
+"""Tests of a job's log: it is limited in size, preserved over a restart, and deleted together with its job."""
 
 import logging
 import re

@@ -1,4 +1,4 @@
-"""Tests that measurements of a scene by one job are reused by the scene's next job."""
+"""Tests that the cost and noise measured by one job are reused by the next job of the same scene."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tests that noise estimates take no more than their allowed fraction of the engine's time."""
+"""Tests that noise estimates take at most their fraction of the engine's processor time."""
 
 from __future__ import annotations
 

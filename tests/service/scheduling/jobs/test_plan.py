@@ -21,9 +21,9 @@ T = TypeVar("T")
 
 
 class Bench:
-    """A frame's plan of batches, with simulated sample counts instead of a film.
+    """A frame's plan of batches on a simulated film, which has only sample counts.
 
-    The simulated noise of a tile is proportional to 1 / sqrt(samples), with a factor of 1 to 5 that depends on the tile.
+    The noise of a tile is proportional to 1 / sqrt(samples), with a factor of 1 to 5 that depends on the tile.
     """
 
     def __init__(self, spp: int, noise: float | None, size: int = 16) -> None:
@@ -45,8 +45,8 @@ class Bench:
         if self._faults is not None and self._faults.random() < 0.3:
             raise FilmUnavailable("The film is locked.")
 
-    def again(self, call: Callable[[], T]) -> T:
-        """Calls a function again, as the scheduler does, until it no longer raises FilmUnavailable; returns its result."""
+    def retry_while_locked(self, call: Callable[[], T]) -> T:
+        """Calls a function until it no longer raises FilmUnavailable, as the scheduler does. Returns its result."""
         while True:
             try:
                 return call()
@@ -56,13 +56,13 @@ class Bench:
     def arrive(self, batch: Range) -> None:
         if self.plan.needs_batch(batch) and not self.coverage[batch.tile].overlaps(batch.first, batch.count):
             self.coverage[batch.tile].add(batch.first, batch.count)
-        self.again(lambda: self.plan.update_from_film(batch))
+        self.retry_while_locked(lambda: self.plan.update_from_film(batch))
 
     def finish(self, seed: int, wanted: int = 8, loss: float = 0.0, restart: float = 0.0, waits: bool = False) -> list[Range]:
-        """Simulates a farm until the plan is done; returns the batches handed out, in order.
+        """Simulates a farm until the plan is done. Returns the dispatched batches in order.
 
-        wanted: largest size of a batch in samples per pixel. loss: probability that a batch is lost. restart: probability of a
-        restart of the service at each step. waits: whether the film is sometimes locked.
+        seed: of the random numbers. wanted: maximum size of a batch in samples per pixel. loss: probability that a batch is
+        lost. restart: probability, at each step, of a restart of the service. waits: whether the film is sometimes locked.
         """
         dice = random.Random(seed)
         self._faults = random.Random(seed) if waits else None
@@ -77,10 +77,16 @@ class Bench:
             if self.plan.is_done:
                 return history
             if restart and dice.random() < restart:
-                self.plan = self.again(lambda: FramePlan(*self.args))  # batches in `out` arrive late, after a restart
+                self.plan = self.retry_while_locked(
+                    lambda: FramePlan(*self.args)
+                )  # batches in `out` arrive late, after a restart
             while (
                 len(out) < 6
-                and (batch := self.again(lambda: self.plan.next_batch(lambda tile: dice.randint(1, wanted), of_a_tile)))
+                and (
+                    batch := self.retry_while_locked(
+                        lambda: self.plan.next_batch(lambda tile: dice.randint(1, wanted), of_a_tile)
+                    )
+                )
                 is not None
             ):
                 out.append(batch)
@@ -221,9 +227,10 @@ def test_noise_of_a_tile_of_few_pixels_is_estimated_later():
 
 
 def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
-    """Renders a picture of one tile until its noise target of 0.2 is reached, and returns the picture's mean.
+    """Renders a picture of one tile until its target noise of 0.2 is reached. Returns the mean of the picture.
 
-    A sample is 50 with probability 1/50 and otherwise 0, so that the expected mean is 1.0.
+    A sample is 50 with probability 1/50 and otherwise 0, so its expected value is 1. side: width and height in pixels. dice:
+    random numbers.
     """
     tiles = tiles_of(side, side, 16)
     coverage = Coverage()
@@ -249,7 +256,7 @@ def _mean_at_the_end(side: int, dice: np.random.Generator) -> float:
 
 @grid("side", [1, 2, 4], ordinary=(2,))
 def test_noise_ends_tiny_pictures_without_bias(side):
-    """Pictures of few pixels that end by their noise target have the right mean.
+    """Checks the mean of pictures of few pixels that end at their target noise.
 
     Regression: a single pixel was 28 % too dark when its noise was first estimated at 32 samples.
     """

@@ -1,4 +1,4 @@
-"""Tests of fair shares in a simulated farm, where batches take exactly their expected time."""
+"""Tests of fair sharing in a simulated farm, where batches take exactly their expected time."""
 
 from __future__ import annotations
 
@@ -34,12 +34,15 @@ class Claim:
 
 
 class Farm:
-    """A simulated farm that divides its slots among jobs; each slot has two outstanding messages, as in the service."""
+    """A simulated farm that divides its slots among jobs. Each slot has two outstanding messages, as in the service."""
 
     def __init__(
         self, slots: int, jobs: list[Claim], terms: dict[str, Terms] | None = None, guess_s: float | None = None
     ) -> None:
-        """Creates the farm. guess_s: the duration of batches that the scheduler assumes, if it differs from the true one."""
+        """Creates the farm. slots: number of slots. terms: weight and limit of each share, by name.
+
+        guess_s: duration of batches that the scheduler assumes, if it differs from the true one.
+        """
         self.shares = Shares()
         self.shares.terms = terms or {}
         self.slots, self.jobs, self.guess_s = slots, jobs, guess_s

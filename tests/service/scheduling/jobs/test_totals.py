@@ -1,4 +1,4 @@
-"""Tests that a job's totals equal the sums over its frames after any changes.
+"""Tests that a job's totals equal the sums over its frames after arbitrary changes.
 
 Only the numbers of changed frames are read again.
 """
@@ -14,7 +14,7 @@ from service.scheduling.jobs.totals import RunningMaximum, Totals
 
 
 class Frame(SimpleNamespace):
-    """A substitute frame that counts how often its numbers are read."""
+    """A substitute for a frame that counts how often its numbers are read."""
 
     asked = 0
 

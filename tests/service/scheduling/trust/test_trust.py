@@ -20,7 +20,7 @@ LONG_S = 120.0
 def liar(worker: PeerWorker, lies: Callable[[RenderBatch], bool]) -> list[RenderBatch]:
     """Makes a worker flip one bit in the sums of each batch for which `lies` returns True.
 
-    Returns a list to which these batches are added.
+    Returns a list to which these batches are added as they are rendered.
     """
     lied: list[RenderBatch] = []
 

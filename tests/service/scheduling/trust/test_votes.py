@@ -1,4 +1,4 @@
-"""Tests of finding the correct one of differing results of a batch: the one that two different workers returned."""
+"""Tests of determining the correct result of a batch: the result that two different workers returned."""
 
 from __future__ import annotations
 
