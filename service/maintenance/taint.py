@@ -91,7 +91,7 @@ class TaintMarker:
             settings = RenderSettings.from_json(job.settings)
         except SettingsError:
             return False  # of another release, whose settings cannot be interpreted
-        if not self._films.open(id, settings, job.tile_size).has_sent(worker):
+        if not self._films.open(id, settings, job.tile_size).has_sums_of(worker):
             return False
         with self._sessions.begin() as session:
             row = session.get(Job, id, with_for_update=True)

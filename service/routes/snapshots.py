@@ -58,7 +58,7 @@ def list_snapshots(id: str, farm: FarmDependency) -> list[SnapshotOut]:
     A snapshot that is due soon after the previous one is skipped.
     """
     find_job(id, farm)
-    return [SnapshotOut(**vars(found)) for found in farm.snapshots.all_facts(id)]
+    return [SnapshotOut(**vars(found)) for found in farm.snapshots.all_metadata(id)]
 
 
 @router.get("/{spp}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})

@@ -139,7 +139,7 @@ class Loading:
             else:
                 film.delete_frames(*anew)
             self._records.record_removed_samples(row.id, anew)
-        film.keeps_apart = self._verify(row) > 0
+        film.separates_senders = self._verify(row) > 0
         for worker in self._scheduler.distrusted.union(row.doubted or ()):
             film.delete_samples_of(worker)
         if row.doubted:

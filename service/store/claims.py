@@ -9,9 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 
-from service.store.contributions import Part
+from service.store.contributions import Contribution
 from service.store.coverage import Coverage
-from service.store.film_file import Head
+from service.store.film_file import RowHead
 from service.store.film_version import sample_ranges
 
 __all__ = ["Claims"]
@@ -28,10 +28,10 @@ class Claims:
 
     def __init__(
         self,
-        parts: Sequence[Part],
-        fit: Sequence[bool],
+        contributions: Sequence[Contribution],
+        is_valid: Sequence[bool],
         coverage_of: Callable[[int, int], Coverage],
-        rows: Callable[[int, int], Sequence[Head]] | None,
+        rows: Callable[[int, int], Sequence[RowHead]] | None,
     ) -> None:
         """Decides which parts to accept.
 
@@ -39,44 +39,50 @@ class Claims:
         rows: returns the heads of the rows stored for (frame, tile); None: no row may be replaced.
         """
         self.coverage: dict[_FrameTile, Coverage] = {}
-        self.replaced: list[Head] = []
+        self.replaced: list[RowHead] = []
         self._known = coverage_of
         self._rows = rows
-        self._new: dict[_FrameTile, list[Part]] = {}
+        self._new: dict[_FrameTile, list[Contribution]] = {}
         # The largest first: a part that lies within a larger one is the duplicate.
-        taken = {i for i in sorted(range(len(parts)), key=lambda i: -parts[i].count) if fit[i] and self._claim(parts[i])}
-        self.taken = [i in taken for i in range(len(parts))]  # for each part, whether it is accepted
+        taken = {
+            i
+            for i in sorted(range(len(contributions)), key=lambda i: -contributions[i].count)
+            if is_valid[i] and self._claim(contributions[i])
+        }
+        self.taken = [i in taken for i in range(len(contributions))]  # for each part, whether it is accepted
 
-    def _claim(self, part: Part) -> bool:
-        where = part.frame, part.tile
+    def _claim(self, contribution: Contribution) -> bool:
+        where = contribution.frame, contribution.tile
         coverage = self.coverage.get(where) or self._known(*where)
-        if coverage.overlaps(part.first, part.count):
-            within = self._replaced_rows(part)
+        if coverage.overlaps(contribution.first, contribution.count):
+            within = self._replaced_rows(contribution)
             if not within:
                 return False
-            coverage = coverage.without_range(part.first, part.count)
+            coverage = coverage.without_range(contribution.first, contribution.count)
             self.replaced += within
-        coverage.add(part.first, part.count)
+        coverage.add(contribution.first, contribution.count)
         self.coverage[where] = coverage
-        self._new.setdefault(where, []).append(part)
+        self._new.setdefault(where, []).append(contribution)
         return True
 
-    def _replaced_rows(self, part: Part) -> list[Head]:
+    def _replaced_rows(self, contribution: Contribution) -> list[RowHead]:
         """Returns the heads of the stored rows that a part replaces.
 
         Empty unless the part contains all samples of these rows, and more.
         """
-        where, end = (part.frame, part.tile), part.first + part.count
-        if self._rows is None or any(_overlap(part, [(new.first, new.count)]) for new in self._new.get(where, ())):
+        where, end = (contribution.frame, contribution.tile), contribution.first + contribution.count
+        if self._rows is None or any(_overlap(contribution, [(new.first, new.count)]) for new in self._new.get(where, ())):
             return []
-        found = [head for head in self._rows(*where) if _overlap(part, sample_ranges(head.first, head.count, head.ranges))]
+        found = [
+            head for head in self._rows(*where) if _overlap(contribution, sample_ranges(head.first, head.count, head.ranges))
+        ]
         inside = all(
-            part.first <= first and first + count <= end
+            contribution.first <= first and first + count <= end
             for head in found
             for first, count in sample_ranges(head.first, head.count, head.ranges)
         )
-        return found if inside and sum(head.count for head in found) < part.count else []
+        return found if inside and sum(head.count for head in found) < contribution.count else []
 
 
-def _overlap(part: Part, others: list[tuple[int, int]]) -> bool:
-    return any(first < part.first + part.count and part.first < first + count for first, count in others)
+def _overlap(contribution: Contribution, others: list[tuple[int, int]]) -> bool:
+    return any(first < contribution.first + contribution.count and contribution.first < first + count for first, count in others)

@@ -8,7 +8,7 @@ from collections.abc import Collection, Iterable, Mapping, Sequence
 from renderer.settings import Tile
 from service.store.coverage import Coverage
 from service.store.film_faults import damaged_film_error
-from service.store.film_file import Head
+from service.store.film_file import RowHead
 from service.store.film_version import sample_ranges
 from service.store.senders import senders_of
 
@@ -20,11 +20,11 @@ FrameTile = tuple[int, int]  # frame, tile
 class Contents:
     """The index of one film's rows. Not thread-safe."""
 
-    def __init__(self, heads: Iterable[Head], tiles: Sequence[Tile]) -> None:
+    def __init__(self, heads: Iterable[RowHead], tiles: Sequence[Tile]) -> None:
         """Builds the index from the heads of all rows. Raises FilmLost if they do not fit `tiles`."""
         self._tiles = tiles
         self._coverage: dict[FrameTile, Coverage] = {}
-        self._rows: dict[FrameTile, list[Head]] = {}
+        self._rows: dict[FrameTile, list[RowHead]] = {}
         try:
             for head in heads:
                 tiles[head.tile]
@@ -50,7 +50,7 @@ class Contents:
         known = self._coverage.get((frame, tile))
         return known is not None and bool(known.ranges)
 
-    def is_one_run(self, frame: int, tile: int) -> bool:
+    def is_contiguous(self, frame: int, tile: int) -> bool:
         """Returns True if the stored sample numbers of a tile form one contiguous range; False if there are none."""
         return self.has_tile(frame, tile) and len(self._coverage[frame, tile].ranges) == 1
 
@@ -58,7 +58,7 @@ class Contents:
         """Returns copies of the stored sample ranges of all tiles, by (frame, tile)."""
         return {where: self.coverage_of(*where) for where in self._coverage}
 
-    def rows(self, frame: int, tile: int) -> Sequence[Head]:
+    def rows(self, frame: int, tile: int) -> Sequence[RowHead]:
         """Returns the heads of a tile's rows."""
         return self._rows.get((frame, tile), [])
 
@@ -81,22 +81,22 @@ class Contents:
         """Returns True if all stored samples belong to the given frames."""
         return all(frame in frames for frame, _ in list(self._coverage))
 
-    def has_sent(self, worker: str) -> bool:
+    def has_sums_of(self, worker: str) -> bool:
         """Returns True if a worker has contributed to sums in the film."""
         return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
 
-    def record_merge(self, coverage: Mapping[FrameTile, Coverage], added: Iterable[Head], instead_of: Iterable[Head]) -> None:
+    def record_merge(self, coverage: Mapping[FrameTile, Coverage], added: Iterable[RowHead], replaced: Iterable[RowHead]) -> None:
         """Updates the index after a merge: `added` rows were stored, and the rows `instead_of` were replaced.
 
         coverage: the sample ranges of the changed tiles after the merge.
         """
         self._coverage.update(coverage)
-        for head in instead_of:
+        for head in replaced:
             self._rows[head[:2]].remove(head)
         for head in added:
             self._rows.setdefault(head[:2], []).append(head)
 
-    def record_fold(self, heads: Collection[Head], merged: Head) -> None:
+    def record_fold(self, heads: Collection[RowHead], merged: RowHead) -> None:
         """Updates the index after several rows of a tile were folded into one.
 
         heads: heads of the former rows. merged: head of the new row, which has the same samples.

@@ -8,11 +8,11 @@ from protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile
 
-__all__ = ["Part", "joined_parts"]
+__all__ = ["Contribution", "joined_contributions"]
 
 
 @dataclass(frozen=True)
-class Part:
+class Contribution:
     """A contribution to a film: the sums of samples first to first + count - 1 of a tile.
 
     tile: its index. sums: packed by protocol.sums.
@@ -28,30 +28,36 @@ class Part:
     workers: tuple[str, ...] = ()  # that sent it
 
 
-def joined_parts(parts: list[Part], tiles: list[Tile], apart: bool) -> list[tuple[Part, Sums | None]]:
+def joined_contributions(
+    contributions: list[Contribution], tiles: list[Tile], separates_senders: bool
+) -> list[tuple[Contribution, Sums | None]]:
     """Joins parts with contiguous samples, since each stored row is costly.
 
     Returns each resulting part with its unpacked sums, or with None if it was not joined. apart: do not join parts of different
     workers. Raises ValueError if a part's sums are damaged.
     """
-    runs: list[list[Part]] = []
-    for part in sorted(parts, key=lambda p: (p.frame, p.tile, p.first)):
+    runs: list[list[Contribution]] = []
+    for contribution in sorted(contributions, key=lambda p: (p.frame, p.tile, p.first)):
         last = runs[-1][-1] if runs else None
-        follows = last and (last.frame, last.tile, last.first + last.count) == (part.frame, part.tile, part.first)
-        if last and follows and (last.workers == part.workers or not apart):
-            runs[-1].append(part)
+        follows = last and (last.frame, last.tile, last.first + last.count) == (
+            contribution.frame,
+            contribution.tile,
+            contribution.first,
+        )
+        if last and follows and (last.workers == contribution.workers or not separates_senders):
+            runs[-1].append(contribution)
         else:
-            runs.append([part])
+            runs.append([contribution])
     return [_joined_run(run, tiles[run[0].tile]) for run in runs]
 
 
-def _joined_run(run: list[Part], tile: Tile) -> tuple[Part, Sums | None]:
+def _joined_run(run: list[Contribution], tile: Tile) -> tuple[Contribution, Sums | None]:
     if len(run) == 1:
         check_sums(run[0].sums, tile)
         return run[0], None
     sums = unpack_sums(run[0].sums, tile)
-    for part in run[1:]:
-        add_sums(sums, part.sums, tile)
+    for contribution in run[1:]:
+        add_sums(sums, contribution.sums, tile)
     count, bad_count = sum(p.count for p in run), sum(p.bad_count for p in run)
-    workers = tuple({worker for part in run for worker in part.workers})
+    workers = tuple({worker for contribution in run for worker in contribution.workers})
     return replace(run[0], count=count, sums=pack_sums(sums), bad_count=bad_count, workers=workers), sums

@@ -47,9 +47,9 @@ class Sessions:
     def __init__(
         self,
         engine: Engine,
-        patience_s: float = LOCK_TIMEOUT_S,
+        lock_timeout_s: float = LOCK_TIMEOUT_S,
         fence: Fence | None = None,
-        turns: WriterQueue | None = None,
+        writer_queue: WriterQueue | None = None,
         is_urgent: bool = False,
     ) -> None:
         """Stores the options.
@@ -59,11 +59,11 @@ class Sessions:
         """
         self._engine = engine
         self._fence = fence
-        self._patience_s = patience_s
-        self._turns = turns or WriterQueue()
+        self._lock_timeout_s = lock_timeout_s
+        self._writer_queue = writer_queue or WriterQueue()
         self._is_urgent = is_urgent
         self._is_sqlite = engine.dialect.name == "sqlite"
-        options = {LOCK_TIMEOUT_OPTION: round(patience_s * 1000)}
+        options = {LOCK_TIMEOUT_OPTION: round(lock_timeout_s * 1000)}
         self._readers = sessionmaker(engine.execution_options(**options), expire_on_commit=False)
         self._writers = sessionmaker(engine.execution_options(writes=True, **options), expire_on_commit=False)
 
@@ -72,11 +72,11 @@ class Sessions:
 
         Its writing transactions precede all others in this process's queue.
         """
-        return Sessions(self._engine, seconds, self._fence, self._turns, is_urgent=True)
+        return Sessions(self._engine, seconds, self._fence, self._writer_queue, is_urgent=True)
 
     def fenced(self, fence: Fence) -> Sessions:
         """Returns a factory with the default timeout whose writing transactions call `fence` first."""
-        return Sessions(self._engine, fence=fence, turns=self._turns)
+        return Sessions(self._engine, fence=fence, writer_queue=self._writer_queue)
 
     @contextmanager
     def __call__(self) -> Iterator[Session]:
@@ -87,7 +87,7 @@ class Sessions:
     @contextmanager
     def begin(self) -> Iterator[Session]:
         """Opens a writing transaction: commits on exit, rolls back if an exception leaves the block."""
-        turn = self._turns.wait_for_turn(self._patience_s, self._is_urgent) if self._is_sqlite else nullcontext()
+        turn = self._writer_queue.wait_for_turn(self._lock_timeout_s, self._is_urgent) if self._is_sqlite else nullcontext()
         with translated_faults(), turn, self._writers.begin() as session:
             if self._fence is not None:
                 self._fence(session)

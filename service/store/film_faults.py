@@ -81,13 +81,13 @@ def film_faults() -> Iterator[None]:
         ) from error
 
 
-def damaged_film_error(why: str) -> FilmDamaged:
+def damaged_film_error(detail: str) -> FilmDamaged:
     """Returns the error for a film with invalid content.
 
     why: the detail for the message: a sentence, or a library's error text.
     """
     return FilmDamaged(
-        Sentence("film-damaged", "{film} is damaged ({reason}). {advice}", film=FILM, reason=why, advice=RENDER_AGAIN_ADVICE)
+        Sentence("film-damaged", "{film} is damaged ({reason}). {advice}", film=FILM, reason=detail, advice=RENDER_AGAIN_ADVICE)
     )
 
 
@@ -127,23 +127,23 @@ def owned_elsewhere_error() -> FilmUnavailable:
 
 def _classified(code: int, message: str) -> FilmUnavailable | FilmLost:
     primary = code & 0xFF
-    why = message if primary not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY) else ""
+    detail = message if primary not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY) else ""
     if primary in TEMPORARY_SQLITE_ERRORS and code not in DAMAGED and code != FILE_REPLACED:
         return FilmUnavailable(
             joined_sentences(
-                _with_reason(TEMPORARY_SQLITE_ERRORS[primary], why),
+                _with_reason(TEMPORARY_SQLITE_ERRORS[primary], detail),
                 Sentence("advice-job-continues", "The job continues once this is resolved."),
             )
         )
     if primary in PERMANENT_SQLITE_ERRORS or code == FILE_REPLACED:
         return FilmLost(
             joined_sentences(
-                _with_reason(Sentence("film-not-writable", "The film of this job cannot be written"), why),
+                _with_reason(Sentence("film-not-writable", "The film of this job cannot be written"), detail),
                 Sentence("advice-repair-and-set-running", "Repair this, then set the job to running."),
             )
         )
     return damaged_film_error(message)
 
 
-def _with_reason(fact: str, why: str) -> str:
-    return Sentence("fact-with-reason", "{fact} ({reason}).", fact=fact, reason=why) if why else with_full_stop(fact)
+def _with_reason(fact: str, detail: str) -> str:
+    return Sentence("fact-with-reason", "{fact} ({reason}).", fact=fact, reason=detail) if detail else with_full_stop(fact)

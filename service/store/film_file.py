@@ -30,7 +30,7 @@ from service.store.film_version import (
     select_rows,
 )
 
-__all__ = ["FilmFile", "Head", "head_sample_ranges"]
+__all__ = ["FilmFile", "RowHead", "head_sample_ranges"]
 
 LOCK_TIMEOUT_S = 0.1  # seconds; the engine's thread must not wait longer for one film
 MAX_BAD_KEPT = 1000
@@ -46,7 +46,7 @@ PART = f"INSERT INTO part ({COLUMNS}) VALUES ({', '.join('?' * 9)})"
 log = logging.getLogger(__name__)
 
 
-class Head(NamedTuple):
+class RowHead(NamedTuple):
     """The metadata of a film's row: its columns without sums and checksum (see service/store/film_version.py)."""
 
     frame: int
@@ -112,11 +112,11 @@ class FilmFile:
         except FarmError as error:
             log.info("a film keeps its log beside it: %s", error)
 
-    def row_heads(self) -> list[Head]:
+    def row_heads(self) -> list[RowHead]:
         """Returns the heads of all rows."""
         with film_faults():
             found = self._database.execute("SELECT frame, tile, first, count, bad, workers, ranges FROM part").fetchall()
-        return [Head(*head) for head in found]
+        return [RowHead(*head) for head in found]
 
     def sums(self, frame: int, tile: int) -> Iterator[bytes]:
         """Yields the packed sums of a tile's rows. Raises FilmLost if a row does not match its checksum."""
@@ -124,7 +124,7 @@ class FilmFile:
             for row in self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ?", (frame, tile)):
                 yield _sums(row)
 
-    def sums_of(self, heads: Iterable[Head]) -> Iterator[bytes]:
+    def sums_of(self, heads: Iterable[RowHead]) -> Iterator[bytes]:
         """Yields the packed sums of the given rows of one tile.
 
         Raises FilmLost if a row is missing or does not match its checksum.
@@ -157,7 +157,7 @@ class FilmFile:
         self,
         rows: list[Row],
         bad: list[tuple[int, int, int, int]],
-        instead: Sequence[tuple[Head, tuple[int, int, int, int]]] = (),
+        replaced: Sequence[tuple[RowHead, tuple[int, int, int, int]]] = (),
     ) -> None:
         """Adds rows and the records of bad samples (frame, x, y, sample) in one transaction.
 
@@ -165,9 +165,9 @@ class FilmFile:
         too. At most MAX_BAD_KEPT records are stored.
         """
         with film_faults(), self._transaction():
-            if instead:
-                self._delete_rows([head for head, _ in instead])
-            for head, area in instead:
+            if replaced:
+                self._delete_rows([head for head, _ in replaced])
+            for head, area in replaced:
                 for span in sample_ranges(head.first, head.count, head.ranges):
                     self._delete_bad_samples(head.frame, area, *span)
             self._database.executemany(PART, [(*row, checksum(row)) for row in rows])
@@ -175,7 +175,7 @@ class FilmFile:
                 (kept,) = self._database.execute("SELECT count(*) FROM bad_sample").fetchone()
                 self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
 
-    def fold_rows(self, heads: Sequence[Head], row: Row, are_all: bool) -> bool:
+    def fold_rows(self, heads: Sequence[RowHead], row: Row, are_all: bool) -> bool:
         """Replaces rows by one row. Returns False, without any change, if the rows `heads` are not all stored.
 
         are_all: also requires that `heads` are all rows of the tile.
@@ -207,12 +207,12 @@ class FilmFile:
             found = self._database.execute(f"{ROWS} WHERE frame = ? AND tile = ? AND first = ?", where).fetchone()
         return found[:8] if found is not None and matches_checksum(found[:8], found[8]) else None
 
-    def delete_rows(self, heads: Iterable[Head]) -> None:
+    def delete_rows(self, heads: Iterable[RowHead]) -> None:
         """Deletes the rows with these heads."""
         with film_faults(), self._transaction():
             self._delete_rows(heads)
 
-    def _delete_rows(self, heads: Iterable[Head]) -> None:
+    def _delete_rows(self, heads: Iterable[RowHead]) -> None:
         where = [head[:3] for head in heads]
         self._database.executemany("DELETE FROM part WHERE frame = ? AND tile = ? AND first = ?", where)
 
@@ -284,7 +284,7 @@ def _sums(row: tuple[Any, ...]) -> bytes:
     return sums
 
 
-def head_sample_ranges(head: Head) -> list[tuple[int, int]]:
+def head_sample_ranges(head: RowHead) -> list[tuple[int, int]]:
     """Returns the sample ranges of a row, as (first, count). Raises FilmLost if they are invalid."""
     try:
         return sample_ranges(head.first, head.count, head.ranges)

@@ -76,7 +76,7 @@ class FilmSnapshots:
             return []
         return sorted(int(name) for name in names if name.isascii() and name.isdigit())
 
-    def all_facts(self, job: str) -> list[FilmSnapshot]:
+    def all_metadata(self, job: str) -> list[FilmSnapshot]:
         """Returns the metadata of all readable snapshots of a job, ascending by samples."""
         found = (self.find(job, spp) for spp in self.stored_spp(job))
         return [snapshot for snapshot in found if snapshot is not None]
@@ -102,12 +102,12 @@ class FilmSnapshots:
 
         return size, pieces()
 
-    def write(self, job: str, facts: FilmSnapshot, packed: Iterable[bytes]) -> bool:
+    def write(self, job: str, metadata: FilmSnapshot, packed: Iterable[bytes]) -> bool:
         """Writes a snapshot; returns whether it was stored.
 
         If space is short, snapshots of other jobs are deleted first, beginning with the jobs whose latest snapshot is oldest.
         """
-        head = json.dumps(asdict(facts)).encode() + b"\n"
+        head = json.dumps(asdict(metadata)).encode() + b"\n"
         folder = self._folder / job
         temporary = self._folder / f".{secrets.token_hex(8)}"
         self._folder.mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
@@ -121,7 +121,7 @@ class FilmSnapshots:
                 if job not in self._begun or not self._delete_to_fit(size, job):
                     return False
                 folder.mkdir(mode=PRIVATE_FOLDER, exist_ok=True)
-                rename_synced(temporary, self._path(job, facts.spp))
+                rename_synced(temporary, self._path(job, metadata.spp))
         finally:
             temporary.unlink(missing_ok=True)
         return True

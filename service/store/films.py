@@ -22,10 +22,10 @@ from renderer.settings import Tile, tiles_of
 from service.errors import FilmLost, FilmUnavailable
 from service.store.claims import Claims
 from service.store.contents import Contents
-from service.store.contributions import Part, joined_parts
+from service.store.contributions import Contribution, joined_contributions
 from service.store.coverage import Coverage
 from service.store.film_faults import FilmClosed, film_faults, incomplete_film_error
-from service.store.film_file import FilmFile, Head, head_sample_ranges
+from service.store.film_file import FilmFile, RowHead, head_sample_ranges
 from service.store.film_moment import FilmSnapshotView
 from service.store.film_version import FilmShape, Row, sample_ranges
 from service.store.row_folding import folded_head, rows_to_fold
@@ -33,7 +33,7 @@ from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
 from service.store.tile_sums import sum_of_rows
 
-__all__ = ["Film", "Part"]
+__all__ = ["Contribution", "Film"]
 
 log = logging.getLogger(__name__)
 
@@ -76,7 +76,7 @@ class Film:
         self._is_known = False  # whether `_contents` is the file's index, also while the file is closed
         self._in_doubt = False  # after a failed write the index must be read again
         self._contents = Contents((), self.tiles)
-        self.keeps_apart = False  # whether rows of different workers stay separate
+        self.separates_senders = False  # whether rows of different workers stay separate
 
     def close(self) -> None:
         """Closes the film permanently."""
@@ -86,18 +86,18 @@ class Film:
             if self._file is not None:
                 self._file.close()
 
-    def open_file(self, make: bool = False) -> None:
+    def open_file(self, create: bool = False) -> None:
         """Opens the film's file if it exists. make: creates the file if it does not exist, and claims it for writing."""
         with self._lock:
             if self._is_closed:
                 raise FilmClosed
-            if self._file is None and (make or self._exists()):
+            if self._file is None and (create or self._exists()):
                 file = FilmFile(self._path, self._shape, self._epoch)
-                if make:
+                if create:
                     file.claim()
                 self._read_index(file)
                 self._file = file
-            elif self._file is not None and ((make and self._file.claim()) or self._in_doubt):
+            elif self._file is not None and ((create and self._file.claim()) or self._in_doubt):
                 self._read_index(self._file)
             if self._file is not None:
                 self._on_use(self)
@@ -173,32 +173,48 @@ class Film:
         with self._lock:
             return self._contents.bad_count(frame)
 
-    def merge(self, parts: Iterable[Part]) -> list[bool]:
+    def merge(self, contributions: Iterable[Contribution]) -> list[bool]:
         """Adds parts in one transaction. Returns whether each was accepted. If this raises, none was added.
 
         A part that overlaps stored samples is dropped, unless it contains all of them and more (claims.py). A part with an
         unknown tile or damaged sums is dropped too.
         """
-        parts = list(parts)
+        contributions = list(contributions)
         with self._lock:
-            self.open_file(make=True)
-            fit = [0 <= part.tile < len(self.tiles) and part.first >= 0 and part.count > 0 for part in parts]
+            self.open_file(create=True)
+            is_valid = [
+                0 <= contribution.tile < len(self.tiles) and contribution.first >= 0 and contribution.count > 0
+                for contribution in contributions
+            ]
             try:
-                claims, joined = self._accepted_parts(parts, fit)
+                claims, joined = self._accepted_contributions(contributions, is_valid)
             except ValueError:  # At least one part is damaged. Checking each part first would be wasted work in the usual case.
-                fit = [is_fit and self._has_valid_sums(part) for part, is_fit in zip(parts, fit, strict=True)]
-                claims, joined = self._accepted_parts(parts, fit)
+                is_valid = [
+                    is_fit and self._has_valid_sums(contribution)
+                    for contribution, is_fit in zip(contributions, is_valid, strict=True)
+                ]
+                claims, joined = self._accepted_contributions(contributions, is_valid)
             if joined:
-                bad = [(part.frame, *each) for part in compress(parts, claims.taken) for each in part.bad]
-                self._store_parts(claims, joined, bad)
+                bad = [
+                    (contribution.frame, *each)
+                    for contribution in compress(contributions, claims.taken)
+                    for each in contribution.bad
+                ]
+                self._store_contributions(claims, joined, bad)
             return claims.taken
 
-    def _accepted_parts(self, parts: list[Part], fit: list[bool]) -> tuple[Claims, list[tuple[Part, Sums | None]]]:
+    def _accepted_contributions(
+        self, contributions: list[Contribution], is_valid: list[bool]
+    ) -> tuple[Claims, list[tuple[Contribution, Sums | None]]]:
         """Selects the parts to accept, and joins adjacent ones. Raises ValueError if sums are damaged."""
-        claims = Claims(parts, fit, self._contents.coverage_of, None if self.keeps_apart else self._contents.rows)
-        return claims, joined_parts([*compress(parts, claims.taken)], self.tiles, self.keeps_apart)
+        claims = Claims(
+            contributions, is_valid, self._contents.coverage_of, None if self.separates_senders else self._contents.rows
+        )
+        return claims, joined_contributions([*compress(contributions, claims.taken)], self.tiles, self.separates_senders)
 
-    def _store_parts(self, claims: Claims, joined: list[tuple[Part, Sums | None]], bad: list[tuple[int, int, int, int]]) -> None:
+    def _store_contributions(
+        self, claims: Claims, joined: list[tuple[Contribution, Sums | None]], bad: list[tuple[int, int, int, int]]
+    ) -> None:
         assert self._file is not None
         heads = [self._head_of(j) for j, _ in joined]
         rows: list[Row] = [(*h[:5], j.sums, *h[5:]) for h, (j, _) in zip(heads, joined, strict=True)]
@@ -210,9 +226,9 @@ class Film:
         self._contents.record_merge(claims.coverage, heads, claims.replaced)
         for head in claims.replaced:
             self._cache.evict((self._path.stem, *head[:2]))
-        for head, (part, _) in zip(heads, joined, strict=True):
-            grow = partial(add_sums, data=part.sums, tile=self.tiles[part.tile])
-            self._cache.add_samples((self._path.stem, *head[:2]), grow, len(part.sums))
+        for head, (contribution, _) in zip(heads, joined, strict=True):
+            grow = partial(add_sums, data=contribution.sums, tile=self.tiles[contribution.tile])
+            self._cache.add_samples((self._path.stem, *head[:2]), grow, len(contribution.sums))
         for key in claims.coverage:
             self._fold_tile(*key)
 
@@ -243,10 +259,10 @@ class Film:
             broken = [head for head in self._file.row_heads() if not self._is_decodable(self._file.row(*head[:3]), head.tile)]
             return self._delete_rows(broken)
 
-    def has_sent(self, worker: str) -> bool:
+    def has_sums_of(self, worker: str) -> bool:
         """Returns True if the film contains sums from this worker."""
         with self._lock:
-            return self._open_contents().has_sent(worker)
+            return self._open_contents().has_sums_of(worker)
 
     def delete_samples_of(self, worker: str) -> int:
         """Deletes all rows that contain a worker's sums, so that their samples are rendered again.
@@ -263,7 +279,7 @@ class Film:
             self._in_doubt = True
             return self._delete_rows(found)
 
-    def _delete_rows(self, heads: list[Head]) -> int:
+    def _delete_rows(self, heads: list[RowHead]) -> int:
         """Deletes rows; returns the number of their samples, over all pixels."""
         assert self._file is not None
         self._file.delete_rows(heads)
@@ -276,7 +292,7 @@ class Film:
     def add_recovered(self, rows: Iterable[Row]) -> None:
         """Adds rows that were recovered from a film that cannot be opened. Records of their bad samples are lost."""
         with self._lock:
-            self.open_file(make=True)
+            self.open_file(create=True)
             assert self._file is not None
             taken = self._contents.copied_coverage()
             self._in_doubt = True
@@ -355,27 +371,35 @@ class Film:
         self._cache.evict_film(self._path.stem)
         self._is_known, self._in_doubt = True, False
 
-    def _has_valid_sums(self, part: Part) -> bool:
+    def _has_valid_sums(self, contribution: Contribution) -> bool:
         try:
-            check_sums(part.sums, self.tiles[part.tile])
+            check_sums(contribution.sums, self.tiles[contribution.tile])
         except ValueError:
             return False
         return True
 
-    def _head_of(self, part: Part) -> Head:
-        return Head(part.frame, part.tile, part.first, part.count, part.bad_count, senders_text(part.workers), None)
+    def _head_of(self, contribution: Contribution) -> RowHead:
+        return RowHead(
+            contribution.frame,
+            contribution.tile,
+            contribution.first,
+            contribution.count,
+            contribution.bad_count,
+            senders_text(contribution.workers),
+            None,
+        )
 
     def _fold_tile(self, frame: int, tile: int) -> None:
         """Folds a tile's rows into one if there are many. Only logs failures, since the merged samples are stored in any case."""
-        rows, is_one_run = self._contents.rows(frame, tile), self._contents.is_one_run(frame, tile)
+        rows, is_contiguous = self._contents.rows(frame, tile), self._contents.is_contiguous(frame, tile)
         try:
-            for heads in rows_to_fold(rows, self.keeps_apart, is_one_run):
+            for heads in rows_to_fold(rows, self.separates_senders, is_contiguous):
                 self._fold_to_one(heads, len(heads) == len(self._contents.rows(frame, tile)))
         except (FilmUnavailable, FilmLost) as error:
             self._in_doubt = True
             log.warning("a tile's rows stay apart: %s", error)
 
-    def _fold_to_one(self, heads: Sequence[Head], is_whole_tile: bool) -> None:
+    def _fold_to_one(self, heads: Sequence[RowHead], is_whole_tile: bool) -> None:
         assert self._file is not None
         made = folded_head(heads)
         frame, tile = made[:2]

@@ -58,9 +58,9 @@ class Step:
     more: int | None = None
 
     @classmethod
-    def for_keys(cls, action: Any, keys: Sequence[int], **what: Any) -> Step:
+    def for_keys(cls, action: Any, keys: Sequence[int], **fields: Any) -> Step:
         """Creates a step that applies `action` (an operation listed at Step) to the frames with these keys."""
-        return cls(action, frames_text([frame_number(key) for key in keys]), **what)
+        return cls(action, frames_text([frame_number(key) for key in keys]), **fields)
 
     @property
     def keys(self) -> list[int]:
@@ -80,10 +80,10 @@ def record_steps(job: str, steps: Sequence[Step], session: Session) -> None:
     session.add(FrameChange(job=job, steps=[asdict(step) for step in steps], done=0, samples=samples))
 
 
-def apply_short_steps(job: Job, steps: Sequence[Step], session: Session, given: FrameValues | None = None) -> None:
+def apply_short_steps(job: Job, steps: Sequence[Step], session: Session, frame_values: FrameValues | None = None) -> None:
     """Applies steps that fit into one transaction, inside the caller's. given: see `FrameChanges.carry_out`."""
     for step in steps:
-        _apply(job, step, step.keys, session, given or {})
+        _apply(job, step, step.keys, session, frame_values or {})
 
 
 class FrameChanges:
@@ -92,14 +92,14 @@ class FrameChanges:
     A background thread continues unfinished changes.
     """
 
-    def __init__(self, sessions: Sessions, events: Events, deleted: Callable[[str], None]) -> None:
+    def __init__(self, sessions: Sessions, events: Events, on_deleted: Callable[[str], None]) -> None:
         """Stores the parameters.
 
         deleted: called with a job's id after the frames of a job marked for deletion were deleted.
         """
         self._sessions = sessions
         self._events = events
-        self._deleted = deleted
+        self._on_deleted = on_deleted
         self._later: queue.SimpleQueue[str | None] = queue.SimpleQueue()
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="frame changes", daemon=True)
@@ -124,13 +124,13 @@ class FrameChanges:
         change = self._pending_change(job)
         return change is not None and _is_drop(change)
 
-    def carry_out(self, job: str, given: FrameValues | None = None) -> None:
+    def carry_out(self, job: str, frame_values: FrameValues | None = None) -> None:
         """Applies the pending changes of a job. If this raises FarmError, the background thread continues later.
 
         given: column values, by frame key, of frames to be added whose values differ from the defaults.
         """
         try:
-            self._carry_out(job, given or {})
+            self._carry_out(job, frame_values or {})
         except FarmError:
             self._later.put(job)
             raise
@@ -146,10 +146,10 @@ class FrameChanges:
             self._later.put(job)
             raise
 
-    def _carry_out(self, job: str, given: FrameValues) -> None:
+    def _carry_out(self, job: str, frame_values: FrameValues) -> None:
         while (change := self._pending_change(job)) is not None and not _is_drop(change):
             plan = [(step, keys) for step in map(_step, change.steps) for keys in _key_portions(step.keys)]
-            while self._apply_next(change, plan, given):
+            while self._apply_next(change, plan, frame_values):
                 pass
 
     def _drop_in_portions(self, job: str) -> None:
@@ -167,7 +167,7 @@ class FrameChanges:
         with self._sessions() as session:
             return session.get(FrameChange, job)
 
-    def _apply_next(self, pending: FrameChange, plan: list[tuple[Step, list[int]]], given: FrameValues) -> bool:
+    def _apply_next(self, pending: FrameChange, plan: list[tuple[Step, list[int]]], frame_values: FrameValues) -> bool:
         """Applies the next portion of a change. Returns whether another is left. plan: (step, frame keys) of each portion."""
         began = time.monotonic()
         with self._sessions.begin() as session:
@@ -179,7 +179,7 @@ class FrameChanges:
             for step, keys in plan:
                 before += len(keys)
                 if change.done < before:
-                    _apply(job, step, keys, session, given)
+                    _apply(job, step, keys, session, frame_values)
                     change.done = before
                     change.samples -= step.target * len(keys) if step.do == "add" else 0
                     break
@@ -220,7 +220,7 @@ class FrameChanges:
         change = self._pending_change(job)
         if change is not None and _is_drop(change):
             self._drop_in_portions(job)
-            self._deleted(job)
+            self._on_deleted(job)
             return
         self._carry_out(job, {})
         self._events.publish(RowWritten("job", job))
@@ -244,13 +244,13 @@ def _step(data: Mapping[str, Any]) -> Step:
     return Step(**{name: data[name] for name in Step.__dataclass_fields__ if name in data})
 
 
-def _apply(job: Job, step: Step, keys: list[int], session: Session, given: FrameValues) -> None:
+def _apply(job: Job, step: Step, keys: list[int], session: Session, frame_values: FrameValues) -> None:
     if not keys:
         return
     if step.do == "add":
         rows = [
             {"job": job.id, "number": key, "samples": 0, "target": step.target, "bad_samples": 0, "progress": 0.0}
-            | {"state": "queued", "noise": None, "settings": None, **given.get(key, {})}
+            | {"state": "queued", "noise": None, "settings": None, **frame_values.get(key, {})}
             for key in keys
         ]
         session.execute(insert(Frame), rows)

@@ -43,7 +43,9 @@ log = logging.getLogger(__name__)
 class Garbage:
     """Deletes unreferenced blobs of scenes; no other component does. Thread-safe."""
 
-    def __init__(self, sessions: Sessions, blobs: BlobStore, patience_s: float, guard: Callable[[], None] = lambda: None) -> None:
+    def __init__(
+        self, sessions: Sessions, blobs: BlobStore, max_unreferenced_s: float, guard: Callable[[], None] = lambda: None
+    ) -> None:
         """Stores the parameters.
 
         patience_s: time, in seconds, that a blob stored by a worker may stay unreferenced. guard: raises FarmError if deleting is
@@ -51,7 +53,7 @@ class Garbage:
         """
         self._sessions = sessions
         self._blobs = blobs
-        self._patience_s = patience_s
+        self._max_unreferenced_s = max_unreferenced_s
         self._guard = guard
         self._lock = threading.Lock()
         self._deleted = threading.Condition(self._lock)
@@ -113,14 +115,14 @@ class Garbage:
             self.remove_pins(sha256, times)
         self.collect(lambda session: set(event.references))
 
-    def collect(self, let_go: Callable[[Session], set[str]]) -> None:
+    def collect(self, change: Callable[[Session], set[str]]) -> None:
         """Makes a database change, and then deletes the blobs that are neither referred to nor pinned any more.
 
         let_go: function that makes the change, and returns the blobs to which it removed references.
         """
         with self._lock:
             with self._sessions.begin() as session:
-                gone = let_go(session) | self._released_blobs()
+                gone = change(session) | self._released_blobs()
                 session.flush()
                 for query in _queries_of_possible_references(gone) if gone else ():
                     for row in session.scalars(query):
@@ -165,7 +167,7 @@ class Garbage:
         return sha256 in self._pins or sha256 in self._promised
 
     def _pin_for_a_while(self, sha256: str) -> None:
-        self._promised.setdefault(sha256, []).append(time.monotonic() + self._patience_s)
+        self._promised.setdefault(sha256, []).append(time.monotonic() + self._max_unreferenced_s)
 
     def _drop_expired_pins(self) -> None:
         now = time.monotonic()

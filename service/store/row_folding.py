@@ -6,7 +6,7 @@ import json
 from collections.abc import Collection, Sequence
 
 from service.store.coverage import Coverage
-from service.store.film_file import Head, head_sample_ranges
+from service.store.film_file import RowHead, head_sample_ranges
 from service.store.senders import senders_of, senders_text
 
 __all__ = ["MAX_ROWS_APART", "MAX_ROWS_UNFOLDED", "folded_head", "rows_to_fold"]
@@ -15,7 +15,7 @@ MAX_ROWS_UNFOLDED = 8  # rows of a tile, or of one worker if rows of different w
 MAX_ROWS_APART = 64  # rows of a tile above which rows of different workers are folded too
 
 
-def rows_to_fold(rows: Sequence[Head], keeps_apart: bool, is_one_run: bool) -> list[Sequence[Head]]:
+def rows_to_fold(rows: Sequence[RowHead], separates_senders: bool, is_contiguous: bool) -> list[Sequence[RowHead]]:
     """Returns lists of a tile's rows; each list is to be folded into one row. Empty if the tile has few rows.
 
     is_one_run: the tile's samples are contiguous; all rows form one list. keeps_apart: rows of different workers stay separate;
@@ -23,17 +23,17 @@ def rows_to_fold(rows: Sequence[Head], keeps_apart: bool, is_one_run: bool) -> l
     """
     if len(rows) < MAX_ROWS_UNFOLDED:
         return []
-    if keeps_apart and len(rows) < MAX_ROWS_APART:
+    if separates_senders and len(rows) < MAX_ROWS_APART:
         of_each = ([head for head in rows if head.workers == worker] for worker in {head.workers for head in rows})
         return [own for own in of_each if len(own) >= MAX_ROWS_UNFOLDED]
-    return [rows] if keeps_apart or is_one_run else []
+    return [rows] if separates_senders or is_contiguous else []
 
 
-def folded_head(heads: Collection[Head]) -> Head:
+def folded_head(heads: Collection[RowHead]) -> RowHead:
     """Returns the head of the row that replaces `heads`. Raises FilmLost if their sample ranges are invalid."""
     frame, tile = next(iter(heads))[:2]
     runs = Coverage(span for head in heads for span in head_sample_ranges(head)).ranges
     ranges = json.dumps([[start, end - start] for start, end in runs]) if len(runs) > 1 else None
     workers = senders_text({worker for head in heads for worker in senders_of(head.workers)})
     total, bad = sum(head.count for head in heads), sum(head.bad for head in heads)
-    return Head(frame, tile, runs[0][0], total, bad, workers, ranges)
+    return RowHead(frame, tile, runs[0][0], total, bad, workers, ranges)

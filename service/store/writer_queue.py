@@ -28,7 +28,7 @@ class WriterQueue:
         self._numbers = count()
 
     @contextmanager
-    def wait_for_turn(self, patience_s: float, is_urgent: bool = False) -> Iterator[None]:
+    def wait_for_turn(self, timeout_s: float, is_urgent: bool = False) -> Iterator[None]:
         """Context manager that waits for a turn and holds it during its block.
 
         patience_s: timeout in seconds. is_urgent: precede all waiting writers that are not urgent. Raises Unavailable after the
@@ -38,11 +38,11 @@ class WriterQueue:
         with self._free:
             heapq.heappush(self._line, ticket)
             try:
-                if not self._free.wait_for(lambda: not self._is_taken and self._line[0] == ticket, patience_s):
+                if not self._free.wait_for(lambda: not self._is_taken and self._line[0] == ticket, timeout_s):
                     sentence = Sentence(
                         "database-write-timeout",
                         "The database does not answer (it was locked for {seconds} s).",
-                        seconds=f"{patience_s:g}",
+                        seconds=f"{timeout_s:g}",
                     )
                     raise Unavailable(sentence, advice=Sentence("advice-retry", "Try again."))
                 self._is_taken = True

@@ -12,7 +12,7 @@ from renderer.settings import Tile
 from service.scheduling.incoming.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.plan import Range
-from service.store.contributions import Part
+from service.store.contributions import Contribution
 from telemetry import tracing
 
 __all__ = ["ReceivedBatch", "batch_of", "merge"]
@@ -39,7 +39,7 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Receiv
     wanted = [_wanted_batch(message, job) for message, _ in answers]
     faults = [_weight_error(sums, batch, job) for (_, sums), batch in zip(answers, wanted, strict=True)]
     parts = [
-        Part(
+        Contribution(
             batch.frame,
             batch.tile,
             batch.first,

@@ -89,26 +89,26 @@ class SnapshotKeeper:
             log.info("job %s: no snapshot at %d samples: %s", job.id, spp, error)
             return
         noise = job.current_noise if spp >= FIRST_ESTIMATE_SAMPLES else None  # before that, some tiles have no noise estimate
-        facts = FilmSnapshot(spp, 0, 0, 0, round(job.active_s, 3), noise, round(time.time(), 2))
-        self._writer.submit(self._write, job.id, frame.key, facts, moment, job.film)
+        metadata = FilmSnapshot(spp, 0, 0, 0, round(job.active_s, 3), noise, round(time.time(), 2))
+        self._writer.submit(self._write, job.id, frame.key, metadata, moment, job.film)
 
     def close(self) -> None:
         """Stops the thread after the snapshot that it is writing. Discards pending snapshots."""
         self._writer.shutdown(cancel_futures=True)
 
-    def _write(self, job: str, frame: int, facts: FilmSnapshot, moment: FilmSnapshotView, film: Film) -> None:
+    def _write(self, job: str, frame: int, metadata: FilmSnapshot, moment: FilmSnapshotView, film: Film) -> None:
         try:
             with moment:
                 tiles = [(moment.coverage(frame, i).total, tile.w * tile.h) for i, tile in enumerate(moment.tiles)]
                 counts = [count for count, _ in tiles]
                 samples = sum(count * area for count, area in tiles)
-                facts = replace(facts, least=min(counts), most=max(counts), samples=samples)
+                metadata = replace(metadata, least=min(counts), most=max(counts), samples=samples)
                 packet = film_packet(moment, frame, self._folder, gzip=True)
-            if not self._kept.write(job, facts, packet.pieces()):
-                log.info("job %s: no room for its snapshot at %d samples", job, facts.spp)
+            if not self._kept.write(job, metadata, packet.pieces()):
+                log.info("job %s: no room for its snapshot at %d samples", job, metadata.spp)
             if not self._is_rendered(job):
                 film.checkpoint()  # the film's log could not be merged while the view was open
         except (FarmError, OSError) as error:
-            log.warning("job %s: no snapshot at %d samples: %s", job, facts.spp, error)
+            log.warning("job %s: no snapshot at %d samples: %s", job, metadata.spp, error)
         finally:
             self._room.release()

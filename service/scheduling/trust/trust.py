@@ -147,7 +147,7 @@ class Trust:
             self._open = [check for check in self._open if check.votes.cast]
             partly: list[str] = []
             for job in list(self._scheduler.jobs.values()):
-                if job.film.has_sent(worker):
+                if job.film.has_sums_of(worker):
                     partly.append(job.id)
                     job.history.add_event("distrusted", worker)
                     reload(job)

@@ -191,5 +191,5 @@ def test_what_several_or_nobody_sent_is_not_taken_where_batches_are_looked_at(se
         service.wait_for(job, "finished", LONG_S)
         assert "somebody" not in str(service.http.get(f"/api/jobs/{job}/history").json())
         film = service.farm.films._films[job]
-        assert not film.has_sent("somebody")
+        assert not film.has_sums_of("somebody")
         assert all(row.workers for rows in film._contents._rows.values() for row in rows), "nobody's is not in it either"

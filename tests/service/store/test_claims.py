@@ -75,8 +75,8 @@ def test_a_run_that_has_but_a_part_of_what_is_there_is_dropped(tmp_path: Path) -
 
 def test_where_each_workers_sums_stay_apart_nobody_replaces_anothers(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
-    film.keeps_apart = True
+    film.separates_senders = True
     assert film.merge([part(film, 0, 4, 2, workers=("honest",))]) == [True]
     assert film.merge([part(film, 0, 0, 12, workers=("another",))]) == [False]
-    assert film.has_sent("honest")
+    assert film.has_sums_of("honest")
     film.close()

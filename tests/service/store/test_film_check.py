@@ -16,7 +16,7 @@ from renderer.settings import RenderSettings, View
 from service.errors import FilmDamaged
 from service.store.film_check import film_samples
 from service.store.film_store import FilmFolder
-from service.store.films import Film, Part
+from service.store.films import Contribution, Film
 from service.store.row_folding import MAX_ROWS_UNFOLDED
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, TILE, WIDTH, part
@@ -87,7 +87,7 @@ def test_of_a_film_with_pages_of_nonsense_the_rest_is_kept(tmp_path: Path) -> No
     noise = np.random.default_rng(1)
     for tile in range(4):
         for first in range(SPP):
-            film.merge([Part(0, tile, first, 1, pack_sums(noise.integers(0, 1 << 62, (CHANNELS, 32, 32), np.int64)))])
+            film.merge([Contribution(0, tile, first, 1, pack_sums(noise.integers(0, 1 << 62, (CHANNELS, 32, 32), np.int64)))])
     films.close()
     path = tmp_path / "job.sqlite"
     with path.open("r+b") as file:

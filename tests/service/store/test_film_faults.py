@@ -21,7 +21,7 @@ from service.store import film_file
 from service.store.bands import digest
 from service.store.film_faults import film_faults
 from service.store.film_version import VERSION
-from service.store.films import Film, Part
+from service.store.films import Contribution, Film
 from service.store.row_folding import MAX_ROWS_UNFOLDED
 from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import make, part, rows_of
@@ -41,7 +41,7 @@ def test_a_full_disk_waits_and_heals(film: Film) -> None:
     group = []
     for tile, rect in enumerate(film.tiles):
         sums = noise.integers(0, 1 << 62, (CHANNELS, rect.h, rect.w), np.int64)
-        group.append(Part(0, tile, 2, 1, pack_sums(sums)))
+        group.append(Contribution(0, tile, 2, 1, pack_sums(sums)))
     before = film.version(0)
     with pytest.raises(FilmUnavailable, match="disk is full"):
         film.merge(group)

@@ -21,7 +21,7 @@ def film(path: Path, epoch: int | None) -> Film:
 def test_what_an_earlier_owner_still_merges_is_refused_and_nothing_is_in_twice(tmp_path: Path) -> None:
     old, new = film(tmp_path / "job.sqlite", 7), film(tmp_path / "job.sqlite", 8)
     assert old.merge([part(old, 0, 0, 2)]) == [True]
-    new.open_file(make=True)
+    new.open_file(create=True)
     assert new.merge([part(new, 0, 0, 2), part(new, 0, 2, 2)]) == [False, True]
     for batch in ((0, 2, 2), (1, 0, 1)):
         with pytest.raises(FilmUnavailable, match="belongs to another service"):

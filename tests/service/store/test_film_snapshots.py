@@ -8,18 +8,18 @@ from pathlib import Path
 from service.store.film_snapshots import FilmSnapshot, FilmSnapshots
 
 
-def facts(spp: int) -> FilmSnapshot:
+def metadata(spp: int) -> FilmSnapshot:
     return FilmSnapshot(spp, spp, 2 * spp, 100 * spp, 1.5, None, 12.0)
 
 
 def test_what_is_kept_is_read_as_it_was_written(tmp_path: Path) -> None:
     kept = FilmSnapshots(tmp_path / "snapshots", 1 << 20, 0)
-    assert kept.accept("job") == [] == kept.all_facts("job")
+    assert kept.accept("job") == [] == kept.all_metadata("job")
     for spp in (8, 1, 128):
-        assert kept.write("job", facts(spp), [b"some", b"\nlight"])
+        assert kept.write("job", metadata(spp), [b"some", b"\nlight"])
     (tmp_path / "snapshots" / "job" / "4.film").write_bytes(b"not to be understood\n")
     again = FilmSnapshots(tmp_path / "snapshots", 1 << 20, 0)
-    assert again.accept("job") == [1, 4, 8, 128] and again.all_facts("job") == [facts(1), facts(8), facts(128)]
+    assert again.accept("job") == [1, 4, 8, 128] and again.all_metadata("job") == [metadata(1), metadata(8), metadata(128)]
     size, pieces = again.packed("job", 8)
     assert size == 10 and b"".join(pieces) == b"some\nlight"
     assert again.find("job", 2) is None and again.find("other", 1) is None
@@ -30,23 +30,23 @@ def test_those_of_other_jobs_make_room_the_oldest_first(tmp_path: Path) -> None:
     kept = FilmSnapshots(tmp_path / "snapshots", room, 0)
     for at, job in enumerate(("first", "second", "third")):
         kept.accept(job)
-        assert kept.write(job, facts(1), [bytes(1000)])
+        assert kept.write(job, metadata(1), [bytes(1000)])
         os.utime(tmp_path / "snapshots" / job, (at, at))
     assert [kept.stored_spp(job) for job in ("first", "second", "third")] == [[], [1], [1]]
-    assert not kept.write("third", facts(2), [bytes(room)]), "what has no room at all drives out nobody"
+    assert not kept.write("third", metadata(2), [bytes(room)]), "what has no room at all drives out nobody"
     assert kept.stored_spp("second") == [1]
-    assert not FilmSnapshots(tmp_path / "snapshots", room, 1 << 60).write("third", facts(4), [b""]), "on a full disk"
+    assert not FilmSnapshots(tmp_path / "snapshots", room, 1 << 60).write("third", metadata(4), [b""]), "on a full disk"
 
 
 def test_they_go_with_their_job(tmp_path: Path) -> None:
     kept = FilmSnapshots(tmp_path / "snapshots", 1 << 20, 0)
     for job in ("kept", "gone"):
         kept.accept(job)
-        kept.write(job, facts(1), [b""])
+        kept.write(job, metadata(1), [b""])
     kept.drop("gone")
-    assert not kept.write("gone", facts(2), [b""]), "which was on its way while the job was deleted"
+    assert not kept.write("gone", metadata(2), [b""]), "which was on its way while the job was deleted"
     kept.accept("lost")
-    kept.write("lost", facts(1), [b""])
+    kept.write("lost", metadata(1), [b""])
     (tmp_path / "snapshots" / ".half").write_bytes(b"begun")
     kept.sweep({"kept", "gone"})
     assert [path.name for path in (tmp_path / "snapshots").iterdir()] == ["kept"]

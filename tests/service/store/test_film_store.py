@@ -34,7 +34,7 @@ def films(tmp_path: Path) -> FilmFolder:
 
 def pinned(films: FilmFolder, job: str = "job") -> Film:
     film = films.open(job, SETTINGS, TILE, pin=True)
-    film.open_file(make=True)  # as for its first batch
+    film.open_file(create=True)  # as for its first batch
     return film
 
 

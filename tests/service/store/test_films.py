@@ -18,7 +18,7 @@ from renderer.film import BadSample
 from service.errors import FilmLost
 from service.store.bands import digest
 from service.store.film_faults import FilmClosed
-from service.store.films import Film, Part
+from service.store.films import Contribution, Film
 from service.store.tile_cache import TileCache
 from tests.service.peer_worker import expected_sums
 
@@ -34,9 +34,9 @@ def rows_of(film: Film) -> sqlite3.Connection:
     return film._file._database
 
 
-def part(film: Film, tile: int, first: int, count: int, **more: object) -> Part:
+def part(film: Film, tile: int, first: int, count: int, **more: object) -> Contribution:
     sums = expected_sums(film.tiles[tile], first, count, 0)
-    return Part(0, tile, first, count, pack_sums(sums), **more)  # type: ignore[arg-type]
+    return Contribution(0, tile, first, count, pack_sums(sums), **more)  # type: ignore[arg-type]
 
 
 @settings(deadline=None)
@@ -90,7 +90,7 @@ def test_a_film_of_a_release_with_fewer_planes_is_read_and_goes_on(tmp_path: Pat
     assert film.merge([part(film, 0, 2, 2)]) == [True]
     np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 4, 0))
     # Sums of a worker must be of this release, and complete.
-    assert film.merge([Part(0, 1, 0, 2, pack_sums(expected_sums(film.tiles[1], 0, 2, 0)[:planes]))]) == [False]
+    assert film.merge([Contribution(0, 1, 0, 2, pack_sums(expected_sums(film.tiles[1], 0, 2, 0)[:planes]))]) == [False]
     film.close()
 
 
@@ -131,7 +131,14 @@ def test_damaged_sums_and_unknown_tiles_are_dropped(tmp_path: Path) -> None:
     good = part(film, 0, 0, 1)
     other_size = part(film, 5, 0, 1)
     assert film.tiles[0][2:] != film.tiles[5][2:]
-    assert film.merge([Part(0, 0, 0, 1, b"nonsense"), Part(0, 0, 0, 1, other_size.sums), Part(0, 99, 0, 1, good.sums), good]) == [
+    assert film.merge(
+        [
+            Contribution(0, 0, 0, 1, b"nonsense"),
+            Contribution(0, 0, 0, 1, other_size.sums),
+            Contribution(0, 99, 0, 1, good.sums),
+            good,
+        ]
+    ) == [
         *(False, False, False),
         True,
     ]
@@ -140,7 +147,7 @@ def test_damaged_sums_and_unknown_tiles_are_dropped(tmp_path: Path) -> None:
 
 def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
-    film.open_file(make=True)
+    film.open_file(create=True)
     rows_of(film).execute("CREATE TRIGGER full BEFORE INSERT ON part WHEN NEW.tile = 1 BEGIN SELECT raise(ABORT, 'a fault'); END")
     with pytest.raises(FilmLost, match="a fault"):
         film.merge([part(film, 0, 0, 1), part(film, 1, 0, 1)])

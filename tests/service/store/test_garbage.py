@@ -88,7 +88,7 @@ def test_a_worker_that_stores_a_blob_while_others_are_deleted_keeps_nobody_waiti
 def garbage(tmp_path: Path) -> Iterator[tuple[Garbage, BlobFolder]]:
     engine, sessions = connect(new_sqlite(tmp_path))
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
-    yield Garbage(sessions, blobs, patience_s=60.0), blobs
+    yield Garbage(sessions, blobs, max_unreferenced_s=60.0), blobs
     engine.dispose()
 
 
@@ -201,11 +201,11 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_p
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
 
     def stood_still() -> None:
-        Garbage(sessions, blobs, patience_s=60.0).collect(scene_of(sha256))
+        Garbage(sessions, blobs, max_unreferenced_s=60.0).collect(scene_of(sha256))
         raise NotOwner
 
     sha256 = put(blobs, b"content")
-    Garbage(sessions, blobs, patience_s=60.0, guard=stood_still).collect(lambda session: {sha256})
+    Garbage(sessions, blobs, max_unreferenced_s=60.0, guard=stood_still).collect(lambda session: {sha256})
     assert blobs.exists(sha256)
     engine.dispose()
 

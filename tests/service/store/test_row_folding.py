@@ -6,21 +6,21 @@ import json
 
 import pytest
 
-from service.store.film_file import Head
+from service.store.film_file import RowHead
 from service.store.row_folding import MAX_ROWS_APART, MAX_ROWS_UNFOLDED, folded_head, rows_to_fold
 from service.store.senders import senders_of
 
 
-def rows(count: int, workers: int = 1, step: int = 4) -> list[Head]:
+def rows(count: int, workers: int = 1, step: int = 4) -> list[RowHead]:
     """Returns heads (all columns but the sums) of `count` rows with 4 samples each, whose first samples are `step` apart.
 
     The rows come from `workers` workers in turn.
     """
-    return [Head(0, 3, step * n, 4, 1, json.dumps([f"worker {n % workers}"]), None) for n in range(count)]
+    return [RowHead(0, 3, step * n, 4, 1, json.dumps([f"worker {n % workers}"]), None) for n in range(count)]
 
 
 @pytest.mark.parametrize(
-    ("count", "workers", "keeps_apart", "is_one_run", "sizes"),
+    ("count", "workers", "separates_senders", "is_contiguous", "sizes"),
     [
         (MAX_ROWS_UNFOLDED - 1, 1, False, True, []),
         (MAX_ROWS_UNFOLDED, 3, False, True, [MAX_ROWS_UNFOLDED]),
@@ -30,10 +30,10 @@ def rows(count: int, workers: int = 1, step: int = 4) -> list[Head]:
         (MAX_ROWS_APART, MAX_ROWS_APART, True, False, [MAX_ROWS_APART]),
     ],
 )
-def test_rows_that_become_one(count: int, workers: int, keeps_apart: bool, is_one_run: bool, sizes: list[int]) -> None:
-    found = rows_to_fold(rows(count, workers), keeps_apart, is_one_run)
+def test_rows_that_become_one(count: int, workers: int, separates_senders: bool, is_contiguous: bool, sizes: list[int]) -> None:
+    found = rows_to_fold(rows(count, workers), separates_senders, is_contiguous)
     assert [len(each) for each in found] == sizes
-    assert all(len({head.workers for head in each}) == 1 for each in found) or not keeps_apart or count >= MAX_ROWS_APART
+    assert all(len({head.workers for head in each}) == 1 for each in found) or not separates_senders or count >= MAX_ROWS_APART
 
 
 @pytest.mark.parametrize(("step", "ranges"), [(4, None), (8, [[0, 4], [8, 4], [16, 4]])])

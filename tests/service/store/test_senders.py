@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from protocol.sums import pack_sums
-from service.store.contributions import Part
+from service.store.contributions import Contribution
 from service.store.film_check import film_samples, readable_rows
 from service.store.film_copy import FilmCopy
 from service.store.film_version import VERSION, FilmShape
@@ -31,14 +31,14 @@ def make(path: Path) -> Film:
 @pytest.fixture
 def film(tmp_path: Path) -> Iterator[Film]:
     film = make(tmp_path / "job.sqlite")
-    film.keeps_apart = True
+    film.separates_senders = True
     yield film
     film.close()
 
 
 def sent(film: Film, worker: str, first: int, count: int = 1) -> None:
     sums = pack_sums(expected_sums(film.tiles[0], first, count, 0))
-    assert film.merge([Part(0, 0, first, count, sums, workers=(worker,))]) == [True]
+    assert film.merge([Contribution(0, 0, first, count, sums, workers=(worker,))]) == [True]
 
 
 def rows(film: Film) -> list[tuple[str, int]]:
@@ -81,7 +81,7 @@ def test_a_folded_row_goes_over_into_copies_and_out_of_damaged_films(film: Film,
 
 
 def test_where_they_are_not_kept_apart_the_row_names_all_who_are_in_it(film: Film) -> None:
-    film.keeps_apart = False
+    film.separates_senders = False
     for first in range(MAX_ROWS_UNFOLDED):
         sent(film, f"w{first % 3}", first)
     assert rows(film) == [('["w0", "w1", "w2"]', MAX_ROWS_UNFOLDED)]

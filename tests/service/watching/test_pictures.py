@@ -20,7 +20,7 @@ from renderer import aovs
 from renderer import film as film_math
 from renderer.image import rgbe9995, tonemap
 from renderer.image.encode import encode
-from service.store.films import Film, Part
+from service.store.films import Contribution, Film
 from service.store.tile_cache import TileCache
 from service.watching.pictures import PictureRequest, picture_file, picture_memory
 from tests.grids import grid
@@ -41,7 +41,7 @@ WISHES = [
 
 def rendered(folder: Path, width: int, height: int, tile: int) -> Film:
     film = Film(folder / "job.sqlite", width, height, tile, 24, TileCache(1))
-    film.merge([Part(0, i, 0, 2, pack_sums(expected_sums(tile, 0, 2, 0))) for i, tile in enumerate(film.tiles)])
+    film.merge([Contribution(0, i, 0, 2, pack_sums(expected_sums(tile, 0, 2, 0))) for i, tile in enumerate(film.tiles)])
     return film
 
 

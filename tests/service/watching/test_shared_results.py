@@ -14,7 +14,7 @@ import pytest
 from protocol.sums import pack_sums
 from service.errors import FilmUnavailable
 from service.events import Events
-from service.store.films import Film, Part
+from service.store.films import Contribution, Film
 from service.store.tile_cache import TileCache
 from service.watching import shared_results
 from service.watching.broadcast import Broadcast
@@ -58,12 +58,12 @@ def packing(monkeypatch: pytest.MonkeyPatch) -> Packing:
 
 def film_in(folder: Path) -> Film:
     film = Film(folder / "job.sqlite", 64, 32, 16, 24, TileCache(1 << 20))
-    film.open_file(make=True)
+    film.open_file(create=True)
     return film
 
 
 def render(film: Film, tile: int, first: int) -> None:
-    film.merge([Part(0, tile, first, 1, pack_sums(expected_sums(film.tiles[tile], first, 1, 0)))])
+    film.merge([Contribution(0, tile, first, 1, pack_sums(expected_sums(film.tiles[tile], first, 1, 0)))])
 
 
 def test_a_tile_is_packed_once_for_all_until_it_changes(tmp_path: Path, packing: Packing) -> None:

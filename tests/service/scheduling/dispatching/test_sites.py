@@ -85,8 +85,8 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
         assert counted(service, "merged") > 2 * counted(service, "results")
         film = service.farm.film(service.farm.records.job(job))
         assert film is not None
-        assert film.has_sent(f"{slots.name}-0")
-        assert not film.has_sent("site attic")
+        assert film.has_sums_of(f"{slots.name}-0")
+        assert not film.has_sums_of("site attic")
     assert reducing.stop() == 0
 
 
