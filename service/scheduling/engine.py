@@ -163,7 +163,10 @@ class Engine:
         return self._thread.is_alive()
 
     def makes_progress(self) -> bool:
-        """Returns True if the thread has completed a round recently, or is still starting, which may take long."""
+        """Returns True if the loop has completed an iteration recently, or if the engine is still starting.
+
+        The start may take long after a previous run.
+        """
         return self.is_alive and (not self._has_begun or time.monotonic() - self.snapshot.made < STUCK_TIMEOUT_S)
 
     @property

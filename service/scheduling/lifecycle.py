@@ -86,7 +86,7 @@ class Lifecycle:
         return self._bulkheads.run(id, Step.CHANGE, lambda: is_done.append(step(id)), needs_database=True) and all(is_done)
 
     def begin_round(self) -> None:
-        """Starts a round of the engine, with a new time limit for loading jobs."""
+        """Starts an iteration of the engine's loop, with a new time limit for loading jobs."""
         self._loading.begin_round()
         self.set_order(())
 
@@ -97,13 +97,13 @@ class Lifecycle:
 
     @property
     def is_loading(self) -> bool:
-        """Returns True if jobs remain to be loaded in later rounds."""
+        """True while jobs remain to be loaded in later iterations of the engine's loop."""
         return self._loading.is_under_way or self._changes.has_low_priority
 
     def may_apply(self, item_kind: str, id: str) -> bool:
-        """Returns True if a change can be applied in this round. A job can be loaded only if the round has time left.
+        """Returns True if a change can be applied in this iteration of the engine's loop.
 
-        item_kind: "job" or "scene".
+        Loading a job requires that the iteration has time left. item_kind: "job" or "scene".
         """
         return item_kind != "job" or id in self._scheduler.jobs or self._loading.has_time
 
@@ -249,7 +249,7 @@ class Lifecycle:
         self._record_change("job", job.id)
 
     def begin_next_round(self, job: ActiveJob) -> None:
-        """Stores the sample goals of a shot's frames for its next round, then starts the round."""
+        """Stores the sample goals that the order `noisiest-first` has computed for a shot's frames, and applies them."""
         self._records.store_goals(job)
         job.agenda.begin_round()
 

@@ -1,7 +1,7 @@
 """Loads jobs from the database into the scheduler.
 
-A shot may have a hundred thousand frames, so it is loaded in steps, with a time limit in each round of the engine. Results of
-other jobs are merged between the rounds.
+A shot may have a hundred thousand frames, so it is loaded in steps, with a time limit in each iteration of the engine's loop.
+Results of other jobs are merged between the iterations.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class Loading:
         self._until = self._until_by_clock = 0.0
 
     def begin_round(self) -> None:
-        """Resets the time limits at the start of a round."""
+        """Resets the time limits. Called at the start of each iteration of the engine's loop."""
         self._rounds += 1
         self._is_first = True
         self._until = time.thread_time() + ROUND_PROCESSOR_S
@@ -62,7 +62,7 @@ class Loading:
 
     @property
     def has_time(self) -> bool:
-        """Returns True if the round has time to load another job. Always True for the first job of a round."""
+        """True if this iteration of the engine's loop has time to load another job, and always for the first job."""
         return self._is_first or (time.thread_time() <= self._until and time.monotonic() <= self._until_by_clock)
 
     @property
@@ -71,7 +71,7 @@ class Loading:
         return bool(self._under_way)
 
     def continue_loading(self, pending: PendingJob) -> bool:
-        """Loads an unfinished job until the round's time is used up.
+        """Loads an unfinished job until this iteration of the engine's loop has used up its time.
 
         Returns True if the job is loaded or cannot be loaded at present, and False if steps remain.
         """

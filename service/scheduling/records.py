@@ -183,7 +183,7 @@ class Records:
             return [(job, id, name, state) for job, id, name, state in session.execute(query)]
 
     def shares(self) -> dict[str, Terms]:
-        """Returns the weights and limits that administrators have set for shares, by share name."""
+        """Returns the weights and slot limits that administrators have set for users and projects, by share name."""
         with self._sessions() as session:
             return {row.name: Terms(row.weight, row.max_slots) for row in session.scalars(select(ShareTerms))}
 
@@ -302,7 +302,7 @@ class Records:
                 row.shot = replace(shot, anew=frames_text(map(frame_number, left))).to_json()
 
     def store_goals(self, job: ActiveJob) -> None:
-        """Stores the sample goals of a shot's frames for its next round."""
+        """Stores the sample goals that the order `noisiest-first` has computed for a shot's frames."""
         with self._sessions.begin() as session:
             goals = [{"of": job.id, "key": key, "goal": goal} for key, goal in job.agenda.new_goals.items()]
             row = update(Frame).where(Frame.job == bindparam("of"), Frame.number == bindparam("key"))

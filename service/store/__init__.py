@@ -1,1 +1,1 @@
-"""Storage: database rows, content-addressed blobs, and films, which store each sample exactly once."""
+"""Storage: database rows, content-addressed blobs, and films, which contain each sample exactly once."""

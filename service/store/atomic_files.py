@@ -30,7 +30,7 @@ def write_atomically(path: Path, data: bytes) -> None:
 def write_if_missing(path: Path, data: bytes) -> None:
     """Writes a small file unless it exists.
 
-    If several processes call this at once, one of them writes the file, and all see its content.
+    If several processes call this at once, one of them writes the file, and all see its content afterwards.
     """
     with _temporary_beside(path, data) as temporary:
         _sync(temporary)
@@ -55,9 +55,9 @@ def _temporary_beside(path: Path, data: bytes) -> Iterator[Path]:
 
 
 def rename_synced(temporary: Path, path: Path) -> None:
-    """Renames a written file to its final name.
+    """Renames a completely written file to its final name.
 
-    First syncs it to disk, so that the final name never refers to incomplete content.
+    Syncs the file to disk first, so that the final name never refers to incomplete content.
     """
     _sync(temporary)
     temporary.replace(path)

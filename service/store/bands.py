@@ -28,8 +28,8 @@ IN_MEMORY_BYTES = 32 << 20
 def bands(film: ReadableFilm, frame: int, names: Sequence[str]) -> Iterator[F32]:
     """Yields a frame as bands from top to bottom, one per row of tiles: (h, width, channels) float32.
 
-    names: "color" and AOVs, concatenated along the last axis. Pixels of tiles without samples are 0.
-    Raises the errors of reading a film.
+    names: "color" and names of AOVs, whose channels are concatenated along the last axis. Pixels of tiles without samples are
+    0. Raises FilmUnavailable, FilmLost or FilmClosed.
     """
     wanted = sorted({plane for name in names for plane in aovs.planes(name)})
     size = sum(map(aovs.size, names))
@@ -52,8 +52,8 @@ def _channel_means(sums: Sums, film_exponent: int, name: str) -> F32:
 def digest(film: Film, frame: int, folder: Path) -> str:
     """Returns the digest of a whole frame, as defined by `renderer.film.digest`.
 
-    The hash is computed plane by plane, so the planes are first written to a temporary file in `folder` (in memory if smaller
-    than IN_MEMORY_BYTES).
+    The hash is computed plane by plane, so the planes are first written to a temporary file: in `folder`, or in memory if they
+    are smaller than IN_MEMORY_BYTES.
     """
     with film_faults(), tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES, dir=str(folder)) as file:
         for row, sums_of in _rows(film, frame, range(CHANNELS)):
@@ -73,9 +73,9 @@ def digest_memory(film: Film) -> int:
 
 
 def _rows(film: ReadableFilm, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:
-    """Yields for each row of tiles: all its tiles, and an iterator of (tile, sums) of those that have samples.
+    """Yields, for each row of tiles, all its tiles and an iterator of (tile, sums) over those that have samples.
 
-    planes: channels of the sums to read.
+    planes: indices of the channels of the sums to read.
     """
     for _, group in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
         row = list(group)

@@ -1,6 +1,6 @@
 """The files that Blender exports from a .blend scene: stored with the scene, and reused by other scenes with the same files.
 
-The rendered result therefore depends only on the upload, not on the Blender version that a worker has later.
+So the rendered result depends only on the upload, not on the Blender version that a worker has later.
 """
 
 from __future__ import annotations
@@ -17,10 +17,10 @@ __all__ = ["blender_export_of", "needs_blender"]
 
 
 def blender_export_of(session: Session, scene: Scene) -> dict[str, Any] | None:
-    """Returns the stored export (`SceneInfo.blend`) for a scene, or None.
+    """Returns the stored Blender export (`SceneInfo.blend`) for a scene; None if there is none.
 
     Searches the scene itself, then the upload from which it was derived (`scene.of`), then the oldest other scene with the same
-    files. None if the main file is not a .blend, or if Blender has not exported these files yet.
+    files. Returns None if the main file is not a .blend file, or if Blender has not exported these files yet.
     """
     if not is_blend(scene.main):
         return None

@@ -26,7 +26,7 @@ DELETING_THREADS = 8  # threads that delete blobs in parallel
 
 
 def is_sha256(text: str) -> bool:
-    """Returns True if `text` is a SHA-256 in lower-case hexadecimal, and therefore safe in a path."""
+    """Returns True if `text` is a SHA-256 in lower-case hexadecimal, which is safe as part of a path."""
     return SHA256.fullmatch(text) is not None
 
 
@@ -65,7 +65,7 @@ class BlobStore(Protocol):
         """Returns the size of a blob in bytes, or None if it does not exist."""
 
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
-        """Deletes those of the given blobs that exist.
+        """Deletes those of these blobs that exist.
 
         guard: called before each deletion; raises FarmError if deleting is no longer allowed.
         """
@@ -73,15 +73,15 @@ class BlobStore(Protocol):
     def sweep(self, keep: set[str], older_than_s: float = MIN_AGE_S) -> set[str]:
         """Deletes remains of interrupted writes, and blobs older than `older_than_s` seconds that are not in `keep`.
 
-        Returns the hashes of younger blobs that are not in `keep`. They are not deleted, since the worker's message that refers
-        to them may still be in transit.
+        Returns the hashes of younger blobs that are not in `keep`. These are not deleted, since the worker's message that
+        refers to them may still be in transit.
         """
 
 
 class BlobFolder:
-    """Blobs as files `<folder>/<first two hex digits>/<sha256>`; `temporary` is a folder on the same file system.
+    """Blobs as files `<folder>/<first two hex digits>/<sha256>`. `temporary` is a folder on the same file system.
 
-    A worker that has mapped a blob can still read it after its deletion.
+    A worker that has mapped a blob into memory can still read it after its deletion.
     """
 
     is_local = True
@@ -92,11 +92,14 @@ class BlobFolder:
         folder.mkdir(parents=True, exist_ok=True)
 
     def writer(self) -> BlobWriter:
-        """Implements `BlobStore.writer`."""
+        """Returns a writer for a new blob, which is written to a temporary file."""
         return self._staging.writer(self.put)
 
     def put(self, writer: BlobWriter) -> None:
-        """Implements `BlobStore.put`. Replaces an existing file of another size, which a power failure can leave."""
+        """Moves the written file to the blob's path, unless the blob exists.
+
+        An existing file of another size, which a power failure can leave, is replaced.
+        """
         target = self._path(writer.sha256)
         target.parent.mkdir(PRIVATE_FOLDER, parents=True, exist_ok=True)
         with contextlib.suppress(FileNotFoundError):
@@ -106,32 +109,32 @@ class BlobFolder:
         rename_synced(writer.path, target)
 
     def open(self, sha256: str) -> BinaryIO:
-        """Implements `BlobStore.open`."""
+        """Opens a blob for reading. Raises NotFound."""
         try:
             return self._path(sha256).open("rb")
         except FileNotFoundError:
             raise blob_not_found() from None
 
     def serve(self, sha256: str) -> ServedBlob:
-        """Implements `BlobStore.serve`."""
+        """Returns a blob's size and content in chunks, for a response. Raises NotFound."""
         file = self.open(sha256)
         return ServedBlob(os.fstat(file.fileno()).st_size, _chunks(file))
 
     def exists(self, sha256: str) -> bool:
-        """Implements `BlobStore.exists`."""
+        """Returns True if the blob exists."""
         return self._path(sha256).is_file()
 
     def size(self, sha256: str) -> int | None:
-        """Implements `BlobStore.size`."""
+        """Returns the size of a blob in bytes, or None if it does not exist."""
         try:
             return self._path(sha256).stat().st_size
         except FileNotFoundError:
             return None
 
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
-        """Implements `BlobStore.delete`.
+        """Deletes those of these blobs that exist. guard: called before each deletion; raises FarmError if it is not allowed.
 
-        Deletes up to AT_A_TIME files in parallel, so that the waits of disks with synchronous discard overlap.
+        Up to DELETING_THREADS files are deleted in parallel, so that the waits of disks with synchronous discard overlap.
         """
 
         def remove(path: Path) -> None:
@@ -147,7 +150,10 @@ class BlobFolder:
             list(threads.map(remove, paths))
 
     def sweep(self, keep: set[str], older_than_s: float = MIN_AGE_S) -> set[str]:
-        """Implements `BlobStore.sweep`."""
+        """Deletes remains of interrupted writes, and blobs older than `older_than_s` seconds that are not in `keep`.
+
+        Returns the hashes of younger blobs that are not in `keep`.
+        """
         self._staging.sweep()
         young = set()
         for path in self._folder.glob("??/*"):
@@ -167,7 +173,7 @@ class BlobFolder:
 
 
 def blob_not_found() -> NotFound:
-    """Returns the NotFound error for a blob that does not exist."""
+    """Returns the error for a blob that does not exist."""
     return NotFound(Sentence("blob-not-found", "There is no blob with this hash; its scene may have been deleted."))
 
 

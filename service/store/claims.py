@@ -1,8 +1,9 @@
-"""Selects which parts of a merge a film accepts, so that each sample is stored exactly once.
+"""Selects which contributions of a merge a film accepts, so that each sample is stored exactly once.
 
-A part that overlaps stored samples is dropped, because all or some of it was stored before. One exception: a part whose sums were
-added up in transit covers several batches, of which one may already be stored, sent by the second worker of a duplicated batch.
-If all overlapping rows lie within the new part, the part replaces them: it contains the same samples and more.
+A contribution that overlaps stored samples is dropped, because all or some of it was stored before. There is one exception: a
+contribution whose sums were added up in transit covers several batches, of which one may already be stored, because a second
+worker has rendered a duplicate of it. If all overlapping rows lie within the new contribution, it replaces them: it contains
+the same samples and more.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ _FrameTile = tuple[int, int]  # frame, tile
 
 
 class Claims:
-    """The decision which parts of a merge a film accepts.
+    """The decision which contributions of a merge a film accepts.
 
-    coverage: sample numbers that each changed tile has after the merge. replaced: stored rows that an accepted part replaces.
-    taken: for each part, whether it is accepted.
+    coverage: sample numbers that each changed tile has after the merge. replaced: stored rows that an accepted contribution
+    replaces. taken: for each contribution, whether it is accepted.
     """
 
     def __init__(
@@ -33,10 +34,11 @@ class Claims:
         coverage_of: Callable[[int, int], Coverage],
         rows: Callable[[int, int], Sequence[RowHead]] | None,
     ) -> None:
-        """Decides which parts to accept.
+        """Decides which contributions to accept.
 
-        fit: for each part, whether it is valid. coverage_of: returns a copy of the sample numbers stored for (frame, tile).
-        rows: returns the heads of the rows stored for (frame, tile); None: no row may be replaced.
+        is_valid: for each contribution, whether it may be accepted. coverage_of: returns a copy of the stored sample numbers of
+        a tile, by frame key and tile index. rows: returns the heads of the stored rows of such a tile; None: no row may be
+        replaced.
         """
         self.coverage: dict[_FrameTile, Coverage] = {}
         self.replaced: list[RowHead] = []
@@ -66,9 +68,9 @@ class Claims:
         return True
 
     def _replaced_rows(self, contribution: Contribution) -> list[RowHead]:
-        """Returns the heads of the stored rows that a part replaces.
+        """Returns the heads of the stored rows that a contribution replaces.
 
-        Empty unless the part contains all samples of these rows, and more.
+        Empty unless the contribution contains all samples of these rows, and more.
         """
         where, end = (contribution.frame, contribution.tile), contribution.first + contribution.count
         if self._rows is None or any(_overlap(contribution, [(new.first, new.count)]) for new in self._new.get(where, ())):

@@ -78,17 +78,18 @@ class Contents:
         return sum(head.bad for tile in range(len(self._tiles)) for head in self.rows(frame, tile))
 
     def has_only(self, frames: Collection[int]) -> bool:
-        """Returns True if all stored samples belong to the given frames."""
+        """Returns True if all stored samples belong to these frames, which are given by key."""
         return all(frame in frames for frame, _ in list(self._coverage))
 
     def has_sums_of(self, worker: str) -> bool:
-        """Returns True if a worker has contributed to sums in the film."""
+        """Returns True if the film contains sums from this worker."""
         return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
 
     def record_merge(self, coverage: Mapping[FrameTile, Coverage], added: Iterable[RowHead], replaced: Iterable[RowHead]) -> None:
-        """Updates the index after a merge: `added` rows were stored, and the rows `instead_of` were replaced.
+        """Updates the index after a merge.
 
-        coverage: the sample ranges of the changed tiles after the merge.
+        coverage: sample ranges of the changed tiles after the merge. added: heads of the new rows. replaced: heads of the
+        deleted rows.
         """
         self._coverage.update(coverage)
         for head in replaced:

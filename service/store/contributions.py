@@ -13,9 +13,9 @@ __all__ = ["Contribution", "joined_contributions"]
 
 @dataclass(frozen=True)
 class Contribution:
-    """A contribution to a film: the sums of samples first to first + count - 1 of a tile.
+    """The sums of samples first to first + count - 1 of a tile, to be merged into a film.
 
-    tile: its index. sums: packed by protocol.sums.
+    frame: frame key. tile: index of the tile. sums: packed by protocol.sums. bad, bad_count: samples that were NaN or infinite.
     """
 
     frame: int
@@ -31,10 +31,10 @@ class Contribution:
 def joined_contributions(
     contributions: list[Contribution], tiles: list[Tile], separates_senders: bool
 ) -> list[tuple[Contribution, Sums | None]]:
-    """Joins parts with contiguous samples, since each stored row is costly.
+    """Joins contributions with contiguous samples of the same tile, since each stored row is costly.
 
-    Returns each resulting part with its unpacked sums, or with None if it was not joined. apart: do not join parts of different
-    workers. Raises ValueError if a part's sums are damaged.
+    Returns each resulting contribution with its unpacked sums, or with None if it was not joined. tiles: tiles of the film.
+    separates_senders: whether contributions of different workers stay separate. Raises ValueError if sums are damaged.
     """
     runs: list[list[Contribution]] = []
     for contribution in sorted(contributions, key=lambda p: (p.frame, p.tile, p.first)):

@@ -1,4 +1,4 @@
-"""Set of a tile's sample numbers that a film contains, as sorted disjoint half-open ranges."""
+"""Set of the sample numbers that a film contains of a tile, as sorted disjoint half-open ranges."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ class Coverage:
         return kept
 
     def gaps(self, start: int, end: int) -> Iterator[tuple[int, int]]:
-        """Yields the half-open ranges within [start, end) that are not covered, in order."""
+        """Yields, in order, the half-open ranges within [start, end) that are not covered."""
         for covered_start, covered_end in self.ranges:
             if covered_end <= start:
                 continue

@@ -37,10 +37,9 @@ Fence = Callable[[Session], None]  # raises FarmError if the transaction must no
 
 
 class Sessions:
-    """Factory of sessions: `sessions()` for reading, `sessions.begin()` for a writing transaction.
+    """Factory of database sessions: `sessions()` for reading, `sessions.begin()` for a writing transaction.
 
-    patience_s: timeout of SQLite's lock in seconds. fence: called at the start of each writing transaction; raises FarmError to
-    reject it. Raises OutOfSpace if the disk is full, Unavailable if the database is locked or unreachable, Invalid for values
+    Sessions raise OutOfSpace if the disk is full, Unavailable if the database is locked or unreachable, and Invalid for values
     that the database cannot store.
     """
 
@@ -52,10 +51,11 @@ class Sessions:
         writer_queue: WriterQueue | None = None,
         is_urgent: bool = False,
     ) -> None:
-        """Stores the options.
+        """Stores the options. lock_timeout_s: timeout of SQLite's lock in seconds.
 
-        turns: queue shared by all writers to this database in this process. is_urgent: whether this factory's transactions
-        precede the others in the queue.
+        fence: called at the start of each writing transaction; raises FarmError to reject it. writer_queue: queue of all
+        writers to this database in this process. is_urgent: whether this factory's transactions precede the others in the
+        queue.
         """
         self._engine = engine
         self._fence = fence
@@ -75,7 +75,10 @@ class Sessions:
         return Sessions(self._engine, seconds, self._fence, self._writer_queue, is_urgent=True)
 
     def fenced(self, fence: Fence) -> Sessions:
-        """Returns a factory with the default timeout whose writing transactions call `fence` first."""
+        """Returns a factory whose writing transactions first call `fence`, which raises FarmError to reject them.
+
+        It has the default timeout of the lock.
+        """
         return Sessions(self._engine, fence=fence, writer_queue=self._writer_queue)
 
     @contextmanager
@@ -86,7 +89,7 @@ class Sessions:
 
     @contextmanager
     def begin(self) -> Iterator[Session]:
-        """Opens a writing transaction: commits on exit, rolls back if an exception leaves the block."""
+        """Opens a writing transaction, which is committed on exit, or rolled back if an exception leaves the block."""
         turn = self._writer_queue.wait_for_turn(self._lock_timeout_s, self._is_urgent) if self._is_sqlite else nullcontext()
         with translated_faults(), turn, self._writers.begin() as session:
             if self._fence is not None:
@@ -125,7 +128,7 @@ def open_database(url: str) -> Engine:
 
 
 def close_database(engine: Engine) -> None:
-    """Closes all connections and rejects new ones.
+    """Closes all connections, and rejects new ones.
 
     Connections in use are closed when they are returned to the pool, since a request or thread may outlive the service.
     """
@@ -145,7 +148,7 @@ def close_database(engine: Engine) -> None:
 
 
 def _json_or_nothing(text: str | bytes) -> Any:
-    """Returns the JSON value of a column, or None if it is damaged, so that other rows stay readable."""
+    """Returns the JSON value of a column, or None if it is damaged, so that the other rows stay readable."""
     try:
         return from_json(text)  # three times as fast as json.loads, and most of the time of reading many jobs
     except ValueError:
@@ -158,9 +161,9 @@ def _json_or_nothing(text: str | bytes) -> Any:
 
 @contextmanager
 def translated_faults() -> Iterator[None]:
-    """Context manager that converts database errors as `Sessions` does, for code that uses a connection directly.
+    """Context manager that converts database errors to OutOfSpace, Unavailable or Invalid, as `Sessions` does.
 
-    Raises OutOfSpace, Unavailable or Invalid.
+    For code that uses a connection directly.
     """
     try:
         yield
@@ -192,7 +195,10 @@ def translated_faults() -> Iterator[None]:
 
 
 def _make_private(database: str | None) -> None:
-    """Makes the SQLite database and its -wal and -shm files accessible only to their owner. New side files inherit this mode."""
+    """Makes the SQLite database and its -wal and -shm files accessible only to their owner.
+
+    SQLite creates further such files with the same mode.
+    """
     if database and database != ":memory:":
         path = Path(database)
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, PRIVATE))

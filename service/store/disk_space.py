@@ -36,16 +36,16 @@ def translated_disk_errors() -> Iterator[None]:
 
 
 def check_free_space(folder: Path, keep_free: int) -> None:
-    """Raises OutOfSpace if the disk has less than `keep_free` bytes plus a margin for writes in progress."""
+    """Raises OutOfSpace if the disk has less than `keep_free` bytes, plus a margin for writes in progress."""
     if shutil.disk_usage(folder).free < keep_free + CHECK_EVERY:
         raise disk_full_error()
 
 
 def disk_checker(folder: Path, keep_free: int) -> Callable[[int], None]:
-    """Returns a function to be called with the number of bytes about to be written.
+    """Returns a function that is called with the number of bytes about to be written.
 
-    It raises OutOfSpace if the disk would have less than `keep_free` bytes left. The disk is checked once every CHECK_EVERY
-    bytes.
+    The function raises OutOfSpace if the disk would have less than `keep_free` bytes left. It checks the disk once every
+    CHECK_EVERY bytes.
     """
     since_check = CHECK_EVERY
 

@@ -19,9 +19,9 @@ LOCK_TIMEOUT_S = 5.0
 
 
 def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
-    """Reads and verifies the whole film. Returns the number of samples of each frame, summed over its pixels.
+    """Reads and verifies a whole film. Returns the number of samples of each frame, by key, summed over its pixels.
 
-    Rows without a checksum (films of older releases) are accepted. Raises FilmDamaged, FilmLost, FilmUnavailable.
+    Rows without a checksum (films of older releases) are accepted. Raises FilmDamaged, FilmLost or FilmUnavailable.
     """
     tiles = tiles_of(shape.width, shape.height, shape.tile_size)
     found: Counter[int] = Counter()
@@ -36,7 +36,7 @@ def film_samples(path: Path, shape: FilmShape) -> Counter[int]:
 
 
 def readable_rows(path: Path, shape: FilmShape) -> Iterator[Row]:
-    """Yields the rows of a damaged film that are readable and match their checksums; nothing if the file cannot be read."""
+    """Yields the rows of a damaged film that are readable and match their checksums. Yields none if the file is unreadable."""
     try:
         with closing(open_film_file(path)) as database:
             is_up_to_date(database, shape)

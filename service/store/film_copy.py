@@ -60,11 +60,11 @@ class FilmCopy:
             self._remove()
 
     def copy_frames(self, source: Path, frames: Collection[int], sample_limit: int) -> dict[int, int]:
-        """Copies frames of another film in one read transaction. Returns the number of samples of each copied frame, over all
-        pixels.
+        """Copies frames of another film in one read transaction. Returns their numbers of samples, over all pixels.
 
-        sample_limit: skips frames with sample numbers >= `sample_limit`, and frames without samples. Raises FilmUnavailable,
-        or FilmLost if the source is missing or a row does not match its checksum; then none of these frames is copied.
+        source: file of the other film. frames: keys. sample_limit: frames with sample numbers >= this limit are skipped, as are
+        frames without samples. Raises FilmUnavailable, or FilmLost if the source is missing or a row does not match its
+        checksum; then none of these frames is copied.
         """
         if not source.exists():
             raise FilmLost(Sentence("film-missing", "{film} is missing.", film=FILM))

@@ -1,5 +1,8 @@
-"""Classification of faults of a film's file: temporary (FilmUnavailable), permanent (FilmLost), or repairable by rendering again
-(FilmDamaged, a FilmLost).
+"""Classifies faults of a film's file.
+
+FilmUnavailable   temporary
+FilmLost          permanent
+FilmDamaged       a FilmLost that is repaired by rendering again
 """
 
 from __future__ import annotations
@@ -55,7 +58,7 @@ TEMPORARY_OS_ERRORS = {
 
 
 class FilmClosed(NotFound):
-    """Raised if the film is closed during a read: its job was deleted or restarted, or the service stops."""
+    """Raised if the film is closed during a read, because its job was deleted or restarted, or because the service stops."""
 
     def __init__(self) -> None:
         super().__init__(Sentence("film-job-changed", "The job was deleted or restarted while its picture was read."))
@@ -82,17 +85,17 @@ def film_faults() -> Iterator[None]:
 
 
 def damaged_film_error(detail: str) -> FilmDamaged:
-    """Returns the error for a film with invalid content.
-
-    why: the detail for the message: a sentence, or a library's error text.
-    """
+    """Returns the error for a film with invalid content. detail: a sentence, or the error text of a library."""
     return FilmDamaged(
         Sentence("film-damaged", "{film} is damaged ({reason}). {advice}", film=FILM, reason=detail, advice=RENDER_AGAIN_ADVICE)
     )
 
 
 def damaged_samples_error(first: int, tile: int) -> FilmDamaged:
-    """Returns the error for a row of a film, of the samples from `first` on, that does not match its checksum."""
+    """Returns the error for a row of a film that does not match its checksum.
+
+    first: first sample of the row. tile: index of its tile.
+    """
     return damaged_film_error(
         Sentence(
             "film-samples-damaged",
@@ -104,7 +107,7 @@ def damaged_samples_error(first: int, tile: int) -> FilmDamaged:
 
 
 def incomplete_film_error(found: int, recorded: int) -> FilmDamaged:
-    """Returns the error for a film with fewer samples (`found`) than the database records."""
+    """Returns the error for a film with `found` samples, fewer than the `recorded` ones in the database."""
     if not found:
         return FilmDamaged(
             Sentence("film-emptied-advice", "{film} is missing or was emptied. {advice}", film=FILM, advice=RENDER_AGAIN_ADVICE)
@@ -121,7 +124,7 @@ def incomplete_film_error(found: int, recorded: int) -> FilmDamaged:
 
 
 def owned_elsewhere_error() -> FilmUnavailable:
-    """Returns the error for a film that another service owns, because it has taken over the farm."""
+    """Returns the error for a film that another service owns because it has taken over the farm."""
     return FilmUnavailable(Sentence("film-owned-elsewhere", "{film} now belongs to another service.", film=FILM))
 
 

@@ -1,6 +1,6 @@
-"""A film's file: an SQLite database of rows.
+"""A film's file: an SQLite database of rows, each with the sums of samples of one tile.
 
-Every change is one transaction; every fault is raised as FilmUnavailable or FilmLost.
+Every change is one transaction. Every fault is raised as FilmUnavailable or FilmLost.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ class FilmFile:
     def __init__(self, path: Path, shape: FilmShape, epoch: int | None = None) -> None:
         """Opens the file; creates or migrates it if needed.
 
-        epoch: this service's ownership epoch: writes raise FilmUnavailable after a service with a greater epoch has written;
-        None: no such check. Raises FilmUnavailable or FilmLost.
+        shape: layout of the film's sums. epoch: number of this service's ownership of the farm. Writes raise FilmUnavailable
+        after a service with a greater epoch has written; None: no such check. Raises FilmUnavailable or FilmLost.
         """
         self._is_held = False  # whether another program held the lock at the last try
         self._epoch = epoch
@@ -88,10 +88,10 @@ class FilmFile:
                 raise
 
     def claim(self) -> bool:
-        """Writes this service's epoch to the file, so that services with a lesser epoch can no longer write.
+        """Writes this service's epoch to the file, so that services with a smaller epoch can no longer write.
 
-        Returns True if this is the first call: then cached contents of the film must be read again. Raises FilmUnavailable, also
-        if a service with a greater epoch owns the film.
+        Returns True in the first call; then cached contents of the film must be read again. Raises FilmUnavailable, also if a
+        service with a greater epoch owns the film.
         """
         if self._is_claimed:
             return False
@@ -100,12 +100,12 @@ class FilmFile:
         return True
 
     def close(self) -> None:
-        """Closes the file. If its write-ahead log cannot be merged now, the log file remains; no committed row is lost."""
+        """Closes the file. If its write-ahead log cannot be merged now, the log file remains, and no committed row is lost."""
         with contextlib.suppress(sqlite3.Error):
             self._close()
 
     def checkpoint(self) -> None:
-        """Merges the write-ahead log into the database file if possible; only logs a failure."""
+        """Merges the write-ahead log into the database file if possible. A failure is only logged."""
         try:
             with film_faults():
                 self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
@@ -125,7 +125,7 @@ class FilmFile:
                 yield _sums(row)
 
     def sums_of(self, heads: Iterable[RowHead]) -> Iterator[bytes]:
-        """Yields the packed sums of the given rows of one tile.
+        """Yields the packed sums of the rows with these heads, all of one tile.
 
         Raises FilmLost if a row is missing or does not match its checksum.
         """
@@ -145,7 +145,7 @@ class FilmFile:
                 yield _sums(row)
 
     def bad_samples(self, frame: int) -> tuple[int, list[tuple[int, int, int]]]:
-        """Returns the number of bad samples of a frame, and (x, y, sample) of up to BAD_SHOWN of them."""
+        """Returns the number of bad samples (NaN or infinite) of a frame, and (x, y, sample) of up to BAD_SHOWN of them."""
         with film_faults():
             (count,) = self._database.execute("SELECT coalesce(sum(bad), 0) FROM part WHERE frame = ?", (frame,)).fetchone()
             first = self._database.execute(
@@ -159,10 +159,10 @@ class FilmFile:
         bad: list[tuple[int, int, int, int]],
         replaced: Sequence[tuple[RowHead, tuple[int, int, int, int]]] = (),
     ) -> None:
-        """Adds rows and the records of bad samples (frame, x, y, sample) in one transaction.
+        """Adds rows, and the records of bad samples (frame, x, y, sample), in one transaction.
 
-        instead: rows to delete in the same transaction, each with its tile's x, y, w, h; records of their bad samples are deleted
-        too. At most MAX_BAD_KEPT records are stored.
+        replaced: rows to delete in the same transaction, each with its tile's (x, y, w, h); the records of their bad samples
+        are deleted too. At most MAX_BAD_KEPT records are stored.
         """
         with film_faults(), self._transaction():
             if replaced:
@@ -176,9 +176,9 @@ class FilmFile:
                 self._database.executemany("INSERT INTO bad_sample VALUES (?, ?, ?, ?)", bad[: max(0, MAX_BAD_KEPT - kept)])
 
     def fold_rows(self, heads: Sequence[RowHead], row: Row, are_all: bool) -> bool:
-        """Replaces rows by one row. Returns False, without any change, if the rows `heads` are not all stored.
+        """Replaces the rows with these heads by one row. Returns False, and changes nothing, if they are not all stored.
 
-        are_all: also requires that `heads` are all rows of the tile.
+        are_all: whether to require also that these are all rows of the tile.
         """
         with film_faults(), self._transaction():
             there = self._database.execute("SELECT first, count FROM part WHERE frame = ? AND tile = ?", row[:2]).fetchall()
@@ -190,7 +190,7 @@ class FilmFile:
         return True
 
     def delete_frames(self, frames: Iterable[int]) -> None:
-        """Deletes the rows and bad samples of these frames, FRAMES_PER_DELETION frames per transaction."""
+        """Deletes the rows and bad samples of these frames, in transactions of FRAMES_PER_DELETION frames."""
         left = iter([(frame,) for frame in frames])
         while some := list(islice(left, FRAMES_PER_DELETION)):
             with film_faults(), self._transaction():
@@ -198,9 +198,9 @@ class FilmFile:
                 self._database.executemany("DELETE FROM bad_sample WHERE frame = ?", some)
 
     def row(self, frame: int, tile: int, first: int) -> Row | None:
-        """Returns a row, or None if it is missing or does not match its checksum.
+        """Returns the row of a tile that begins with sample `first`; None if it is missing or does not match its checksum.
 
-        Raises FilmLost if the part of the file with this row cannot be read.
+        Raises FilmLost if the file cannot be read there.
         """
         with film_faults():
             where = (frame, tile, first)
@@ -217,7 +217,7 @@ class FilmFile:
         self._database.executemany("DELETE FROM part WHERE frame = ? AND tile = ? AND first = ?", where)
 
     def delete_bad_samples(self, frame: int, area: tuple[int, int, int, int], first: int, count: int) -> None:
-        """Deletes the records of bad samples first ... first + count - 1 for pixels in area (x, y, w, h)."""
+        """Deletes the records of bad samples first ... first + count - 1 of the pixels in `area` (x, y, w, h)."""
         with film_faults(), self._transaction():
             self._delete_bad_samples(frame, area, first, count)
 
@@ -244,7 +244,7 @@ class FilmFile:
             raise
 
     def _fence(self, epoch: int) -> None:
-        """Checks, within a transaction, that this service may write to the film, and stores its epoch.
+        """Checks that this service may write to the film, and stores its epoch. Called within a transaction.
 
         Raises FilmUnavailable if a service with a greater epoch owns the film.
         """
@@ -260,7 +260,7 @@ class FilmFile:
     def _begin(self) -> None:
         """Begins a writing transaction.
 
-        If the film was locked at the last attempt, does not wait for the lock: many locked films would otherwise block the
+        If the film was locked in the previous attempt, does not wait for the lock. Otherwise many locked films would block the
         engine's thread.
         """
         try:

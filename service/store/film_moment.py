@@ -1,7 +1,7 @@
 """A consistent snapshot of a film, which stays readable while the film grows.
 
 With SQLite's write-ahead log, a reader sees the file as it was when its transaction began. A snapshot is an open read
-transaction: it does not slow down the writer, and can be read slowly.
+transaction: it does not slow down the writer, however slowly it is read.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class ReadableFilm(Protocol):
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
         """Returns a tile's sums, (CHANNELS, h, w) int64, or None if it has no samples.
 
-        Channels other than `planes` are undefined.
+        planes: indices of the channels to read. Other channels are undefined.
         """
 
 
@@ -72,7 +72,7 @@ class FilmSnapshotView:
         self._database.close()
 
     def coverage(self, frame: int, tile: int) -> Coverage:
-        """Implements `ReadableFilm.coverage`."""
+        """Returns the sample ranges that the snapshot has of a tile."""
         if self._coverage is None:
             self._coverage = {}
             try:
@@ -86,7 +86,7 @@ class FilmSnapshotView:
         return self._coverage.get((frame, tile)) or Coverage()
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """Implements `ReadableFilm.tile_planes`."""
+        """Returns a tile's sums, (CHANNELS, h, w) int64; None if it has no samples. Channels not in `planes` are undefined."""
         with film_faults():
             rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
         return sum_of_rows((packed for (packed,) in rows), self.tiles[tile], planes) if rows else None

@@ -1,4 +1,4 @@
-"""Stored intermediate pictures of films, at 1, 2, 4, 8 ... spp: `<folder>/<job>/<samples>.film`.
+"""Stored intermediate pictures of films, at 1, 2, 4, 8 ... samples per pixel: `<folder>/<job>/<samples>.film`.
 
 A file is one line of JSON with metadata, followed by the gzip-compressed film packet that the page reads
 (service/watching/film_packet.py). Files are written atomically, and no database table lists them.
@@ -47,9 +47,10 @@ class FilmSnapshots:
     """The intermediate pictures (snapshots) of all jobs' films, as files on disk. Thread-safe."""
 
     def __init__(self, folder: Path, max_bytes: int, min_free_bytes: int) -> None:
-        """Stores the limits.
+        """Stores the limits. folder: folder of the files.
 
-        max_bytes: total size of all snapshots; 0: no snapshots. min_free_bytes: none is written if the disk has less free space.
+        max_bytes: total size of all snapshots; 0 disables snapshots. min_free_bytes: no snapshot is written if the disk has
+        less free space.
         """
         self._folder = folder
         self._max_bytes = max_bytes
@@ -63,7 +64,7 @@ class FilmSnapshots:
         return self._max_bytes <= 0
 
     def accept(self, job: str) -> list[int]:
-        """Permits snapshots of a job until `drop` is called. Returns the samples per pixel of those that exist, ascending."""
+        """Permits snapshots of a job until `drop` is called. Returns the samples per pixel of existing ones, ascending."""
         with self._lock:
             self._begun.add(job)
         return self.stored_spp(job)
@@ -82,7 +83,7 @@ class FilmSnapshots:
         return [snapshot for snapshot in found if snapshot is not None]
 
     def find(self, job: str, spp: int) -> FilmSnapshot | None:
-        """Returns the metadata of a snapshot, or None if it is missing or invalid."""
+        """Returns the metadata of the snapshot at `spp` samples per pixel; None if it is missing or invalid."""
         try:
             with self._path(job, spp).open("rb") as file:
                 return _parse_facts(file.readline(MAX_FACTS_BYTES))
@@ -103,7 +104,7 @@ class FilmSnapshots:
         return size, pieces()
 
     def write(self, job: str, metadata: FilmSnapshot, packed: Iterable[bytes]) -> bool:
-        """Writes a snapshot; returns whether it was stored.
+        """Writes a snapshot, whose compressed film packet is given in chunks (`packed`). Returns whether it was stored.
 
         If space is short, snapshots of other jobs are deleted first, beginning with the jobs whose latest snapshot is oldest.
         """
@@ -127,7 +128,7 @@ class FilmSnapshots:
         return True
 
     def drop(self, job: str) -> None:
-        """Deletes all snapshots of a job, and rejects any that are written later."""
+        """Deletes all snapshots of a job, and rejects later ones."""
         with self._lock:
             self._begun.discard(job)
             shutil.rmtree(self._folder / job, ignore_errors=True)

@@ -47,15 +47,16 @@ class FilmStore(Protocol):
     ) -> Film:
         """Returns the job's film, the same object for all callers. Raises FilmUnavailable or FilmLost.
 
-        pin: keep it in memory until `unpin`, because it will be rendered. Its file is created with the first batch.
-        recorded: the number of samples that `frame` must have; raises FilmLost if it has fewer.
+        pin: whether to keep the film in memory until `unpin`, because it will be rendered. Its file is created with the first
+        batch.
+        recorded: number of samples that `frame` must have; raises FilmLost if it has fewer.
         """
 
     def unpin(self, job: str) -> None:
         """Marks a film as no longer rendered: merges its write-ahead log, and allows the film to be closed."""
 
     def quarantine(self, job: str) -> None:
-        """Renames a job's unreadable film, so that the job starts again with an empty one.
+        """Renames the unreadable film of a job, so that the job starts again with an empty one.
 
         Raises FilmUnavailable or FilmLost.
         """
@@ -67,22 +68,22 @@ class FilmStore(Protocol):
         """
 
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
-        """Reads and verifies the whole film. Returns the number of samples of each frame.
+        """Reads and verifies a whole film. Returns the number of samples of each frame, by key.
 
-        Raises FilmDamaged, FilmLost, FilmUnavailable.
+        Raises FilmDamaged, FilmLost or FilmUnavailable.
         """
 
     def copy(self, job: str, settings: RenderSettings, tile_size: int) -> AbstractContextManager[CopyFrames]:
-        """Context manager that creates a job's film from frames of other films; yields the function that copies frames.
+        """Context manager that creates a job's film from frames of other films. It yields the function that copies frames.
 
-        The film exists after the block, if frames were copied. Raises FilmUnavailable or FilmLost; then no film is created.
+        The film exists after the block if frames were copied. Raises FilmUnavailable or FilmLost; then no film is created.
         """
 
     def size(self, job: str) -> int:
         """Returns the disk space of a job's film in bytes; 0 if it has no film."""
 
     def delete(self, job: str) -> None:
-        """Closes and deletes a film, and its damaged copy if it was set aside. Raises FilmUnavailable or FilmLost."""
+        """Closes and deletes a film, and its damaged copy if there is one. Raises FilmUnavailable or FilmLost."""
 
     def sweep(self, keep: set[str]) -> None:
         """Deletes films of jobs not in `keep`, and unfinished copies of an earlier process."""
@@ -102,10 +103,10 @@ class FilmFolder:
         epoch: int | None = None,
         guard: Callable[[], None] = lambda: None,
     ) -> None:
-        """Creates the folder if needed.
+        """Creates the folder if needed. cache_bytes: size of the cache of tiles, shared by all films.
 
-        snapshots: deleted together with the films; None: there are none. epoch: see service/store/film_file.py. guard: called
-        before deletions; raises FarmError if deleting is not allowed.
+        snapshots: snapshots to delete together with the films, or None. epoch: number of this service's ownership of the farm,
+        as in FilmFile. guard: called before deletions; raises FarmError if deleting is not allowed.
         """
         self._epoch = epoch
         self._guard = guard
@@ -126,7 +127,10 @@ class FilmFolder:
     def open(
         self, job: str, settings: RenderSettings, tile_size: int, pin: bool = False, recorded: int = 0, frame: int = 0
     ) -> Film:
-        """Implements `FilmStore.open`."""
+        """Returns the job's film, the same object for all callers. Raises FilmUnavailable or FilmLost.
+
+        pin: whether to keep the film in memory until `unpin`. recorded: number of samples that `frame` must have.
+        """
         with self._lock:
             film = self._films.get(job)
             if film is None:
@@ -149,7 +153,7 @@ class FilmFolder:
         return film
 
     def _record_use(self, film: Film) -> None:
-        """Records that a film with an open file is used, and closes the least recently used files beyond MAX_FILES.
+        """Records the use of a film with an open file, and closes the least recently used files beyond MAX_FILES.
 
         Thread-safe.
         """
@@ -162,14 +166,14 @@ class FilmFolder:
                     del self._in_use[key]
 
     def unpin(self, job: str) -> None:
-        """Implements `FilmStore.unpin`."""
+        """Merges the write-ahead log of a film that is no longer rendered, and allows the film to be closed."""
         with self._lock:
             film = self._pinned.pop(job, None)
         if film is not None:
             film.checkpoint()
 
     def quarantine(self, job: str) -> None:
-        """Implements `FilmStore.quarantine`."""
+        """Renames the unreadable film of a job, so that the job starts again with an empty one."""
         self._guard()
         with self._lock, film_faults():
             self._close(job)
@@ -183,7 +187,10 @@ class FilmFolder:
             self._drop_snapshots(job)
 
     def delete_damaged(self, job: str, settings: RenderSettings, tile_size: int) -> None:
-        """Implements `FilmStore.delete_damaged`."""
+        """Deletes the rows of a film that do not match their checksums, so that their samples are rendered again.
+
+        A film that cannot be opened is renamed, and its intact rows are copied to a new one.
+        """
         try:
             film = self.open(job, settings, tile_size)
             if lost := film.delete_damaged():
@@ -195,12 +202,12 @@ class FilmFolder:
             film.add_recovered(readable_rows(self._quarantine_path(job), self._film_shape(settings, tile_size)))
 
     def verify(self, job: str, settings: RenderSettings, tile_size: int) -> Mapping[int, int]:
-        """Implements `FilmStore.verify`."""
+        """Reads and verifies a whole film. Returns the number of samples of each frame, by key."""
         return film_samples(self._path(job), self._film_shape(settings, tile_size))
 
     @contextlib.contextmanager
     def copy(self, job: str, settings: RenderSettings, tile_size: int) -> Iterator[CopyFrames]:
-        """Implements `FilmStore.copy`."""
+        """Context manager that creates a job's film from frames of other films. It yields the function that copies frames."""
 
         def copy_frames(other: str, frames: Collection[int], max_samples: int) -> Mapping[int, int]:
             self.open(other, settings, tile_size)  # migrates a film of an older release
@@ -211,12 +218,12 @@ class FilmFolder:
             yield copy_frames
 
     def size(self, job: str) -> int:
-        """Implements `FilmStore.size`."""
+        """Returns the disk space of a job's film in bytes; 0 if it has no film."""
         with film_faults():
             return sum(_file_size(self._path(job, suffix)) for suffix in FILES)
 
     def delete(self, job: str) -> None:
-        """Implements `FilmStore.delete`."""
+        """Closes and deletes a film, its damaged copy, and its snapshots."""
         self._guard()
         with self._lock, film_faults():
             self._close(job)
@@ -225,7 +232,7 @@ class FilmFolder:
             self._drop_snapshots(job)
 
     def sweep(self, keep: set[str]) -> None:
-        """Implements `FilmStore.sweep`."""
+        """Deletes films of jobs that are not in `keep`, and unfinished copies of an earlier process."""
         # A file newer than this store may be a copy for a job that is not recorded yet.
         found = [path for path in self._folder.glob("*.sqlite*") if self._is_older_than_store(path)]
         for path in found:
@@ -240,7 +247,7 @@ class FilmFolder:
             self._snapshots.sweep(keep)
 
     def close(self) -> None:
-        """Implements `FilmStore.close`."""
+        """Closes all films."""
         with self._lock:
             for job in list(self._films):
                 self._close(job)

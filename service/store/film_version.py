@@ -1,9 +1,9 @@
 """Versions of the film file format. A film of an older release is migrated when it is opened.
 
-0   release 0.1.0: parts and bad samples, without a record of the image they belong to
+0   release 0.1.0: rows with sums, and bad samples, without a record of the image to which they belong
 1   stores image size, tile size and fixed-point exponent, so that another job's film is rejected
-2   each part has a checksum; older parts have none until they are folded
-3   each part names the workers whose sums it contains, and may have several sample ranges
+2   each row has a checksum; older rows have none until they are folded
+3   each row names the workers whose sums it contains, and may have several sample ranges
 """
 
 from __future__ import annotations
@@ -57,9 +57,9 @@ class FilmShape:
 
 
 def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
-    """Returns True if the film has this release's version. Writes nothing.
+    """Returns True if a film has the format version of this release. Writes nothing.
 
-    Raises FilmLost for a newer version or a film with another shape.
+    Raises FilmLost for a newer version, or for a film with another shape.
     """
     (version,) = database.execute("PRAGMA user_version").fetchone()
     if version > VERSION:
@@ -100,13 +100,16 @@ def create_or_migrate(database: sqlite3.Connection, shape: FilmShape) -> None:
 
 
 def select_rows(version: int = VERSION) -> str:
-    """Returns the SQL query for all parts of a film with this version: the columns of a Row and its checksum."""
+    """Returns the SQL query for all rows of a film of this version: the columns of a Row and its checksum."""
     later = [name if VERSION_OF_COLUMN[name] <= version else "NULL" for name in ("workers", "ranges", "checksum")]
     return f"SELECT frame, tile, first, count, bad, sums, {', '.join(later)} FROM part"
 
 
 def sample_ranges(first: int, count: int, ranges: str | None) -> list[tuple[int, int]]:
-    """Returns a part's sample ranges as (first, count). Raises ValueError or TypeError if they are invalid."""
+    """Returns the sample ranges of a row as (first, count). Raises ValueError or TypeError if they are invalid.
+
+    first, count: first sample, and total number. ranges: JSON text with several ranges; None for one contiguous range.
+    """
     if ranges is None:
         return [(first, count)]
     found = [(int(a), int(n)) for a, n in json.loads(ranges)]
@@ -116,11 +119,11 @@ def sample_ranges(first: int, count: int, ranges: str | None) -> list[tuple[int,
 
 
 def checksum(row: Row) -> int:
-    """Returns the CRC-32 of all columns of a part, which detects bytes that the disk changed."""
+    """Returns the CRC-32 of all columns of a row, which detects bytes that have changed on the disk."""
     told = [*row[:5], *(each for each in row[6:] if each is not None)]
     return zlib.crc32(row[5], zlib.crc32(repr(told).encode()))
 
 
 def matches_checksum(row: Row, expected: int | None) -> bool:
-    """Returns True if a part matches its checksum `expected`. True if that is None, for parts written by an older release."""
+    """Returns True if a row matches its checksum `expected`, or if that is None, as for rows of older releases."""
     return expected is None or (isinstance(row[5], bytes) and checksum(row) == expected)

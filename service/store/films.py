@@ -1,9 +1,10 @@
 """Films: the exact sums of all batches, each stored exactly once.
 
-A job's film is one file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as received.
-The row contains the sums and the record of their samples, so a batch is never half merged. The order of rows does not matter,
-because integer addition is exact. Tiles with many rows are folded into one. A row names the workers whose sums it contains, so
-that one worker's samples can be removed; where that is likely, rows of different workers are not folded together.
+A job's film is one file. A merged batch is one row: its tile, its range of sample numbers, and its packed sums as received. The
+row contains both the sums and the record of their samples, so a batch is never half merged. The order of rows does not matter,
+because integer addition is exact. If a tile has many rows, they are folded (added up) into one. A row names the workers whose
+sums it contains, so that one worker's samples can be removed. Where that is likely, rows of different workers are not folded
+together.
 """
 
 from __future__ import annotations
@@ -58,7 +59,9 @@ class Film:
     ) -> None:
         """Stores the parameters. The file is opened on demand.
 
-        epoch: see service/store/film_file.py. on_use: called whenever the file is used.
+        width, height, tile_size: in pixels. film_exponent: exponent of the fixed-point sums. cache: cache of tiles, shared by
+        all films. epoch: number of this service's ownership of the farm, as in FilmFile. on_use: called whenever the file is
+        used.
         """
         self.width = width
         self.height = height
@@ -87,7 +90,7 @@ class Film:
                 self._file.close()
 
     def open_file(self, create: bool = False) -> None:
-        """Opens the film's file if it exists. make: creates the file if it does not exist, and claims it for writing."""
+        """Opens the film's file if it exists. create: whether to create a missing file, and claim it for writing."""
         with self._lock:
             if self._is_closed:
                 raise FilmClosed
@@ -129,7 +132,7 @@ class Film:
             raise incomplete_film_error(has, recorded)
 
     def checkpoint(self) -> None:
-        """Merges the write-ahead log into the database file, for a film that will not be written soon."""
+        """Merges the write-ahead log of a film that will not be written soon into the database file."""
         with self._lock:
             if self._file is not None and not self._is_closed:
                 self._file.checkpoint()
@@ -174,10 +177,10 @@ class Film:
             return self._contents.bad_count(frame)
 
     def merge(self, contributions: Iterable[Contribution]) -> list[bool]:
-        """Adds parts in one transaction. Returns whether each was accepted. If this raises, none was added.
+        """Adds contributions in one transaction. Returns whether each was accepted. If this raises, none was added.
 
-        A part that overlaps stored samples is dropped, unless it contains all of them and more (claims.py). A part with an
-        unknown tile or damaged sums is dropped too.
+        A contribution that overlaps stored samples is dropped, unless it contains all of them and more (claims.py). A
+        contribution with an unknown tile or damaged sums is dropped too.
         """
         contributions = list(contributions)
         with self._lock:
@@ -206,7 +209,10 @@ class Film:
     def _accepted_contributions(
         self, contributions: list[Contribution], is_valid: list[bool]
     ) -> tuple[Claims, list[tuple[Contribution, Sums | None]]]:
-        """Selects the parts to accept, and joins adjacent ones. Raises ValueError if sums are damaged."""
+        """Selects the contributions to accept, and joins adjacent ones. Raises ValueError if sums are damaged.
+
+        is_valid: for each contribution, whether it may be accepted.
+        """
         claims = Claims(
             contributions, is_valid, self._contents.coverage_of, None if self.separates_senders else self._contents.rows
         )
@@ -233,11 +239,11 @@ class Film:
             self._fold_tile(*key)
 
     def has_only(self, frames: Collection[int]) -> bool:
-        """Returns True if all stored samples belong to the given frames."""
+        """Returns True if all stored samples belong to these frames, which are given by key."""
         return self._open_contents().has_only(frames)
 
     def delete_frames(self, *frames: int) -> None:
-        """Deletes all samples of the given frames."""
+        """Deletes all samples of these frames, which are given by key."""
         with self._lock:
             self.open_file()
             if self._file is None:
@@ -265,7 +271,7 @@ class Film:
             return self._open_contents().has_sums_of(worker)
 
     def delete_samples_of(self, worker: str) -> int:
-        """Deletes all rows that contain a worker's sums, so that their samples are rendered again.
+        """Deletes all rows that contain sums of a worker, so that their samples are rendered again.
 
         Sums of other workers in the same rows are lost too. Returns the number of deleted samples, over all pixels.
         """
@@ -280,7 +286,7 @@ class Film:
             return self._delete_rows(found)
 
     def _delete_rows(self, heads: list[RowHead]) -> int:
-        """Deletes rows; returns the number of their samples, over all pixels."""
+        """Deletes the rows with these heads. Returns the number of their samples, over all pixels."""
         assert self._file is not None
         self._file.delete_rows(heads)
         for head in heads:
@@ -331,7 +337,7 @@ class Film:
             return sums
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """Returns a tile's sums as `tile_sums` does; channels other than `planes` are undefined.
+        """Returns a tile's sums, (CHANNELS, h, w) int64; None if it has no samples. Channels not in `planes` are undefined.
 
         For reading a whole frame: bypasses the cache, whose frequently used tiles would be evicted, and holds the film's lock
         only while the file is read.
@@ -360,7 +366,7 @@ class Film:
             return self._path.exists()
 
     def _open_contents(self) -> Contents:
-        """Returns the index of the file. It stays valid while the file cannot be read."""
+        """Returns the index of the file, which stays valid while the file cannot be read."""
         if self._is_closed or not self._is_known:
             self.open_file()
         return self._contents
@@ -390,7 +396,7 @@ class Film:
         )
 
     def _fold_tile(self, frame: int, tile: int) -> None:
-        """Folds a tile's rows into one if there are many. Only logs failures, since the merged samples are stored in any case."""
+        """Folds a tile's rows into one row if there are many. Failures are only logged, since the samples are stored anyway."""
         rows, is_contiguous = self._contents.rows(frame, tile), self._contents.is_contiguous(frame, tile)
         try:
             for heads in rows_to_fold(rows, self.separates_senders, is_contiguous):

@@ -39,12 +39,15 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Step:
-    """One operation on some frames of a job.
+    """One operation (`do`) on some frames of a job.
 
-    add: inserts the frames, each with `target` samples. unplan: clears their own spp. again: discards their samples (and, with
-    `unplan`, their own spp). aim: applies the job's spp; a frame's own spp stays only if it is higher (always stays with `keep`).
-    more: sets each frame to `spp` samples per pixel, or to `more` above its present goal. heal: queues failed frames again.
-    drop: the job is being deleted with all its frames.
+    add: inserts the frames, each with `target` samples over all pixels.
+    unplan: clears the samples per pixel that were set for each frame.
+    again: discards the frames' samples; with `unplan`, also does what unplan does.
+    aim: applies the job's samples per pixel. Those set for a frame are cleared, unless they are higher or `keep` is set.
+    more: sets each frame to `spp` samples per pixel, or to `more` above its present number.
+    heal: queues failed frames again.
+    drop: marks the job as being deleted with all its frames.
 
     frames: the frame numbers, in the notation of `renderer.frames.frames_text`.
     """
@@ -59,7 +62,10 @@ class Step:
 
     @classmethod
     def for_keys(cls, action: Any, keys: Sequence[int], **fields: Any) -> Step:
-        """Creates a step that applies `action` (an operation listed at Step) to the frames with these keys."""
+        """Creates a step that applies `action` (an operation listed at Step) to the frames with these keys.
+
+        fields: other fields of the step.
+        """
         return cls(action, frames_text([frame_number(key) for key in keys]), **fields)
 
     @property
@@ -74,14 +80,17 @@ def fits_one_transaction(steps: Sequence[Step]) -> bool:
 
 
 def record_steps(job: str, steps: Sequence[Step], session: Session) -> None:
-    """Records steps to be applied to a job's frames. Replaces a pending change of the job."""
+    """Records steps that will be applied to a job's frames. They replace a pending change of the job."""
     session.execute(delete(FrameChange).where(FrameChange.job == job))
     samples = sum(len(step.keys) * step.target for step in steps if step.do == "add")
     session.add(FrameChange(job=job, steps=[asdict(step) for step in steps], done=0, samples=samples))
 
 
 def apply_short_steps(job: Job, steps: Sequence[Step], session: Session, frame_values: FrameValues | None = None) -> None:
-    """Applies steps that fit into one transaction, inside the caller's. given: see `FrameChanges.carry_out`."""
+    """Applies steps that fit into one transaction, inside the transaction of the caller.
+
+    frame_values: column values, by frame key, of added frames whose values differ from the defaults.
+    """
     for step in steps:
         _apply(job, step, step.keys, session, frame_values or {})
 
@@ -95,7 +104,7 @@ class FrameChanges:
     def __init__(self, sessions: Sessions, events: Events, on_deleted: Callable[[str], None]) -> None:
         """Stores the parameters.
 
-        deleted: called with a job's id after the frames of a job marked for deletion were deleted.
+        on_deleted: called with the id of a job that is being deleted, after its frames were deleted.
         """
         self._sessions = sessions
         self._events = events
@@ -109,7 +118,7 @@ class FrameChanges:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stops the background thread after its current transaction; waits up to 10 seconds."""
+        """Stops the background thread after its current transaction. Waits up to 10 seconds."""
         self._stop.set()
         self._later.put(None)
         if self._thread.is_alive():
@@ -127,7 +136,7 @@ class FrameChanges:
     def carry_out(self, job: str, frame_values: FrameValues | None = None) -> None:
         """Applies the pending changes of a job. If this raises FarmError, the background thread continues later.
 
-        given: column values, by frame key, of frames to be added whose values differ from the defaults.
+        frame_values: column values, by frame key, of added frames whose values differ from the defaults.
         """
         try:
             self._carry_out(job, frame_values or {})
@@ -168,7 +177,10 @@ class FrameChanges:
             return session.get(FrameChange, job)
 
     def _apply_next(self, pending: FrameChange, plan: list[tuple[Step, list[int]]], frame_values: FrameValues) -> bool:
-        """Applies the next portion of a change. Returns whether another is left. plan: (step, frame keys) of each portion."""
+        """Applies the next portion of a change. Returns whether another portion is left.
+
+        plan: (step, frame keys) of each portion. frame_values: as for `carry_out`.
+        """
         began = time.monotonic()
         with self._sessions.begin() as session:
             change = session.get(FrameChange, pending.job, with_for_update=True)
@@ -191,7 +203,10 @@ class FrameChanges:
         return is_left
 
     def _pause(self, began: float) -> None:
-        """Waits as long as the last transaction took, at most MAX_PAUSE_S seconds, so that other writers get SQLite's lock."""
+        """Waits as long as the last transaction took, at most MAX_PAUSE_S seconds. Meanwhile other writers get SQLite's lock.
+
+        began: monotonic time at which the transaction began.
+        """
         self._stop.wait(min(time.monotonic() - began, MAX_PAUSE_S))
 
     def _run(self) -> None:

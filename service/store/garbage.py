@@ -1,9 +1,9 @@
-"""Garbage collection of blobs: deletes those that no scene, environment, reference or frame refers to, unless they are pinned.
+"""Garbage collection of blobs: deletes those to which no scene, environment, reference picture or frame refers.
 
-An upload pins its blobs until its scene is recorded. A blob stored by a worker is pinned until its message must have arrived.
-The lock is held while the row that referred to blobs is deleted and the blobs to delete are selected; the blobs are then deleted
-without the lock, in portions. Pinning a blob removes it from the pending deletions, or waits until its deletion is done. So code
-that pins a blob and then finds or stores it can rely on its existence.
+Pinned blobs are not deleted. An upload pins its blobs until its scene is recorded. A blob stored by a worker is pinned until
+its message must have arrived. The lock is held while the row that referred to blobs is deleted and the blobs to delete are
+selected; the blobs are then deleted without the lock, in portions. Pinning a blob removes it from the pending deletions, or
+waits until its deletion is done. So code that pins a blob and then finds or stores it can rely on its existence.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ log = logging.getLogger(__name__)
 
 
 class Garbage:
-    """Deletes unreferenced blobs of scenes; no other component does. Thread-safe."""
+    """Deletes unreferenced blobs. No other part of the service deletes blobs of scenes. Thread-safe."""
 
     def __init__(
         self, sessions: Sessions, blobs: BlobStore, max_unreferenced_s: float, guard: Callable[[], None] = lambda: None
     ) -> None:
         """Stores the parameters.
 
-        patience_s: time, in seconds, that a blob stored by a worker may stay unreferenced. guard: raises FarmError if deleting is
-        not allowed.
+        max_unreferenced_s: seconds for which a blob stored by a worker may stay unreferenced. guard: raises FarmError if
+        deleting is not allowed.
         """
         self._sessions = sessions
         self._blobs = blobs
@@ -65,7 +65,7 @@ class Garbage:
 
     @contextmanager
     def pinned(self, hashes: Iterable[str]) -> Iterator[None]:
-        """Context manager that pins blobs, existing or not, while a scene is created from them."""
+        """Context manager that pins blobs, whether they exist or not, while a scene is created from them."""
         mine = set(hashes)
         with self._lock:
             self._pins.update(mine)
@@ -86,17 +86,17 @@ class Garbage:
                     self.collect(lambda session: set())
 
     def pin_until_recorded(self, sha256: str) -> None:
-        """Pins a blob that a worker stores, until a reference to it is recorded or `patience_s` seconds have passed."""
+        """Pins a blob that a worker stores, until a reference to it is recorded, but at most for `max_unreferenced_s` seconds."""
         with self._lock:
             self._drop_expired_pins()
             self._pin_for_a_while(sha256)
             self._cancel_deletions({sha256})
 
     def adopt_unreferenced(self, hashes: set[str]) -> None:
-        """Registers unreferenced blobs that were found at start.
+        """Registers unreferenced blobs that were found at the start of the service.
 
-        A worker may have stored some of them with its message still in transit. Those without a reference after `patience_s`
-        seconds are deleted by the next collection.
+        A worker may have stored some of them with its message still in transit. Those without a reference after
+        `max_unreferenced_s` seconds are deleted by the next collection.
         """
         with self._lock:
             for sha256 in hashes:
@@ -104,21 +104,21 @@ class Garbage:
             self._left |= hashes
 
     def remove_pins(self, sha256: str, times: int = 1) -> None:
-        """Removes `times` pins made by `pin_until_recorded`: the blob is referred to now, or was never stored."""
+        """Removes `times` pins made by `pin_until_recorded`, because the blob is now referenced or was never stored."""
         with self._lock:
             if left := self._promised.pop(sha256, [])[times:]:
                 self._promised[sha256] = left
 
     def handle_release(self, event: BlobsReleased) -> None:
-        """Handles a BlobsReleased event: removes one pin per counted reference, and deletes blobs that are now unreferenced."""
+        """Removes one pin of each blob per counted reference of the event, and deletes blobs that are now unreferenced."""
         for sha256, times in event.references.items():
             self.remove_pins(sha256, times)
         self.collect(lambda session: set(event.references))
 
     def collect(self, change: Callable[[Session], set[str]]) -> None:
-        """Makes a database change, and then deletes the blobs that are neither referred to nor pinned any more.
+        """Makes a database change, then deletes the blobs that are no longer referenced or pinned.
 
-        let_go: function that makes the change, and returns the blobs to which it removed references.
+        change: makes the change in the session, and returns the hashes of the blobs to which it removed references.
         """
         with self._lock:
             with self._sessions.begin() as session:
@@ -153,7 +153,7 @@ class Garbage:
         return bool(some)
 
     def _cancel_deletions(self, hashes: set[str]) -> None:
-        """Removes blobs that are now pinned from the pending deletions, and waits for deletions in progress."""
+        """Removes blobs that are now pinned from the pending deletions, and waits until deletions in progress are done."""
         self._left |= hashes & self._going
         self._going -= hashes
         self._deleted.wait_for(lambda: not hashes & self._deleting)
@@ -178,7 +178,8 @@ class Garbage:
 def _queries_of_possible_references(hashes: set[str]) -> list[Select[Any]]:
     """Returns queries for the rows that may refer to one of these blobs.
 
-    For at most FEW blobs, the database filters the rows by text search; otherwise all rows that can have references are read.
+    For at most FEW blobs, the database filters the rows by text search. For more, the queries return all rows that can have
+    references.
     """
     found: list[Select[Any]] = []
     for table, columns in REFERRING.items():

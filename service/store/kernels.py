@@ -1,4 +1,4 @@
-"""Compiled kernels of the farm's worker kinds: compiled and signed by one worker, and stored for others.
+"""Compiled kernels for the kinds of workers: compiled and signed by one worker, and stored for other workers.
 
 The service does not unpack them. They are only a cache: a worker that finds none compiles its own.
 """
@@ -19,7 +19,7 @@ MAX_KERNELS = 24  # artefacts: a few kernels for each of a few kinds of workers;
 
 
 class KernelStore:
-    """The compiled kernels of the farm (files as in renderer.kernel_file), by name. token: the key that signs them."""
+    """The compiled kernels of the farm, by name (files as in renderer.kernel_file). token: the key that signs them."""
 
     def __init__(self, folder: Path, token: str) -> None:
         self._folder = folder
@@ -45,7 +45,7 @@ class KernelStore:
         return signed_anew(data, key)
 
     def put(self, name: str, data: bytes) -> None:
-        """Stores a kernel file atomically, and deletes the oldest ones beyond KEPT.
+        """Stores a kernel file atomically, and deletes the oldest files beyond KEPT.
 
         Raises Invalid for an invalid name or signature.
         """

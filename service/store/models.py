@@ -54,7 +54,10 @@ class Base(DeclarativeBase):
 
 
 def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
-    """Returns the hashes of the blobs that BlobRefs (protocol.contract) and their parts refer to. Skips malformed ones."""
+    """Returns the hashes of the blobs to which these BlobRefs (protocol.contract, as JSON) and their parts refer.
+
+    Malformed references are skipped.
+    """
     found = {ref["sha256"] for ref in refs if isinstance(ref.get("sha256"), str)}
     for ref in refs:
         parts = ref.get("parts") or ()
@@ -64,9 +67,10 @@ def blobs_of(refs: Iterable[dict[str, Any]]) -> set[str]:
 
 
 class Scene(Base):
-    """An uploaded scene, or a scene derived from one by other lighting, material variant, up axis or floor.
+    """An uploaded scene, or one derived from it with other lighting, another material variant, up axis or floor.
 
-    The id is a hash of the content, so uploading the same files again gives the same scene. A strict scene has a different id.
+    The id is a hash of the content, so uploading the same files again gives the same scene. A strict scene, which fails on
+    warnings, has another id.
     """
 
     __tablename__ = "scenes"
@@ -182,7 +186,7 @@ class Job(Base):
 
 
 class Wait(Base):
-    """A dependency: a job that starts only after another has finished. The row is then deleted.
+    """A dependency of a job, which starts only after another job has finished. The row is then deleted.
 
     See service/scheduling/waiting.py.
     """
@@ -194,7 +198,7 @@ class Wait(Base):
 
 
 class ShareTerms(Base):
-    """An administrator's settings for one share of the farm's slots: its weight and maximum.
+    """An administrator's settings for one share of the farm's slots: its weight and its maximum number of slots.
 
     See service/scheduling/jobs/shares.py.
     """
@@ -207,7 +211,7 @@ class ShareTerms(Base):
 
 
 class WorkerTerms(Base):
-    """An administrator's settings for a worker, by its name. They also apply when the worker reconnects."""
+    """An administrator's settings for the worker with a name. They also apply when the worker reconnects."""
 
     __tablename__ = "worker_terms"
 
@@ -260,7 +264,7 @@ class Reference(Base):
 
 
 class Frame(Base):
-    """One frame of a job. The state of a still image's frame is the job's."""
+    """One frame of a job. The state of a still image's only frame is that of the job."""
 
     __tablename__ = "frames"
     __table_args__ = (Index("frames_of_job", "job"),)
@@ -288,7 +292,7 @@ class Frame(Base):
 
 
 class FrameChange(Base):
-    """A pending change of a shot's frames, too many for one transaction (service/store/frame_changes.py).
+    """A pending change of a shot's frames that is too large for one transaction (service/store/frame_changes.py).
 
     The row is deleted when the change is complete.
     """
@@ -333,7 +337,7 @@ class Member(Base):
 
 
 class Quota(Base):
-    """Limits of a user or token, if set by an administrator; None: unlimited. See service/access/quotas.py."""
+    """Limits of a user or token that an administrator has set; None means unlimited. See service/access/quotas.py."""
 
     __tablename__ = "quotas"
 
@@ -359,7 +363,7 @@ class Spent(Base):
 
 
 class Key(Base):
-    """A secret that grants access: of a session, token, link or worker. Only its hash is stored."""
+    """The secret of a session, token, share link or worker, which grants access. Only its hash is stored."""
 
     __tablename__ = "keys"
 
@@ -392,7 +396,7 @@ class Delivery(Base):
 
 
 class FarmOwner(Base):
-    """The service that owns the farm, when several were started for it. See service/ownership/."""
+    """The service that owns the farm, if several services were started for it. See service/ownership/."""
 
     __tablename__ = "owners"
 

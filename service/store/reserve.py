@@ -1,4 +1,4 @@
-"""Reserved disk space, so that a deletion, which frees space only afterwards, can be recorded even on a full disk."""
+"""Reserved disk space. A deletion frees space only after it was recorded, so recording it must work on a full disk."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ log = logging.getLogger(__name__)
 
 
 class Reserve:
-    """A file of unused bytes that is deleted when its space is needed."""
+    """A file of unused bytes, which is deleted when its space is needed."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -37,9 +37,9 @@ class Reserve:
                 os.fsync(file.fileno())
 
     def run_deletion(self, deletion: Callable[[], T]) -> T:
-        """Runs `deletion`; if the disk is full, deletes the reserve file and runs it again.
+        """Runs `deletion` and returns its result. If the disk is full, deletes the reserve file and runs it again.
 
-        Writes the reserve file again afterwards.
+        The reserve file is written again afterwards.
         """
         try:
             return deletion()

@@ -16,10 +16,11 @@ MAX_ROWS_APART = 64  # rows of a tile above which rows of different workers are 
 
 
 def rows_to_fold(rows: Sequence[RowHead], separates_senders: bool, is_contiguous: bool) -> list[Sequence[RowHead]]:
-    """Returns lists of a tile's rows; each list is to be folded into one row. Empty if the tile has few rows.
+    """Returns lists of a tile's rows, each of which is to be folded into one row. Empty if the tile has few rows.
 
-    is_one_run: the tile's samples are contiguous; all rows form one list. keeps_apart: rows of different workers stay separate;
-    there is one list for each worker that has many rows, or one with all rows if there are more than MAX_ROWS_APART.
+    is_contiguous: whether the tile's sample numbers are contiguous; then one list has all rows. separates_senders: whether rows
+    of different workers stay separate. Then there is one list for each worker that has many rows, or one list with all rows if
+    there are MAX_ROWS_APART or more.
     """
     if len(rows) < MAX_ROWS_UNFOLDED:
         return []
@@ -30,7 +31,10 @@ def rows_to_fold(rows: Sequence[RowHead], separates_senders: bool, is_contiguous
 
 
 def folded_head(heads: Collection[RowHead]) -> RowHead:
-    """Returns the head of the row that replaces `heads`. Raises FilmLost if their sample ranges are invalid."""
+    """Returns the head of the row into which rows with these heads are folded.
+
+    Raises FilmLost if their sample ranges are invalid.
+    """
     frame, tile = next(iter(heads))[:2]
     runs = Coverage(span for head in heads for span in head_sample_ranges(head)).ranges
     ranges = json.dumps([[start, end - start] for start, end in runs]) if len(runs) > 1 else None

@@ -40,12 +40,12 @@ TIMEOUT = timedelta(seconds=10)
 
 
 class S3Blobs:
-    """Blobs as objects `<prefix>/<first two hex digits>/<sha256>` of a bucket. Uploads are staged in the folder `temporary`."""
+    """Blobs as objects `<prefix>/<first two hex digits>/<sha256>` of an S3 bucket. Uploads are first written to `temporary`."""
 
     is_local = False
 
     def __init__(self, url: str, temporary: Path) -> None:
-        """Connects to a bucket. url: s3://bucket/prefix."""
+        """Connects to a bucket. url: s3://bucket/prefix. temporary: folder for uploads."""
         address = urlsplit(url)
         self._bucket = address.netloc
         self._temporary = temporary
@@ -59,13 +59,13 @@ class S3Blobs:
         )
 
     def writer(self) -> BlobWriter:
-        """Implements `BlobStore.writer`."""
+        """Returns a writer for a new blob, which is written to a temporary file."""
         return self._staging.writer(self.put)
 
     def put(self, writer: BlobWriter) -> None:
-        """Implements `BlobStore.put`. The object appears once it is uploaded completely.
+        """Uploads the bytes of a writer as a blob. The object appears once it is uploaded completely.
 
-        Raises Unavailable if the bucket does not exist.
+        Raises Unavailable if the bucket does not exist or does not respond.
         """
         try:
             with self._faults():
@@ -80,7 +80,7 @@ class S3Blobs:
             ) from None
 
     def open(self, sha256: str) -> BinaryIO:
-        """Implements `BlobStore.open`. Returns a temporary copy."""
+        """Downloads a blob to a temporary file, and opens that for reading. Raises NotFound."""
         chunks = self.serve(sha256).chunks
         file = tempfile.SpooledTemporaryFile(IN_MEMORY, "w+b", dir=str(self._temporary))  # noqa: SIM115 - the caller closes it
         try:
@@ -93,17 +93,17 @@ class S3Blobs:
         return cast(BinaryIO, file)
 
     def serve(self, sha256: str) -> ServedBlob:
-        """Implements `BlobStore.serve`."""
+        """Returns a blob's size and content in chunks, for a response. Raises NotFound."""
         with self._faults():
             found = obstore.get(self._store, _key(sha256))
             return ServedBlob(found.meta["size"], self._chunks(found))
 
     def exists(self, sha256: str) -> bool:
-        """Implements `BlobStore.exists`."""
+        """Returns True if the blob exists."""
         return self.size(sha256) is not None
 
     def size(self, sha256: str) -> int | None:
-        """Implements `BlobStore.size`."""
+        """Returns the size of a blob in bytes, or None if it does not exist."""
         try:
             with self._faults():
                 return obstore.head(self._store, _key(sha256))["size"]
@@ -111,14 +111,17 @@ class S3Blobs:
             return None
 
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
-        """Implements `BlobStore.delete`, with one call of obstore for all hashes."""
+        """Deletes those of these blobs that exist. guard: raises FarmError if deleting is not allowed."""
         if hashes:
             guard()
             with self._faults():
                 obstore.delete(self._store, [_key(sha256) for sha256 in hashes])
 
     def sweep(self, keep: set[str], older_than_s: float = MIN_AGE_S) -> set[str]:
-        """Implements `BlobStore.sweep`."""
+        """Deletes remains of interrupted uploads, and blobs older than `older_than_s` seconds that are not in `keep`.
+
+        Returns the hashes of younger blobs that are not in `keep`.
+        """
         self._staging.sweep()
         old = time.time() - older_than_s
         with self._faults():
@@ -152,7 +155,10 @@ class S3Blobs:
 
 
 def _credentials() -> dict[str, Any]:
-    """Returns the credentials that are read from files (AWS_SECRET_ACCESS_KEY_FILE ...). obstore reads the environment itself."""
+    """Returns the credentials that are read from files (AWS_SECRET_ACCESS_KEY_FILE ...).
+
+    Those in environment variables are read by obstore.
+    """
     return {key: value_of(name) for key, name in CREDENTIALS.items() if os.environ.get(name + FILE)}
 
 

@@ -1,4 +1,4 @@
-"""Encoding of worker names in a film row: the workers whose sums the row contains."""
+"""Encodes the names of the workers whose sums a film row contains."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class _AllNames(frozenset[str]):
 
 
 def senders_text(names: Collection[str]) -> str | None:
-    """Encodes worker names for a film row; None if no name is known."""
+    """Encodes worker names for a film row. Returns None if no name is known."""
     known = sorted({name for name in names if name})
     if not known:
         return None
@@ -25,7 +25,7 @@ def senders_text(names: Collection[str]) -> str | None:
 
 
 def senders_of(text: str | None) -> frozenset[str]:
-    """Decodes the worker names of a film row. A row marked ANYBODY gives a set that contains every name."""
+    """Decodes the worker names of a film row. A row marked ANY_WORKER gives a set that contains every name."""
     try:
         found = json.loads(text) if text else []
     except ValueError:

@@ -22,11 +22,11 @@ class SentenceText(TypeDecorator[str]):
     cache_ok = True
 
     def process_bind_param(self, value: str | None, dialect: Dialect) -> str | None:
-        """Encodes a value for the database."""
+        """Encodes a sentence for the database."""
         return None if value is None else to_text(value)
 
     def process_result_value(self, value: str | None, dialect: Dialect) -> str | None:
-        """Decodes a value from the database."""
+        """Decodes a sentence from the database."""
         return None if value is None else from_text(value)
 
 
@@ -37,11 +37,11 @@ class SentenceList(TypeDecorator[list[str]]):
     cache_ok = True
 
     def process_bind_param(self, value: list[str] | None, dialect: Dialect) -> Any:
-        """Encodes a value for the database."""
+        """Encodes a list of sentences for the database."""
         return None if value is None else [to_json(each) for each in value]
 
     def process_result_value(self, value: Any, dialect: Dialect) -> list[str] | None:
-        """Decodes a value from the database."""
+        """Decodes a list of sentences from the database."""
         return [from_json(each) for each in value] if isinstance(value, list) else value
 
 
@@ -52,9 +52,9 @@ class SentenceRecord(TypeDecorator[dict[str, Any]]):
     cache_ok = True
 
     def process_bind_param(self, value: dict[str, Any] | None, dialect: Dialect) -> Any:
-        """Encodes a value for the database."""
+        """Encodes an object with sentences for the database."""
         return encoded(value) if isinstance(value, dict) else value
 
     def process_result_value(self, value: Any, dialect: Dialect) -> Any:
-        """Decodes a value from the database."""
+        """Decodes an object with sentences from the database."""
         return decoded(value) if isinstance(value, dict) else value

@@ -18,7 +18,7 @@ AT_A_TIME = 8  # blobs put into the store in parallel
 
 
 class BlobWriter:
-    """A blob being written. `commit` stores it; `discard` deletes it. `path`: its temporary file."""
+    """A blob that is being written to the temporary file `path`. `commit` stores it; `discard` deletes it."""
 
     def __init__(self, folder: Path, put: Callable[[BlobWriter], None]) -> None:
         handle, name = tempfile.mkstemp(dir=folder, prefix=PREFIX)
@@ -29,7 +29,7 @@ class BlobWriter:
         self.size = 0
 
     def write(self, data: bytes) -> None:
-        """Appends bytes."""
+        """Appends bytes to the blob."""
         self._file.write(data)
         self._hash.update(data)
         self.size += len(data)
@@ -50,7 +50,7 @@ class BlobWriter:
         return self._file
 
     def commit(self) -> str:
-        """Moves the blob into the store and returns its hash."""
+        """Moves the blob into the store, and returns its hash."""
         self._file.close()
         self._put(self)
         self.discard()

@@ -1,7 +1,7 @@
 """LRU cache of the unpacked sums of tiles, shared by all films.
 
-Samples added to a cached tile are pending, and added up when the tile is read; a tile with too many pending additions is evicted.
-So a film that grows without readers causes no additions.
+Samples added to a cached tile stay pending, and are added up when the tile is read. A tile with too many pending additions is
+evicted. So a film that grows without being read causes no additions.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class TileCache:
     def get(self, key: Key) -> Sums | None:
         """Returns the sums of a tile, after adding its pending samples; None if they are not cached.
 
-        Must not be called concurrently for the same tile.
+        key: film, frame and tile. Must not be called concurrently for the same tile.
         """
         with self._lock:
             sums, pending = self._items.get(key), self._pending.get(key, ())
@@ -48,7 +48,7 @@ class TileCache:
         return sums
 
     def put(self, key: Key, sums: Sums) -> None:
-        """Caches sums, and evicts the least recently used tiles."""
+        """Caches the sums of a tile, and evicts the least recently used tiles."""
         sums.flags.writeable = False
         with self._lock:
             self._remove(key)
@@ -57,9 +57,9 @@ class TileCache:
             self._evict()
 
     def add_samples(self, key: Key, add: AddPending, size: int) -> None:
-        """Adds samples to a cached tile at its next `get`; does nothing if the tile is not cached.
+        """Adds samples to a cached tile in its next `get`. Does nothing if the tile is not cached.
 
-        add: returns the increased sums. size: bytes of memory that `add` occupies.
+        add: adds the samples to a tile's sums in place. size: bytes of memory that `add` occupies.
         """
         with self._lock:
             if key in self._items:

@@ -1,7 +1,6 @@
 """Creates or migrates the database's tables for this release. Rejects a database of a newer release.
 
-Alembic is imported only for migrations: importing it and the migrations takes a tenth of a service's start, and most starts
-migrate nothing.
+Alembic is imported only for migrations: importing it takes a tenth of a service's start, and most starts migrate nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ FIRST_REVISION = "0001"  # the tables of release 0.1.0, which recorded no revisi
 
 @dataclass(frozen=True)
 class SchemaState:
-    """The revision of a database (None: release 0.1.0, or empty), and the revision of this release."""
+    """The revision of a database (None for release 0.1.0, or if empty), and the revision of this release."""
 
     current: str | None
     head: str
@@ -40,7 +39,10 @@ def schema_state(engine: Engine) -> SchemaState:
 
 
 def refuse_newer(engine: Engine) -> SchemaState:
-    """Returns the revision of a database. Raises StartupError for one of a newer release. Changes nothing."""
+    """Returns the revision of a database. Changes nothing.
+
+    Raises StartupError if a newer release has created or migrated the database.
+    """
     stands = schema_state(engine)
     if stands.is_newer:
         raise StartupError(

@@ -1,7 +1,7 @@
 """Fair queue for the threads of a process that write to a database with a single writer.
 
-With SQLite, waiting writers poll, so with many submissions one of them can wait for seconds while others succeed. Here they are
-served in order, urgent ones first.
+Writers that wait for SQLite poll its lock, so with many submissions one of them can wait for seconds while others succeed. In
+this queue they are served in order, urgent ones first.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ __all__ = ["WriterQueue"]
 
 
 class WriterQueue:
-    """Fair queue of writers. Thread-safe; not reentrant."""
+    """Fair queue of writers. Thread-safe, not reentrant."""
 
     def __init__(self) -> None:
         self._free = threading.Condition()
@@ -29,10 +29,10 @@ class WriterQueue:
 
     @contextmanager
     def wait_for_turn(self, timeout_s: float, is_urgent: bool = False) -> Iterator[None]:
-        """Context manager that waits for a turn and holds it during its block.
+        """Context manager that waits until the caller may write, and blocks other writers during its block.
 
-        patience_s: timeout in seconds. is_urgent: precede all waiting writers that are not urgent. Raises Unavailable after the
-        timeout.
+        timeout_s: longest wait in seconds, after which Unavailable is raised. is_urgent: whether to precede all waiting writers
+        that are not urgent.
         """
         ticket = not is_urgent, next(self._numbers)
         with self._free:

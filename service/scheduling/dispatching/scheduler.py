@@ -532,7 +532,10 @@ class Scheduler:
         return set(self._workers.roster.reports)
 
     def outstanding_by_share(self, held: Counter[str]) -> Counter[str]:
-        """Returns the number of outstanding messages of each share. held: number of outstanding messages of each job, by id."""
+        """Returns the number of outstanding messages of each share (user or project).
+
+        held: number of outstanding messages of each job, by id.
+        """
         found: Counter[str] = Counter()
         for id, messages in held.items():
             if (job := self.jobs.get(id)) is not None:

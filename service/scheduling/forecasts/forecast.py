@@ -56,7 +56,7 @@ class QueuedJobs(Protocol):
 
 @dataclass
 class _Share:
-    """Remaining work of one share's jobs at one priority.
+    """Remaining work of the jobs of one share (user or project) at one priority.
 
     works: remaining slot-seconds of each job that is not late, sorted. sums: prefix sums of `works`.
     """

@@ -98,7 +98,7 @@ class FrameOrder:
         return True
 
     def finish_if_complete(self, frame: ActiveFrame) -> None:
-        """Finishes a frame if it is complete. If it was the last frame of the round, plans the next round.
+        """Finishes a frame if it is complete. In the order `noisiest-first`, the last frame of a round plans the next round.
 
         Call this after a batch of the frame has returned, after all batches of the frame were dispatched, or after the frame
         has failed. Raises FilmUnavailable or FilmLost; then call it again.
@@ -113,7 +113,7 @@ class FrameOrder:
                 self._plan_round()
 
     def _plan_round(self) -> None:
-        """Computes the sample goals of the next round. Finishes all frames if no samples remain to be distributed."""
+        """Computes the sample goals of the next round of `noisiest-first`. Finishes all frames if no samples remain."""
         open = [f for f in self._frames.values() if not f.is_over]
         noises = [f.measured_noise() for f in open]
         spent = sum(f.ceiling for f in self._frames.values() if f.state == "finished")
@@ -128,7 +128,7 @@ class FrameOrder:
                 frame.finish()
 
     def begin_round(self) -> None:
-        """Starts the next round. Call it after the goals of that round were stored."""
+        """Starts the next round of the order `noisiest-first`. Call it after the goals of that round were stored."""
         for key, goal in self.new_goals.items():
             self._frames[key].raise_ceiling(goal)
         self.new_goals = {}

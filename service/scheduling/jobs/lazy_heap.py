@@ -61,7 +61,7 @@ class LazyHeap(Generic[Priority]):
         return list(taken)
 
     def count_before(self, priority: Priority, max_count: int) -> int:
-        """Returns the number of keys with a smaller priority than `place`, at most `max_count`."""
+        """Returns the number of keys with a smaller priority than `priority`, at most `max_count`."""
         found: set[int] = set()
         look = [0]
         while look and len(found) < max_count:

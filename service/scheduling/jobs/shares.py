@@ -37,7 +37,7 @@ class ShareableJob(Protocol):
 
     @property
     def share(self) -> str:
-        """The name of the job's share."""
+        """Name of the share that the job uses: the slot time of its user or project."""
 
     @property
     def urgency(self) -> float:
@@ -60,7 +60,10 @@ Job = TypeVar("Job", bound=ShareableJob)
 
 
 def share_of(user: str | None, project: str = "", terms: Container[str] = ()) -> str:
-    """Returns the name of a job's share: its project's if `terms` has settings for the project, else its user's."""
+    """Returns the name of the share of the farm's slot time that a job uses.
+
+    This is the share of its project if `terms` contains the name of that share, else the share of its user.
+    """
     if project and f"project:{project}" in terms:
         return f"project:{project}"
     return f"user:{user}" if user else EVERYBODY
@@ -68,7 +71,7 @@ def share_of(user: str | None, project: str = "", terms: Container[str] = ()) ->
 
 @dataclass(frozen=True)
 class Terms:
-    """Settings of a share: its weight, to which its slots are proportional, and the limit of slots at once."""
+    """Settings of a user's or project's share: its weight, to which its slots are proportional, and its slot limit."""
 
     weight: float = 1.0
     max_slots: int | None = None
@@ -84,7 +87,7 @@ class _VirtualClock:
 
 
 class Shares:
-    """Slot time used by each share, by worker kind."""
+    """Slot time used by each share (user or project), by worker kind."""
 
     def __init__(self) -> None:
         self.terms: Mapping[str, Terms] = {}
@@ -92,11 +95,11 @@ class Shares:
         self._turn = count(1)
 
     def terms_of(self, share: str) -> Terms:
-        """Returns a share's weight and limit; the defaults if the administrators have set none."""
+        """Returns the weight and slot limit of a user's or project's share; the defaults if administrators have set none."""
         return self.terms.get(share, _DEFAULT_TERMS)
 
     def name_of(self, user: str | None, project: str) -> str:
-        """Returns the name of a job's share under the current settings of the shares."""
+        """Returns the name of the share (of its user or project) that a job uses under the current settings."""
         return share_of(user, project, self.terms)
 
     def queue_of(self, kind: str, jobs: Iterable[Job], held: Mapping[str, int], shares_held: Counter[str]) -> ShareQueue[Job]:
@@ -108,9 +111,9 @@ class Shares:
         return ShareQueue(self, kind, jobs, held, shares_held)
 
     def start(self, kind: str, share: str) -> tuple[float, int]:
-        """Returns the sort key of a share: virtual start time of its next batch, and sequence number of its latest batch.
+        """Returns the sort key of a share; the share with the smallest key is served next.
 
-        The share with the smallest key is served.
+        The key is the virtual start time of the share's next batch, and the sequence number of its latest batch.
         """
         clock = self._clocks.setdefault(kind, _VirtualClock())
         return clock.ends.get(share, clock.now), clock.served.get(share, 0)
@@ -121,7 +124,7 @@ class Shares:
         clock.ends[share] = max(clock.ends.get(share, 0.0), clock.now)
 
     def charge(self, kind: str, share: str, seconds: float) -> None:
-        """Charges a share for a dispatched batch. seconds: expected duration of the batch."""
+        """Charges a user's or project's share for a dispatched batch. seconds: expected duration of the batch."""
         clock = self._clocks.setdefault(kind, _VirtualClock())
         begins, _ = self.start(kind, share)
         clock.now = max(clock.now, begins)
@@ -129,7 +132,7 @@ class Shares:
         clock.served[share] = next(self._turn)
 
     def correct_charge(self, kind: str, share: str, seconds: float) -> None:
-        """Corrects a share's charge after a batch has returned. seconds: actual minus expected duration."""
+        """Corrects the charge of a share after a batch has returned. seconds: actual minus expected duration."""
         clock = self._clocks.setdefault(kind, _VirtualClock())
         clock.ends[share] = clock.ends.get(share, 0.0) + seconds / self.terms_of(share).weight
 
@@ -139,7 +142,7 @@ _QueueEntry = tuple[float, int, int, float, str]
 
 
 class ShareQueue(Generic[Job]):
-    """Queue of jobs ordered by share, then by job.
+    """Queue of jobs of one priority, ordered by the share (user or project) of each job, then by job.
 
     Call `record_served` after dispatching work of the job that `next_job` returned. Otherwise the queue skips the job.
     """
@@ -185,7 +188,10 @@ class ShareQueue(Generic[Job]):
         return None
 
     def record_served(self, job: Job, messages: int, seconds: float) -> None:
-        """Records that `messages` of the current job were dispatched, and charges its share. seconds: expected slot-seconds."""
+        """Records that `messages` of the current job were dispatched, and charges its share for them.
+
+        seconds: expected slot-seconds of these messages.
+        """
         assert self._place is not None
         urgency, held, _, created, id = self._place
         share = job.share

@@ -234,7 +234,7 @@ def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker
 def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Checks that a service that stops between two rounds of a shot starts the next round after its restart.
+    """Checks that a service that stops between two rounds of the order `noisiest-first` starts the next one after its restart.
 
     When it stops, all frames have the samples of the round, so no further result could start the next round.
     """

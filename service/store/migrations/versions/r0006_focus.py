@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds jobs.focus; existing jobs have none."""
+    """Adds jobs.focus; existing jobs have no focus."""
     with op.batch_alter_table("jobs") as jobs:
         jobs.add_column(sa.Column("focus", sa.JSON()))

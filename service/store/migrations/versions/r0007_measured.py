@@ -1,4 +1,4 @@
-"""Adds the measurements of a scene by its latest job."""
+"""Adds the cost and noise of a scene, as measured by its latest job."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds scenes.measured; existing scenes have none until they are rendered again."""
+    """Adds scenes.measured; existing scenes have no measurements until they are rendered again."""
     with op.batch_alter_table("scenes") as scenes:
         scenes.add_column(sa.Column("measured", sa.JSON()))

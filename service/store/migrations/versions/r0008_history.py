@@ -1,4 +1,4 @@
-"""Adds the rendering history of a job."""
+"""Adds the history of a job: its noise over time, and its events."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds jobs.history; existing jobs have none."""
+    """Adds jobs.history; existing jobs have no history."""
     with op.batch_alter_table("jobs") as jobs:
         jobs.add_column(sa.Column("history", sa.JSON()))

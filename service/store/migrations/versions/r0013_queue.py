@@ -1,4 +1,4 @@
-"""Adds a job's owner, dependencies, deadline and requirements, users' shares, and settings of workers."""
+"""Adds a job's owner, dependencies, deadline and requirements, the users' shares, and the settings of workers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Adds the cache key of a job's picture, by which its samples can be reused, and the record of reused samples."""
+"""Adds a key of a job's picture, by which later jobs can reuse its samples, and the record of reused samples."""
 
 from __future__ import annotations
 

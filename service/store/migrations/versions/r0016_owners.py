@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Creates the owners table, empty."""
+    """Creates the table owners, without rows."""
     op.create_table(
         "owners",
         sa.Column("what", sa.String(40), primary_key=True),

@@ -1,4 +1,4 @@
-"""Allows errors and notes to hold sentences with codes (service/store/sentence_columns.py), which older releases show as JSON."""
+"""Allows errors and notes to be sentences with codes (service/store/sentence_columns.py), which older releases show as JSON."""
 
 from __future__ import annotations
 

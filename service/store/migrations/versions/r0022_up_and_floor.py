@@ -12,6 +12,6 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Adds scenes.up and scenes.floor; existing scenes get NULL: a guessed axis and no floor."""
+    """Adds scenes.up and scenes.floor. Existing scenes get NULL: their up axis is guessed, and they have no floor."""
     op.add_column("scenes", sa.Column("up", sa.String(2)))
     op.add_column("scenes", sa.Column("floor", sa.String(8)))
