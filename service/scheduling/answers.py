@@ -311,26 +311,26 @@ class Answers:
         if job.agenda.new_goals:
             self._lifecycle.record(job)
 
-    def _end_leases(self, job: ActiveJob, each: ReceivedBatch) -> None:
+    def _end_leases(self, job: ActiveJob, received: ReceivedBatch) -> None:
         """Ends the leases of a merged batch, and updates its job. Called if the full bookkeeping of the batch has failed."""
-        for piece in each.message.pieces if each.taken and each.batch is not None else ():
-            assert each.batch is not None
+        for piece in received.message.pieces if received.taken and received.batch is not None else ():
+            assert received.batch is not None
             lease = self._scheduler.leases.end(piece.batch)
             card = lease.only if lease is not None and lease.is_of_card else ""
-            job.record_result(each.batch._replace(first=piece.first, count=piece.count), piece.seconds, card)
+            job.record_result(received.batch._replace(first=piece.first, count=piece.count), piece.seconds, card)
 
-    def _record_batch(self, job: ActiveJob, each: ReceivedBatch, sums: bytes) -> None:
-        if each.taken and each.batch is not None:
-            self._trust.consider_verification(job, each.message, each.batch, sums)
-        pieces = each.message.pieces
-        if each.fault is not None and each.batch is not None:
-            self._reject_sums(job, each.message, each.batch, each.fault)
+    def _record_batch(self, job: ActiveJob, received: ReceivedBatch, sums: bytes) -> None:
+        if received.taken and received.batch is not None:
+            self._trust.consider_verification(job, received.message, received.batch, sums)
+        pieces = received.message.pieces
+        if received.fault is not None and received.batch is not None:
+            self._reject_sums(job, received.message, received.batch, received.fault)
             return
-        self.counts["merged" if each.taken else "dropped"] += len(pieces)
+        self.counts["merged" if received.taken else "dropped"] += len(pieces)
         for piece in pieces:
-            batch = each.batch and each.batch._replace(first=piece.first, count=piece.count)
-            self._scheduler.end_batch(job, piece.batch, batch, piece.seconds, piece.worker or each.message.worker)
-        self._log_batch(job, each)
+            batch = received.batch and received.batch._replace(first=piece.first, count=piece.count)
+            self._scheduler.end_batch(job, piece.batch, batch, piece.seconds, piece.worker or received.message.worker)
+        self._log_batch(job, received)
 
     def _reject_sums(self, job: ActiveJob, message: BatchDone, run: Range | None, reason: str) -> None:
         """Records sums that cannot be decoded or merged as a failure of their batch on the worker that sent them.
@@ -361,9 +361,9 @@ class Answers:
         )
         self._scheduler.fail_batch(job, batch, sentence, trouble.reproduce)
 
-    def _log_batch(self, job: ActiveJob, each: ReceivedBatch) -> None:
+    def _log_batch(self, job: ActiveJob, received: ReceivedBatch) -> None:
         """Logs a batch in the log of its tile. If its slot reported warnings, also logs them in the job's log."""
-        said, batch = each.message, each.batch
+        said, batch = received.message, received.batch
         if batch is not None:
             seconds = sum(piece.seconds for piece in said.pieces)
             text = tile_log_line(", ".join(said.senders), said.first, said.count, seconds, said.took, said.lines)

@@ -25,7 +25,10 @@ class Changes:
         self._later: dict[Change, None] = {}
 
     def add_low_priority(self, item_kind: str, ids: Iterable[str]) -> None:
-        """Adds low-priority changes, such as the jobs left by a previous run. Used only by the engine's thread."""
+        """Adds changes of items of one kind with low priority, such as those of the jobs left by a previous run.
+
+        Used only by the engine's thread.
+        """
         self._later |= dict.fromkeys((item_kind, id) for id in ids)
 
     def add(self, item_kind: str, id: str) -> None:

@@ -341,7 +341,10 @@ class Records:
             return True
 
     def mark_failed(self, id: str, error: str, reproduce: str | None = None) -> bool:
-        """Marks a job as failed. Returns False if it has already ended or is deleted."""
+        """Marks a job as failed. Returns False if it has already ended or is deleted.
+
+        error: error sentence. reproduce: command line that reproduces the error.
+        """
         with self._sessions.begin() as session:
             changed = session.execute(
                 update(Job)
@@ -351,7 +354,7 @@ class Records:
             return bool(changed.rowcount)  # type: ignore[attr-defined]
 
     def prepared(self, id: str, info: SceneInfo) -> bool:
-        """Marks a scene as prepared for a worker kind. Returns False if it is deleted."""
+        """Marks a scene as prepared for a worker kind, and stores its description. Returns False if it is deleted."""
         with self._sessions.begin() as session:
             scene = session.get(Scene, id)
             if scene is None:
@@ -405,7 +408,10 @@ def _write_still(session: Session, job: ActiveJob) -> None:
 
 
 def _write_shot(session: Session, job: ActiveJob, requested: Shot) -> None:
-    """Stores the changed frames of a shot."""
+    """Stores the changed frames of a shot. requested: the shot's request as the engine has loaded it.
+
+    If a user has changed the request since, the states and targets that the change has set are not overwritten.
+    """
     if not job.unwritten:
         return
     row = session.get(Job, job.id)

@@ -115,7 +115,7 @@ class SnapshotHolder:
         return self.latest.roster
 
     def record_change(self, item_kind: ItemKind, id: str) -> None:
-        """Records that an item has changed. The event is published with the next snapshot."""
+        """Records that an item (job, scene, worker ...) has changed. The event is published with the next snapshot."""
         self._changed[item_kind, id] = None
 
     def publish(self, jobs: Mapping[str, ActiveJob], make: Callable[[Mapping[str, JobNumbers]], Snapshot]) -> None:

@@ -30,7 +30,7 @@ MAX_BATCHES = 512  # of a message
 class CardWorker:
     """A ready worker whose slots have graphics cards. room: how many more messages it accepts."""
 
-    worker: str
+    name: str
     queue: str
     slots: int
     room: int
@@ -40,7 +40,7 @@ class CardWorker:
 
         Returns False if the job's batches are rendered twice for verification, or if the cards cannot render the job.
         """
-        return not job.verify and self.worker not in job.card_refusals
+        return not job.verify and self.name not in job.card_refusals
 
 
 class CardWorkers:
@@ -61,27 +61,27 @@ class CardWorkers:
             found.append(CardWorker(report.name, queue, report.slots, room))
         return found
 
-    def meets_needs(self, place: CardWorker, job: ActiveJob) -> bool:
+    def meets_needs(self, worker: CardWorker, job: ActiveJob) -> bool:
         """Returns True if a worker meets a job's requirements."""
-        offer = self._workers.roster.offers.get(place.worker)
+        offer = self._workers.roster.offers.get(worker.name)
         return job.needs is None or (offer is not None and job.needs.are_met(offer))
 
-    def next_message(self, job: ActiveJob, kind: str, place: CardWorker, cpu_slots: int) -> BatchGroup | None:
+    def next_message(self, job: ActiveJob, kind: str, worker: CardWorker, cpu_slots: int) -> BatchGroup | None:
         """Returns a message with the next batches of a job for one slot with a graphics card; None if there are none.
 
-        kind: worker kind. place: the worker. cpu_slots: number of CPU slots that may render the job too.
+        kind: worker kind. cpu_slots: number of CPU slots that may render the job too.
         """
         aim = job.card_target_s(self._pace.card_message_s(), cpu_slots, self._outstanding_s(job, kind))
         tile_s = self._pace.card_batch_s(aim, len(job.film.tiles))
         batches: list[Range] = []
         expected = 0.0
-        while expected < aim and len(batches) < (MAX_BATCHES if job.card_sample_s(place.worker) else UNMEASURED_BATCHES):
-            batch = job.next_for_card(place.worker, tile_s, kind)
+        while expected < aim and len(batches) < (MAX_BATCHES if job.card_sample_s(worker.name) else UNMEASURED_BATCHES):
+            batch = job.next_for_card(worker.name, tile_s, kind)
             if batch is None:
                 break
-            expected += job.expected_s(batch, place.worker)
+            expected += job.expected_s(batch, worker.name)
             batches.append(batch)
-        return BatchGroup(batches, queue=place.queue, only=place.worker, is_of_card=True) if batches else None
+        return BatchGroup(batches, queue=worker.queue, only=worker.name, is_of_card=True) if batches else None
 
     def _outstanding_s(self, job: ActiveJob, kind: str) -> float:
         """Returns the duration, in seconds per slot, of a job's outstanding batches on graphics cards of this worker kind."""

@@ -175,7 +175,10 @@ class CeleryDispatcher:
         self._celery.close()
 
     def _send(self, name: str, arguments: dict[str, Any], queue: str, lease: str, traced: tuple[str, str] | None = None) -> None:
-        """Sends a Celery task. traced: kind ("job" or "scene") and id of the item to whose trace it belongs, or None."""
+        """Sends a Celery task. name, arguments: of the task. lease: id of the task.
+
+        traced: kind ("job" or "scene") and id of the item to whose trace the task belongs, or None.
+        """
         self._check_ownership()
         try:
             options: dict[str, Any] = {

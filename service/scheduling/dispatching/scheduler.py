@@ -76,7 +76,7 @@ class Scheduler:
         self.job_queue = JobQueue(workers, self.jobs)
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
-        self._places: list[ReadySite] = []  # sites, during one call of `hand_out`
+        self._ready_sites: list[ReadySite] = []  # sites, during one call of `hand_out`
         self._cards = CardWorkers(workers, self.leases, pace)
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers whose results no film accepts (trust/trust.py)
@@ -96,11 +96,11 @@ class Scheduler:
             slots = self._workers.roster.cpu_slots(kind)
             room = self._pace.scaled_room(self._window(slots, kind) - self.leases.occupied_slots(kind))
             cards = self._cards.of_kind(kind)
-            turns = self.job_queue.by_priority(kind) if room > 0 or any(place.room > 0 for place in cards) else {}
+            turns = self.job_queue.by_priority(kind) if room > 0 or any(card_worker.room > 0 for card_worker in cards) else {}
             if not turns:
                 continue
             self._sent.clear()
-            self._places = self.sites.ready_sites(kind, self._settings.window_per_slot)
+            self._ready_sites = self.sites.ready_sites(kind, self._settings.window_per_slot)
             try:
                 with self._dispatcher.send_together():
                     self._fill_cards(cards, turns, kind, slots, start)
@@ -125,42 +125,48 @@ class Scheduler:
         """
         for each in (job for jobs in turns.values() for job in jobs):
             each.card_rate = sum(
-                place.slots / cost for place in cards if place.accepts(each) and (cost := each.card_sample_s(place.worker)) > 0.0
+                card_worker.slots / cost
+                for card_worker in cards
+                if card_worker.accepts(each) and (cost := each.card_sample_s(card_worker.name)) > 0.0
             )
-        for place in cards:
+        for card_worker in cards:
             held = self.leases.slots_by_job()
             shares_held = self.outstanding_by_share(held)
             for priority in sorted(turns, reverse=True):
                 queue = self.shares.queue_of(kind, turns[priority], held, shares_held)
-                while place.room > 0 and (job := queue.next_job()) is not None:
-                    if not self._may_serve(job) or not self._cards.meets_needs(place, job):
+                while card_worker.room > 0 and (job := queue.next_job()) is not None:
+                    if not self._may_serve(job) or not self._cards.meets_needs(card_worker, job):
                         continue
-                    if place.accepts(job) and not job.card_sample_s(place.worker) and self.leases.slots_waiting_in(place.queue):
+                    if (
+                        card_worker.accepts(job)
+                        and not job.card_sample_s(card_worker.name)
+                        and self.leases.slots_waiting_in(card_worker.queue)
+                    ):
                         continue  # a second message before the first is measured would be too small
                     sent = len(self._sent)
-                    hand_out = partial(self._hand_to_card, job, kind, place, slots, start)
+                    hand_out = partial(self._hand_to_card, job, kind, card_worker, slots, start)
                     self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
                     if new := self._sent[sent:]:
-                        place.room -= 1
+                        card_worker.room -= 1
                         queue.record_served(job, 1, sum(lease.charged_s for lease in new))
 
-    def _hand_to_card(self, job: ActiveJob, kind: str, place: CardWorker, cpu_slots: int, start: StartJob) -> None:
-        """Dispatches one message to the worker `place`, which has graphics cards. Raises QueueError.
+    def _hand_to_card(self, job: ActiveJob, kind: str, card_worker: CardWorker, cpu_slots: int, start: StartJob) -> None:
+        """Dispatches one message to the worker `card_worker`, which has graphics cards. Raises QueueError.
 
         Does nothing if the job has no batch for it. cpu_slots: number of CPU slots. If none of them may render this job, the
         worker's own CPU renders what its graphics cards cannot.
         """
         if job.needs is not None:
             cpu_slots = self._workers.roster.slots_serving(job.needs.queue(kind), of_cpu=True).get(kind, 0)
-        if (not place.accepts(job) and cpu_slots) or not start(job, kind):
+        if (not card_worker.accepts(job) and cpu_slots) or not start(job, kind):
             return
-        if place.accepts(job):
-            found = self._cards.next_message(job, kind, place, cpu_slots)
+        if card_worker.accepts(job):
+            found = self._cards.next_message(job, kind, card_worker, cpu_slots)
             groups = [] if found is None else [found]
         else:
-            batch_s = self._pace.batch_s(place.slots, job.rendered_s / max(place.slots, 1))
-            groups = next_batch_groups(job, SlotGroup(kind, place.slots, batch_s, several=True, joint=False, most=1))
-            groups = [replace(group, queue=place.queue, only=place.worker) for group in groups]
+            batch_s = self._pace.batch_s(card_worker.slots, job.rendered_s / max(card_worker.slots, 1))
+            groups = next_batch_groups(job, SlotGroup(kind, card_worker.slots, batch_s, several=True, joint=False, most=1))
+            groups = [replace(group, queue=card_worker.queue, only=card_worker.name) for group in groups]
         self._send_all(job, kind, groups)
 
     def _may_serve(self, job: ActiveJob) -> bool:
@@ -238,13 +244,13 @@ class Scheduler:
         roster, batch_s = self._workers.roster, self._pace.batch_s(slots, job.rendered_s / max(slots, 1))
         several, joint = roster.accepts_several(kind), roster.accepts_joint(kind)
         max_run = self._pace.batches_of_a_tile(slots, joint)
-        place = self._choose_site(job) if joint and max_run > 1 else None
-        if place is not None:
-            max_run, max_slots = self._pace.batches_of_a_site(place.slots), min(max_slots, place.room)
+        site = self._choose_site(job) if joint and max_run > 1 else None
+        if site is not None:
+            max_run, max_slots = self._pace.batches_of_a_site(site.slots), min(max_slots, site.room)
         groups = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, max_run, max_slots))
-        if place is not None:
+        if site is not None:
             hold_s = self._pace.site_hold_s(batch_s)
-            groups = [message for group in groups for message in place.split_for_machines(group, hold_s)]
+            groups = [message for group in groups for message in site.split_for_machines(group, hold_s)]
         self._send_all(job, kind, groups)
 
     def _send_all(self, job: ActiveJob, kind: str, groups: list[BatchGroup]) -> None:
@@ -265,7 +271,7 @@ class Scheduler:
         """
         if job.needs is not None or job.verify:
             return None
-        return max((place for place in self._places if place.room > 0), key=lambda place: place.room, default=None)
+        return max((site for site in self._ready_sites if site.room > 0), key=lambda site: site.room, default=None)
 
     def _send(self, job: ActiveJob, kind: str, group: BatchGroup) -> None:
         """Sends the batches of one message, and creates their leases. Raises QueueError; then there are no leases."""

@@ -92,7 +92,10 @@ class RemainingWork:
     """Remaining work of all jobs that workers of one kind render, by priority and share."""
 
     def __init__(self, jobs_by_priority: Mapping[int, Iterable[ActiveJob]], shares: Shares, slots: int) -> None:
-        """Sums up the remaining work by priority and share. slots: number of slots available to these jobs."""
+        """Sums up the remaining work of jobs, given by priority, for each priority and share (user or project).
+
+        slots: number of slots available to these jobs.
+        """
         self._shares = shares
         self._of: dict[int, dict[str, _Share]] = {}
         self.is_known = True  # whether the work of all jobs is known

@@ -85,13 +85,13 @@ class Trust:
         """
         kept = []
         for message, sums in answers:
-            check = next((each for each in self._open if message.batch in each.asked), None)
+            verification = next((each for each in self._open if message.batch in each.asked), None)
             nobody_s = bool(job.verify) and (len(message.senders) != 1 or not all(message.senders))
             if nobody_s or not self._scheduler.distrusted.isdisjoint(message.senders):
                 for piece in message.pieces:
                     self._scheduler.end_batch(job, piece.batch, None, 0.0, piece.worker or message.worker)
-            elif check is not None:
-                self._handle_answer(job, check, message, sums)
+            elif verification is not None:
+                self._handle_answer(job, verification, message, sums)
             else:
                 kept.append((message, sums))
         return kept
@@ -110,41 +110,43 @@ class Trust:
         if not self._trusted_ready_workers(job.kind) - {sender} or not sender:
             return
         patience = max(self._deadline_s, 10 * job.expected_s(batch))
-        check = _Verification(job.id, job.kind, batch, Votes(job.film.tiles[batch.tile]), patience)
-        check.votes.add(sender, sums)
-        self._open.append(check)
+        verification = _Verification(job.id, job.kind, batch, Votes(job.film.tiles[batch.tile]), patience)
+        verification.votes.add(sender, sums)
+        self._open.append(verification)
         self._update_counts()
         with suppress(QueueError):  # sent at the next review
-            self._send_repetition(job, check)
+            self._send_repetition(job, verification)
 
     def advance_checks(self) -> None:
         """Sends due repetitions, and drops verifications that cannot be completed. Called once a second. Raises QueueError."""
-        for check in list(self._open):
-            job = self._scheduler.jobs.get(check.job)
-            ready = self._trusted_ready_workers(check.kind)
+        for verification in list(self._open):
+            job = self._scheduler.jobs.get(verification.job)
+            ready = self._trusted_ready_workers(verification.kind)
             if job is None:
-                self._end_verification(check)
+                self._end_verification(verification)
                 continue
-            if check.waits_since is not None and time.monotonic() - check.waits_since > check.patience_s:
-                check.waits_since, check.patience_s = None, 2 * check.patience_s
-            if check.waits_since is not None:
+            if verification.waits_since is not None and time.monotonic() - verification.waits_since > verification.patience_s:
+                verification.waits_since, verification.patience_s = None, 2 * verification.patience_s
+            if verification.waits_since is not None:
                 continue
-            if not check.votes.has_differences and (
-                not check.votes.workers or not ready - check.votes.workers or len(check.votes.cast) >= MAX_EQUAL_RESULTS
+            if not verification.votes.has_differences and (
+                not verification.votes.workers
+                or not ready - verification.votes.workers
+                or len(verification.votes.cast) >= MAX_EQUAL_RESULTS
             ):
-                self._end_verification(check)
-            elif check.votes.could_decide(ready):
-                self._send_repetition(job, check)
+                self._end_verification(verification)
+            elif verification.votes.could_decide(ready):
+                self._send_repetition(job, verification)
             else:
-                self._apply_user_decision(check)
+                self._apply_user_decision(verification)
 
     def apply_distrust(self, reload: Callable[[ActiveJob], None]) -> None:
         """Marks workers whose results were wrong as distrusted, and pauses them. reload: reloads a job without their samples."""
         for worker, (found_in, reason) in list(self._wrong.items()):
             self._scheduler.distrusted.add(worker)
-            for check in self._open:
-                check.votes.remove_worker(worker)
-            self._open = [check for check in self._open if check.votes.cast]
+            for verification in self._open:
+                verification.votes.remove_worker(worker)
+            self._open = [verification for verification in self._open if verification.votes.cast]
             partly: list[str] = []
             for job in list(self._scheduler.jobs.values()):
                 if job.film.has_sums_of(worker):
@@ -162,66 +164,71 @@ class Trust:
     def required_actions(self) -> Mapping[str, str]:
         """Returns, by id of each job whose verification no other worker can decide, a sentence that tells a user what to do."""
         return {
-            check.job: (
+            verification.job: (
                 Sentence(
                     "worker-results-disputed",
                     "{workers} rendered the same batch differently, and no other worker can decide. Start a "
                     "third of the same kind, or pause the one that you do not trust.",
-                    workers=" and ".join(sorted(check.votes.workers)),
+                    workers=" and ".join(sorted(verification.votes.workers)),
                 )
             )
-            for check in self._open
-            if check.votes.has_differences and check.waits_since is None
+            for verification in self._open
+            if verification.votes.has_differences and verification.waits_since is None
         }
 
-    def _handle_answer(self, job: ActiveJob, check: _Verification, message: BatchDone, sums: bytes) -> None:
+    def _handle_answer(self, job: ActiveJob, verification: _Verification, message: BatchDone, sums: bytes) -> None:
         batch = batch_of(message, job)
-        check.asked.discard(message.batch)
-        check.waits_since = None
-        if batch != check.batch or check not in self._open:
+        verification.asked.discard(message.batch)
+        verification.waits_since = None
+        if batch != verification.batch or verification not in self._open:
             return
-        did_differ = check.votes.has_differences
+        did_differ = verification.votes.has_differences
         with suppress(ValueError):  # invalid sums: another repetition is sent
-            check.votes.add(message.worker, sums)
-        if check.votes.has_differences and not did_differ:
+            verification.votes.add(message.worker, sums)
+        if verification.votes.has_differences and not did_differ:
             self.counts["differed"] += 1
             where = f"samples {batch.first} to {batch.first + batch.count - 1} of tile {batch.tile}"
-            log.warning("job %s: %s rendered %s differently", job.id, " and ".join(sorted(check.votes.workers)), where)
-            job.history.log.add_line(f"{' and '.join(sorted(check.votes.workers))} rendered {where} differently")
-        if check.votes.agreed_index is None:
+            log.warning("job %s: %s rendered %s differently", job.id, " and ".join(sorted(verification.votes.workers)), where)
+            job.history.log.add_line(f"{' and '.join(sorted(verification.votes.workers))} rendered {where} differently")
+        if verification.votes.agreed_index is None:
             with suppress(QueueError):  # sent at the next review
                 if (
-                    check.votes.could_decide(self._trusted_ready_workers(check.kind))
-                    and len(check.votes.cast) < MAX_EQUAL_RESULTS
+                    verification.votes.could_decide(self._trusted_ready_workers(verification.kind))
+                    and len(verification.votes.cast) < MAX_EQUAL_RESULTS
                 ):
-                    self._send_repetition(job, check)
+                    self._send_repetition(job, verification)
             return
         self.counts["verified"] += 1
-        right = sorted(check.votes.workers - check.votes.outvoted_workers)
-        for worker in check.votes.outvoted_workers:
+        right = sorted(verification.votes.workers - verification.votes.outvoted_workers)
+        for worker in verification.votes.outvoted_workers:
             self._mark_wrong(
-                worker, check, Sentence("worker-outvoted", "since {workers} agree on another result", workers=" and ".join(right))
+                worker,
+                verification,
+                Sentence("worker-outvoted", "since {workers} agree on another result", workers=" and ".join(right)),
             )
-        self._end_verification(check)
+        self._end_verification(verification)
 
-    def _apply_user_decision(self, check: _Verification) -> None:
-        """Treats the results of workers that a user has paused as wrong, if other results of the batch remain."""
+    def _apply_user_decision(self, verification: _Verification) -> None:
+        """Ends a verification without a decision if a user has paused some of the workers whose results differ.
+
+        The results of these workers are treated as wrong.
+        """
         orders = self._workers.roster.orders
-        paused = {worker for worker in check.votes.workers if orders.get(worker) == PAUSED_BY_USER}
-        if paused and paused != check.votes.workers:
+        paused = {worker for worker in verification.votes.workers if orders.get(worker) == PAUSED_BY_USER}
+        if paused and paused != verification.votes.workers:
             for worker in paused:
-                self._mark_wrong(worker, check, Sentence("worker-distrusted-by-user", "since it was paused by a user"))
-            self._end_verification(check)
+                self._mark_wrong(worker, verification, Sentence("worker-distrusted-by-user", "since it was paused by a user"))
+            self._end_verification(verification)
 
-    def _mark_wrong(self, worker: str, check: _Verification, evidence: str) -> None:
-        batch = check.batch
+    def _mark_wrong(self, worker: str, verification: _Verification, evidence: str) -> None:
+        batch = verification.batch
         where = Sentence(
             "samples-of-tile",
             "samples {first} to {last} of tile {tile} of job {job}",
             first=batch.first,
             last=batch.first + batch.count - 1,
             tile=batch.tile,
-            job=check.job,
+            job=verification.job,
         )
         reason = Sentence(
             "worker-results-differ",
@@ -229,7 +236,7 @@ class Trust:
             samples=where,
             verdict=evidence,
         )
-        self._wrong[worker] = check.job, reason
+        self._wrong[worker] = verification.job, reason
 
     def _quarantine(self, worker: str, reason: str) -> None:
         sentence = Sentence(
@@ -241,25 +248,25 @@ class Trust:
             self._workers.pause(worker, sentence)
             self._workers.refresh(now=True)
 
-    def _send_repetition(self, job: ActiveJob, check: _Verification) -> None:
-        """Sends a repetition of a batch for verification. Raises QueueError."""
-        frame = job.frames.get(check.batch.frame)
-        if frame is None or check.kind not in frame.compiled:  # the compiled frame of the shot was released
-            self._end_verification(check)
+    def _send_repetition(self, job: ActiveJob, verification: _Verification) -> None:
+        """Sends a batch that is being verified to be rendered once more. Raises QueueError."""
+        frame = job.frames.get(verification.batch.frame)
+        if frame is None or verification.kind not in frame.compiled:  # the compiled frame of the shot was released
+            self._end_verification(verification)
             return
         # a separate lease, since the plan has this batch already
-        lease = Lease(job.id, check.kind, check.batch, check.patience_s)
-        lease.queue = job.queue_name(check.kind)
-        check.asked.add(lease.id)
-        check.waits_since = time.monotonic()
-        self._dispatcher.send_batch(batch_message(job, lease, check.batch), lease.queue)
+        lease = Lease(job.id, verification.kind, verification.batch, verification.patience_s)
+        lease.queue = job.queue_name(verification.kind)
+        verification.asked.add(lease.id)
+        verification.waits_since = time.monotonic()
+        self._dispatcher.send_batch(batch_message(job, lease, verification.batch), lease.queue)
 
     def _trusted_ready_workers(self, kind: str) -> set[str]:
         ready = {report.name for report in self._workers.roster.ready_reports() if report.kind == kind}
         return ready - self._scheduler.distrusted
 
-    def _end_verification(self, check: _Verification) -> None:
-        self._open = [each for each in self._open if each is not check]
+    def _end_verification(self, verification: _Verification) -> None:
+        self._open = [each for each in self._open if each is not verification]
         self._update_counts()
 
     def _update_counts(self) -> None:
@@ -268,7 +275,7 @@ class Trust:
         While the samples of a worker with wrong results are not removed yet, no job can finish.
         """
         self._scheduler.checks.clear()
-        self._scheduler.checks.update(check.job for check in self._open)
+        self._scheduler.checks.update(verification.job for verification in self._open)
         if self._wrong:
             self._scheduler.checks.update(list(self._scheduler.jobs))
 
