@@ -139,7 +139,7 @@ class Loading:
             else:
                 film.delete_frames(*anew)
             self._records.record_removed_samples(row.id, anew)
-        film.separates_senders = self._verify(row) > 0
+        film.separates_senders = self._verified_fraction(row) > 0
         for worker in self._scheduler.distrusted.union(row.doubted or ()):
             film.delete_samples_of(worker)
         if row.doubted:
@@ -147,7 +147,7 @@ class Loading:
         return film
 
     def _add(self, job: ActiveJob, row: Job, scene: Scene, is_of_this_round: bool) -> None:
-        job.verify = self._verify(row)
+        job.verify = self._verified_fraction(row)
         job.checks = self._scheduler.checks
         job.looks = self._scheduler.looks
         job.share = self._scheduler.shares.name_of(job.user, job.project)
@@ -162,7 +162,7 @@ class Loading:
             self._add_missed_kinds(job, row.compiled_scene_id)
         self._on_loaded(job, scene)
 
-    def _verify(self, row: Job) -> float:
+    def _verified_fraction(self, row: Job) -> float:
         """Returns the fraction of batches that are rendered twice for verification: the job's setting, else the farm's."""
         asked: float | None = row.request.get("verify")
         return self._scheduler.verify if asked is None else asked

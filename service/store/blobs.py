@@ -65,7 +65,7 @@ class BlobStore(Protocol):
         """Returns the size of a blob in bytes, or None if it does not exist."""
 
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
-        """Deletes those of these blobs that exist.
+        """Deletes the blobs with these hashes. Missing blobs are ignored.
 
         guard: called before each deletion; raises FarmError if deleting is no longer allowed.
         """
@@ -132,9 +132,10 @@ class BlobFolder:
             return None
 
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
-        """Deletes those of these blobs that exist. guard: called before each deletion; raises FarmError if it is not allowed.
+        """Deletes the blobs with these hashes. Missing blobs are ignored.
 
         Up to DELETING_THREADS files are deleted in parallel, so that the waits of disks with synchronous discard overlap.
+        guard: called before each deletion; raises FarmError if deleting is not allowed.
         """
 
         def remove(path: Path) -> None:

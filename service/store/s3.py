@@ -111,7 +111,7 @@ class S3Blobs:
             return None
 
     def delete(self, hashes: Collection[str], guard: Callable[[], None] = lambda: None) -> None:
-        """Deletes those of these blobs that exist. guard: raises FarmError if deleting is not allowed."""
+        """Deletes the blobs with these hashes. Missing blobs are ignored. guard: raises FarmError if deleting is not allowed."""
         if hashes:
             guard()
             with self._faults():

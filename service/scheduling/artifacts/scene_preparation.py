@@ -114,7 +114,7 @@ class ScenePreparations:
         return found
 
     def _able_workers(self, scene: str, kind: str | None, reports: Iterable[WorkerReport]) -> list[WorkerReport]:
-        """Returns those workers among `reports` that can prepare a scene for this kind."""
+        """Returns the workers among `reports` that can prepare a scene for this kind."""
         by_blender, has_blender = scene in self._by_blender, self._workers.roster.has_blender
         return [each for each in reports if kind in (None, each.kind) and (not by_blender or has_blender(each.name))]
 

@@ -140,9 +140,9 @@ class CeleryDispatcher:
         return found
 
     def withdraw(self, queue: str, messages: set[str]) -> set[str]:
-        """Removes those of these messages from a queue that no worker has fetched yet. Returns the ids of the removed ones.
+        """Removes messages, given by id, from a queue. Returns the ids of the removed ones.
 
-        messages: ids. Raises redis.RedisError.
+        Messages that a worker has already fetched are not removed. Raises redis.RedisError.
         """
         taken = set()
         for id, message in self.waiting_messages(queue).items():

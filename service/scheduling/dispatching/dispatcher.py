@@ -64,9 +64,9 @@ class Dispatcher(Protocol):
         """Returns the messages in a queue that no worker has fetched yet, by id. Raises redis.RedisError."""
 
     def withdraw(self, queue: str, messages: set[str]) -> set[str]:
-        """Removes those of these messages from a queue that no worker has fetched yet. Returns the ids of the removed ones.
+        """Removes messages, given by id, from a queue. Returns the ids of the removed ones.
 
-        messages: ids. Raises redis.RedisError.
+        Messages that a worker has already fetched are not removed. Raises redis.RedisError.
         """
 
     def purge(self) -> None:

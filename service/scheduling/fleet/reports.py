@@ -69,9 +69,9 @@ def _is_card(card: dict[str, Any]) -> bool:
 
 
 def is_plain(value: Any, deepest: int = MAX_DEPTH, longest: int = MAX_TEXT_LENGTH) -> bool:
-    """Returns True if a worker's JSON value is safe to use: finite numbers, texts of at most `longest` characters.
+    """Returns True if a worker's JSON value is safe to use.
 
-    deepest: maximum number of nesting levels.
+    Numbers must be finite, and texts have at most `longest` characters. deepest: maximum number of nesting levels.
     """
     if isinstance(value, str):
         return len(value) <= longest and "\0" not in value

@@ -32,7 +32,7 @@ class ReceivedBatch:
 
 
 def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[ReceivedBatch]:
-    """Adds those batches to a job's film that the job still needs. Returns all batches.
+    """Adds batches to a job's film if the job still needs them. Returns all batches.
 
     answers: messages with their packed sums. Raises FilmUnavailable or FilmLost; then no batch was added.
     """

@@ -78,7 +78,7 @@ class Trust:
             self._events.publish(WorkerQuarantined(worker, None))
 
     def mergeable_answers(self, job: ActiveJob, answers: list[Answer]) -> list[Answer]:
-        """Returns those results that may be merged into the job's film. answers: messages with their packed sums.
+        """Returns the results that may be merged into the job's film. answers: messages with their packed sums.
 
         Excludes repetitions for verification and results of distrusted workers. If the job is verified, also excludes results
         without exactly one sender, which could not be removed later.
