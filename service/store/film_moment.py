@@ -86,7 +86,7 @@ class FilmSnapshotView:
         return self._coverage.get((frame, tile)) or Coverage()
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """Returns a tile's sums, (CHANNELS, h, w) int64; None if it has no samples. Channels not in `planes` are undefined."""
+        """Returns a tile's sums, (channels, h, w) int64; None if it has no samples. Channels not in `planes` are undefined."""
         with film_faults():
             rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
         return sum_of_rows((packed for (packed,) in rows), self.tiles[tile], planes) if rows else None

@@ -337,7 +337,7 @@ class Film:
             return sums
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """Returns a tile's sums, (CHANNELS, h, w) int64; None if it has no samples. Channels not in `planes` are undefined.
+        """Returns a tile's sums, (channels, h, w) int64; None if it has no samples. Channels not in `planes` are undefined.
 
         For reading a whole frame: bypasses the cache, whose frequently used tiles would be evicted, and holds the film's lock
         only while the file is read.
