@@ -65,7 +65,7 @@ log = logging.getLogger(__name__)
 
 
 class Engine:
-    """The engine's thread. It also publishes the engine's events."""
+    """The scheduling engine: a thread that processes results and dispatches work. It also publishes the engine's events."""
 
     def __init__(
         self,

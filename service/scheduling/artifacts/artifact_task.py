@@ -99,7 +99,7 @@ class ArtifactTask(ABC, Generic[Request]):
 
     @abstractmethod
     def _no_worker_error(self) -> Unavailable:
-        """Returns the error of a request that no worker can serve, with the reason."""
+        """Returns the error that is raised if no worker can make this artifact."""
 
     @property
     @abstractmethod

@@ -336,7 +336,7 @@ class Scheduler:
         self.suspicion.record_success(worker, failed_on)
         job.record_result(batch, seconds, self._card_worker(ended, worker))
         for other in set(failed_on):
-            self._quarantine_if_alone(other)
+            self._quarantine_if_others_succeed(other)
 
     def _card_worker(self, lease: Lease | None, worker: str) -> str:
         """Returns the name of the worker whose graphics card has rendered a batch; "" if a CPU has.
@@ -383,7 +383,7 @@ class Scheduler:
         job.requeue(batch)
         if is_suspect:
             self.suspicion.record_failure(worker, (job.id, batch))
-            self._quarantine_if_alone(worker)
+            self._quarantine_if_others_succeed(worker)
         return None
 
     def handle_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, reason: str) -> None:
@@ -401,7 +401,7 @@ class Scheduler:
         job.handed_back = reason
         job.requeue(batch)
         self.suspicion.record_failure(worker, (job.id, batch))
-        self._quarantine_if_alone(worker)
+        self._quarantine_if_others_succeed(worker)
         if not self._other_ready_workers(worker):
             job.rests_until = time.monotonic() + RETURNED_PAUSE_S
 
@@ -465,7 +465,7 @@ class Scheduler:
                 self.doubled += 1
                 job.requeue(lease.batch)
 
-    def _quarantine_if_alone(self, worker: str) -> None:
+    def _quarantine_if_others_succeed(self, worker: str) -> None:
         """Quarantines a worker whose batches fail while others render theirs, unless no other worker is ready."""
         others = self._other_ready_workers(worker)
         failures = self.suspicion.failures_of(worker, others)

@@ -132,11 +132,17 @@ class WorkerSnapshot:
         return name in self.offers and TAG in self.offers[name].tags
 
     def accepts_several(self, kind: str) -> bool:
-        """Returns True if all workers of this kind, any of which may receive a message, accept several batches in one message."""
+        """Returns True if all workers of this kind accept several batches in one message.
+
+        Any of them may receive the message.
+        """
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
     def accepts_joint(self, kind: str) -> bool:
-        """Returns True if all workers of this kind support joint messages, whose batches of one tile they add up."""
+        """Returns True if all workers of this kind support joint messages.
+
+        The slots of a worker render the batches of such a message in parallel, and the worker adds up their sums of one tile.
+        """
         return all(report.adds for report in self.reports.values() if report.kind == kind)
 
     def denoising_kind(self) -> str | None:

@@ -168,7 +168,10 @@ class ShareQueue(Generic[Job]):
         self.held = 0  # slots that the current job occupies
 
     def next_job(self) -> Job | None:
-        """Returns the next job; None if no job may use more slots. A job without `record_served` is not returned again."""
+        """Returns the next job; None if no job may use more slots.
+
+        A job for which `record_served` was not called since is not returned again.
+        """
         while self._turns:
             share = self._turns[0][1]
             queue = self._queues[share]
