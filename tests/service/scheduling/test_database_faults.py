@@ -50,7 +50,7 @@ def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
     event.listen(service.farm.database, "checkout", obey)
     is_read_only.set()
     until(lambda: service.http.get("/readyz").status_code == 503, "the service says so")
-    assert "readonly" in service.http.get("/readyz").json()["detail"]
+    assert "read-only" in service.http.get("/readyz").json()["detail"]
     until(lambda: service.job(job)["samples"] == 64 * 48 * 60, "the films go on")
     is_read_only.clear()
     service.wait_for(job, "finished")
