@@ -11,6 +11,7 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.light.light_sample import LightSample, emitted, if_found
 from renderer.kernel.light.punctual import disk_cone
+from renderer.kernel.sampling.sphere_cone import sphere_cone
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere
 from renderer.kernel.surface.ray_origins import leave
 from renderer.kernel.surface.shapes import ball_at
@@ -30,19 +31,12 @@ _FACING = np.uint32(FACING)
 
 
 @device
-def _cone(square, radius):
-    """Returns 1 - cos of the half angle subtended by a sphere seen from outside, with its centre at squared distance `square`."""
-    sine2 = radius * radius / square
-    return sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))
-
-
-@device
 def _sample_cap(to_center, square, radius, u):
     """Samples the visible cap of a sphere seen from outside, uniformly in solid angle.
 
     Returns (the sphere's world-space normal at the sample, pdf per steradian).
     """
-    one_minus_cos = _cone(square, radius)
+    one_minus_cos = sphere_cone(square, radius)
     local = square_to_cone(u, one_minus_cos)
     axis = vec.scale(to_center, _ONE / math.sqrt(square))
     s, t = vec.basis(axis)
@@ -161,7 +155,7 @@ def sphere_light_pdf(scene, number, p, square, cosine, chance, time):
     center2 = vec.dot(to_center, to_center)
     facing = faces_viewer(scene, number)
     outside = facing | (center2 > _CLOSE * radius * radius)
-    pdf = chance * square_to_cone_pdf(where(facing, disk_cone(center2, radius), _cone(center2, radius)))
+    pdf = chance * square_to_cone_pdf(where(facing, disk_cone(center2, radius), sphere_cone(center2, radius)))
     if any_of(not_(outside)):
         pdf = where(outside, pdf, chance * square * _INV_4PI / max(cosine * radius * radius, _LEAST))
     return pdf
