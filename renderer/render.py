@@ -52,7 +52,7 @@ __all__ = [
     "warm_up",
 ]
 
-PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA = KERNEL_VARIANTS
+PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_ = KERNEL_VARIANTS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
 _LAST_TILES = 2  # per thread: the last tiles' samples are divided into
@@ -291,6 +291,8 @@ def _check_pixel(settings: RenderSettings, x: int, y: int) -> None:
 
 def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
     """Returns the name of the kernel variant that renders the scene with these settings."""
+    if settings.integrator in ("whitted", "ao") or settings.sampling != "mis":  # which do not aim
+        scene = scene._replace(target=scene.target[:0])
     variant = variant_of(scene, len(settings.views) > 0)
     if settings.integrator in ("whitted", "ao"):  # which have no media
         variant = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(variant, variant)

@@ -1,4 +1,4 @@
-"""The table layouts of light-tree nodes (bounds of eight children, one per lane) and of parallelogram lights.
+"""The table layouts of light-tree nodes (bounds of eight children, one per lane), of parallelogram lights, and of targets.
 
 The builder writes these tables and the kernel reads them. A child is bounded by a sphere around all its lights, a cone around
 their axes, and the maximum angle of emission from those axes. Infinitely distant lights are bounded likewise, by a sphere at
@@ -27,6 +27,12 @@ __all__ = [
     "RADIUS",
     "RECIPROCAL",
     "SIN_SPREAD",
+    "TARGET_CENTER",
+    "TARGET_COLUMNS",
+    "TARGET_GUARD",
+    "TARGET_GUARD2",
+    "TARGET_RADIUS",
+    "TARGET_STRENGTH",
 ]
 
 LIGHT_WIDTH = 8
@@ -51,3 +57,11 @@ CORNER = 0  # three columns
 EDGES = 3  # three columns each: from the corner to its neighbours; their cross product points to the front
 RECIPROCAL = 9  # three each: dot product with a point minus the corner is its coordinate along an edge, 0 ... 1
 CORNER_ERROR = 15  # bound of a point's rounding error in float32; more than 0
+
+# Columns of a target's row. Directions are sampled towards a sphere, from points outside a second sphere that contains the first.
+TARGET_COLUMNS = 9
+TARGET_CENTER = 0  # three columns
+TARGET_RADIUS = 3
+TARGET_GUARD = 4  # three columns: the centre of the second sphere
+TARGET_GUARD2 = 7  # its squared radius
+TARGET_STRENGTH = 8  # relative, above 0: how often the target is chosen, before distance is taken into account

@@ -151,6 +151,7 @@ FACING = 8192  # a sphere light that acts as a disk through its centre facing th
 SCATTERS_WITHIN = 16384  # some diffuse light is scattered inside: subsurface
 BECKMANN = 32768  # microfacets have Beckmann's distribution, else GGX
 NONLINEAR = 65536  # plastic with nonlinear colour shifts from internal reflection
+CLEAR = 131072  # smooth glass: most light passes in a discrete direction
 TRANSPARENT = MASKED | BLENDED
 
 # Columns of `medium`, float32.

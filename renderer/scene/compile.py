@@ -22,6 +22,7 @@ from renderer.scene.environment import (
     EnvironmentTables,
     are_accents,
     choose_environment,
+    environment_power,
     search_tables,
     tabulate_environment,
 )
@@ -35,6 +36,7 @@ from renderer.scene.placed_bodies import PlacedGeometry, place_geometry
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.scene_bvh import build_scene_bvh
 from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
+from renderer.scene.targets import list_targets
 from renderer.sentences import Sentence
 from renderer.settings import View
 from renderer.threads import Team
@@ -154,6 +156,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
             lights.cdf,
             len(geometry.triangle),
         ),
+        target=list_targets(description, packed, lights.power + environment_power(environment, subject)),
         sun=_suns(lights.primitive, punctual.kind, len(joined.triangle) + len(sphere)),
         punctual_kind=punctual.kind,
         punctual=punctual.row,

@@ -137,6 +137,7 @@ class Instance:
     name: str = ""  # instances of one name are one object in the object id AOV; "": a separate object
     moves: bool = False  # whether its transform, visibility or emission differs at another time
     keys: tuple[npt.NDArray[np.float64], ...] = ()
+    guide: bool = False  # whether paths aim at it (renderer/scene/targets.py)
 
 
 @dataclass
@@ -147,7 +148,7 @@ class Sphere:
     radius: float
     material: int = 0
     name: str = "sphere"
-    guide: bool = False  # whether `sampling: mixture` samples directions towards it, as towards a light
+    guide: bool = False  # whether paths aim at it, as `sampling: mixture` aims at lights
     moves: bool = False  # whether it differs at another time
     keys: tuple[tuple[Vec3, float], ...] = ()  # centres and radii, as Instance.keys
 

@@ -23,6 +23,7 @@ __all__ = [
     "EnvironmentTables",
     "are_accents",
     "choose_environment",
+    "environment_power",
     "environment_sampled_fully",
     "search_tables",
     "tabulate_environment",
@@ -206,8 +207,13 @@ def choose_environment(environment: EnvironmentTables, lights_power: float, boun
         return 0.0
     if lights_power <= 0:
         return 1.0
-    arriving = _sky_power(bounds) * environment.mean * environment.contrast
+    arriving = environment_power(environment, bounds) * environment.contrast
     return float(np.clip(arriving / (arriving + lights_power), 0.1, 0.8))
+
+
+def environment_power(environment: EnvironmentTables, bounds: F32) -> float:
+    """Returns the power that the environment sends through a disk as large as the scene's bounding sphere."""
+    return _sky_power(bounds) * environment.mean
 
 
 def are_accents(lights_power: float, bounds: F32) -> bool:

@@ -22,6 +22,7 @@ _KINDS = {kind.name: kind.number for kind in rows.KINDS}
 _FACETED = tuple(kind.number for kind in rows.KINDS if kind.faceted)
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
 _SMOOTH = ("glass", "conductor")  # kinds that are smooth if no roughness is given
+_MOSTLY = 0.5  # transmission from which on a smooth material is clear
 _LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN_ALPHA`
 
 
@@ -142,9 +143,16 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
         rows.ABSORBING: transmits and not m.thin and absorbs,
         rows.NONLINEAR: m.kind == "plastic" and m.nonlinear,
         rows.SCATTERS_WITHIN: m.kind in ("diffuse", "metallic_roughness") and m.subsurface > 0,
+        rows.CLEAR: _is_clear(m),
         rows.BECKMANN: m.distribution == "beckmann" and _kind(m) in _FACETED,
     }
     return sum(bit for bit, is_set in flags.items() if is_set)
+
+
+def _is_clear(m: Material) -> bool:
+    """Returns True for smooth glass, and for a principled material that is mostly that."""
+    transmission = 1.0 if m.kind == "glass" else m.transmission * (1 - m.metallic) if m.kind == "metallic_roughness" else 0.0
+    return bool(transmission >= _MOSTLY and _roughness(m) <= SMOOTH_GLASS)
 
 
 def _columns(materials: list[Material], emission: np.ndarray, absorbing: np.ndarray) -> F32:

@@ -14,7 +14,10 @@ import numpy as np
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.material import eval_material, sample_material
-from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_sphere, square_to_triangle
+from renderer.kernel.sampling.sphere_cone import sample_sphere_direction, sphere_direction_pdf
+from renderer.kernel.sampling.warp import square_to_sphere, square_to_triangle
+from renderer.kernel.steps.aim import unguided_factor
+from renderer.kernel.steps.state import BsdfSample
 
 __all__ = ["mixture_bounce", "sample_towards", "target_density"]
 
@@ -24,6 +27,7 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _INV_4PI = np.float32(0.25 / math.pi)
 _BLACK = (_ZERO, _ZERO, _ZERO)
+_NO = np.bool_(False)
 
 
 @device
@@ -38,15 +42,9 @@ def _ball(scene, number):
 
 
 @device
-def _one_minus_cos(square, radius):
-    """Returns 1 - cos of the half angle that a sphere subtends; 2 (all directions) from inside the sphere.
-
-    square: squared distance of the sphere's centre.
-    """
-    if square <= radius * radius:
-        return _TWO
-    sine2 = radius * radius / square
-    return sine2 / (_ONE + math.sqrt(_ONE - sine2))
+def _is_inside(center, radius, p):
+    to_center = vec.sub(center, p)
+    return vec.dot(to_center, to_center) <= radius * radius
 
 
 @device
@@ -58,13 +56,7 @@ def target_density(scene, primitive, p, d):
     triangles = len(scene.triangle)
     if primitive >= triangles:
         center, radius = _ball(scene, primitive - triangles)
-        to_center = vec.sub(center, p)
-        square = vec.dot(to_center, to_center)
-        ahead = vec.dot(to_center, d)
-        outside = square > radius * radius
-        if outside and (ahead <= _ZERO or square - ahead * ahead > radius * radius):
-            return _ZERO
-        return square_to_cone_pdf(_one_minus_cos(square, radius)) if outside else _INV_4PI
+        return _INV_4PI if _is_inside(center, radius, p) else sphere_direction_pdf(center, radius, p, d, _NO)
     # Moeller & Trumbore, "Fast, Minimum Storage Ray/Triangle Intersection", 1997
     a = _corner(scene, primitive, 0)
     b = vec.sub(_corner(scene, primitive, 1), a)
@@ -93,14 +85,9 @@ def sample_towards(scene, primitive, p, u):
     triangles = len(scene.triangle)
     if primitive >= triangles:
         center, radius = _ball(scene, primitive - triangles)
-        to_center = vec.sub(center, p)
-        square = vec.dot(to_center, to_center)
-        if square <= radius * radius:
+        if _is_inside(center, radius, p):
             return square_to_sphere(u), _INV_4PI
-        axis = vec.scale(to_center, _ONE / math.sqrt(square))
-        s, q = vec.basis(axis)
-        narrow = _one_minus_cos(square, radius)
-        return vec.to_world(s, q, axis, square_to_cone(u, narrow)), square_to_cone_pdf(narrow)
+        return sample_sphere_direction(center, radius, p, u)
     v, w = square_to_triangle(u)
     a = _corner(scene, primitive, 0)
     b = vec.sub(_corner(scene, primitive, 1), a)
@@ -116,9 +103,9 @@ def sample_towards(scene, primitive, p, u):
 
 @subroutine
 def mixture_bounce(scene, p, frame, material, wo, choose, u):
-    """Samples a direction from the mixture: (wi, weight, pdf, radiance scale), like `sample_material`.
+    """Samples a direction from the mixture; returns a BsdfSample.
 
-    The returned pdf is 0, so that emission hit by the ray has the full MIS weight. p: the point. frame: its shading frame (s, t,
+    Its pdf is 0, so that emission hit by the ray has the full MIS weight. p: the point. frame: its shading frame (s, t,
     n). Discrete directions come only from the material's half.
     """
     never_inline()
@@ -126,19 +113,19 @@ def mixture_bounce(scene, p, frame, material, wo, choose, u):
     count = len(scene.guide)
     if count == 0:
         wi, weight, _, thinned = sample_material(material, wo, choose, u)
-        return wi, weight, _ZERO, thinned
+        return BsdfSample(wi, weight, _ZERO, thinned, _ONE)
     aimed = -1
     aimed_density = _ZERO
     if choose < _HALF:
         wi, weight, pdf, thinned = sample_material(material, wo, _TWO * choose, u)
         if pdf == _ZERO:
-            return wi, vec.scale(weight, _TWO), _ZERO, thinned
+            return BsdfSample(wi, vec.scale(weight, _TWO), _ZERO, thinned, _HALF)
         d = vec.to_world(s, q, n, wi)
     else:
         aimed = min(np.int64((_TWO * choose - _ONE) * np.float32(count)), count - 1)
         d, aimed_density = sample_towards(scene, scene.guide[aimed], p, u)
         if aimed_density == _ZERO:
-            return wo, _BLACK, _ZERO, _ONE
+            return BsdfSample(wo, _BLACK, _ZERO, _ONE, _ONE)
         wi = vec.to_local(s, q, n, d)
     f, own = eval_material(material, wo, wi)
     total = _ZERO
@@ -147,5 +134,5 @@ def mixture_bounce(scene, p, frame, material, wo, choose, u):
         total += aimed_density if i == aimed else target_density(scene, scene.guide[i], p, d)
     density = _HALF * own + _HALF * total / np.float32(count)
     if not density > _ZERO:
-        return wi, _BLACK, _ZERO, _ONE
-    return wi, vec.scale(f, _ONE / density), _ZERO, _ONE
+        return BsdfSample(wi, _BLACK, _ZERO, _ONE, _ONE)
+    return BsdfSample(wi, vec.scale(f, _ONE / density), _ZERO, _ONE, unguided_factor(density, own))

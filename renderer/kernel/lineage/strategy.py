@@ -101,8 +101,8 @@ def sample_direction(scene, vertex, options, choose, u):
     """
     material, wo, sampling = vertex.material, vertex.wo, options.sampling
     if sampling == MIXTURE and not is_specular(material):
-        wi, weight, pdf, eta2 = mixture_bounce(scene, vertex.surface.point, vertex.frame, material, wo, choose, u)
-    elif sampling == UNIFORM and not is_specular(material):
+        return mixture_bounce(scene, vertex.surface.point, vertex.frame, material, wo, choose, u)
+    if sampling == UNIFORM and not is_specular(material):
         wi, weight, eta2 = _uniform_bounce(material, wo, choose, u)
         pdf = _ZERO
     else:
@@ -112,7 +112,7 @@ def sample_direction(scene, vertex, options, choose, u):
                 pdf = _LEFT_TO_LIGHTS
             elif sampling == BSDF:
                 pdf = _ZERO
-    return BsdfSample(wi, weight, pdf, eta2)
+    return BsdfSample(wi, weight, pdf, eta2, _ONE)
 
 
 @subroutine

@@ -188,7 +188,7 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
         wi, weight, pdf, eta2 = sample_material(material, vertex.wo, u[2], (u[0], u[1]))
         if pdf > _ZERO and not _is_mirror(material):
             break
-        sample = BsdfSample(wi, weight, _ZERO, eta2)
+        sample = BsdfSample(wi, weight, _ZERO, eta2, _ONE)
         last = LastVertex(surface.point, vertex.normal)
         ray, path, bounce = scatter(surface, vertex.frame, ray, path, sample, _ONE, options)
         crossings = cross_surface(scene, surface, crossings, bounce, _YES)

@@ -10,6 +10,7 @@ pass_through         whether a ray passes the surface that it hits, and absorpti
 emitted_light        emission that a ray hits, with its MIS weight
 record_first_hit     the values of a first hit that the film stores
 sample_direct_light  a light's contribution through a vertex, and the shadow ray towards it
+aim                  directions towards targets, mixed with those of the BSDF
 scatter              the next ray
 continue_or_end      limits, and Russian roulette
 """

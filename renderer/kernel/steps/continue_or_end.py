@@ -4,6 +4,10 @@ Arvo & Kirk, "Particle Transport and Image Synthesis", 1990. The throughput is c
 determines the pixel's brightness: paths from a green wall matter as much to its pixels as paths from a white wall to its own. A
 path survives with certainty while its throughput is at least five sevenths of that weight: most of its cost is already spent, so
 earlier termination would save little and add much noise.
+
+The throughput that counts is the one that the path would have if the BSDF alone had sampled its directions. A direction that is
+aimed at light has a high density and a low weight, so roulette by the real throughput would end the path just before the light
+(Vorba & Krivanek, "Adjoint-Driven Russian Roulette and Splitting in Light Transport Simulation", 2016).
 """
 
 from __future__ import annotations
@@ -48,13 +52,13 @@ def is_last(path, counts, unlit, options):
 
 
 @device
-def roulette_weight_after(roulette_weight, number, weight, eta2):
+def roulette_weight_after(roulette_weight, number, weight, eta2, unguided):
     """Returns the factor that relates a path's throughput to the first vertex's weight, updated after a vertex.
 
     number: count of earlier vertices, a float. weight: the vertex's weight, three channels. eta2: the radiance scale of a
-    refraction, which must not affect survival.
+    refraction, which must not affect survival. unguided: from BsdfSample.
     """
-    return where(number == _ZERO, eta2 / max(vec.maximum(weight), _LEAST), roulette_weight * eta2)
+    return where(number == _ZERO, eta2 / max(vec.maximum(weight), _LEAST), roulette_weight * eta2 * unguided)
 
 
 @device

@@ -27,7 +27,7 @@ class Bounce(NamedTuple):
 
     has_left: Any  # whether the ray has left its facet, as `leaves` returns (surface/ray_origins.py)
     reflected: Any
-    pdf: Any  # of the whole material; 0 for a discrete direction
+    pdf: Any  # of the whole material, whether or not the direction was aimed; 0 for a discrete direction
 
 
 @device
@@ -54,11 +54,11 @@ def scatter(surface, frame, ray, path, sample, branches, options):
     reflected = sample.wi[2] > _ZERO
     has_left = leaves(surface, reflected, d)
     depth = where(is_counted(has_left, reflected, pdf, options), path.depth + _ONE, path.depth)
-    roulette_weight = roulette_weight_after(ray.roulette_weight, path.number, weight, sample.eta2)
+    roulette_weight = roulette_weight_after(ray.roulette_weight, path.number, weight, sample.eta2, sample.unguided)
     return (
         Ray(offset_ray_origin(surface, reflected, d), d, pdf, roulette_weight),
         PathState(path.radiance, depth, vec.mul(path.throughput, weight), path.number + _ONE),
-        Bounce(has_left, reflected, sample.pdf),
+        Bounce(has_left, reflected, sample.pdf / sample.unguided),
     )
 
 

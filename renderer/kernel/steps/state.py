@@ -89,6 +89,7 @@ class BsdfSample(NamedTuple):
     weight: Vector  # f |cos| / pdf
     pdf: Float  # 0: a discrete direction
     eta2: Float  # radiance scale of a refraction, which must not affect survival; else 1
+    unguided: Float  # factor from this weight to that of the same direction sampled by the BSDF alone; 1 if it was
 
 
 class Vertex(NamedTuple):

@@ -52,6 +52,7 @@ from renderer.kernel.backends.cpu.rows import (
     at,
     column,
     gather,
+    last_vertex,
     scatter,
     streams_of,
     surface_of,
@@ -59,13 +60,14 @@ from renderer.kernel.backends.cpu.rows import (
 )
 from renderer.kernel.light.light_sample import LightSample
 from renderer.kernel.steps import scatter as scattering
+from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end
 from renderer.kernel.steps.mis import light_weight
 from renderer.kernel.steps.random_blocks import draw_scattering
 from renderer.kernel.steps.sample_direct_light import sample_direct_light
 from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
 from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, with_radiance
-from renderer.wide.values import as_wide, where, zero_like
+from renderer.wide.values import any_of, as_wide, where, zero_like
 
 __all__ = ["kinds_of_scattering", "scatter_vertices"]
 
@@ -150,34 +152,48 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
         rows = eight_rows(lists, taken, k)
         ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
         none = zero_like(ray.pdf)
-        facet, shading, chosen = gather(pool, rows, Facet), gather(pool, rows, Shading), gather(pool, rows, ChosenLight)
+        facet, shading, to_light = gather(pool, rows, Facet), gather(pool, rows, Shading), gather(pool, rows, ChosenLight)
         surface = surface_of(pool, rows, facet, shading)
         m = _material(scene, pool, rows, surface)
         s, t, n = m.frame
         wo = vec.to_local(s, t, n, vec.neg(ray.d))
-        wi = vec.to_local(s, t, n, chosen.direction)
+        wi = vec.to_local(s, t, n, to_light.direction)
         if second or not lit:
             wi = wo  # there is no light: any direction
         stream = streams_of(pool, rows, options)
         u = draw_scattering(stream, path.number)
         if second:
             u = second_branch_numbers(u)
-        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, u[2], (u[0], u[1]))
+        choose = u[2]
+        if is_lit is not None and scene.has.targets is not None:
+            here = last_vertex(scene, pool, rows)
+            targets = targets_in_view(scene, here, m.material, shading.list == _RARE_SPECULAR, is_surface, options)
+            chosen = aim(scene, here, targets, choose, (u[0], u[1]))
+            choose = chosen.choose
+        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, choose, (u[0], u[1]))
+        sample = BsdfSample(on, weight, pdf, eta2, none + _ONE)
+        if is_lit is not None and scene.has.targets is not None:
+            scatter_pdf = mixture_pdf(scene, here, targets, to_light.direction, scatter_pdf, none + NOT_AIMED)
+            along, own_f, own_pdf = vec.to_local(s, t, n, chosen.direction), (none, none, none), none
+            if any_of(chosen.is_aimed):
+                own_f, own_pdf, _, _, _, _ = answer(scene, m, wo, along, choose, (u[0], u[1]))
+            sample = aimed_sample(scene, here, targets, chosen, m.frame, sample, along, own_f, own_pdf)
         branches = none + _ONE
         if is_lit is not None:
             branches = where(splits(path.number, shading.list == _RARE_SPECULAR), none + np.float32(options.splitting), branches)
         start, end, is_cast = (none, none, none), (none, none, none), none
         if is_lit is not None and lit and not second:
-            light = LightSample(chosen.direction, gather(pool, rows, Outcome).end, chosen.radiance, chosen.pdf, none != none)
-            share = light_weight(chosen.pdf, scatter_pdf, chosen.branches)
+            light = LightSample(
+                to_light.direction, gather(pool, rows, Outcome).end, to_light.radiance, to_light.pdf, none != none
+            )
+            share = light_weight(to_light.pdf, scatter_pdf, to_light.branches)
             medium_stack = as_wide(_WORLD, none)
             if scene.has.media is not None:
                 medium_stack = gather(pool, rows, Crossings).medium_stack
             shadow = sample_direct_light(scene, surface, path, light, wi, f, share, medium_stack, is_surface)
             start, end, is_cast = shadow.start, shadow.end, where(shadow.is_cast, _ONE, none)
-            scatter(pool, rows, DirectLight(shadow.brought, shadow.segments, share, chosen.pdf, shadow.medium_stack))
+            scatter(pool, rows, DirectLight(shadow.brought, shadow.segments, share, to_light.pdf, shadow.medium_stack))
 
-        sample = BsdfSample(on, weight, pdf, eta2)
         ray, path, bounce = scattering.scatter(surface, m.frame, ray, path, sample, branches, options)
         path, survival = continue_or_end(path, ray, u[3], is_surface, options)
         written = rows

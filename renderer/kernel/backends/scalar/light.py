@@ -13,18 +13,19 @@ from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.lights import sample_light
 from renderer.kernel.material.material import eval_material
 from renderer.kernel.sampling.sampler import substream
+from renderer.kernel.steps.aim import NOT_AIMED, mixture_pdf, targets_in_view
 from renderer.kernel.steps.emitted_light import add_light, emitted_by_environment, emitted_by_sun, emitted_light
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.pass_through import counts_emission
 from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.sample_direct_light import add_direct_light, sample_direct_light
-from renderer.kernel.steps.state import with_radiance
+from renderer.kernel.steps.state import LastVertex, with_radiance
 from renderer.kernel.surface.surface import is_emissive
 
 __all__ = ["add_direct", "add_emission", "add_environment", "has_lights"]
 
 _ZERO = np.float32(0.0)
-_YES = np.bool_(True)
+_YES, _NO = np.bool_(True), np.bool_(False)
 
 
 @device
@@ -73,6 +74,10 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
         if light.pdf > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
             f, scatter_pdf = eval_material(vertex.material, vertex.wo, wi)
+            if scene.has.targets is not None:
+                here = LastVertex(surface.point, vertex.normal)
+                targets = targets_in_view(scene, here, surface.material, _NO, is_surface, options)
+                scatter_pdf = mixture_pdf(scene, here, targets, light.direction, scatter_pdf, NOT_AIMED)
             branches = branches_to_light(light.alone, path.number, options)
             weight = weigh_light(options, light, scatter_pdf, branches, surface.point) / np.float32(count)
             shadow = sample_direct_light(scene, surface, path, light, wi, f, weight, crossings.medium_stack, is_surface)

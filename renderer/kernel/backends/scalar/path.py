@@ -16,7 +16,7 @@ from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import store_first_hit
 from renderer.kernel.backends.scalar.light import add_direct, add_emission, add_environment
 from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, reach_surface, subsurface_vertex, surface_vertex
-from renderer.kernel.material.material import is_specular
+from renderer.kernel.material.material import eval_material, is_specular
 from renderer.kernel.path_trace import (
     DIRECT,
     EMITTED,
@@ -26,6 +26,7 @@ from renderer.kernel.path_trace import (
     record_second_branch,
     record_surface,
 )
+from renderer.kernel.steps.aim import aim, aimed_sample, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end, is_last
 from renderer.kernel.steps.emitted_light import add_light
 from renderer.kernel.steps.medium_event import medium_event
@@ -158,7 +159,19 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
 @template
 def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, options, sample_bsdf):
     """Scatters a path at its vertex, using the four random numbers u; returns (Ray, PathState, Crossings, survival)."""
-    sample = sample_bsdf(scene, vertex, options, u[2], (u[0], u[1]))
+    choose, here = u[2], LastVertex(vertex.surface.point, vertex.normal)
+    if scene.has.targets is not None:
+        specular = is_specular(vertex.material)
+        targets = targets_in_view(scene, here, vertex.surface.material, specular, is_surface, options)
+        chosen = aim(scene, here, targets, choose, (u[0], u[1]))
+        choose = chosen.choose
+    sample = sample_bsdf(scene, vertex, options, choose, (u[0], u[1]))
+    if scene.has.targets is not None:
+        s, t, n = vertex.frame
+        wi, f, pdf = vec.to_local(s, t, n, chosen.direction), _BLACK, _ZERO
+        if chosen.is_aimed:
+            f, pdf = eval_material(vertex.material, vertex.wo, wi)
+        sample = aimed_sample(scene, here, targets, chosen, vertex.frame, sample, wi, f, pdf)
     ray, path, bounce = scatter(vertex.surface, vertex.frame, ray, path, sample, branches, options)
     crossings = cross_surface(scene, vertex.surface, crossings, bounce, is_surface)
     path, survival = continue_or_end(path, ray, u[3], is_surface, options)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from renderer.jit import device, template
 from renderer.kernel.backends.scalar.light import has_lights
 from renderer.kernel.backends.scalar.path import trace_path
@@ -10,6 +12,8 @@ from renderer.kernel.steps.mis import hit_weight, light_weight
 from renderer.kernel.steps.state import BsdfSample
 
 __all__ = ["trace_picture"]
+
+_ONE = np.float32(1.0)
 
 
 @device
@@ -25,7 +29,7 @@ def _weigh_light(options, light, scatter_pdf, branches, point):
 @device
 def _sample_bsdf(scene, vertex, options, choose, u):
     wi, weight, pdf, eta2 = sample_material(vertex.material, vertex.wo, choose, u)
-    return BsdfSample(wi, weight, pdf, eta2)
+    return BsdfSample(wi, weight, pdf, eta2, _ONE)
 
 
 @template

@@ -100,7 +100,7 @@ class Shapes:
         else:
             mesh = self._make_mesh(source, name, path)
             mesh.deforms = deforms
-            self._mesh(mesh, material, placed, path, moves)
+            self._mesh(mesh, material, placed, path, moves, source.get("guide", False))
 
     def _count(self, places: int, path: Path) -> None:
         self._places += places
@@ -123,7 +123,7 @@ class Shapes:
             return self._faces(source, name, path)
         return shapes.quad(name) if source["type"] == "quad" else shapes.cube(name)
 
-    def _mesh(self, mesh: Mesh, material: int | None, placed: list[Place], path: Path, moves: bool) -> None:
+    def _mesh(self, mesh: Mesh, material: int | None, placed: list[Place], path: Path, moves: bool, guide: bool) -> None:
         self._triangles += len(mesh.triangles)
         if self._triangles > MAX_TRIANGLES:
             raise self._document.error(
@@ -138,7 +138,7 @@ class Shapes:
         self._description.meshes.append(mesh)
         number = len(self._description.meshes) - 1
         moves = moves or mesh.material in self._restless
-        self._description.instances += [Instance(number, place, name=name, moves=moves) for name, place in placed]
+        self._description.instances += [Instance(number, place, name=name, moves=moves, guide=guide) for name, place in placed]
 
     def _faces(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
         positions = in_exact_type(self._table(source["positions"], 3, (*path, "positions")))
@@ -245,6 +245,7 @@ class Shapes:
                     transform=product(place, s.transform),
                     name=f"{called}/{s.name}" if s.name else called,
                     moves=s.moves or moves,
+                    guide=source.get("guide", False),
                 )
                 for s in self._parts[key]
             ]

@@ -16,23 +16,25 @@ ON_SURFACE = np.bool_(True)
 
 
 @entry
-def _follow(weights, eta2, options, chances):
+def _follow(weights, eta2, unguided, options, chances):
     """Writes the survival probability at each vertex of a path with the given weights."""
     roulette_weight, left = np.float32(1.0), np.float32(1.0)
     for k in range(len(weights)):
         weight = weights[k], np.float32(0.5) * weights[k], np.float32(0.0)
-        roulette_weight = roulette_weight_after(roulette_weight, np.float32(k), weight, eta2[k])
+        roulette_weight = roulette_weight_after(roulette_weight, np.float32(k), weight, eta2[k], unguided[k])
         left = left * weights[k]
         throughput = left, np.float32(0.5) * left, np.float32(0.0)
         chances[k] = survival(throughput, roulette_weight, np.float32(k + 1), options, ON_SURFACE)
         left = left / chances[k]
 
 
-def chances(*weights, eta2=None, **asked):
-    eta2 = np.ones(len(weights), np.float32) if eta2 is None else np.array(eta2, np.float32)
+def chances(*weights, eta2=None, unguided=None, **asked):
+    eta2, unguided = (
+        np.ones(len(weights), np.float32) if each is None else np.array(each, np.float32) for each in (eta2, unguided)
+    )
     found = np.zeros(len(weights), np.float32)
     options = kernel_options(settings((0, 0, 0), (1, 0, 0), 50, **asked), ROOM)
-    _follow(np.array(weights, np.float32), eta2, options, found)
+    _follow(np.array(weights, np.float32), eta2, unguided, options, found)
     return found.tolist()
 
 
@@ -67,3 +69,10 @@ def test_long_paths_end_even_where_all_is_white():
 def test_a_floor_and_a_constant_are_kept_to():
     assert chances(0.9, 0.01, 0.5, roulette_floor=0.25)[2] == 0.25
     assert chances(0.9, 0.01, 0.5, roulette=0.75) == [0.75] * 3
+
+
+def test_aimed_directions_do_not_end_a_path():
+    """The survival is that of the same directions sampled by the BSDF, whose weights are larger by the factor `unguided`."""
+    aimed = chances(0.5, 0.01, 0.005, 0.004, 0.02, unguided=(7.0, 80.0, 160.0, 200.0, 40.0))
+    assert aimed == pytest.approx(chances(0.5, 0.8, 0.8, 0.8, 0.8), rel=1e-5)
+    assert chances(0.5, 0.01, 0.005, 0.004, 0.02)[-1] < 0.06
