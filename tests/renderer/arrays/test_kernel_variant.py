@@ -99,7 +99,7 @@ def test_a_kernel_is_told_what_the_scene_has() -> None:
         assert (given.bvh.instances is None) == (has.instances is None)
 
 
-@pytest.mark.parametrize("others", [["full"], pytest.param(["moving", "media", "moving-media"], marks=pytest.mark.long)])
+@pytest.mark.parametrize("others", [["full"], pytest.param([*KERNEL_VARIANTS][2:], marks=pytest.mark.long)])
 def test_the_variants_render_the_same(monkeypatch: pytest.MonkeyPatch, others: list[str]) -> None:
     """More than 99 % of the pixels of two kernel variants' pictures agree to a relative error of 1e-3.
 
@@ -116,6 +116,17 @@ def test_the_variants_render_the_same(monkeypatch: pytest.MonkeyPatch, others: l
     for other in rest:
         same = np.isclose(plain, other, rtol=1e-3, atol=1e-4).all(axis=-1)
         assert same.mean() > 0.99
+
+
+def test_lamps_in_glass_ask_for_directions_aimed_at_them() -> None:
+    scene = described(*PLAIN)
+    scene.spheres.append(Sphere((1.0, 0.5, 0.0), 0.2, len(PLAIN)))  # in the ball of glass
+    compiled = compile_scene(scene)
+    settings = RenderSettings(8, 8, View((0, 0, 5), (0, 0, 0)))
+    assert variant_for(settings, compiled) == "aimed"
+    assert variant_for(replace(settings, views=(settings.view, View((1, 0, 5), (0, 0, 0)))), compiled) == "complete"
+    assert variant_for(replace(settings, sampling="mixture"), compiled) == "full"
+    assert variant_for(replace(settings, integrator="ao"), compiled) == "full"
 
 
 def test_what_moves_while_the_shutter_is_open_asks_for_more() -> None:

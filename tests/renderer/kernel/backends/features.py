@@ -125,6 +125,24 @@ def lamps(count: int) -> SceneDescription:
     return room(Material(**PBR, roughness=0.4), spheres=balls, environment=None)
 
 
+def bulb(material: Material, guide: bool = False, **more: Any) -> SceneDescription:
+    """Returns a scene with a small lamp in a glass ball, and another in a hollow one. guide: whether a third body is marked."""
+    hollow = icosphere(2, 3, 0.3)
+    shell = Mesh(
+        "shell",
+        np.concatenate([hollow.positions, 0.95 * hollow.positions]),
+        np.concatenate([hollow.triangles, hollow.triangles[:, ::-1] + len(hollow.positions)]),
+        material=3,
+    )
+    glow = Material(base_color=gray(0.0), emission=gray(90.0))
+    spheres = [Sphere((0.9, 1.5, 0.9), 0.3, 3), Sphere((0.9, 1.5, 0.9), 0.06, 4), Sphere((-1.0, 1.8, 0.4), 0.05, 4)]
+    description = room(material, materials=[Material(**GLASS), glow], spheres=spheres, **more)
+    description.meshes.append(shell)
+    description.instances.append(Instance(len(description.meshes) - 1, _moved(-1.0, 1.8, 0.4)))
+    description.spheres[0] = replace(description.spheres[0], guide=guide)
+    return description
+
+
 def moving(material: Material) -> SceneDescription:
     """Returns a scene with a moving and rotating body, a deforming mesh, and a moving sphere, lamp and punctual light."""
     description = room(material, keys=3)
@@ -339,6 +357,23 @@ FEATURES: dict[str, Feature] = {
     ),
     "skin": _of(Material(**PBR, **TEXTURED, **COATED, subsurface=0.7, subsurface_radius=(0.2, 0.1, 0.05), normal_texture=2)),
     "fog that moves": _feature(lambda: moving(Material(kind="interface", sigma_s=gray(2.0)))),
+    # Directions aimed at targets
+    "lamps in glass": _feature(lambda: bulb(GRAY)),
+    "lamps in glass by metal and plastic": _feature(lambda: bulb(Material(**PBR, metallic=0.5, roughness=0.3))),
+    "lamps in glass by a coat on bumps": _feature(
+        lambda: bulb(Material(**PBR, **TEXTURED, **COATED, normal_texture=2, clearcoat_normal_texture=2))
+    ),
+    "lamps in glass by rough glass": _feature(lambda: bulb(Material(kind="glass", roughness=0.3), guide=True)),
+    "lamps in glass by a pane": _feature(lambda: bulb(Material(**PBR, transmission=0.9, thin=True, roughness=0.0))),
+    "lamps in glass by a brushed metal": _feature(lambda: bulb(Material(**GOLD, roughness=0.4, anisotropy=0.7))),
+    "lamps in glass, with few bounces": _feature(
+        lambda: bulb(Material(**PBR, metallic=0.5, roughness=0.3)), diffuse_depth=1, glossy_depth=2
+    ),
+    "lamps in glass, without splitting": _feature(lambda: bulb(GRAY, guide=True), splitting=1),
+    "lamps in glass in fog": _feature(lambda: bulb(GRAY, medium=Medium(sigma_s=(0.05, 0.06, 0.08), g=0.3)), max_depth=12),
+    "lamps in glass by wax": _feature(
+        lambda: bulb(Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05)))
+    ),
 }
 
 
