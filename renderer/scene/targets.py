@@ -8,6 +8,7 @@ glass, for light that the glass deflects. Vertices within the glass see the ligh
 from __future__ import annotations
 
 import math
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -30,6 +31,7 @@ __all__ = ["MAX_TARGETS", "list_targets"]
 MAX_TARGETS = 16  # at each vertex the pdf of every target is evaluated
 _MOST_BODIES = 4096  # emitting or clear bodies that are tested; scenes of more have no enclosed lights
 _MOST_LAMPS = 64  # the strongest emitting bodies, which are tested
+_MOST_TRIANGLES = 50_000  # of a body, whose solid angles are summed
 _LEAST_SHARE = 0.01  # of all light, for a light to be worth half of all directions
 _ENCLOSED = 3 * math.pi  # solid angle, steradians, that glass covers as seen from an enclosed light: a bulb's foot may be open
 _SHELL = 6 * math.pi  # solid angle from which on the glass is hollow: its inside and its outside are both counted
@@ -85,11 +87,14 @@ def _enclosed(description: SceneDescription, packed: Packed, all_power: float) -
     """Returns (strength, sphere to aim at, guard sphere) for the lights that are enclosed in smooth glass."""
     is_clear = packed.material_flags & CLEAR != 0
     emits = (packed.emitted > 0) & ~is_clear
-    glass, lamps = _bodies_of(description, is_clear), _bodies_of(description, emits)
+    glass = _bodies_of(description, is_clear)
+    if not glass:
+        return []
+    lamps, of_glass = _bodies_of(description, emits), _Glass(description, glass)
     power = np.array([math.pi * packed.emitted[lamp.material] * _area(description, lamp) for lamp in lamps])
     inside: dict[int, list[tuple[int, float]]] = {}
-    for n in np.argsort(-power, kind="stable")[:_MOST_LAMPS] if glass else ():
-        covers = _covers(description, lamps[n], glass)
+    for n in np.argsort(-power, kind="stable")[:_MOST_LAMPS]:
+        covers = of_glass.around(lamps[n])
         if covers:
             outermost = max(covers, key=lambda k: glass[k].ball.radius)
             inside.setdefault(outermost, []).append((int(n), covers[outermost]))
@@ -99,7 +104,7 @@ def _enclosed(description: SceneDescription, packed: Packed, all_power: float) -
         strength = float(power[within].sum()) / max(all_power, 1e-300)
         if strength < _LEAST_SHARE:
             continue
-        guard, lamp = _tight(description, glass[k]), _around([_tight(description, lamps[n]) for n in within])
+        guard, lamp = of_glass.ball(k), _around([_tight(description, lamps[n]) for n in within])
         is_solid = max(covered for _, covered in enclosed) < _SHELL
         larger = max(float(packed.material[glass[k].material, IOR]), 1.0) if is_solid else 1.0
         seen = _Ball(lamp.center, _MARGIN * larger * lamp.radius)
@@ -135,32 +140,39 @@ def _bodies_of(description: SceneDescription, is_wanted: npt.NDArray[np.bool_]) 
     return found
 
 
-def _covers(description: SceneDescription, lamp: _Body, glass: list[_Body]) -> dict[int, float]:
-    """Returns those bodies of `glass` that enclose the lamp: index -> solid angle, steradians, that it covers from within."""
-    centers, radii = np.array([body.ball.center for body in glass]), np.array([body.ball.radius for body in glass])
-    near = np.flatnonzero(np.linalg.norm(centers - lamp.ball.center, axis=1) < radii)
-    found = {}
-    for k in near.tolist() if len(near) else ():
-        around, body = _tight(description, glass[k]), glass[k]
-        light = _tight(description, lamp)
-        if float(np.linalg.norm(around.center - light.center)) + light.radius > _WITHIN * around.radius:
-            continue
-        covered = 4 * math.pi if body.is_sphere else _solid_angle(_corners(description, body.number), light.center)
-        if covered >= _ENCLOSED:
-            found[k] = covered
-    return found
+class _Glass:
+    """The clear bodies of a scene; keeps what has been computed of each."""
+
+    def __init__(self, description: SceneDescription, bodies: list[_Body]) -> None:
+        self._description, self._bodies = description, bodies
+        self._centers, self._radii = np.array([b.ball.center for b in bodies]), np.array([b.ball.radius for b in bodies])
+        self.ball = cache(lambda k: _tight(description, bodies[k]))
+        self._corners = cache(lambda k: _corners(description, bodies[k].number))
+
+    def around(self, lamp: _Body) -> dict[int, float]:
+        """Returns the bodies that enclose the lamp: index -> solid angle, steradians, that the body covers from within."""
+        light, found = _tight(self._description, lamp), {}
+        for k in np.flatnonzero(np.linalg.norm(self._centers - light.center, axis=1) < self._radii).tolist():
+            ball: _Ball = self.ball(k)
+            if float(np.linalg.norm(ball.center - light.center)) + light.radius <= _WITHIN * ball.radius:
+                covered = 4 * math.pi if self._bodies[k].is_sphere else _solid_angle(self._corners(k), light.center)
+                if covered >= _ENCLOSED:
+                    found[k] = covered
+        return found
 
 
 def _solid_angle(corners: F64, point: F64) -> float:
     """Returns the sum of the solid angles that triangles cover, seen from a point; layers count repeatedly.
 
-    corners: (T, 3, 3). Source: Van Oosterom & Strackee, "The Solid Angle of a Plane Triangle", 1983.
+    corners: (T, 3, 3). Estimated from every n-th triangle if there are more than _MOST_TRIANGLES. Source: Van Oosterom &
+    Strackee, "The Solid Angle of a Plane Triangle", 1983.
     """
-    a, b, c = np.moveaxis(corners - point, 1, 0)
+    step = -(-len(corners) // _MOST_TRIANGLES)
+    a, b, c = np.moveaxis(corners[::step] - point, 1, 0)
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     volume = np.abs(np.einsum("ij,ij->i", a, np.cross(b, c)))
     below = la * lb * lc + np.einsum("ij,ij->i", a, b) * lc + np.einsum("ij,ij->i", b, c) * la + np.einsum("ij,ij->i", c, a) * lb
-    return float(2 * np.arctan2(volume, below).sum())
+    return float(2 * step * np.arctan2(volume, below).sum())
 
 
 def _mesh_points(mesh: Mesh) -> F64:

@@ -65,6 +65,12 @@ def test_a_hollow_bulb_does_not_magnify():
     np.testing.assert_allclose(found[:, TARGET_RADIUS], [1.05 * 0.1, 0.5], rtol=1e-5)
 
 
+def test_fine_glass_is_judged_by_a_part_of_its_triangles(monkeypatch):
+    monkeypatch.setattr("renderer.scene.targets._MOST_TRIANGLES", 300)  # of 2,560
+    found = targets(described((shell(0.05),), (Sphere((0.0, 1.0, 0.1), 0.1, LAMP),)))
+    np.testing.assert_allclose(found[:, TARGET_RADIUS], [1.05 * 0.1, 0.5], rtol=1e-5)
+
+
 def test_a_bulb_may_be_open_below_and_a_bowl_may_not():
     lamp = (Sphere(PLACE, 0.1, LAMP),)
     assert len(targets(described((opened(shell(0.05), 0.7),), lamp))) == 2
