@@ -35,13 +35,16 @@ __all__ = [
     "BatchSums",
     "digest",
     "error",
+    "group_planes",
     "in_half",
+    "is_plane_count",
     "least_samples",
     "mean",
     "noise",
+    "plane_count",
 ]
 
-# Planes of a film or a batch's sums: an int64 array of shape (CHANNELS, height, width).
+# Planes of a film or a batch's sums: an int64 array of shape (CHANNELS, height, width), or more planes with light groups.
 COLOR = slice(0, 3)  # linear Rec.709 radiance
 COLOR_HALF = slice(3, 6)  # the same over about half of the samples (`in_half`): its difference from the rest estimates the noise
 ALBEDO = slice(6, 9)  # first hit's reflectance
@@ -53,6 +56,9 @@ POSITION = slice(15, 18)  # first hit's world position; 0 where nothing is hit
 OBJECT = 18  # 1 + the number of the object that sample 0 hits first, 0 where it hits nothing; a plain number, not fixed point
 MATERIAL = 19  # 1 + the number of the object's material, likewise
 CHANNELS = 20
+
+# Behind these, in films with light groups: three planes for each group, radiance as in COLOR. The groups add up to COLOR.
+_MOST_GROUPS = 17  # RenderSettings.group_names
 
 # The planes of each field of a sample's FirstHit (renderer/kernel/steps/record_first_hit.py). Both backends fill them from this
 # table: real numbers are averaged over the samples, integers are those of sample 0.
@@ -87,6 +93,22 @@ class BatchSums(NamedTuple):
     sums: Sums
     bad: list[BadSample]
     bad_count: int
+
+
+def group_planes(group: int) -> slice:
+    """Returns the planes of a light group, by its number in RenderSettings.group_names."""
+    return slice(CHANNELS + 3 * group, CHANNELS + 3 * group + 3)
+
+
+def plane_count(groups: int) -> int:
+    """Returns the number of planes of a film with this many light groups (RenderSettings.group_names)."""
+    return CHANNELS + 3 * groups
+
+
+def is_plane_count(planes: int) -> bool:
+    """Returns True if a film can have this number of planes."""
+    groups, further = divmod(planes - CHANNELS, 3)
+    return further == 0 and 0 <= groups <= _MOST_GROUPS
 
 
 def mean(sums: Sums, film_exponent: int, channel: slice | int = COLOR) -> npt.NDArray[np.float32]:

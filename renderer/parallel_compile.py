@@ -15,6 +15,7 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -24,12 +25,14 @@ from renderer.arrays.scene import example
 from renderer.jit import COMPILE_PATIENCE_S
 from renderer.kernel.accumulate import pool_stages
 from renderer.preparation_kernels import is_prepared, prepare_first
+from renderer.scene.light_groups import with_group_planes
 from renderer.settings import RenderSettings, View
 from renderer.sources import ROOT
 from renderer.threads import cores
 
-__all__ = ["Helpers", "main"]
+__all__ = ["GROUPS_SUFFIX", "Helpers", "main"]
 
+GROUPS_SUFFIX = "-groups"  # of a variant's name: for settings with light groups
 MOST = 3  # helpers: more would wait for each other's parts
 _NO_PART = b"\xff"
 NEEDS = 640 << 20  # bytes that a helper takes while it compiles, with a margin
@@ -39,7 +42,7 @@ _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 class Helpers:
     """A context manager for helper processes that compile parts of a kernel, and the kernels that prepare scenes.
 
-    variant: of the kernel for images; "" to compile only the kernels that prepare scenes. wanted: False if nothing has to be
+    variant: of the kernel for images, with GROUPS_SUFFIX if it adds up light by group; "" to compile only the kernels that prepare scenes. wanted: False if nothing has to be
     compiled: no helpers are started.
 
     The helpers are forked if this process has no other threads, so a worker creates them before it starts threads. Otherwise they
@@ -135,7 +138,11 @@ class _Parts:
     """The parts of a kernel, numbered from 0; each is compiled by one of the processes."""
 
     def __init__(self, variant: str) -> None:
-        self._stages = pool_stages(strip_absent_features(example(), variant), _PICTURE) if variant else []
+        has_groups = variant.endswith(GROUPS_SUFFIX)
+        settings = replace(_PICTURE, light_groups="a") if has_groups else _PICTURE
+        nothing = with_group_planes(example(), settings.group_names)
+        variant = variant.removesuffix(GROUPS_SUFFIX)
+        self._stages = pool_stages(strip_absent_features(nothing, variant, has_groups), settings) if variant else []
 
     def __len__(self) -> int:
         return len(self._stages)

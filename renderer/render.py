@@ -17,17 +17,18 @@ from renderer.arrays.scene import example
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda.render import CardRenderer
 from renderer.errors import SettingsError
-from renderer.film import CHANNELS, COLOR, SAMPLES, BadSample, BatchSums, Sums
+from renderer.film import COLOR, SAMPLES, BadSample, BatchSums, Sums, plane_count
 from renderer.kernel import path_trace as record
-from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_variants, new_scratch, renderer_of
+from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_variants, new_scratch, path_scratch, renderer_of
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.options import kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
-from renderer.parallel_compile import Helpers
+from renderer.parallel_compile import GROUPS_SUFFIX, Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import environment_sampled_fully, with_environment_changed, without_environment_sampling
+from renderer.scene.light_groups import with_group_planes
 from renderer.scene.lights import with_light_choice
 from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
 from renderer.sentences import Sentence
@@ -83,7 +84,8 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
         scene = environment_sampled_fully(scene)
     else:
         scene = without_environment_sampling(scene)
-    return strip_absent_features(scene, variant_for(settings, scene))
+    scene = with_group_planes(scene, settings.group_names)
+    return strip_absent_features(scene, variant_for(settings, scene), bool(settings.light_groups))
 
 
 def _render(
@@ -93,16 +95,17 @@ def _render(
 
     log: rows in which the kernel records the path of the last sample.
     """
-    sums = np.zeros((CHANNELS, tile.h, tile.w), np.int64)
+    groups = len(settings.group_names)
+    sums = np.zeros((plane_count(groups), tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
     kernel = renderer_of(settings)
     bad_count, rays = kernel(
         scene,
-        new_scratch(kernel, tile.w, tile.h),
+        new_scratch(kernel, tile.w, tile.h, groups),
         camera_frame(settings_relative_to_origin(settings, scene.origin)),
         kernel_options(settings, scene),
         Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent)),
-        Output(sums, bad, log),
+        Output(sums, bad, log, sums.reshape(-1), path_scratch(groups)),
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
     return BatchSums(sums, listed, int(bad_count)), int(rays)
@@ -124,8 +127,8 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings: path tracing with the default strategy."""
-    return has_variants(settings)
+    """Returns True if a graphics card can render with these settings: path tracing with the default strategy, without groups."""
+    return has_variants(settings) and not settings.light_groups
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -135,7 +138,7 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample and no mistake; leave out the card",
+                "sample, no light groups and no mistake; leave out the card",
             )
         )
 
@@ -165,7 +168,7 @@ def render_frame(
     time_limit: float | None = None,
     card: CardRenderer | None = None,
 ) -> Sums:
-    """Renders samples 0 ... spp - 1 of every pixel; returns the film's sums, (CHANNELS, height, width) int64.
+    """Renders samples 0 ... spp - 1 of every pixel; returns the film's sums, (planes, height, width) int64.
 
     threads: None: one per CPU available to this process. The sums do not depend on the number.
     progress: called from this thread with (samples finished, total samples), over all pixels.
@@ -181,7 +184,7 @@ def render_frame(
         check_for_cards(settings)
     threads = 1 if card is not None else threads or cores()
     prepared = _prepared(scene, settings)
-    sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
+    sums = np.zeros((plane_count(len(settings.group_names)), settings.height, settings.width), np.int64)
     tiles = tiles_of(settings.width, settings.height, _TILE if card is None else max(settings.width, settings.height))
     total = spp * settings.width * settings.height
     begin = time.perf_counter()
@@ -301,7 +304,8 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
 
 def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) -> str:
     """Returns the cache name of the kernel for these settings and this variant."""
-    return f"{renderer_of(settings or _PICTURE).__name__.strip('_')}-{variant}"
+    settings = settings or _PICTURE
+    return f"{renderer_of(settings).__name__.strip('_')}-{variant}{GROUPS_SUFFIX if settings.light_groups else ''}"
 
 
 def is_warm(settings: RenderSettings, variant: str) -> bool:
@@ -333,8 +337,9 @@ def warm_up(
     name = kernel_name(settings, variant)
     if not jit.is_cached(name):
         copy_shipped_kernels(jit.cache_folder())
-    nothing = strip_absent_features(example(), variant)
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
+    nothing = with_group_planes(example(), settings.group_names)
+    nothing = strip_absent_features(nothing, variant, bool(settings.light_groups))
     with (
         helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,
@@ -358,6 +363,7 @@ def load_preparing() -> None:
 
 def helpers_for(settings: RenderSettings | None = None, variant: str = PLAIN) -> Helpers:
     """Returns the helper processes for `warm_up`; no processes are started if the kernel is in the cache already."""
-    parts = variant if has_variants(settings or _PICTURE) else ""
+    settings = settings or _PICTURE
+    parts = f"{variant}{GROUPS_SUFFIX if settings.light_groups else ''}" if has_variants(settings) else ""
     is_of_use = not jit.is_cached(kernel_name(settings, variant)) and (parts != "" or not is_prepared())
     return Helpers(parts, is_of_use)

@@ -10,6 +10,7 @@ between two images.
 from __future__ import annotations
 
 import functools
+import re
 import types
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
@@ -19,7 +20,10 @@ from typing import Annotated, Any, Literal, Self, get_args, get_origin, get_type
 from renderer.errors import SettingsError
 from renderer.sentences import Sentence
 
-__all__ = ["Choices", "DeclaredSetting", "Setting", "SettingTexts", "checked", "number_text", "table", "whole"]
+__all__ = ["MAX_NAME", "NAME_PATTERN", "Choices", "DeclaredSetting", "Setting", "SettingTexts", "checked", "is_name", "number_text", "table", "whole"]
+
+MAX_NAME = 40  # characters of a name in a list of names
+NAME_PATTERN = r"^[\w-]([\w -]*[\w-])?$"  # of a name
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,8 @@ class Choices(tuple[str, ...]):
 class Setting:
     """The values that a setting accepts: numbers from low to high (for each component of a vector), or names.
 
-    off: the value that switches the setting off, which may be below `low`.
+    off: the value that switches the setting off, which may be below `low`. names: the most names that a list of names may have,
+    separated by commas.
     of: "job": requests and scene files may set it; "environment": a request's environment sets it; "": internal.
     digest: whether an image's bits depend on the setting.
     """
@@ -71,6 +76,7 @@ class Setting:
     high: float | None = None
     choices: Choices | None = None
     off: float | None = None
+    names: int | None = None
     of: Literal["job", "environment", ""] = "job"
     digest: bool = True
 
@@ -90,6 +96,8 @@ class DeclaredSetting:
         """Returns the value converted to the field's type. Raises SettingsError for a value that the setting does not accept."""
         if value is None and self.optional:
             return None
+        if self.setting.names is not None:
+            return self._names(value, self.setting.names)
         if self.setting.choices is not None:
             if isinstance(value, str) and value in self.setting.choices:
                 return value
@@ -107,6 +115,31 @@ class DeclaredSetting:
                 raise self._wrong_type(value)
             return tuple(self._number(part, value) for part in value)
         return self._number(value, value)
+
+    def _names(self, value: Any, most: int) -> str:
+        """Returns a list of names, separated by commas, without spaces around them."""
+        names = [name.strip() for name in value.split(",")] if isinstance(value, str) and value.strip() else []
+        if not isinstance(value, str) or not all(map(is_name, names)):
+            raise self._error(
+                Sentence(
+                    "setting-names-invalid",
+                    "{setting} is {value}; it takes names of 1 to {length} letters, digits, spaces, - and _, separated by commas",
+                    setting=self.name,
+                    value=_shown(value),
+                    length=MAX_NAME,
+                )
+            )
+        if len(names) > most or len({*names}) < len(names):
+            raise self._error(
+                Sentence(
+                    "setting-names-too-many",
+                    "{setting} has {count} names; it takes at most {most}, each once",
+                    setting=self.name,
+                    count=len(names),
+                    most=most,
+                )
+            )
+        return ",".join(names)
 
     def _number(self, value: Any, whole: Any) -> Any:
         if isinstance(value, bool) or not isinstance(value, (int, float, Integral, Real)):
@@ -203,6 +236,8 @@ class DeclaredSetting:
         return {"description": self.shown.help, **self._values()}
 
     def _values(self) -> dict[str, Any]:
+        if self.setting.names is not None:
+            return {"type": "string", "maxLength": (MAX_NAME + 2) * self.setting.names}
         if self.setting.choices is not None:
             return {"enum": list(self.setting.choices)}
         number = {
@@ -216,6 +251,11 @@ class DeclaredSetting:
     def option(self) -> str:
         """Returns the name of the command's option without its dashes."""
         return self.shown.option or self.name.replace("_", "-")
+
+
+def is_name(text: str) -> bool:
+    """Returns True if a list of names may contain this name; it is safe in the channel names of an EXR."""
+    return len(text) <= MAX_NAME and re.fullmatch(NAME_PATTERN[1:-1], text) is not None
 
 
 @functools.cache

@@ -18,6 +18,8 @@ LARGE = 1e6  # larger bounds are not shown
 def values(each: DeclaredSetting) -> str:
     """Returns the accepted values of a setting as a short text, such as "1 to 64" or the list of accepted names."""
     setting = each.setting
+    if setting.names is not None:
+        return f"up to {setting.names} names, separated by commas"
     if setting.choices is not None:
         return ", ".join(filter(None, setting.choices))
     assert setting.low is not None
@@ -80,4 +82,6 @@ def _described(each: DeclaredSetting) -> dict[str, Any]:
 def _type(each: DeclaredSetting) -> str:
     if each.kind is tuple:
         return "color" if each.shown.unit == "radiance" else "vector"
+    if each.setting.names is not None:
+        return "names"
     return "choice" if each.setting.choices is not None else "integer" if each.kind is int else "number"

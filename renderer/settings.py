@@ -23,6 +23,7 @@ __all__ = [
     "LIGHT_CHOICES",
     "MAX_DEPTH",
     "MAX_FLOOR",
+    "MAX_LIGHT_GROUPS",
     "MAX_LIGHT_SAMPLES",
     "MAX_SHUTTER",
     "MAX_SIZE",
@@ -32,6 +33,7 @@ __all__ = [
     "MOST_KEYS",
     "OPTIONAL",
     "PROJECTIONS",
+    "REST_GROUP",
     "SAMPLERS",
     "SAMPLINGS",
     "SETTINGS",
@@ -115,6 +117,8 @@ MOST_KEYS = 65  # keys of a shutter
 MAX_FLOOR = 0.95  # maximum of the least survival probability: renderer/kernel/steps/continue_or_end.py
 MAX_FILM_EXPONENT = 24
 MAX_RADIANCE = 1e9
+MAX_LIGHT_GROUPS = 16  # by name; with that of other lights, as many as renderer/film.py allows
+REST_GROUP = "rest"  # of lights in none of these groups
 MAX_SPP = 1 << 20  # with the film's exponent, keeps every int64 sum below 2**62: see renderer/film.py
 
 _estimating = ("path", "direct")
@@ -337,6 +341,16 @@ class RenderSettings:
             phrase="{} keys",
         ),
     ] = 0
+    light_groups: Annotated[
+        str,
+        Setting(names=MAX_LIGHT_GROUPS),
+        SettingTexts(
+            "Light groups",
+            "Groups of lights that get images of their own, by name; these add up to the picture.",
+            integrators=_estimating,
+            phrase="light groups {}",
+        ),
+    ] = ""
     environment: Annotated[
         Vec3 | None,
         Setting(0.0, MAX_RADIANCE, of="environment"),
@@ -382,6 +396,24 @@ class RenderSettings:
     def __post_init__(self) -> None:
         checked(self)
         object.__setattr__(self, "views", tuple(self.views))
+        if REST_GROUP in self.light_groups.split(","):
+            raise SettingsError(
+                Sentence(
+                    "light-group-reserved",
+                    "light_groups names {name}, which is the group of all other lights; leave it out, it is there anyway",
+                    name=REST_GROUP,
+                ),
+                field="light_groups",
+            )
+        if self.light_groups and self.integrator not in _estimating:
+            raise SettingsError(
+                Sentence(
+                    "light-groups-integrator",
+                    "light_groups needs the integrator path or direct; {integrator} has no light groups",
+                    integrator=self.integrator,
+                ),
+                field="light_groups",
+            )
         if len(self.views) == 1 or len(self.views) > MOST_KEYS:
             raise SettingsError(
                 Sentence(
@@ -395,6 +427,11 @@ class RenderSettings:
             raise SettingsError(
                 Sentence("views-projections-differ", "views have different projections, which cannot be interpolated; use one")
             )
+
+    @property
+    def group_names(self) -> tuple[str, ...]:
+        """Returns the names of the film's light groups; the last is REST_GROUP, of all other lights. Empty without groups."""
+        return (*self.light_groups.split(","), REST_GROUP) if self.light_groups else ()
 
     def to_json(self) -> dict[str, Any]:
         """Returns a JSON-ready dict, from which `from_json` restores settings with the same bits.
@@ -430,7 +467,7 @@ class RenderSettings:
 
 
 SETTINGS = table(RenderSettings)
-_LATER = ("transparency_depth",)
+_LATER = ("transparency_depth", "light_groups")
 
 # Settings with defaults in the scene file, and then in RenderSettings.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)

@@ -42,9 +42,12 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
 
 
-def strip_absent_features(scene: CompiledScene, variant: str) -> CompiledScene:
-    """Returns the scene as the variant's kernels expect it: with None for every array of a feature that the variant lacks."""
-    has = KERNEL_VARIANTS[variant]
+def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = False) -> CompiledScene:
+    """Returns the scene as the variant's kernels expect it: with None for every array of a feature that the variant lacks.
+
+    groups: whether the kernel adds up light by group; `scene.group_plane` is then set.
+    """
+    has = KERNEL_VARIANTS[variant]._replace(groups=True if groups else None)
     bvh = scene.bvh._replace(instances=has.instances)
     if has.textures is None:
         bvh = bvh._replace(ray_roots=_NOTHING)

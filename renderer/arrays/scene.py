@@ -115,6 +115,15 @@ class CompiledScene(NamedTuple):
     key_emission_frame: Array = np.zeros((0, 4), np.float32)  # (J, 4) f32: rows of `emission_frame`, light by light
     key_texture: Array = np.zeros((0, 6), np.float32)  # (F, 6) f32: matrices of `texture_transform`, texture by texture
 
+    # Light groups by their numbers: 0 is that of lights without a name, k the k-th name in `group_name`.
+    light_group: Array = np.zeros(0, np.int32)  # (L,) i32, or no rows if no light has a group
+    material_group: Array = np.zeros(0, np.int32)  # (M,) i32, of unlit surfaces, or no rows likewise
+    environment_group: Array = np.zeros(1, np.int32)  # (1,) i32
+    group_name: Array = np.zeros(0, np.uint8)  # (g,) u8: the names as UTF-8, separated by zeros
+    # (number of groups + 1,) i32: the number of each group's planes in the film; None without such planes. Set by the settings
+    # (renderer/light_groups.py), not stored.
+    group_plane: Any = None
+
     # (3,) f64: the world-space position of the scene's (0, 0, 0) (renderer/scene/origin.py); positions above are relative to it.
     origin: Array = np.zeros(3)
 
@@ -172,6 +181,10 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "environment_row_start": ("<i4", ("A",)),
     "environment_column_start": ("<i4", ("H", "B")),
     "environment_frame": ("<f4", (12,)),
+    "light_group": ("<i4", ("L?",)),
+    "material_group": ("<i4", ("M?",)),
+    "environment_group": ("<i4", (1,)),
+    "group_name": ("|u1", ("g",)),
     "bounds": ("<f4", (2, 3)),
     "origin": ("<f8", (3,)),
     "bvh.motion": ("<f8", ("R", KEY_COLUMNS)),

@@ -13,17 +13,19 @@ from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import new_stack
 from renderer.jit import entry, never_inline, subroutine
 from renderer.kernel.backends.cpu.render import Part, pool_for, render_with_pool, stages
+from renderer.kernel.backends.scalar.first_hit import FIRST_HIT_SLOTS
 from renderer.kernel.backends.scalar.tile import render_tile
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.lineage.ao import trace_ao
 from renderer.kernel.lineage.path import trace_special_path
+from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.lineage.whitted import trace_whitted
 from renderer.kernel.options import is_special, kernel_options
 from renderer.kernel.path_trace import COLUMNS
 from renderer.reference import Reference, by_reference
 from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "Batch", "Output", "has_variants", "new_scratch", "pool_stages", "renderer_of"]
+__all__ = ["MAX_BAD", "Batch", "Output", "has_variants", "new_scratch", "path_scratch", "pool_stages", "renderer_of"]
 
 Renderer = Callable[..., tuple[int, int]]
 
@@ -46,9 +48,11 @@ class Batch(NamedTuple):
 class Output(NamedTuple):
     """The arrays to which a batch's results are written."""
 
-    sums: npt.NDArray[np.int64]  # (CHANNELS, h, w), added to; its size is the tile's
+    sums: npt.NDArray[np.int64]  # (planes, h, w), added to; its size is the tile's
     bad: npt.NDArray[np.int64]  # (MAX_BAD, 3): x, y and number of samples that were NaN or infinite, which are not in the sums
     log: npt.NDArray[np.float64]  # rows for the last sample's path_trace.py, or none
+    flat: npt.NDArray[np.int64]  # `sums` as one row of numbers
+    path: npt.NDArray[np.float32]  # scratch memory of a path with light groups: its first hit, and the light of each group
 
 
 # Each kernel is compiled at its first call. Frames are rendered by a separate path tracer without other features, which processes
@@ -130,10 +134,16 @@ def pool_stages(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
     scene: an empty scene with the features of the wanted variant.
     """
     sums, bad, log = np.zeros((1, 0, 0), np.int64), np.zeros((0, 3), np.int64), np.zeros((0, COLUMNS))
-    given = pool_for(0, 0), camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), Output(sums, bad, log)
+    output = Output(sums, bad, log, sums.reshape(-1), np.zeros(0, np.float32))
+    given = pool_for(0, 0), camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), output
     return stages(scene.has, Reference(typeof(scene)), *given)
 
 
-def new_scratch(renderer: Renderer, width: int, height: int) -> Any:
-    """Returns the scratch memory that a kernel needs for a batch of a tile of width x height pixels."""
-    return pool_for(width, height) if renderer is _render_pool else new_stack()
+def new_scratch(renderer: Renderer, width: int, height: int, groups: int = 0) -> Any:
+    """Returns the scratch memory that a kernel needs for a batch of a tile of width x height pixels with `groups` light groups."""
+    return pool_for(width, height, groups) if renderer is _render_pool else new_stack()
+
+
+def path_scratch(groups: int) -> npt.NDArray[np.float32]:
+    """Returns the scratch memory `Output.path` for `groups` light groups; empty for none."""
+    return np.zeros((FIRST_HIT_SLOTS + 2 * groups * GROUP_ROW) if groups else 0, np.float32)

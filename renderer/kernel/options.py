@@ -56,6 +56,7 @@ class Options(NamedTuple):
     ao_distance: np.float32  # infinite: no limit
     ambient: tuple[np.float32, np.float32, np.float32]
     transparent: bool  # whether any material in the scene transmits light by its alpha
+    groups: np.uint32  # number of light groups with planes in the film; 0: none
 
 
 def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
@@ -86,6 +87,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         ao_distance=np.float32(settings.ao_distance or np.inf),
         ambient=(np.float32(red), np.float32(green), np.float32(blue)),
         transparent=bool((scene.material_flags & TRANSPARENT).any()),
+        groups=np.uint32(len(settings.group_names)),
     )
 
 

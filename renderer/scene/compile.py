@@ -29,6 +29,7 @@ from renderer.scene.environment import (
 from renderer.scene.frame_reuse import PartOffsets, ShotCache
 from renderer.scene.geometry import NO_PLACEMENT, Geometry, by_triangle
 from renderer.scene.guiding_targets import list_guides
+from renderer.scene.light_groups import tabulate_groups
 from renderer.scene.lights import emitters_with_area, list_lights
 from renderer.scene.object_ids import number_objects
 from renderer.scene.origin import origin_of, relative_to_origin
@@ -116,6 +117,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     )
     if (packed.material_flags & (UNSEEN | LAMP | SHADELESS)).any():
         laid = exclude_primitives(laid, _mask_by_flag(stood, UNSEEN), _mask_by_flag(stood, LAMP | SHADELESS))
+    part = _part_rows(geometry, emitters.triangle)
+    groups = tabulate_groups(whole, lights.primitive, joined.triangle, part, stood.sphere_material)
     arrays = CompiledScene(
         bvh=laid.bvh,
         to_world=placement.to_world,
@@ -129,7 +132,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         color=geometry.color,
         tangent=geometry.tangent,
         triangle=joined.triangle,
-        part=_part_rows(geometry, emitters.triangle),
+        part=part,
         triangle_light=lights.triangle_light,
         sphere=sphere,
         sphere_material=stood.sphere_material,
@@ -174,6 +177,10 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         key_punctual=motion_keys.punctual_keys(description.lights),
         key_emission_frame=motion_keys.emission_frame_keys(description.lights, maps),
         key_texture=packed.key_texture,
+        light_group=groups.light,
+        material_group=groups.material,
+        environment_group=groups.environment,
+        group_name=groups.name,
         origin=origin,
     )
     shot_cache.lights_power = lights.power

@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from renderer.scene.animation import DEFAULT_FPS, Clip
 from renderer.scene.material import AlphaMode, Material
-from renderer.scene.parameters import MaterialKind, choice_parameter, flag_parameter, number, parameters_of
+from renderer.scene.parameters import MaterialKind, choice_parameter, flag_parameter, name_parameter, number, parameters_of
 from renderer.sentences import Sentence
 from renderer.settings import Vec3, View
 
@@ -209,6 +209,8 @@ class Light:
     emission: EmissionMap | None = None
     up: Vec3 = (0.0, 1.0, 0.0)
     name: str = "light"
+    light_group: str = name_parameter((*_PLACED, *_DISTANT))
+    """Its group, for images of the light of each group."""
     keys: tuple[Light, ...] = ()  # as Instance.keys
 
 
@@ -294,6 +296,7 @@ class SceneDescription:
     textures: list[Texture] = field(default_factory=list)
     images: list[Image] = field(default_factory=list)
     environment: Environment | None = None
+    environment_group: str = ""  # the light group of the environment, also of one that replaces it
     medium: Medium | None = None  # of the world; the camera is in it unless inside an object
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)

@@ -22,6 +22,7 @@ from renderer.scene.parameters import (
     choice_parameter,
     color,
     flag_parameter,
+    name_parameter,
     number,
     parameters_of,
     texture,
@@ -107,6 +108,8 @@ class Material:
     emission: Vec3 = color(0.0, high=1e9, kinds=SURFACES, form="radiance")
     """Radiance: what has some is a light."""
     emission_texture: int | None = texture(None, kinds=SURFACES, srgb=True)
+    light_group: str = name_parameter(SURFACES)
+    """The group of its light, for images of the light of each group."""
     double_sided: bool = flag_parameter(rows.DOUBLE_SIDED, SURFACES, gltf="doubleSided")
     """Whether the back shines too."""
     lamp: bool = flag_parameter(kinds=SURFACES)

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from renderer.arrays.rows import KINDS
 from renderer.sentences import Sentence
+from renderer.setting_declaration import MAX_NAME, is_name
 
 __all__ = [
     "EVERY_KIND",
@@ -23,6 +24,7 @@ __all__ = [
     "choice_parameter",
     "color",
     "flag_parameter",
+    "name_parameter",
     "number",
     "parameters_of",
     "texture",
@@ -31,7 +33,7 @@ __all__ = [
 
 MaterialKind = str  # the name of one of `EVERY_KIND`
 
-Form = Literal["number", "flag", "choice", "color", "radiance", "triple", "pair", "degrees", "texture"]
+Form = Literal["number", "flag", "choice", "color", "radiance", "triple", "pair", "degrees", "texture", "name"]
 
 PRINCIPLED: tuple[str, ...] = ("metallic_roughness",)
 EVERY_KIND: tuple[str, ...] = tuple(kind.name for kind in KINDS if kind.in_files)
@@ -77,6 +79,17 @@ class Parameter:
             if isinstance(value, int):
                 return None
             return Sentence("texture-number-invalid", "is {value}; it must be the number of a texture", value=repr(value))
+        if self.form == "name":
+            return (
+                None
+                if isinstance(value, str) and (value == "" or is_name(value))
+                else Sentence(
+                    "name-invalid",
+                    "is {value}; it must be a name of 1 to {length} letters, digits, spaces, - and _",
+                    value=repr(value)[:80],
+                    length=MAX_NAME,
+                )
+            )
         if self.form == "flag":
             if isinstance(value, bool):
                 return None
@@ -133,6 +146,11 @@ def number(
 def flag_parameter(column: int | None = None, kinds: tuple[str, ...] = PRINCIPLED, **more: Any) -> Any:
     """Declares a boolean parameter, False by default."""
     return _field("flag", False, None, kinds, column=column, **more)
+
+
+def name_parameter(kinds: tuple[str, ...] = PRINCIPLED, **more: Any) -> Any:
+    """Declares a parameter that is a name, empty by default."""
+    return _field("name", "", None, kinds, **more)
 
 
 def choice_parameter(default: str, choices: tuple[str, ...], kinds: tuple[str, ...] = SURFACES, **more: Any) -> Any:

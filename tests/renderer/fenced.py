@@ -71,8 +71,9 @@ def _fence(side: str) -> None:
         made = scratch(*arguments)
         return type(made)(*(fenced(each, side) for each in made)) if isinstance(made, tuple) else fenced(made, side)
 
-    def output(sums: np.ndarray, bad: np.ndarray, log: np.ndarray) -> Output:
-        return Output(_shared(sums, side), fenced(bad, side), fenced(log, side))
+    def output(sums: np.ndarray, bad: np.ndarray, log: np.ndarray, flat: np.ndarray, path: np.ndarray) -> Output:
+        fenced_sums = _shared(sums, side)
+        return Output(fenced_sums, fenced(bad, side), fenced(log, side), fenced_sums.reshape(-1), fenced(path, side))
 
     render._prepared = lambda *arguments: fenced_scene(prepared(*arguments), side)
     render.new_scratch = given

@@ -31,11 +31,12 @@ from renderer.wide.values import any_of, as_wide, as_wide3, lookup, not_, u32, w
 
 __all__ = [
     "FAR",
+    "choose_by_power",
     "choose_light",
+    "choose_sampled",
     "environment_seen",
     "nearby_choice",
     "primitive_light_pdf",
-    "sample_by_power",
     "sample_chosen",
     "sample_light",
     "sample_one_light",
@@ -204,28 +205,35 @@ def nearby_choice(scene, choice):
 
 
 @device
-def sample_light(scene, p, n, choice, u, time=None):
-    """Samples the direct light at the world point p with normal n; returns a LightSample.
-
-    choice: selects the light. u: selects the point on it. n: zero for light from all sides. time: as for `sample_one_light`.
-    """
+def choose_sampled(scene, p, n, choice):
+    """Chooses the light that `sample_light` samples unless `choice` selects the environment; returns (light, its probability)."""
     light, chance = as_wide(_FIRST, choice), zero_like(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
         if any_of(nearby):
             light, chance = _choose_light(scene, p, n, rest, nearby)
+    return light, chance
+
+
+@device
+def sample_light(scene, p, n, choice, u, time=None):
+    """Samples the direct light at the world point p with normal n; returns a LightSample.
+
+    choice: selects the light. u: selects the point on it. n: zero for light from all sides. time: as for `sample_one_light`.
+    """
+    light, chance = choose_sampled(scene, p, n, choice)
     return sample_chosen(scene, p, n, choice, u, light, chance, time)
 
 
 @device
-def sample_by_power(scene, p, n, choice, u, time):
-    """Samples direct light as `sample_light` does, for scenes without a light tree, in which lights are chosen by power."""
+def choose_by_power(scene, choice):
+    """Chooses a light as `choose_sampled` does, for scenes without a light tree, in which lights are chosen by power."""
     light, chance = as_wide(_FIRST, choice), zero_like(choice)
     if len(scene.light_primitive) > 0:
         nearby, rest = nearby_choice(scene, choice)
         if any_of(nearby):
             light, _, chance = sample_cdf(scene.light_cdf, rest)
-    return sample_chosen(scene, p, n, choice, u, light, chance, time)
+    return light, chance
 
 
 @device

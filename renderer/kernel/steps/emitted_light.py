@@ -14,7 +14,7 @@ from renderer.kernel.material.material import emission
 from renderer.kernel.steps.state import with_radiance
 from renderer.wide.values import any_of, where, where3
 
-__all__ = ["Emission", "add_light", "clamp_indirect", "emitted_by_environment", "emitted_by_sun", "emitted_light"]
+__all__ = ["Emission", "add_light", "brought_light", "clamp_indirect", "emitted_by_environment", "emitted_by_sun", "emitted_light"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -80,10 +80,16 @@ def clamp_indirect(light, segments, limit):
 
 
 @device
-def add_light(path, light, mask, options):
-    """Returns the path with `light`, which its ray hits, added where `mask` is True.
+def brought_light(path, light, options):
+    """Returns what `light`, which a path's ray hits, adds to the path's radiance.
 
     light: radiance multiplied by its MIS weight.
     """
-    brought = clamp_indirect(vec.mul(path.throughput, light), path.depth + _ONE, options.clamp)
+    return clamp_indirect(vec.mul(path.throughput, light), path.depth + _ONE, options.clamp)
+
+
+@device
+def add_light(path, light, mask, options):
+    """Returns the path with `light`, which its ray hits, added where `mask` is True; see `brought_light`."""
+    brought = brought_light(path, light, options)
     return with_radiance(path, where3(mask, vec.add(path.radiance, brought), path.radiance))

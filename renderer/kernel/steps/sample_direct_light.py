@@ -12,7 +12,7 @@ from renderer.kernel.steps.state import ShadowRay
 from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.wide.values import where
 
-__all__ = ["add_direct_light", "media_beyond", "sample_direct_light"]
+__all__ = ["add_direct_light", "direct_light", "media_beyond", "sample_direct_light"]
 
 _ZERO = np.float32(0.0)
 _TWO = np.float32(2.0)
@@ -44,9 +44,15 @@ def sample_direct_light(scene, surface, path, light, wi, f, weight, medium_stack
 
 
 @device
+def direct_light(brought, left, segments, options):
+    """Returns what direct light adds to a path's radiance; see `add_direct_light`."""
+    return clamp_indirect(vec.mul(brought, left), segments, options.clamp)
+
+
+@device
 def add_direct_light(radiance, brought, left, segments, options):
     """Returns the radiance of a path with direct light added, clamped if it is indirect.
 
     brought: the light if it is not occluded. left: transmittance of the shadow ray, rgb. segments: number of the path's segments.
     """
-    return vec.add(radiance, clamp_indirect(vec.mul(brought, left), segments, options.clamp))
+    return vec.add(radiance, direct_light(brought, left, segments, options))

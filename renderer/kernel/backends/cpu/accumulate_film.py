@@ -6,10 +6,11 @@ import numpy as np
 
 from renderer.bvh.simd import load, load_int
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
-from renderer.jit import never_inline, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.backends.cpu.lists import DONE, length, put, row, truncate
-from renderer.kernel.backends.cpu.rows import PATHS, Sample, at, column
+from renderer.kernel.backends.cpu.rows import FIRST_GROUP, PATHS, Sample, at, column
 from renderer.kernel.fixed_point import add_fixed8, in_half, of_sample
+from renderer.kernel.light_groups import add_sample_by_group, forget_groups
 from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit
 from renderer.kernel.steps.state import PathState
 from renderer.wide.fields import columns_of, width_of
@@ -22,7 +23,7 @@ _INF = np.float32(np.inf)
 _ONE = np.float32(1.0)
 _GROUPS = width_of(FirstHit) // 8
 SUMS = 8 + 8 * _GROUPS  # numbers per pixel: radiance 3, samples; the same of the half buffer; FirstHit
-_SUMS, _PATHS, _1, _2, _8 = (np.uintp(k) for k in (SUMS, PATHS, 1, 2, 8))
+_SUMS, _PATHS, _1, _2, _3, _8 = (np.uintp(k) for k in (SUMS, PATHS, 1, 2, 3, 8))
 _COLUMNS = {plane: 8 + first_hit_column for first_hit_column, plane in (*MEANS.tolist(), *IDS.tolist())}
 _COLUMNS.update({SAMPLES: 3, SAMPLES_HALF: 7})
 for _first, _planes in ((0, COLOR), (4, COLOR_HALF)):
@@ -35,11 +36,11 @@ assert columns_of(FirstHit, "albedo")[0] == 0, "FirstHit begins with its albedo"
 
 
 @subroutine
-def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
+def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_group):
     """Adds the radiance of samples whose branches have all terminated to their pixels' sums, and frees their rows of the pool.
 
     The list DONE contains the free rows on return. Returns the number of bad samples (NaN or infinite), which are listed in `bad`
-    and not added.
+    and not added. by_group: None, or the number of light groups and the index in `film` of their sums, pixel by pixel.
     """
     never_inline()
     ox, oy, oz = batch.origin
@@ -66,7 +67,11 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
                 bad[bad_count, 1] = batch.y + place // width
                 bad[bad_count, 2] = sample
             bad_count += 1
+            if by_group is not None:
+                _forget(pool, path, by_group[0])
             continue
+        if by_group is not None:
+            _add_groups(pool, path, film, place, scale, by_group)
         base = np.uintp(place) * _SUMS
         add_fixed8(film, base, light, scale)
         for group in range(_GROUPS):  # an id, read as a float, is too small to count
@@ -83,9 +88,34 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count):
     return bad_count
 
 
+@device
+def _group_row(path, groups):
+    return np.uintp(FIRST_GROUP) + path * (np.uintp(groups) + _1)
+
+
+@device
+def _forget(pool, path, groups):
+    """Resets the light by group of both branches of a path to 0, for the next path in its row."""
+    forget_groups(pool, _group_row(path, groups), np.uintp(groups) + _1)
+    forget_groups(pool, _group_row(path + _PATHS, groups), np.uintp(groups) + _1)
+
+
+@device
+def _add_groups(pool, path, film, place, scale, by_group):
+    """Adds a path's light by group to its pixel's sums, and resets it to 0 for the next path in its row."""
+    groups, begin = by_group
+    first, second, at_radiance = _group_row(path, groups), _group_row(path + _PATHS, groups), at(path, _RADIANCE)
+    of_second = at(path + _PATHS, _RADIANCE)
+    red, green, blue = pool[at_radiance], pool[at_radiance + _1], pool[at_radiance + _2]
+    radiance = red + pool[of_second], green + pool[of_second + _1], blue + pool[of_second + _2]
+    base = begin + np.uintp(place) * _3 * np.uintp(groups)
+    add_sample_by_group(film, base, _1, pool, first, second, groups, radiance, scale)
+    _forget(pool, path, groups)
+
+
 @subroutine
 def flush_film(film, sums):
-    """Moves the pixels' sums to the film's planes, (CHANNELS, h, w), and resets them to 0.
+    """Moves the pixels' sums to the film's planes, (planes, h, w), and resets them to 0.
 
     Works row by row, one plane at a time, since one pixel's entries in all planes map to the same cache sets.
     """
@@ -98,3 +128,12 @@ def flush_film(film, sums):
                 sums[channel, y, x] += film[at_pixel]
                 film[at_pixel] = 0
                 at_pixel += _SUMS
+    further = sums.shape[0] - CHANNELS  # planes by light group
+    begin = np.uintp(height * width) * _SUMS
+    for k in range(further):
+        for y in range(height):
+            at_pixel = begin + np.uintp(y * width) * np.uintp(further) + np.uintp(k)
+            for x in range(width):
+                sums[CHANNELS + k, y, x] += film[at_pixel]
+                film[at_pixel] = 0
+                at_pixel += np.uintp(further)

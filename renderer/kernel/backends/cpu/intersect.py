@@ -29,16 +29,28 @@ from renderer.kernel.backends.cpu.lists import (
     row,
     truncate,
 )
-from renderer.kernel.backends.cpu.rows import DirectLight, Outcome, RowHit, Traversal, at, column, gather, scatter, time_of
+from renderer.kernel.backends.cpu.rows import (
+    DirectLight,
+    Outcome,
+    RowHit,
+    Traversal,
+    at,
+    column,
+    gather,
+    group_row,
+    scatter,
+    time_of,
+)
 from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, load_vector, start_traversal
 from renderer.kernel.backends.cpu.walk import CLOSEST, traverse_rays
 from renderer.kernel.backends.scalar.visibility import transmittance_rgb
+from renderer.kernel.light_groups import ChosenGroup, add_group_light, gather_group
 from renderer.kernel.medium.flight import left_after
 from renderer.kernel.medium.medium_stack import coefficients
 from renderer.kernel.steps.depths import layers_left
-from renderer.kernel.steps.sample_direct_light import add_direct_light
+from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_light
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_radiance
-from renderer.wide.values import as_wide, where, where3, zero_like
+from renderer.wide.values import as_wide, not_, where, where3, zero_like
 
 __all__ = ["intersect_closest", "resolve_shadow_rays", "trace_shadow_rays"]
 
@@ -48,6 +60,7 @@ _INF = np.float32(np.inf)
 _ROOT = np.int32(0)
 _TOP_NODE = np.uint32(0)
 _TRACED_ALONE = np.int32(-1)  # in column TOP: the ray was traced by `_trace_passed`
+_YES = np.bool_(True)
 _NO_COUNTS = (_ZERO, _ZERO, _ZERO, _ZERO)
 _T, _U, _V, _PRIMITIVE, _INSTANCE = (column(RowHit, field) for field in ("t", "u", "v", "primitive", "instance"))
 _BEHIND, _RADIANCE = column(Crossings, "behind"), column(PathState, "radiance")
@@ -138,6 +151,13 @@ def intersect_closest(scene, alone, stack, pool, lists):
 
 
 @device
+def _chosen_row(pool, rows, options):
+    """Returns the row of the light group that was sampled for the vertices of one path or of eight."""
+    first = group_row(rows, options)
+    return first + gather_group(pool, first + options.groups, ChosenGroup).group
+
+
+@device
 def _light_through(scene, alone, pool, lists, options):
     """Adds the direct light of the paths that wait for a shadow ray (list WAITING), one at a time.
 
@@ -152,6 +172,9 @@ def _light_through(scene, alone, pool, lists, options):
         layers = layers_left(counts, options)
         left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time)
         if vec.maximum(left) > _ZERO:
+            if scene.has.groups is not None:
+                brought = direct_light(light.brought, left, light.segments, options)
+                add_group_light(pool, _chosen_row(pool, np.uint32(path), options), brought, _YES)
             radiance = add_direct_light(load_vector(pool, at(path, _RADIANCE)), light.brought, left, light.segments, options)
             for c in range(3):
                 pool[at(path, _RADIANCE + np.uintp(c))] = radiance[c]
@@ -189,6 +212,9 @@ def _light(scene, alone, stack, pool, lists, options):
             left = left_after(sigma_t, vec.length(vec.sub(ray.end, ray.start)))
         lit = add_direct_light(path.radiance, light.brought, left, light.segments, options)
         occluded = gather(pool, rows, Traversal).best != _ZERO
+        if scene.has.groups is not None:
+            brought = direct_light(light.brought, left, light.segments, options)
+            add_group_light(pool, _chosen_row(pool, rows, options), brought, not_(occluded))
         scatter(pool, rows, with_radiance(path, where3(occluded, path.radiance, lit)))
 
 

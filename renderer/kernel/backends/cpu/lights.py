@@ -19,6 +19,7 @@ from renderer.kernel.backends.cpu.rows import (
     at,
     column,
     gather,
+    group_row,
     last_vertex,
     scatter,
     streams_of,
@@ -26,7 +27,8 @@ from renderer.kernel.backends.cpu.rows import (
 )
 from renderer.kernel.backends.cpu.traversal_state import load_index
 from renderer.kernel.light.light_tree import descend
-from renderer.kernel.light.lights import nearby_choice, sample_by_power, sample_chosen
+from renderer.kernel.light.lights import choose_by_power, nearby_choice, sample_chosen
+from renderer.kernel.light_groups import ChosenGroup, group_of_sample, scatter_group
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.state import PathState
@@ -77,6 +79,12 @@ def _descend(scene, pool, lists, options):
             waiting += np.uintp(child >= np.int32(0))
 
 
+@device
+def _store_group(scene, pool, rows, options, choice, light):
+    """Writes the light group of what eight paths have sampled behind the light by group of their rows."""
+    scatter_group(pool, group_row(rows, options) + options.groups, ChosenGroup(group_of_sample(scene, choice, light)))
+
+
 @subroutine
 def choose_lights(scene, pool, lists, options):
     """Samples a light for each vertex that can use light sampling (list LIT); writes ChosenLight and Outcome to the pool."""
@@ -93,9 +101,14 @@ def choose_lights(scene, pool, lists, options):
             way = gather(pool, rows, LightDescent)
             chosen = way.here ^ np.uint32(0xFFFFFFFF)
             light = sample_chosen(scene, vertex.point, vertex.normal, way.choice, (way.u, way.v), chosen, way.chance, time)
+            if scene.has.groups is not None:
+                _store_group(scene, pool, rows, options, way.choice, chosen)
         else:
             u, v, choice = _numbers(pool, rows, options)
-            light = sample_by_power(scene, vertex.point, vertex.normal, choice, (u, v), time)
+            chosen, chance = choose_by_power(scene, choice)
+            light = sample_chosen(scene, vertex.point, vertex.normal, choice, (u, v), chosen, chance, time)
+            if scene.has.groups is not None:
+                _store_group(scene, pool, rows, options, choice, chosen)
         none = zero_like(light.pdf)
         branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
         scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))

@@ -20,7 +20,7 @@ from renderer.kernel.backends.cpu.lights import choose_lights
 from renderer.kernel.backends.cpu.lists import ACTIVE, DONE, LIST_SIZE, LISTS, append, clear, length
 from renderer.kernel.backends.cpu.media import list_medium_vertices, sample_free_flights
 from renderer.kernel.backends.cpu.path_trace import next_record_row, radiance_of, record_arrival, record_departure
-from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, line_floats
+from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, group_floats, line_floats
 from renderer.kernel.backends.cpu.scattering import kinds_of_scattering, scatter_vertices
 from renderer.kernel.backends.cpu.subsurface import trace_subsurface
 from renderer.kernel.backends.cpu.surfaces import shade_hits, shade_misses
@@ -42,23 +42,25 @@ class Pool(NamedTuple):
 
     alone: Any  # traversal stack of a single ray
     stack: Any  # traversal stacks of all rows: traversal_state.py
-    rows: Any  # ((ROWS + 1) * ROW,) f32: rows.py
+    rows: Any  # ((ROWS + 1) * ROW,) f32: rows.py; behind them the light by group
     lists: Any  # (LISTS * LIST_SIZE,) u32: lists.py
-    film: Any  # (pixels * SUMS,) i64, zeros before and after: accumulate_film.py
+    film: Any  # (pixels * SUMS,) i64, zeros before and after: accumulate_film.py; behind them the sums by group
 
 
 _kept = threading.local()
 
 
-def pool_for(width: int, height: int) -> Pool:
+def pool_for(width: int, height: int, groups: int = 0) -> Pool:
     """Returns the scratch memory for a batch of a tile of width x height pixels: this thread's last one if that is large enough.
+
+    groups: number of light groups with planes in the film.
 
     Reuse matters: the system clears new memory page by page, which takes as long as rendering one sample per pixel.
     """
     pool: Pool | None = getattr(_kept, "pool", None)
-    if pool is None or len(pool.film) < width * height * SUMS:
-        film = np.zeros(width * height * SUMS, np.int64)
-        rows = line_floats((ROWS + 1) * int(ROW))
+    sums, floats = width * height * (SUMS + 3 * groups), (ROWS + 1) * int(ROW) + group_floats(groups)
+    if pool is None or len(pool.film) < sums or len(pool.rows) < floats:
+        film, rows = np.zeros(sums, np.int64), line_floats(floats)
         pool = _kept.pool = Pool(new_stack(), new_stacks(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
     return pool
 
@@ -77,6 +79,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
     following = NextSample(np.int64(0), np.int64(0), np.int64(batch.first))
     samples = width * height * batch.count
     medium_stack = where_present(scene.has.media, media_of_camera(scene, pool.alone, camera, samples))
+    by_group = where_present(scene.has.groups, (options.groups, np.uintp(width * height * SUMS)))
     while samples > 0:
         following = start_paths(paths, lists, following, width, height, camera, options, batch, scene.has.motion, medium_stack)
         if length(lists, ACTIVE) == 0:
@@ -105,7 +108,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if row < len(log):
             record_light(log, row, DIRECT, radiance_of(paths, 0))
             record_departure(paths, lists, log, row, lit)
-        bad_count = accumulate_film(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count)
+        bad_count = accumulate_film(paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count, by_group)
     record_second_branch(log, radiance_of(paths, PATHS))
     flush_film(pool.film, output.sums)
     return bad_count, rays
@@ -126,6 +129,7 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
     )
     medium_stack = types.uint32 if has.media else types.none
     bad, scale, number = typeof(output.bad), typeof(options.scale), types.int64
+    by_group = typeof((options.groups, np.uintp(0))) if has.groups else types.none
     scattering = [(each, (scene, paths, lists, asked, lit, lit)) for each in kinds_of_scattering(has)]
     return [
         (shade_hits, (scene, paths, lists, asked, lit)),
@@ -137,5 +141,5 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
         (resolve_shadow_rays, (scene, alone, stack, paths, lists, asked)),
         (trace_shadow_rays, (scene, alone, stack, paths, lists, asked)),
         (start_paths, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion), medium_stack)),
-        (accumulate_film, (paths, lists, film, scale, number, wanted, bad, number)),
+        (accumulate_film, (paths, lists, film, scale, number, wanted, bad, number, by_group)),
     ]

@@ -11,12 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.jit import device
+from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.state import Crossings, LastVertex, PathState, Ray, scattering_surface, stream_of
 from renderer.prune_absent_features import where_present
 from renderer.wide.fields import Flag, Float, Int, Layout, Pair, Vector, accessors
 
 __all__ = [
+    "FIRST_GROUP",
     "LAYOUT",
     "PATHS",
     "ROW",
@@ -39,6 +41,8 @@ __all__ = [
     "at",
     "column",
     "gather",
+    "group_floats",
+    "group_row",
     "last_vertex",
     "line_floats",
     "scatter",
@@ -48,6 +52,7 @@ __all__ = [
 ]
 
 _LINE = 64  # bytes
+_ONE = np.uint32(1)
 PATHS = 128  # 64 to 256 are equally fast
 ROWS = 2 * PATHS  # the row of a path's second branch is PATHS rows after that of the first
 SECOND = np.uint32(PATHS)
@@ -212,6 +217,21 @@ assert LAYOUT.width & (LAYOUT.width - 1), "a power of two would map all rows' gr
 ROW = np.uintp(LAYOUT.width)
 column = LAYOUT.column
 gather, scatter = accessors(LAYOUT)
+
+
+FIRST_GROUP = np.uint32((ROWS + 1) * LAYOUT.width // GROUP_ROW)  # the first row of the light by group, behind the paths' rows
+assert LAYOUT.width % GROUP_ROW == 0
+
+
+def group_floats(groups: int) -> int:
+    """Returns the number of float32 behind the paths' rows for `groups` light groups: for each path a row for each, and one more."""
+    return (ROWS + 1) * (groups + 1) * GROUP_ROW if groups else 0
+
+
+@device
+def group_row(rows, options):
+    """Returns the row, for renderer/kernel/light_groups.py, of the first group of the paths in one row of the pool or in eight."""
+    return rows * (options.groups + _ONE) + FIRST_GROUP
 
 
 def line_floats(count: int) -> npt.NDArray[np.float32]:

@@ -45,23 +45,25 @@ from renderer.kernel.backends.cpu.rows import (
     at,
     column,
     gather,
+    group_row,
     last_vertex,
     scatter,
     streams_of,
     time_of,
 )
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
+from renderer.kernel.light_groups import add_group_light, group_of_environment, group_of_light, group_of_material
 from renderer.kernel.material.material import has_flag, parameters_at, relative_index
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.steps.continue_or_end import is_last
 from renderer.kernel.steps.disperse import disperse
-from renderer.kernel.steps.emitted_light import add_light, emitted_by_environment, emitted_by_sun, emitted_light
+from renderer.kernel.steps.emitted_light import add_light, brought_light, emitted_by_environment, emitted_by_sun, emitted_light
 from renderer.kernel.steps.mis import hit_weight
 from renderer.kernel.steps.pass_through import absorb, counts_emission, is_passed, pass_through
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.state import Crossings, PathState, Ray, no_crossings, with_throughput
 from renderer.kernel.surface.surface import is_emissive, sphere_at
-from renderer.wide.values import any_of, lookup, not_, u32, where, where3, zero_like
+from renderer.wide.values import any_of, as_wide, lookup, not_, u32, where, where3, zero_like
 
 __all__ = ["shade_hits", "shade_misses"]
 
@@ -95,12 +97,21 @@ def shade_misses(scene, pool, lists, options, is_recorded):
         if is_recorded:
             met = gather(pool, rows, RowHit)
             scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, met.passed, met.object, weight))
-        path = add_light(path, vec.scale(seen.radiance, weight), counts, options)
+        light = vec.scale(seen.radiance, weight)
+        if scene.has.groups is not None:
+            group = group_row(rows, options) + group_of_environment(scene, weight)
+            add_group_light(pool, group, brought_light(path, light, options), counts)
+        path = add_light(path, light, counts, options)
         if scene.has.lights is not None:
             last, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
             for which in range(len(scene.sun)):
                 seen = emitted_by_sun(scene, which, ray, last, path.number, time)
-                path = add_light(path, vec.scale(seen.radiance, hit_weight(ray.pdf, seen.light_pdf)), counts, options)
+                light = vec.scale(seen.radiance, hit_weight(ray.pdf, seen.light_pdf))
+                if scene.has.groups is not None:
+                    sun = as_wide(np.uint32(scene.sun[which]), weight)
+                    group = group_row(rows, options) + group_of_light(scene, sun)
+                    add_group_light(pool, group, brought_light(path, light, options), counts)
+                path = add_light(path, light, counts, options)
         scatter(pool, rows, path)
     for k in range(count):
         append(lists, DONE, row(lists, MISSED, k))
@@ -155,7 +166,11 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         if any_of(lit):
             seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
             weight = hit_weight(ray.pdf, seen.light_pdf)
-            path = add_light(path, vec.scale(seen.radiance, weight), lit, options)
+            light = vec.scale(seen.radiance, weight)
+            if scene.has.groups is not None:
+                group = group_row(rows, options) + group_of_light(scene, where(lit, surface.light, _NONE))
+                add_group_light(pool, group, brought_light(path, light, options), lit)
+            path = add_light(path, light, lit, options)
 
         frame = shading_frame(scene, surface, vec.neg(ray.d), time)
         parameters = parameters_at(scene, surface, texture_factors_of(scene, surface, time))
@@ -166,6 +181,9 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         kind = u32(lookup(scene.material_kind, surface.material))
         unlit = (kind == _UNLIT) & not_(through)
         if any_of(unlit):
+            if scene.has.groups is not None:
+                group = group_row(rows, options) + group_of_material(scene, surface.material)
+                add_group_light(pool, group, brought_light(path, parameters.base, options), unlit)
             path = add_light(path, parameters.base, unlit, options)
         first = (path.number == _ZERO) & not_(through)
         if any_of(first):

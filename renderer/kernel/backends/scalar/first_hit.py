@@ -8,13 +8,16 @@ from renderer.bvh.simd import load_int
 from renderer.film import POSITION
 from renderer.jit import device
 from renderer.kernel.fixed_point import fixed
+from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit, no_hit
 from renderer.wide.fields import Layout, accessors
 
-__all__ = ["FIRST_HIT_SLOTS", "add_first_hit", "forget_first_hit", "is_finite_first_hit", "store_first_hit"]
+__all__ = ["FIRST_GROUP", "FIRST_HIT_SLOTS", "add_first_hit", "forget_first_hit", "is_finite_first_hit", "store_first_hit"]
 
 _LAYOUT = Layout(FirstHit)
 FIRST_HIT_SLOTS = _LAYOUT.width
+FIRST_GROUP = np.uint32(FIRST_HIT_SLOTS // GROUP_ROW)  # in the array of a first hit: the first row of the light by group
+assert FIRST_HIT_SLOTS % GROUP_ROW == 0
 _, _scatter = accessors(_LAYOUT)
 _ONLY = np.uintp(0)
 _ZERO = np.float32(0.0)

@@ -10,15 +10,16 @@ import numpy as np
 from renderer.jit import device, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.visibility import shadow_transmittance
-from renderer.kernel.light.lights import sample_light
+from renderer.kernel.light.lights import choose_sampled, sample_chosen
+from renderer.kernel.light_groups import add_group_light, group_of_environment, group_of_light, group_of_sample
 from renderer.kernel.material.material import eval_material
 from renderer.kernel.sampling.sampler import substream
 from renderer.kernel.steps.aim import NOT_AIMED, mixture_pdf, targets_in_view
-from renderer.kernel.steps.emitted_light import add_light, emitted_by_environment, emitted_by_sun, emitted_light
+from renderer.kernel.steps.emitted_light import add_light, brought_light, emitted_by_environment, emitted_by_sun, emitted_light
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.pass_through import counts_emission
 from renderer.kernel.steps.random_blocks import draw_light
-from renderer.kernel.steps.sample_direct_light import add_direct_light, sample_direct_light
+from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_light, sample_direct_light
 from renderer.kernel.steps.state import LastVertex, with_radiance
 from renderer.kernel.surface.surface import is_emissive
 
@@ -35,42 +36,63 @@ def has_lights(scene):
 
 
 @template
-def add_environment(scene, ray, path, last, options, time, weigh_hit):
-    """Returns `path` with the light of the environment and of suns added; called if the path's ray has hit nothing."""
+def add_environment(scene, ray, path, last, options, time, weigh_hit, found, groups):
+    """Returns `path` with the light of the environment and of suns added; called if the path's ray has hit nothing.
+
+    found, groups: the table of the light by group, and the row of the path's first group.
+    """
     counts = ray.pdf >= _ZERO
     seen = emitted_by_environment(scene, ray)
-    path = add_light(path, vec.scale(seen.radiance, weigh_hit(options, ray, path, last, None, seen.light_pdf)), counts, options)
+    light = vec.scale(seen.radiance, weigh_hit(options, ray, path, last, None, seen.light_pdf))
+    if scene.has.groups is not None:
+        group = groups + group_of_environment(scene, ray.pdf)
+        add_group_light(found, group, brought_light(path, light, options), counts)
+    path = add_light(path, light, counts, options)
     if scene.has.lights is not None:
         for which in range(len(scene.sun)):
             seen = emitted_by_sun(scene, which, ray, last, path.number, time)
             weight = weigh_hit(options, ray, path, last, None, seen.light_pdf)
-            path = add_light(path, vec.scale(seen.radiance, weight), counts, options)
+            light = vec.scale(seen.radiance, weight)
+            if scene.has.groups is not None:
+                group = groups + group_of_light(scene, np.uint32(scene.sun[which]))
+                add_group_light(found, group, brought_light(path, light, options), counts)
+            path = add_light(path, light, counts, options)
     return path
 
 
 @template
-def add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit):
+def add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit, found, groups):
     """Returns `path` with the emission of the surface that its ray has hit added.
 
-    through: whether the path passes through that surface without scattering.
+    through: whether the path passes through that surface without scattering. found, groups: as for `add_environment`.
     """
     if is_emissive(surface) and ray.pdf >= _ZERO and counts_emission(scene, surface, through):
         seen = emitted_light(scene, surface, _YES, ray, last, time)
         weight = weigh_hit(options, ray, path, last, surface.point, seen.light_pdf)
-        path = add_light(path, vec.scale(seen.radiance, weight), _YES, options)
+        light = vec.scale(seen.radiance, weight)
+        if scene.has.groups is not None:
+            group = groups + group_of_light(scene, surface.light)
+            add_group_light(found, group, brought_light(path, light, options), _YES)
+        path = add_light(path, light, _YES, options)
     return path
 
 
 @template
-def add_direct(scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light):
-    """Samples the direct light at a path's vertex; returns (the path with that light added, number of shadow rays)."""
+def add_direct(scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, found, groups):
+    """Samples the direct light at a path's vertex; returns (the path with that light added, number of shadow rays).
+
+    found, groups: as for `add_environment`.
+    """
     surface = vertex.surface
     s, t, n = vertex.frame
     rays = 0
     count = options.light_samples if path.number == _ZERO else 1
     for k in range(count):
         numbers = draw_light(substream(stream, k, count) if count > 1 else stream, path.number)
-        light = sample_light(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), time)
+        which, chance = choose_sampled(scene, surface.point, vertex.normal, numbers[2])
+        light = sample_chosen(
+            scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), which, chance, time
+        )
         if light.pdf > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
             f, scatter_pdf = eval_material(vertex.material, vertex.wo, wi)
@@ -85,6 +107,10 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
                 rays += 1
                 left = shadow_transmittance(scene, stack, shadow, crossings.counts, options, time)
                 if vec.maximum(left) > _ZERO:
+                    if scene.has.groups is not None:
+                        group = groups + group_of_sample(scene, numbers[2], which)
+                        brought = direct_light(shadow.brought, left, shadow.segments, options)
+                        add_group_light(found, group, brought, _YES)
                     radiance = add_direct_light(path.radiance, shadow.brought, left, shadow.segments, options)
                     path = with_radiance(path, radiance)
     return path, rays

@@ -13,9 +13,10 @@ from renderer.arrays.rows import MEDIUM, UNLIT
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
-from renderer.kernel.backends.scalar.first_hit import store_first_hit
+from renderer.kernel.backends.scalar.first_hit import FIRST_GROUP, store_first_hit
 from renderer.kernel.backends.scalar.light import add_direct, add_emission, add_environment
 from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, reach_surface, subsurface_vertex, surface_vertex
+from renderer.kernel.light_groups import add_group_light, group_of_material
 from renderer.kernel.material.material import eval_material, is_specular
 from renderer.kernel.path_trace import (
     DIRECT,
@@ -28,7 +29,7 @@ from renderer.kernel.path_trace import (
 )
 from renderer.kernel.steps.aim import aim, aimed_sample, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end, is_last
-from renderer.kernel.steps.emitted_light import add_light
+from renderer.kernel.steps.emitted_light import add_light, brought_light
 from renderer.kernel.steps.medium_event import medium_event
 from renderer.kernel.steps.pass_through import pass_through
 from renderer.kernel.steps.random_blocks import draw_scattering
@@ -54,33 +55,33 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
     """Traces one sample along its CameraRay; returns (radiance, number of rays).
 
     medium_stack: media that contain the camera, 0 in a scene without media. log: rows for path_trace.py; none for frames. first:
-    (FIRST_HIT_SLOTS,), receives the FirstHit. The other arguments are the strategy to find light. lit: whether next-event
+    (FIRST_HIT_SLOTS,), receives the FirstHit and, in its rows from FIRST_GROUP on, the light by group of both branches. The other arguments are the strategy to find light. lit: whether next-event
     estimation finds anything. weigh_hit(options, ray, path, last, point or None, light_pdf) and weigh_light(options, light,
     scatter_pdf, branches, point) return MIS weights. sample_bsdf(scene, vertex, options, choose, u) returns a BsdfSample.
     """
     ray, path = camera_path(camera.o, camera.d)
     state = ray, path, LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start), _ZERO
-    stream, own_log, light, rays = camera.stream, log, _BLACK, 0
+    stream, own_log, light, rays, groups = camera.stream, log, _BLACK, 0, FIRST_GROUP
     while True:
         path, splits_here, state, more = _follow(
-            scene, stack, state, camera, stream, options, own_log, first, lit, weigh_hit, weigh_light, sample_bsdf
+            scene, stack, state, camera, stream, options, own_log, first, groups, lit, weigh_hit, weigh_light, sample_bsdf
         )
         rays += more
         light = vec.add(light, path.radiance)
         if not splits_here:
             break
-        stream, own_log = second_branch_stream(stream), log[:0]
+        stream, own_log, groups = second_branch_stream(stream), log[:0], FIRST_GROUP + options.groups
     if path.number > _ZERO:
         record_second_branch(log, path.radiance)
     return light, rays
 
 
 @template
-def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh_hit, weigh_light, sample_bsdf):
+def _follow(scene, stack, state, camera, stream, options, log, first, groups, lit, weigh_hit, weigh_light, sample_bsdf):
     """Follows one branch of a path to its end.
 
     Returns (PathState, whether the path splits, start state of the second branch, number of rays). A start state is (Ray,
-    PathState, LastVertex, Crossings, number of surfaces passed, a float).
+    PathState, LastVertex, Crossings, number of surfaces passed, a float). groups: the row of the branch's light by group.
     """
     ray, path, last, crossings, passed = state
     other, splits_here, rays, time = state, _NO, 0, camera.time
@@ -96,7 +97,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
             drifts, distance, path = event.scatters, event.distance, with_throughput(path, event.throughput)
         if hit.primitive == NO_PRIMITIVE and not drifts:
             record_miss(log, row, ray, path)
-            path = add_environment(scene, ray, path, last, options, time, weigh_hit)
+            path = add_environment(scene, ray, path, last, options, time, weigh_hit, first, groups)
             record_light(log, row, EMITTED, path.radiance)
             break
         if scene.has.media is not None and drifts:
@@ -107,7 +108,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
             surface = surface_at(scene, ray.o, ray.d, hit)
             through, path = reach_surface(scene, surface, path, last, row, stream, options, time)
             record_surface(log, row, surface, surface.point, through, hit.t, ray, path)
-            path = add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit)
+            path = add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit, first, groups)
             if through:
                 record_light(log, row, EMITTED, path.radiance)
                 crossings, blocked = pass_through(scene, surface, through, crossings, options)
@@ -122,6 +123,9 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
         is_surface, unlit = vertex.material.kind != MEDIUM, vertex.material.kind == UNLIT
         if path.number == _ZERO:
             store_first_hit(first, record_first_hit(vertex.surface, vertex.material, normal, distance, camera.start))
+        if scene.has.groups is not None and unlit:
+            group = groups + group_of_material(scene, vertex.surface.material)
+            add_group_light(first, group, brought_light(path, vertex.material.base, options), unlit)
         path = add_light(path, vertex.material.base, unlit, options)
         record_light(log, row, EMITTED, path.radiance)
         if is_last(path, crossings.counts, unlit, options):
@@ -133,7 +137,9 @@ def _follow(scene, stack, state, camera, stream, options, log, first, lit, weigh
 
         specular = is_specular(vertex.material)
         if lit and not specular:
-            path, shadow_rays = add_direct(scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light)
+            path, shadow_rays = add_direct(
+                scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, first, groups
+            )
             rays += shadow_rays
             record_light(log, row, DIRECT, path.radiance)
 

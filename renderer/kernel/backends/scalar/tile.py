@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.film import COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
+from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
-from renderer.kernel.backends.scalar.first_hit import FIRST_HIT_SLOTS, add_first_hit, forget_first_hit, is_finite_first_hit
+from renderer.kernel.backends.scalar.first_hit import FIRST_GROUP, FIRST_HIT_SLOTS, add_first_hit, forget_first_hit, is_finite_first_hit
 from renderer.kernel.fixed_point import fixed, in_half
+from renderer.kernel.light_groups import add_sample_by_group, forget_groups
 from renderer.kernel.medium.camera_media import media_of_camera
 from renderer.kernel.steps.spawn_camera_ray import spawn_camera_ray
 
 __all__ = ["render_tile"]
 
 _COLOR, _COLOR_HALF = COLOR.start, COLOR_HALF.start
+_TWO = np.uint32(2)
 
 
 @device
@@ -39,12 +41,17 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
     rays = 0
     scale = options.scale
     hit = local_floats(FIRST_HIT_SLOTS)
+    if scene.has.groups is not None:
+        hit = output.path
+        pixels = np.uintp(sums.shape[1] * sums.shape[2])
     medium_stack = media_of_camera(scene, stack, camera, sums.shape[1] * sums.shape[2] * count)
     for y in range(sums.shape[1]):
         for x in range(sums.shape[2]):
             for sample in range(first, first + count):
                 seen = spawn_camera_ray(scene.has.motion, camera, options, x0 + x, y0 + y, np.uint32(sample))
                 forget_first_hit(hit)
+                if scene.has.groups is not None:
+                    forget_groups(hit, FIRST_GROUP, _TWO * options.groups)
                 radiance, met = trace(scene, stack, seen, medium_stack, options, log, hit)
                 rays += met
                 if not (vec.is_finite(radiance) and is_finite_first_hit(hit)):
@@ -55,6 +62,10 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                     bad_count += 1
                     continue
                 _add_radiance(sums, _COLOR, SAMPLES, y, x, radiance, scale)
+                if scene.has.groups is not None:
+                    place = np.uintp(CHANNELS) * pixels + np.uintp(y * sums.shape[2] + x)
+                    rows = FIRST_GROUP, FIRST_GROUP + options.groups
+                    add_sample_by_group(output.flat, place, pixels, hit, *rows, options.groups, radiance, scale)
                 if in_half(sample):
                     _add_radiance(sums, _COLOR_HALF, SAMPLES_HALF, y, x, radiance, scale)
                 add_first_hit(sums, y, x, hit, sample, scale, batch.origin)

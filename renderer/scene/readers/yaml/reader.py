@@ -59,6 +59,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         description.clips = [Clip(description.name, min(keys.start, 0.0) if ends else keys.start, max(keys.end, *ends, 0.0))]
     if "environment" in data:
         description.environment = read_environment(data["environment"], document, files, shelf)
+        description.environment_group = data["environment"].get("light_group", "")
     if "medium" in data:
         description.medium = read_medium(data["medium"])
     lights = Lights(document, files, shelf, description)

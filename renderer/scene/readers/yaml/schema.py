@@ -23,7 +23,7 @@ from renderer.scene.parameters import Parameter
 from renderer.scene.readers.metals import METALS
 from renderer.scene.readers.yaml.lights import LIGHT_TYPES
 from renderer.scene.readers.yaml.materials import SPELLINGS
-from renderer.setting_declaration import DeclaredSetting
+from renderer.setting_declaration import MAX_NAME, NAME_PATTERN, DeclaredSetting
 from renderer.settings import OPTIONAL, SETTINGS, VIEW
 from renderer.work import WORK
 
@@ -97,6 +97,8 @@ def _described(parameter: Parameter, descriptions: Mapping[str, str]) -> Json:
 def _json_schema(p: Parameter) -> Json:
     if p.form == "texture":
         return {"$ref": "#/$defs/texture_name"}
+    if p.form == "name":
+        return {"type": "string", "maxLength": MAX_NAME, "pattern": NAME_PATTERN}
     if p.form == "flag":
         return {"type": "boolean"}
     if p.form == "choice":

@@ -1,0 +1,132 @@
+"""Light groups in kernels: which group a light belongs to, the light of each group that a path gathers, and its exact sum.
+
+A path's light by group lies in a table of float32 rows, one for each group: in the scalar backend behind the first hit, in the
+pool behind the rows of the paths.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.kernel.fixed_point import fixed
+from renderer.wide.fields import Int, Layout, Vector, accessors
+from renderer.wide.values import as_wide, lookup, u32, where, where3
+
+__all__ = [
+    "GROUP_ROW",
+    "ChosenGroup",
+    "GroupLight",
+    "add_group_light",
+    "add_sample_by_group",
+    "forget_groups",
+    "gather_group",
+    "group_of_environment",
+    "group_of_light",
+    "group_of_material",
+    "group_of_sample",
+    "scatter_group",
+]
+
+_ZERO = np.float32(0.0)
+_NONE = np.int64(0)
+_ENVIRONMENT = _FIRST = np.uint32(0)
+
+
+class GroupLight(NamedTuple):
+    """The light of one group that a path has gathered so far."""
+
+    light: Vector
+
+
+class ChosenGroup(NamedTuple):
+    """The group of the light that was sampled for a path's vertex; in the row behind those of the groups."""
+
+    group: Int
+
+
+_LAYOUT = Layout((GroupLight, ChosenGroup))
+GROUP_ROW = _LAYOUT.width  # float32 in a row of the table
+gather_group, scatter_group = accessors(_LAYOUT)
+_WIDTH = np.uintp(GROUP_ROW)
+
+
+@device
+def group_of_light(scene, light):
+    """Returns the number of the planes of light number `light`."""
+    return u32(lookup(scene.group_plane, u32(lookup(scene.light_group, light))))
+
+
+@device
+def group_of_sample(scene, choice, light):
+    """Returns the number of the planes of what `sample_chosen` samples: the environment if `choice` selects it, else `light`."""
+    from_far, group = choice < scene.environment_frame[3], group_of_environment(scene, choice)
+    return where(from_far, group, group_of_light(scene, where(from_far, as_wide(_FIRST, choice), light)))
+
+
+@device
+def group_of_material(scene, material):
+    """Returns the number of the planes of an unlit material."""
+    return u32(lookup(scene.group_plane, u32(lookup(scene.material_group, material))))
+
+
+@device
+def group_of_environment(scene, like):
+    """Returns the number of the planes of the environment. like: a float or lanes, which determine the type."""
+    group = u32(lookup(scene.environment_group, _ENVIRONMENT))
+    return as_wide(u32(lookup(scene.group_plane, group)), like)
+
+
+@device
+def add_group_light(table, row, brought, mask):
+    """Adds `brought`, the radiance that a light adds to a path, to the path's group where `mask` is True.
+
+    table: float32, with a row of GROUP_ROW numbers for each group. row: the group's row, of one path or of eight.
+    """
+    before = gather_group(table, row, GroupLight).light
+    scatter_group(table, row, GroupLight(where3(mask, vec.add(before, brought), before)))
+
+
+@device
+def forget_groups(table, row, count):
+    """Sets `count` rows of the table, from row number `row` on, to 0."""
+    first = np.uintp(row) * _WIDTH
+    for k in range(np.uintp(count) * _WIDTH):
+        table[first + np.uintp(k)] = _ZERO
+
+
+@device
+def _whole(total, scale, whole):
+    """Returns a sum of the first groups in fixed point: `whole` at most, if that is not negative."""
+    found = fixed(total, scale)
+    return min(found, whole) if whole >= _NONE else found
+
+
+@device
+def add_sample_by_group(planes, place, stride, table, first, second, count, radiance, scale):
+    """Adds a sample's light by group to fixed-point sums, so that its groups add up to the sample's colour, integer by integer.
+
+    The groups are rounded as a running sum: group k adds what the sum of the groups up to k, rounded, has more than that of the
+    groups before it. The last group that has light ends at the colour itself. So each group is within one unit of its own rounded
+    value, apart from the rounding of float32 sums, and is 0 where it has no light.
+
+    planes: flat int64 array, with three channels for each group. place: index of the first channel. stride: from one channel to
+    the next. table: float32 rows (GROUP_ROW). first, second: first rows of the path's two branches. count: number of groups.
+    radiance: the sample's colour. scale: 2**film_exponent.
+    """
+    for channel in range(3):
+        whole, last = fixed(radiance[channel], scale), _NONE
+        for k in range(count):
+            a, b = (np.uintp(first) + np.uintp(k)) * _WIDTH, (np.uintp(second) + np.uintp(k)) * _WIDTH
+            if table[a + np.uintp(channel)] + table[b + np.uintp(channel)] != _ZERO:
+                last = np.int64(k)
+        total, before = _ZERO, _NONE
+        for k in range(count):
+            a, b = (np.uintp(first) + np.uintp(k)) * _WIDTH, (np.uintp(second) + np.uintp(k)) * _WIDTH
+            total += table[a + np.uintp(channel)] + table[b + np.uintp(channel)]
+            upto = whole if np.int64(k) >= last else _whole(total, scale, whole)
+            planes[place + (np.uintp(3 * k) + np.uintp(channel)) * stride] += upto - before
+            before = upto
