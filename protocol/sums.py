@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from protocol.layout import I64, U8, Layout
-from renderer.film import CHANNELS, SAMPLES, Sums
+from renderer.film import CHANNELS, SAMPLES, Sums, is_plane_count
 from renderer.sentences import Sentence
 from renderer.settings import Tile
 
@@ -77,13 +77,13 @@ def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
 
 
 def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[int] | None = None) -> Sums:
-    """Unpacks sums from `pack_sums` to (CHANNELS, h, w) int64. Raises ValueError if their size is not that of the tile.
+    """Unpacks sums from `pack_sums` to (planes, h, w) int64. Raises ValueError if their size is not that of the tile.
 
     stored: whether to accept sums that an older release stored with fewer planes; missing planes are 0. planes: unpack only
     these; the others are 0 and cost neither time nor memory.
     """
-    sums = np.zeros((CHANNELS, tile.h, tile.w), "<i8")
     known = dict(_planes(data, tile, stored))
+    sums = np.zeros((max(CHANNELS, len(known)), tile.h, tile.w), "<i8")
     for number in known if planes is None else planes:
         if number in known:
             code, value, body = known[number]
@@ -101,9 +101,12 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
 def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes: Collection[int] | None = None) -> None:
     """Adds packed sums, or some of their planes, to `total` in place.
 
-    stored, planes: as in `unpack_sums`. Raises ValueError if their size is not that of the tile; `total` is then unchanged.
+    stored, planes: as in `unpack_sums`. Raises ValueError if the sums do not fit the tile or the planes of `total`, which is
+    then unchanged.
     """
     known = dict(_planes(data, tile, stored))
+    if len(known) > len(total) or (not stored and len(known) < len(total)):
+        raise _plane_count_error(len(known), len(total))
     wanted = known.keys() if planes is None else known.keys() & planes
     wanted |= {known[number][1] for number in wanted if known[number][0] == COPY}
     values: dict[int, Any] = {}
@@ -130,9 +133,15 @@ def check_sums(data: bytes, tile: Tile) -> None:
             _checked_bytes(body, code, tile)
 
 
-def check_weight(data: bytes, tile: Tile, count: int) -> None:
-    """Raises ValueError if any pixel has a negative number of samples, or more than `count`."""
-    code, least, _ = dict(_planes(data, tile, False))[SAMPLES]
+def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None) -> None:
+    """Raises ValueError if any pixel has a negative number of samples, or more than `count`.
+
+    planes: the number of planes of the film; raises ValueError for another number.
+    """
+    known = dict(_planes(data, tile, False))
+    if planes is not None and len(known) != planes:
+        raise _plane_count_error(len(known), planes)
+    code, least, _ = known[SAMPLES]
     most = least
     if code != ALIKE:
         sums = unpack_sums(data, tile, planes=[SAMPLES])[SAMPLES]
@@ -158,10 +167,8 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
         heads = PLANE.unpack_all(data, START.size, count)
     except ValueError:
         raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early")) from None
-    if count != CHANNELS and not (stored and 0 < count < CHANNELS):
-        raise ValueError(
-            Sentence("sums-planes", "sums of {planes} planes, where a film has {expected}", planes=count, expected=CHANNELS)
-        )
+    if not is_plane_count(count) and not (stored and 0 < count < CHANNELS):
+        raise _plane_count_error(count, CHANNELS)
     view = memoryview(data)
     at = START.size + count * PLANE.size
     for number, (code, value) in enumerate(heads):
@@ -197,6 +204,12 @@ def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tup
     words = np.frombuffer(raw, "<u4").reshape(2, -1, tile.h * tile.w)
     for number in range(words.shape[1]):
         yield number, (PLAIN, 0, words[:, number].tobytes())
+
+
+def _plane_count_error(planes: int, expected: int) -> ValueError:
+    return ValueError(
+        Sentence("sums-planes", "sums of {planes} planes, where a film has {expected}", planes=planes, expected=expected)
+    )
 
 
 def _narrowed(plane: Array, width: int) -> bytes:

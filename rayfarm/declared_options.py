@@ -22,7 +22,7 @@ def parameter(each: DeclaredSetting) -> inspect.Parameter:
     """Returns the option for a setting, as a parameter of a command's signature. Its value is None if it is not given."""
     setting, shown = each.setting, each.shown
     inside = setting.off is None or each.lowest == setting.low  # otherwise a range would exclude the value for off
-    ranged = each.kind is not tuple and setting.choices is None and inside
+    ranged = each.kind in (int, float) and setting.choices is None and inside
     option = typer.Option(
         f"--{each.option}",
         help=sentences(each),
@@ -53,6 +53,8 @@ def typed_settings(settings: Mapping[str, DeclaredSetting], given: Mapping[str, 
 def _metavar(each: DeclaredSetting) -> str | None:
     if each.setting.choices is not None:
         return "NAME"
+    if each.setting.names is not None:
+        return "NAME,..."
     if each.kind is tuple:
         return "R,G,B" if each.shown.unit == "radiance" else "X,Y,Z"
     return _METAVARS.get(each.shown.unit)

@@ -120,7 +120,9 @@ def render_to(
         tile = order.tile or Tile(0, 0, settings.width, settings.height)
         sums = part_of_frame(compiled, settings, tile, order.first, count, done, order.card)
     clock.end_step("render_s")
-    planes = {name: aovs.values(sums, settings.film_exponent, name) for name in order.planes if name != aovs.MOTION}
+    groups = settings.group_names
+    names = [name for name in aovs.parse_names(order.planes, groups) if name != aovs.MOTION]
+    planes = {name: aovs.values(sums, settings.film_exponent, name, groups) for name in names}
     if motion is not None and aovs.MOTION in order.planes:
         planes[aovs.MOTION] = motion
     channels = aovs.layers(planes)

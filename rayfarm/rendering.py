@@ -157,7 +157,7 @@ def part_of_frame(
     """
     import numpy as np
 
-    from renderer.film import CHANNELS
+    from renderer.film import plane_count
     from renderer.render import check_for_cards, render_batch
 
     x, y, w, h = tile
@@ -166,7 +166,7 @@ def part_of_frame(
     if card is not None:
         check_for_cards(settings)
     batch = render_batch(compiled, settings, tile, first, count, card)
-    sums = np.zeros((CHANNELS, settings.height, settings.width), np.int64)
+    sums = np.zeros((plane_count(len(settings.group_names)), settings.height, settings.width), np.int64)
     sums[:, y : y + h, x : x + w] = batch.sums
     stats.samples, stats.bad, stats.bad_count = w * h * count, batch.bad, batch.bad_count
     return sums

@@ -7,7 +7,7 @@ separate pass (renderer/vectors.py). Channels have the names used by Blender and
 from __future__ import annotations
 
 import colorsys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -20,10 +20,12 @@ from renderer.sentences import Sentence
 
 __all__ = [
     "AOVS",
+    "LIGHTS",
     "MOTION",
     "NAMES",
     "channels",
     "described",
+    "is_light",
     "layers",
     "parse_names",
     "planes",
@@ -37,6 +39,8 @@ F32 = npt.NDArray[np.float32]
 Span = tuple[F32 | np.float32, F32 | np.float32] | None
 
 MOTION = "motion"
+LIGHTS = "lights"  # all light groups; the AOV of one is LIGHT and its name
+LIGHT = "light:"
 
 # Colours of a heat map: black body, starting with blue so that small values differ from 0.
 _HEAT = np.array([(0, 0, 0), (50, 25, 120), (190, 45, 100), (250, 140, 35), (255, 250, 195)], np.float32) / 255
@@ -62,24 +66,59 @@ class _Aov(NamedTuple):
     span: Callable[[F32], Span] = lambda plane: None
 
 
-def parse_names(names: Iterable[str]) -> list[str]:
-    """Returns the AOVs in a list of names, in which `all` stands for all AOVs of the film.
+def parse_names(names: Iterable[str], groups: Sequence[str] | None = ()) -> list[str]:
+    """Returns the AOVs in a list of names, in which `all` stands for all AOVs of the film, and `lights` for its light groups.
 
-    Raises SettingsError for an unknown name.
+    groups: the names of the film's light groups (RenderSettings.group_names). None while they are unknown: names of light groups,
+    `lights` and `all` are kept, and the result has to be parsed again. Raises SettingsError for an unknown name.
     """
     wanted = list(names)
     for name in wanted:
-        if name not in (*NAMES, "all"):
+        if is_light(name) or name == LIGHTS:
+            if groups is not None and (not groups or (is_light(name) and name.removeprefix(LIGHT) not in groups)):
+                raise _unknown_group_error(name, groups)
+        elif name not in (*NAMES, "all"):
             raise SettingsError(
                 Sentence(
                     "aov-unknown",
                     "aov {name} is not known; known are {names}, or all (but motion)",
                     name=repr(name),
-                    names=[*NAMES],
+                    names=[*NAMES, LIGHTS],
                 ),
                 field="aov",
             )
-    return [*AOVS, *({MOTION} & {*wanted})] if "all" in wanted else wanted
+    of_groups = [f"{LIGHT}{group}" for group in groups or ()]
+    if "all" in wanted:
+        return [*AOVS, *({MOTION} & {*wanted}), *(of_groups if groups is not None else ("all",))]
+    if LIGHTS in wanted and groups is not None:
+        return list(dict.fromkeys([*(name for name in wanted if name != LIGHTS), *of_groups]))
+    return wanted
+
+
+def is_light(name: str) -> bool:
+    """Returns True if an AOV is the light of one group."""
+    return name.startswith(LIGHT)
+
+
+def _unknown_group_error(name: str, groups: Sequence[str]) -> SettingsError:
+    if not groups:
+        return SettingsError(
+            Sentence(
+                "aov-without-light-groups",
+                "aov {name}: the picture has no light groups; name some in light_groups when it is rendered",
+                name=name,
+            ),
+            field="aov",
+        )
+    return SettingsError(
+        Sentence(
+            "aov-light-group-unknown",
+            "aov {name}: the picture has no such light group; it has {groups}",
+            name=name,
+            groups=[*groups],
+        ),
+        field="aov",
+    )
 
 
 def described() -> list[dict[str, Any]]:
@@ -89,10 +128,13 @@ def described() -> list[dict[str, Any]]:
     ]
 
 
-def planes(name: str) -> tuple[int, ...]:
-    """Returns the planes of the film from which an AOV, or `color`, is computed."""
+def planes(name: str, groups: Sequence[str] = ()) -> tuple[int, ...]:
+    """Returns the planes of the film from which an AOV, or `color`, is computed. groups: the names of its light groups."""
     if name == "color":
         return _channel_numbers(film.COLOR, film.SAMPLES)
+    if is_light(name):
+        of_group = film.group_planes(groups.index(name.removeprefix(LIGHT)))
+        return (*range(of_group.start, of_group.stop), film.SAMPLES)
     aov = _ALL[name]
     return _channel_numbers(*aov.planes, film.SAMPLES) if aov.mean else _channel_numbers(*aov.planes)
 
@@ -103,20 +145,25 @@ def _channel_numbers(*channels: slice | int) -> tuple[int, ...]:
 
 def size(name: str) -> int:
     """Returns the number of values per pixel of an AOV, or of `color`."""
-    return 3 if name == "color" else len(_ALL[name].channels)
+    return 3 if name == "color" else len(channels(name))
 
 
 def channels(name: str) -> tuple[str, ...]:
-    """Returns the names of an AOV's channels in an EXR."""
+    """Returns the names of an AOV's channels in an EXR; of light groups as Blender names them."""
+    if is_light(name):
+        return tuple(f"Combined_{name.removeprefix(LIGHT)}.{channel}" for channel in "RGB")
     return _ALL[name].channels
 
 
-def values(sums: Sums, film_exponent: int, name: str) -> F32:
-    """Returns the values of an AOV of the film: (h, w, 3) float32 for albedo, normal and position, else (h, w).
+def values(sums: Sums, film_exponent: int, name: str, groups: Sequence[str] = ()) -> F32:
+    """Returns the values of an AOV of the film: (h, w, 3) float32 for albedo, normal, position and light groups, else (h, w).
 
     albedo: 0 ... 1. normal, position, depth: in world space. object, material: 1 + the number, 0 where nothing is hit. samples:
-    the number of samples in the film. error: the standard error of the pixel's luminance (film.error).
+    the number of samples in the film. error: the standard error of the pixel's luminance (film.error). groups: the names of the
+    film's light groups.
     """
+    if is_light(name):
+        return film.mean(sums, film_exponent, film.group_planes(groups.index(name.removeprefix(LIGHT))))
     if name == "error":
         return film.error(sums, film_exponent)
     (plane,) = _ALL[name].planes
@@ -127,7 +174,7 @@ def layers(pictures: dict[str, F32]) -> dict[str, F32]:
     """Converts a dict of AOV name -> values to a dict of EXR channel name -> (h, w) plane."""
     found = {}
     for name, plane in pictures.items():
-        for i, channel in enumerate(_ALL[name].channels):
+        for i, channel in enumerate(channels(name)):
             found[channel] = plane if plane.ndim == 2 else plane[..., i]
     return found
 
@@ -138,7 +185,7 @@ def span(name: str, plane: F32) -> Span:
     Positions and depths: minimum and maximum. Samples: 0 and the maximum. Error: 0 and the 99th percentile. None for AOVs that
     need no range.
     """
-    return _ALL[name].span(plane)
+    return None if is_light(name) else _ALL[name].span(plane)
 
 
 def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8]:
@@ -149,7 +196,8 @@ def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8
     red to the right, green upwards. between: `span` of the whole plane, if `plane` is a part of it.
     """
     low, high = between or span(name, plane) or (np.float32(0), np.float32(1))
-    return (np.clip(np.nan_to_num(_ALL[name].shown(plane, low, high)), 0, 1) * 255 + 0.5).astype(np.uint8)
+    shown = _encoded if is_light(name) else _ALL[name].shown
+    return (np.clip(np.nan_to_num(shown(plane, low, high)), 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
 def _span_of_position(plane: F32) -> Span:

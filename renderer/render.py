@@ -242,6 +242,7 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     Raises SettingsError if the pixel is not in the image or the sample number is out of range.
     """
     _check_pixel(settings, x, y)
+    settings = replace(settings, light_groups="")
     if not 0 <= sample < MAX_SPP:
         raise SettingsError(
             Sentence(
@@ -270,6 +271,7 @@ def pixel_samples(
     image.
     """
     _check_pixel(settings, x, y)
+    settings = replace(settings, light_groups="")
     prepared = _prepared(scene, settings)
     values, is_finite = np.zeros((count, 3), np.int64), np.zeros(count, np.bool_)
     for sample in range(count):

@@ -20,7 +20,19 @@ from typing import Annotated, Any, Literal, Self, get_args, get_origin, get_type
 from renderer.errors import SettingsError
 from renderer.sentences import Sentence
 
-__all__ = ["MAX_NAME", "NAME_PATTERN", "Choices", "DeclaredSetting", "Setting", "SettingTexts", "checked", "is_name", "number_text", "table", "whole"]
+__all__ = [
+    "MAX_NAME",
+    "NAME_PATTERN",
+    "Choices",
+    "DeclaredSetting",
+    "Setting",
+    "SettingTexts",
+    "checked",
+    "is_name",
+    "number_text",
+    "table",
+    "whole",
+]
 
 MAX_NAME = 40  # characters of a name in a list of names
 NAME_PATTERN = r"^[\w-]([\w -]*[\w-])?$"  # of a name

@@ -44,6 +44,7 @@ __all__ = [
     "Vec3",
     "View",
     "chosen",
+    "group_names",
     "tiles_of",
 ]
 
@@ -431,7 +432,7 @@ class RenderSettings:
     @property
     def group_names(self) -> tuple[str, ...]:
         """Returns the names of the film's light groups; the last is REST_GROUP, of all other lights. Empty without groups."""
-        return (*self.light_groups.split(","), REST_GROUP) if self.light_groups else ()
+        return group_names(self.light_groups)
 
     def to_json(self) -> dict[str, Any]:
         """Returns a JSON-ready dict, from which `from_json` restores settings with the same bits.
@@ -478,6 +479,11 @@ ENVIRONMENT = {
     for name, each in SETTINGS.items()
     if each.setting.of == "environment"
 }
+
+
+def group_names(light_groups: str) -> tuple[str, ...]:
+    """Returns the names of a film's light groups, RenderSettings.group_names, for the setting `light_groups`."""
+    return (*light_groups.split(","), REST_GROUP) if light_groups else ()
 
 
 def chosen(asked: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:

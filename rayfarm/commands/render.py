@@ -260,7 +260,7 @@ def _replay(
 
 
 def _aovs(text: str | None, output: Path) -> list[str]:
-    names = aovs.parse_names(name.strip() for name in text.split(",")) if text else []
+    names = aovs.parse_names((name.strip() for name in text.split(",")), None) if text else []
     if names and output.suffix.lower() != ".exr":
         raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
     return names

@@ -91,7 +91,7 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
     picture.placement()
     wanted = given.get("aovs")
     named = [wanted] if isinstance(wanted, str) else wanted or ()
-    planes = aovs.AOVS if wanted is None else aovs.parse_names(name for name in named if name != "color")  # always present
+    planes = ["all"] if wanted is None else aovs.parse_names((name for name in named if name != "color"), None)  # always present
     moment = Moment(float(given.get("frame") or 0), given.get("fps"), _text(given.get("clip")))
     device = check_device(given.get("device"))
     return RenderArguments(

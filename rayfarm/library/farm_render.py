@@ -22,6 +22,7 @@ from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.frames import frame_text
 from renderer.scene.animation import Moment
+from renderer.settings import group_names
 
 if TYPE_CHECKING:
     from rayfarm.client import Client
@@ -81,7 +82,8 @@ def images(farm: Client, job: str, arguments: RenderArguments, at_once: bool = F
 
 def _fetched(farm: Client, job: Job, arguments: RenderArguments, is_final: bool) -> Image:
     frame = job.frames[0] if job.frames else None
-    planes = [name for name in arguments.aovs if name not in ("color", aovs.MOTION)]
+    groups = group_names(str((job.settings or {}).get("light_groups") or ""))
+    planes = [name for name in aovs.parse_names(arguments.aovs, groups) if name not in ("color", aovs.MOTION)]
     extra = [aovs.MOTION] if aovs.MOTION in arguments.aovs and is_final else []
     number = frame.number if frame is not None else 0
     channels = _channels(farm.image(job.id, "exr", number, aov=",".join(["color", *planes, *extra])))

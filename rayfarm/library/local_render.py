@@ -129,9 +129,9 @@ def _image(
         if name == aovs.MOTION:
             assert motion is not None
             return motion
-        return aovs.values(sums, exponent, name)
+        return aovs.values(sums, exponent, name, settings.group_names)
 
     level = noise(sums, exponent)
-    names = ["color", *planes, *(["denoised"] if arguments.denoise and is_final else [])]
+    names = ["color", *aovs.parse_names(planes, settings.group_names), *(["denoised"] if arguments.denoise and is_final else [])]
     known = None if level == float("inf") else level
     return Image(names, values, float(sums[SAMPLES].mean()), total, known, is_final)

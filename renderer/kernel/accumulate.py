@@ -16,9 +16,9 @@ from renderer.kernel.backends.cpu.render import Part, pool_for, render_with_pool
 from renderer.kernel.backends.scalar.first_hit import FIRST_HIT_SLOTS
 from renderer.kernel.backends.scalar.tile import render_tile
 from renderer.kernel.camera import camera_frame
+from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.lineage.ao import trace_ao
 from renderer.kernel.lineage.path import trace_special_path
-from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.lineage.whitted import trace_whitted
 from renderer.kernel.options import is_special, kernel_options
 from renderer.kernel.path_trace import COLUMNS
@@ -140,7 +140,10 @@ def pool_stages(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
 
 
 def new_scratch(renderer: Renderer, width: int, height: int, groups: int = 0) -> Any:
-    """Returns the scratch memory that a kernel needs for a batch of a tile of width x height pixels with `groups` light groups."""
+    """Returns the scratch memory that a kernel needs for a batch of a tile of width x height pixels.
+
+    groups: number of light groups.
+    """
     return pool_for(width, height, groups) if renderer is _render_pool else new_stack()
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -23,9 +23,7 @@ class LightGroups(NamedTuple):
     name: npt.NDArray[np.uint8]
 
 
-def tabulate_groups(
-    description: SceneDescription, primitive: I32, triangle: I32, part: I32, sphere_material: I32
-) -> LightGroups:
+def tabulate_groups(description: SceneDescription, primitive: I32, triangle: I32, part: I32, sphere_material: I32) -> LightGroups:
     """Returns the light groups of a scene's lights, unlit materials and environment.
 
     primitive: the primitive of each light. triangle, part, sphere_material: as in CompiledScene. A light with a surface is in the
@@ -64,11 +62,11 @@ def with_group_planes(scene: CompiledScene, names: tuple[str, ...]) -> CompiledS
     if not names:
         return scene
     plane = np.array([names.index(name) if name in names[:-1] else len(names) - 1 for name in ["", *names_of(scene)]], np.int32)
-    arrays: dict[str, npt.NDArray[Any]] = {"group_plane": plane}
-    if len(scene.light_group) == 0:
-        arrays["light_group"] = np.zeros(max(len(scene.light_primitive), 1), np.int32)
-    if len(scene.material_group) == 0:
-        arrays["material_group"] = np.zeros(max(len(scene.material_kind), 1), np.int32)
-    for array in arrays.values():
+    light, material = scene.light_group, scene.material_group
+    if len(light) == 0:  # a kernel looks up the group of light 0 where there is none
+        light = np.zeros(max(len(scene.light_primitive), 1), np.int32)
+    if len(material) == 0:
+        material = np.zeros(max(len(scene.material_kind), 1), np.int32)
+    for array in (plane, light, material):
         array.flags.writeable = False
-    return scene._replace(**arrays)
+    return scene._replace(group_plane=plane, light_group=light, material_group=material)

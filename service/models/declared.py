@@ -12,7 +12,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import AfterValidator, BaseModel, Field, create_model
 
 from renderer.errors import SettingsError
-from renderer.setting_declaration import DeclaredSetting
+from renderer.setting_declaration import MAX_NAME, DeclaredSetting
 from renderer.setting_docs import sentences
 
 __all__ = ["with_fields"]
@@ -37,6 +37,8 @@ def _field(each: DeclaredSetting, of_scene: bool) -> tuple[Any, Any]:
     number: Any = Annotated[each.number, Field(ge=each.lowest, le=each.setting.high, allow_inf_nan=False)]
     kind: Any = tuple[number, number, number] if each.kind is tuple else number
     names: list[Any] = list(each.setting.choices or ())
+    if each.setting.names is not None:
+        kind = Annotated[str, Field(max_length=(MAX_NAME + 2) * each.setting.names)]
     kind = Annotated[str if names else kind, AfterValidator(_validator(each))]
     default: Any = ... if each.default is MISSING else each.default
     if of_scene or each.optional:

@@ -28,7 +28,7 @@ from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAMES, frame_key, frame_text
 from renderer.image import tonemap
 from renderer.sentences import Sentence, with_full_stop
-from renderer.settings import Tile
+from renderer.settings import Tile, group_names
 from service.errors import Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -57,7 +57,8 @@ FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
 CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
-    "beside the colour. motion waits until a worker has made it"
+    "beside the colour. motion waits until a worker has made it. light:NAME is the light of a light group of the job, lights "
+    "that of all of them"
 )
 
 
@@ -77,6 +78,7 @@ class Pixel(BaseModel):
     material: int | None
     object_name: str | None
     material_name: str | None
+    lights: dict[str, list[float]] | None = Field(None, description="the light of each light group, by name; null without groups")
 
 
 class Digest(BaseModel):
@@ -140,11 +142,11 @@ async def image(
                 curves=[*tonemap.CURVES],
             )
         )
-    planes, in_layers = _planes(aov)
+    job = await run_in_threadpool(find_job, id, farm)
+    planes, in_layers = _planes(aov, group_names((job.settings or {}).get("light_groups", "")))
     if denoise and planes:
         raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
     PictureRequest(extension, planes, in_layers, width=width).check()
-    job = await run_in_threadpool(find_job, id, farm)
     film, version, samples = await run_in_threadpool(_picture, id, n, farm)
     asks_head = is_head(request)
     denoised = await _denoised(id, n, film, farm) if denoise and not asks_head else None
@@ -224,10 +226,19 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
     film = find_picture(id, n, farm)
     at, tile = _tile_at(film, x, y)
     sums = film.tile_sums(frame_key(n), at)
-    sums = np.zeros((film_math.CHANNELS, 1, 1), np.int64) if sums is None else sums[:, y - tile.y, x - tile.x, None, None]
+    sums = (
+        np.zeros((film_math.plane_count(len(film.groups)), 1, 1), np.int64)
+        if sums is None
+        else sums[:, y - tile.y, x - tile.x, None, None]
+    )
     values: dict[str, Any] = {name: aovs.values(sums, film.film_exponent, name)[0, 0].tolist() for name in aovs.AOVS}
     if not math.isfinite(values["error"]):
         values["error"] = None
+    if film.groups:
+        values["lights"] = {
+            name: film_math.mean(sums, film.film_exponent, film_math.group_planes(k))[0, 0].tolist()
+            for k, name in enumerate(film.groups)
+        }
     names = _names(id, farm)
     for kind in ("object", "material"):
         number, known = int(values[kind]) - 1, names.get(f"{kind}s", [])
@@ -268,17 +279,19 @@ async def _denoised(id: str, n: float, film: Film, farm: Farm) -> ArtifactResult
     return await asyncio.shield(asyncio.wrap_future(made))
 
 
-def _planes(text: str) -> tuple[tuple[str, ...], bool]:
-    """Returns the names of the requested AOVs, and whether they are layers in addition to the colour.
+def _planes(text: str, groups: tuple[str, ...]) -> tuple[tuple[str, ...], bool]:
+    """Returns the names of the requested planes, and whether they are layers in addition to the colour.
 
-    text: the query parameter `aov`.
+    text: the query parameter `aov`. groups: names of the job's light groups.
     """
     asked = [name.strip() for name in text.split(",")]
     try:
-        names = aovs.parse_names(name for name in asked if name not in ("color", ""))
+        names = aovs.parse_names((name for name in asked if name not in ("color", "")), groups)
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
-    return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (len(asked) > 1 or "all" in asked)
+    return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (
+        len(asked) > 1 or bool({"all", aovs.LIGHTS} & {*asked})
+    )
 
 
 def _film_state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:

@@ -17,6 +17,7 @@ from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_name, frame_number, parse_frames
 from renderer.image import tonemap
 from renderer.sentences import Sentence, with_full_stop
+from renderer.settings import group_names
 from service.errors import Conflict, Invalid
 from service.farm import Farm
 from service.http.farm import FarmDependency
@@ -65,8 +66,9 @@ async def frames_zip(
     which: `finished`: the finished frames; `all`: all frames with samples, as they are now; `coming`: all frames, each as soon
     as it is finished.
     """
-    wish = _picture_request(format, aov, exposure, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
+    groups = group_names((job.settings or {}).get("light_groups", ""))
+    wish = _picture_request(format, aov, exposure, tonemap_curve, groups)
     found = await run_in_threadpool(_selected_frames, job, frames, farm)
     film = await run_in_threadpool(_film, job, farm)
     if which != "coming" and not any(_is_selected(frame, which) for frame in found.values()):
@@ -160,9 +162,9 @@ def _is_selected(frame: FrameNumbers, which: str) -> bool:
     return frame.samples > 0 if which == "all" else frame.state == "finished"
 
 
-def _picture_request(format: str, aov: str, exposure: float, curve: str) -> PictureRequest:
+def _picture_request(format: str, aov: str, exposure: float, curve: str, groups: tuple[str, ...]) -> PictureRequest:
     try:
-        planes = aovs.parse_names(name for name in (part.strip() for part in aov.split(",")) if name not in ("color", ""))
+        planes = aovs.parse_names((name for name in map(str.strip, aov.split(",")) if name not in ("color", "")), groups)
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
     planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from renderer import aovs
 from renderer import film as film_math
-from renderer.film import CHANNELS, Sums
+from renderer.film import Sums, plane_count
 from renderer.settings import Tile
 from service.store.film_faults import film_faults
 from service.store.film_moment import ReadableFilm
@@ -31,11 +31,11 @@ def bands(film: ReadableFilm, frame: int, names: Sequence[str]) -> Iterator[F32]
     names: "color" and names of AOVs, whose channels are concatenated along the last axis. Pixels of tiles without samples are
     0. Raises FilmUnavailable, FilmLost or FilmClosed.
     """
-    wanted = sorted({plane for name in names for plane in aovs.planes(name)})
+    wanted = sorted({plane for name in names for plane in aovs.planes(name, film.groups)})
     size = sum(map(aovs.size, names))
 
     def values(sums: Sums) -> F32:
-        found = [_channel_means(sums, film.film_exponent, name) for name in names]
+        found = [_channel_means(sums, film, name) for name in names]
         return np.dstack(found) if len(found) > 1 else found[0].reshape(*sums.shape[1:], -1)
 
     for row, sums_of in _rows(film, frame, wanted):
@@ -45,8 +45,9 @@ def bands(film: ReadableFilm, frame: int, names: Sequence[str]) -> Iterator[F32]
         yield band
 
 
-def _channel_means(sums: Sums, film_exponent: int, name: str) -> F32:
-    return film_math.mean(sums, film_exponent) if name == "color" else aovs.values(sums, film_exponent, name)
+def _channel_means(sums: Sums, film: ReadableFilm, name: str) -> F32:
+    exponent = film.film_exponent
+    return film_math.mean(sums, exponent) if name == "color" else aovs.values(sums, exponent, name, film.groups)
 
 
 def digest(film: Film, frame: int, folder: Path) -> str:
@@ -56,8 +57,9 @@ def digest(film: Film, frame: int, folder: Path) -> str:
     are smaller than IN_MEMORY_BYTES.
     """
     with film_faults(), tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES, dir=str(folder)) as file:
-        for row, sums_of in _rows(film, frame, range(CHANNELS)):
-            band = np.zeros((CHANNELS, row[0].h, film.width), "<i8")
+        planes = plane_count(len(film.groups))
+        for row, sums_of in _rows(film, frame, range(planes)):
+            band = np.zeros((planes, row[0].h, film.width), "<i8")
             for tile, sums in sums_of:
                 band[:, :, tile.x : tile.x + tile.w] = sums
             for i, plane in enumerate(band):
@@ -69,7 +71,7 @@ def digest(film: Film, frame: int, folder: Path) -> str:
 
 def digest_memory(film: Film) -> int:
     """Returns the approximate peak memory of `digest`, in bytes."""
-    return IN_MEMORY_BYTES + 2 * CHANNELS * film.tiles[0].h * film.width * 8
+    return IN_MEMORY_BYTES + 2 * plane_count(len(film.groups)) * film.tiles[0].h * film.width * 8
 
 
 def _rows(film: ReadableFilm, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:

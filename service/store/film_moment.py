@@ -29,12 +29,13 @@ class ReadableFilm(Protocol):
     height: int
     film_exponent: int
     tiles: list[Tile]
+    groups: tuple[str, ...]  # names of its light groups (RenderSettings.group_names)
 
     def coverage(self, frame: int, tile: int) -> Coverage:
         """Returns the stored sample ranges of a tile."""
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
-        """Returns a tile's sums, (CHANNELS, h, w) int64, or None if it has no samples.
+        """Returns a tile's sums, (planes, h, w) int64, or None if it has no samples.
 
         planes: indices of the channels to read. Other channels are undefined.
         """
@@ -46,9 +47,11 @@ class FilmSnapshotView:
     May be opened in one thread and used in another, but not concurrently.
     """
 
-    def __init__(self, path: Path, width: int, height: int, film_exponent: int, tiles: list[Tile]) -> None:
+    def __init__(
+        self, path: Path, width: int, height: int, film_exponent: int, tiles: list[Tile], groups: tuple[str, ...] = ()
+    ) -> None:
         """Opens a snapshot of an existing film file. Raises FilmUnavailable or FilmLost."""
-        self.width, self.height, self.film_exponent, self.tiles = width, height, film_exponent, tiles
+        self.width, self.height, self.film_exponent, self.tiles, self.groups = width, height, film_exponent, tiles, groups
         self._coverage: dict[tuple[int, int], Coverage] | None = None
         with film_faults():
             self._database = sqlite3.connect(

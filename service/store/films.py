@@ -56,16 +56,19 @@ class Film:
         cache: TileCache,
         epoch: int | None = None,
         on_use: Callable[[Film], None] = lambda film: None,
+        groups: tuple[str, ...] = (),
     ) -> None:
         """Stores the parameters. The file is opened on demand.
 
         width, height, tile_size: in pixels. film_exponent: exponent of the fixed-point sums. cache: cache of tiles, shared by
         all films. epoch: number of this service's ownership of the farm, as in FilmFile. on_use: called whenever the file is
         used.
+        groups: names of the light groups (RenderSettings.group_names).
         """
         self.width = width
         self.height = height
         self.film_exponent = film_exponent
+        self.groups = groups
         self.tiles = tiles_of(width, height, tile_size)
         self._path = path
         self._shape = FilmShape(width, height, tile_size, film_exponent)
@@ -324,7 +327,7 @@ class Film:
         return True
 
     def tile_sums(self, frame: int, tile: int) -> Sums | None:
-        """Returns a tile's sums, (CHANNELS, h, w) int64, read-only; None if it has no samples."""
+        """Returns a tile's sums, (planes, h, w) int64, read-only; None if it has no samples."""
         key = (self._path.stem, frame, tile)
         with self._lock:
             self.open_file()
@@ -359,7 +362,7 @@ class Film:
             self.open_file()
             if self._file is None:
                 raise FilmUnavailable(Sentence("film-without-samples", "The film of this job has no samples yet."))
-            return FilmSnapshotView(self._path, self.width, self.height, self.film_exponent, self.tiles)
+            return FilmSnapshotView(self._path, self.width, self.height, self.film_exponent, self.tiles, self.groups)
 
     def _exists(self) -> bool:
         with film_faults():

@@ -14,7 +14,7 @@ __all__ = ["sum_of_rows"]
 
 
 def sum_of_rows(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = None) -> Sums:
-    """Returns the sum of a tile's packed rows, (CHANNELS, h, w) int64.
+    """Returns the sum of a tile's packed rows, (planes, h, w) int64.
 
     rows: packed sums as stored in the film. planes: channels to add; None: all. Other channels are undefined.
     Raises FilmDamaged if `rows` is empty or a row cannot be unpacked.

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs
-from renderer.film import CHANNELS
+from renderer.film import plane_count
 from renderer.image import rgbe9995, tonemap
 from renderer.sentences import Sentence
 from service.errors import Invalid
@@ -67,7 +67,7 @@ class PictureRequest:
                     format=self.extension,
                 )
             )
-        if self.planes and self.extension == "rgb9e5":
+        if not all(map(aovs.is_light, self.planes)) and self.extension == "rgb9e5":
             raise Invalid(Sentence("aov-rgb9e5-colour-only", "aov: rgb9e5 holds colour only; ask for image.exr or image.png."))
         if aovs.MOTION in self.planes and self.width is not None:
             raise Invalid(
@@ -104,7 +104,7 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
             np.empty((height, width), "<u4"), map(rgbe9995.pack, reduced_bands(_values(film, frame, request), side))
         )
         return PictureBody.from_bytes(words.tobytes(), folder)
-    if not request.planes:
+    if all(map(aovs.is_light, request.planes)):
         return PictureBody.from_bytes(encode_shown(display_picture(film, frame, request), request.extension), folder)
     (name,) = request.planes
     values = _whole_plane(film, frame, request)
@@ -118,7 +118,7 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
 
 
 def display_picture(film: Film, frame: int, request: PictureRequest) -> npt.NDArray[np.uint8]:
-    """Returns the tone-mapped, display-encoded colour of a frame, shape (h, w, 3) uint8."""
+    """Returns the tone-mapped, display-encoded colour of a frame, or of one of its light groups, shape (h, w, 3) uint8."""
     side = square_side(request.width, film.width, film.height)
     return _filled_from_top(
         np.empty((film.height // side, film.width // side, 3), np.uint8), _tone_mapped(film, frame, request, side)
@@ -130,7 +130,7 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
     side = square_side(request.width, film.width, film.height)
     channels = sum(map(aovs.size, request.names))
     tile = film.tiles[0]
-    of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * CHANNELS * tile.w * tile.h * 8
+    of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * plane_count(len(film.groups)) * tile.w * tile.h * 8
     if request.extension in ("exr", "hdr"):
         return of_bands
     if request.extension == "rgb9e5":

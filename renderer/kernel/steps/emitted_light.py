@@ -14,7 +14,15 @@ from renderer.kernel.material.material import emission
 from renderer.kernel.steps.state import with_radiance
 from renderer.wide.values import any_of, where, where3
 
-__all__ = ["Emission", "add_light", "brought_light", "clamp_indirect", "emitted_by_environment", "emitted_by_sun", "emitted_light"]
+__all__ = [
+    "Emission",
+    "add_light",
+    "brought_light",
+    "clamp_indirect",
+    "emitted_by_environment",
+    "emitted_by_sun",
+    "emitted_light",
+]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)

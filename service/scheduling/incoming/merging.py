@@ -7,7 +7,7 @@ from contextlib import nullcontext
 from dataclasses import dataclass
 
 from protocol.sums import check_sums, check_weight
-from renderer.film import BadSample
+from renderer.film import BadSample, plane_count
 from renderer.settings import Tile
 from service.scheduling.incoming.messages import BatchDone, BatchFailed, BatchReturned
 from service.scheduling.jobs.active_job import ActiveJob
@@ -79,7 +79,11 @@ def _weight_error(sums: bytes, batch: Range | None, job: ActiveJob) -> str | Non
 
     batch: None if it is not needed any more; then the sums are not checked.
     """
-    return None if batch is None else _error_of(lambda: check_weight(sums, job.film.tiles[batch.tile], batch.count))
+    return None if batch is None else _error_of(lambda: _check_weight(sums, batch, job))
+
+
+def _check_weight(sums: bytes, batch: Range, job: ActiveJob) -> None:
+    check_weight(sums, job.film.tiles[batch.tile], batch.count, plane_count(len(job.film.groups)))
 
 
 def _decoding_error(sums: bytes, batch: Range, job: ActiveJob) -> str | None:

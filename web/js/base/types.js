@@ -242,7 +242,7 @@
  * @property {string} name
  * @property {string} label
  * @property {string} help a sentence
- * @property {"integer" | "number" | "choice" | "color" | "vector"} type
+ * @property {"integer" | "number" | "choice" | "names" | "color" | "vector"} type
  * @property {any} default null if there is none
  * @property {number | null} minimum
  * @property {number | null} maximum
@@ -293,7 +293,7 @@
  *
  * @typedef {{x: number, y: number, frame: number, samples: number, mean: number[] | null, equals_film: boolean | null, worker: string | null, paths: PixelPath[]}} Explained
  *
- * @typedef {Record<string, number | number[] | string | null> & {samples: number}} PixelValue by channel, `color` being the light
+ * @typedef {Record<string, any> & {samples: number, lights?: Record<string, number[]> | null}} PixelValue by channel, `color` being the light
  */
 
 export {};

@@ -13,12 +13,37 @@ const COLOUR = { name: "", label: t("Colour"), help: "", values: ["R", "G", "B"]
 /** @type {Channel} */
 export const DENOISED_CHANNEL = { name: DENOISED, label: t("Denoised"), help: "", values: ["R", "G", "B"] };
 
-/** Colour first, then the planes as the service lists them. @returns {Channel[]} */
-export function channels() {
-  return [COLOUR, ...(table.value?.channels ?? [])];
+/** What the name of a light group's channel begins with. */
+const LIGHT = "light:";
+
+/** The group of lights that have no group of their own; renderer/settings.py has it last. */
+const REST = "rest";
+
+/** @param {string} name @returns {string | null} the light group that a channel shows; null for other channels */
+export const lightGroupOf = (name) => (name.startsWith(LIGHT) ? name.slice(LIGHT.length) : null);
+
+/** @param {string} group @returns {Channel} */
+const lightChannel = (group) => ({
+  name: LIGHT + group,
+  label: group === REST ? t("Light: all others") : t("Light: {group}", { group }),
+  help: t("What this group of lights adds to the colour"),
+  values: ["R", "G", "B"],
+});
+
+/**
+ * Colour first, then the planes as the service lists them, then the job's light groups.
+ *
+ * @param {Record<string, any> | null} [settings] the job's
+ * @returns {Channel[]}
+ */
+export function channels(settings = null) {
+  const groups = settings?.light_groups ? [...settings.light_groups.split(","), REST] : [];
+  return [COLOUR, ...(table.value?.channels ?? []), ...groups.map(lightChannel)];
 }
 
 /** @param {string} name @returns {Channel} */
 export function channelOf(name) {
+  const group = lightGroupOf(name);
+  if (group !== null) return lightChannel(group);
   return [...channels(), DENOISED_CHANNEL].find((channel) => channel.name === name) ?? COLOUR;
 }

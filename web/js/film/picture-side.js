@@ -4,7 +4,7 @@
  */
 
 import { fetchImage, fetchWords } from "../news/api.js";
-import { DENOISED } from "./channels.js";
+import { DENOISED, lightGroupOf } from "./channels.js";
 import { Film } from "./film.js";
 import { Store } from "../base/store.js";
 
@@ -28,6 +28,9 @@ const SETTLE_MS = 300;
  * @property {unknown} error why it could not be fetched
  */
 
+/** Whether a channel is fetched as radiance, not as an image. @param {string} channel */
+const hasWords = (channel) => channel === DENOISED || lightGroupOf(channel) !== null;
+
 export class PictureSide {
   /**
    * @param {FilmSource} live
@@ -37,8 +40,8 @@ export class PictureSide {
     this.live = live;
     this.layer = layer;
     this.state = new Store(/** @type {SideState} */ ({ channel: "", waiting: false, stale: false, error: null }));
-    /** The denoised film, if that channel is selected and loaded. @type {Film | null} */
-    this.denoised = null;
+    /** The denoised film or that of a light group, if that channel is selected and loaded. @type {Film | null} */
+    this.fetched = null;
     /** Number of samples in the shown picture; Infinity while none is loaded. */
     this.madeOf = Infinity;
     this.fetching = new AbortController();
@@ -67,7 +70,7 @@ export class PictureSide {
   get film() {
     const { channel } = this.state.value;
     if (this.played) return this.played.total ? this.played : null; // a played frame has no samples of its own
-    return channel === "" ? this.live.film : channel === DENOISED ? this.denoised : null;
+    return channel === "" ? this.live.film : hasWords(channel) ? this.fetched : null;
   }
 
   /** Whether the film has more samples than the shown picture, even if they arrived as a snapshot. */
@@ -85,7 +88,7 @@ export class PictureSide {
   choose(channel) {
     if (channel === this.state.value.channel) return;
     this.fetching.abort();
-    this.denoised = null;
+    this.fetched = null;
     this.madeOf = Infinity;
     if (channel) {
       this.state.set({ channel, waiting: false, stale: false, error: null });
@@ -127,13 +130,15 @@ export class PictureSide {
     const { signal } = (this.fetching = new AbortController());
     this.state.update((state) => ({ ...state, waiting: true, error: null }));
     try {
-      if (channel === DENOISED) {
+      if (hasWords(channel)) {
         const { width, height } = this.live.film;
-        const { words, samples } = await fetchWords(this.live, { denoise: "true" }, signal);
+        /** @type {Record<string, string>} */
+        const wish = channel === DENOISED ? { denoise: "true" } : { aov: channel };
+        const { words, samples } = await fetchWords(this.live, wish, signal);
         if (signal.aborted) return;
         this.madeOf = samples;
-        this.denoised = new Film(width, height, words);
-        this.layer.setFilm(this.denoised);
+        this.fetched = new Film(width, height, words);
+        this.layer.setFilm(this.fetched);
       } else {
         const { image, samples, span } = await fetchImage(this.live, { aov: channel }, signal);
         if (signal.aborted) return image.close();

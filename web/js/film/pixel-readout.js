@@ -4,7 +4,7 @@
  */
 
 import { getPixel } from "../news/api.js";
-import { DENOISED, channelOf } from "./channels.js";
+import { DENOISED, channelOf, lightGroupOf } from "./channels.js";
 import { h, setText } from "../base/dom.js";
 import { LiveFilm } from "./live-film.js";
 import { count, radiance } from "../base/format.js";
@@ -132,7 +132,8 @@ export class PixelReadout {
  * @returns {string[]}
  */
 function textsOf(pixel, channel) {
-  const value = pixel[channel || "color"];
+  const group = lightGroupOf(channel);
+  const value = group === null ? pixel[channel || "color"] : pixel.lights?.[group];
   if (channel === "object" || channel === "material")
     return [value == null ? t("none") : `${value} ${pixel[`${channel}_name`] ?? ""}`];
   if (value == null) return [t("not known yet")];

@@ -1,7 +1,8 @@
-/** The field of one setting: a choice, a number, or a grey for a colour. */
+/** The field of one setting: a choice, names, a number, or a grey for a colour. */
 
 import { choiceField, field, numberInput } from "./fields.js";
 import { addReset } from "./reset.js";
+import { h } from "../base/dom.js";
 import { addSlider } from "./slider.js";
 import { labelOf } from "../news/settings-table.js";
 import { t } from "../base/words.js";
@@ -27,6 +28,12 @@ export function settingField(setting, start, changed, own = setting.default) {
     const { element, get } = choiceField(setting.label, setting.choices, start, changed);
     addReset(element, /** @type {HTMLSelectElement} */ (element.querySelector("select")), own);
     return { setting, element, get };
+  }
+  if (setting.type === "names") {
+    const input = h("input", { type: "text", value: start ?? "", spellcheck: "false", autocomplete: "off", placeholder: t("none") });
+    const element = field(setting.label, input, setting.help);
+    addReset(element, input, own ?? "");
+    return { setting, element, get: () => input.value.trim() };
   }
   const isColour = Array.isArray(setting.default);
   const input = numberFor(setting, isColour ? start[0] : start);

@@ -3,7 +3,7 @@
  * URL modify.
  */
 
-import { channels } from "../film/channels.js";
+import { channels, lightGroupOf } from "../film/channels.js";
 import { PARTS } from "../film/film-shader.js";
 import { heatBar, partFields } from "./part-fields.js";
 import { pinsFrom, pinsText } from "./pins.js";
@@ -40,7 +40,7 @@ export function displayFromUrl() {
   /** @type {Store<Display>} */
   const store = new Store({
     ...lookFromUrl(params),
-    channel: channels().some(({ name }) => name === channel) ? channel : "",
+    channel: lightGroupOf(channel) !== null || channels().some(({ name }) => name === channel) ? channel : "",
     part: PARTS.some(({ name }) => name === params.get("part")) ? (params.get("part") ?? "") : "",
     pins: pinsFrom(params.get("pins")),
     denoise,
@@ -97,16 +97,17 @@ export function clampExposure(exposure) {
 
 /**
  * @param {Store<Display>} display
+ * @param {Record<string, any> | null} settings the job's, for its light groups
  * @param {{normalise: () => void, denoise: () => void}} actions denoise: anew, the picture having more samples now
  * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
  */
-export function displayPanel(display, { normalise, denoise: renew }) {
+export function displayPanel(display, settings, { normalise, denoise: renew }) {
   const look = lookFields(display, normalise);
   const denoise = denoiseFields(display, renew);
   const channel = h(
     "select",
     { onchange: () => display.update((d) => ({ ...d, channel: channel.value })) },
-    channels().map(({ name, label }) => h("option", { value: name }, label)),
+    channels(settings).map(({ name, label }) => h("option", { value: name }, label)),
   );
   const channelField = field(t("Channel"), channel, " ");
   const hint = /** @type {HTMLElement} */ (channelField.lastElementChild);
@@ -114,15 +115,17 @@ export function displayPanel(display, { normalise, denoise: renew }) {
     type: "checkbox",
     onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })),
   });
-  const colourOnly = h("div", { class: "stack" }, partFields(display), look, denoise.element);
+  const denoiseBox = h("div", null, denoise.element);
+  const colourOnly = h("div", { class: "stack" }, partFields(display), look, denoiseBox);
   const heat = h("div", { hidden: true });
   display.subscribe((d) => {
     channel.value = d.channel;
-    const told = channels().find(({ name }) => name === d.channel)?.help ?? "";
+    const told = channels(settings).find(({ name }) => name === d.channel)?.help ?? "";
     setText(hint, told);
     hint.hidden = told === "";
     outlines.checked = d.outlines;
-    colourOnly.hidden = d.channel !== "";
+    colourOnly.hidden = d.channel !== "" && lightGroupOf(d.channel) === null;
+    denoiseBox.hidden = d.channel !== "";
   });
   const legend = h("ul", { class: "workers-legend", "aria-label": t("Workers on this picture"), hidden: true });
   let shown = "";
@@ -166,7 +169,7 @@ export function displayPanel(display, { normalise, denoise: renew }) {
   /** Updates the legend of the plane's heat map. @param {import("../film/picture-side.js").SideState | null} state */
   const updateHeat = (state) => {
     const span = state?.span;
-    const name = channels().find((each) => each.name === state?.channel)?.label ?? "";
+    const name = channels(settings).find((each) => each.name === state?.channel)?.label ?? "";
     heat.hidden = !span;
     if (span) fill(heat, heatBar(name, span[0], span[1]));
   };

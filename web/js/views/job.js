@@ -101,7 +101,7 @@ function open(page, job, life) {
     const exposure = picture.film.normalisingExposure();
     if (exposure != null) display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
   };
-  const look = displayPanel(display, { normalise, denoise: () => picture.renew() });
+  const look = displayPanel(display, job.settings, { normalise, denoise: () => picture.renew() });
   const asked = isShot(job) ? askedFrame(job) : undefined;
   const picture = livePicture(job, display, life, ({ left, right }) => (look.updateDenoise(right), look.updateHeat(left)), asked);
   picture.onHands(look.showHands);

@@ -224,13 +224,13 @@ assert LAYOUT.width % GROUP_ROW == 0
 
 
 def group_floats(groups: int) -> int:
-    """Returns the number of float32 behind the paths' rows for `groups` light groups: for each path a row for each, and one more."""
+    """Returns how many float32 lie behind the paths' rows for `groups` light groups: a row for each and one more, of each path."""
     return (ROWS + 1) * (groups + 1) * GROUP_ROW if groups else 0
 
 
 @device
 def group_row(rows, options):
-    """Returns the row, for renderer/kernel/light_groups.py, of the first group of the paths in one row of the pool or in eight."""
+    """Returns the row of the first group of the path in one row of the pool or in eight, for renderer/kernel/light_groups.py."""
     return rows * (options.groups + _ONE) + FIRST_GROUP
 
 

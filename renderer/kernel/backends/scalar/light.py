@@ -90,9 +90,7 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
     for k in range(count):
         numbers = draw_light(substream(stream, k, count) if count > 1 else stream, path.number)
         which, chance = choose_sampled(scene, surface.point, vertex.normal, numbers[2])
-        light = sample_chosen(
-            scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), which, chance, time
-        )
+        light = sample_chosen(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), which, chance, time)
         if light.pdf > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
             f, scatter_pdf = eval_material(vertex.material, vertex.wo, wi)

@@ -55,9 +55,10 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
     """Traces one sample along its CameraRay; returns (radiance, number of rays).
 
     medium_stack: media that contain the camera, 0 in a scene without media. log: rows for path_trace.py; none for frames. first:
-    (FIRST_HIT_SLOTS,), receives the FirstHit and, in its rows from FIRST_GROUP on, the light by group of both branches. The other arguments are the strategy to find light. lit: whether next-event
-    estimation finds anything. weigh_hit(options, ray, path, last, point or None, light_pdf) and weigh_light(options, light,
-    scatter_pdf, branches, point) return MIS weights. sample_bsdf(scene, vertex, options, choose, u) returns a BsdfSample.
+    (FIRST_HIT_SLOTS,), receives the FirstHit; with light groups it has rows from FIRST_GROUP on, for those of both branches. The
+    other arguments are the strategy to find light. lit: whether next-event estimation finds anything. weigh_hit(options, ray,
+    path, last, point or None, light_pdf) and weigh_light(options, light, scatter_pdf, branches, point) return MIS weights.
+    sample_bsdf(scene, vertex, options, choose, u) returns a BsdfSample.
     """
     ray, path = camera_path(camera.o, camera.d)
     state = ray, path, LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start), _ZERO

@@ -7,7 +7,13 @@ import numpy as np
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
-from renderer.kernel.backends.scalar.first_hit import FIRST_GROUP, FIRST_HIT_SLOTS, add_first_hit, forget_first_hit, is_finite_first_hit
+from renderer.kernel.backends.scalar.first_hit import (
+    FIRST_GROUP,
+    FIRST_HIT_SLOTS,
+    add_first_hit,
+    forget_first_hit,
+    is_finite_first_hit,
+)
 from renderer.kernel.fixed_point import fixed, in_half
 from renderer.kernel.light_groups import add_sample_by_group, forget_groups
 from renderer.kernel.medium.camera_media import media_of_camera

@@ -26,7 +26,7 @@ def _keep(pool, lists, done, film, scale, batch, bad, sums):
     clear(lists, DONE)
     for path in done:
         append(lists, DONE, path)
-    bad_count = accumulate_film(pool, lists, film, scale, sums.shape[2], batch, bad, 0)
+    bad_count = accumulate_film(pool, lists, film, scale, sums.shape[2], batch, bad, 0, None)
     flush_film(film, sums)
     return bad_count
 
