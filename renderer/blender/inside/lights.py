@@ -9,6 +9,7 @@ from typing import Any
 
 from .cameras import to_ours
 from .keys import keyed
+from .light_groups import light_group_of
 from .light_profiles import EmissionImage, is_animated_light, needs_emission_image, render_emission_image
 from .sentences import Sentence
 
@@ -75,11 +76,12 @@ class Lights:
             values = states[thing.name]
             said: dict[str, Any] = {name: keyed([each[name] for each in values], frames, fps) for name in values[0]}
             name = thing.name[:200]
+            group = {"light_group": found} if (found := light_group_of(thing)) else {}
             if "emission" not in said:
-                lights.append({"name": name, **_kind(thing, self._thrown.get(thing.name)), **said})
+                lights.append({"name": name, **_kind(thing, self._thrown.get(thing.name)), **said, **group})
                 continue
             material = f"light {name}"
-            materials[material] = {"color": 0, "emission": said["emission"], "lamp": True}
+            materials[material] = {"color": 0, "emission": said["emission"], "lamp": True, **group}
             if not getattr(thing, "visible_camera", True):
                 materials[material]["unseen"] = True
             if getattr(thing.data, "use_soft_falloff", False) and "center" in said:

@@ -73,12 +73,13 @@ def _put_factors(material: dict[str, Any], flags: dict[str, Any]) -> None:
         surface["baseColorFactor"] = [*(a * b for a, b in zip(color, flags["baseColorFactor"], strict=True)), alpha]
 
 
-def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]]) -> None:
-    """Writes ray visibility into a GLB's nodes (rays), and extensions and factors into its materials (surfaces), by name.
+def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]], groups: dict[str, str]) -> None:
+    """Writes into a GLB what the exporter leaves out, by name.
 
+    rays: ray visibility of nodes. surfaces: extensions and factors of materials. groups: light groups of nodes, as extras.
     Among the factors, roughnessFactor replaces the exporter's value, and baseColorFactor multiplies it.
     """
-    if not (rays or surfaces):
+    if not (rays or surfaces or groups):
         return
     glb = Glb(path)
     document = glb.document
@@ -87,6 +88,8 @@ def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, 
         if node.get("name") in rays and "mesh" in node:
             node.setdefault("extensions", {})[RAYS] = rays[node["name"]]
             used.add(RAYS)
+        if node.get("name") in groups and "mesh" in node:
+            node["extras"] = {**node.get("extras", {}), "light_group": groups[node["name"]]}
     for material in document.get("materials", []):
         if (told := surfaces.get(material.get("name", ""))) is not None:
             extensions = {name: each for name, each in told.items() if name not in FACTORS}

@@ -12,6 +12,7 @@ from .hair import hair_as_meshes
 from .instances import LEFT_OUT
 from .keys import exposed_over, frames_of, is_animated, over_frames, scripted
 from .large import replace_by_stand_ins, restore_large_meshes
+from .light_groups import layer_groups, light_group_of, mesh_groups
 from .lights import Lights
 from .movie_textures import as_stills
 from .prepare_scene import prepare
@@ -52,6 +53,8 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     modules = modules_of(addon) if addon is not None else None
     cycles = getattr(modules, "cycles", None)
     settings = settings_of(scene, layer, cycles) if has_settings else {}
+    if has_settings and (groups := layer_groups(layer)):
+        settings["light_groups"] = groups
     exposed = exposed_over(frames, settings) if is_animated(bpy, scene) else frames
     scene.frame_set(frames[0])
     note_settings(bpy.data.scenes, scene, layer, notes, cycles)
@@ -76,13 +79,16 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
         modules.cycles.warn_of_volumes(scene, notes.append)
     # Infinitely distant light is not visible through a medium that fills the world.
     environment, suns = write_world(bpy, scene, out, getattr(modules, "skies", None), notes) if medium is None else (None, [])
+    if environment is not None and (group := light_group_of(scene.world)):
+        environment["light_group"] = group
+        suns = [{**sun, "light_group": group} for sun in suns]
     lamps, materials, shapes = lights.scene_file_lights(_of_kind("light", seen), exposed, fps)
     if solid:
         taken = replace_by_stand_ins(bpy, solid, addon)
         scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
         _write_glb(bpy, out / "blender-scene.glb", is_moving=len(exposed) > 1)
         restore_large_meshes(out / "blender-scene.glb", taken)
-        with_rays(out / "blender-scene.glb", passed_by(solid, layer), surfaces)
+        with_rays(out / "blender-scene.glb", passed_by(solid, layer), surfaces, mesh_groups(solid))
         shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:100]})
     document: dict[str, Any] = {
         "name": scene.name[:200],

@@ -224,7 +224,7 @@ assert LAYOUT.width % GROUP_ROW == 0
 
 
 def group_floats(groups: int) -> int:
-    """Returns how many float32 lie behind the paths' rows for `groups` light groups: a row for each and one more, of each path."""
+    """Returns how many float32 lie behind the paths' rows with `groups` light groups: for each path a row for each, and one."""
     return (ROWS + 1) * (groups + 1) * GROUP_ROW if groups else 0
 
 

@@ -13,6 +13,7 @@ from renderer.errors import SceneError
 from renderer.library_messages import library_message
 from renderer.scene.readers.gltf.faults import DamagedError, Faults
 from renderer.sentences import Sentence
+from renderer.setting_declaration import is_name
 
 __all__ = ["Json", "parse"]
 
@@ -180,6 +181,15 @@ class Json:
             self.fault(key, Sentence("gltf-not-string", "is not a string"))
             return default
         return value[:MAX_NAME] if key == "name" else value
+
+    def light_group(self) -> str:
+        """Returns the light group in the object's extras; empty if absent."""
+        extras = self.object("extras") if isinstance(self.value.get("extras"), dict) else None
+        found = extras.text("light_group", "").strip() if extras is not None else ""
+        if found and not is_name(found):
+            self.fault("extras", Sentence("gltf-light-group-invalid", "has a light_group that is not a name"))
+            return ""
+        return found
 
     def extension(self, name: str) -> Json | None:
         """Returns the object of an extension, or None if absent."""

@@ -303,26 +303,26 @@ class Nodes:
         if light:
             source = self._lights[light.integer("light", high=len(self._lights))]
             name = name or source.text("name", "") or spare
-            found.append(lights.read_light(source, name, world))
+            found.append(replace(lights.read_light(source, name, world), light_group=source.light_group()))
         shaped = self._profiles.light(node, name or spare, world)
-        return found if shaped is None else [*found, shaped]
+        found += [] if shaped is None else [shaped]
+        group = node.light_group()
+        return [replace(light, light_group=group) for light in found] if group else found
 
     def _add_instance(self, node: Json, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
         restless = self._meshes.restless
         self._description.instances += [
-            Instance(m, place, self._ray_visibility_material(node, m), name, moves or m in restless) for m in meshes
+            Instance(m, place, self._material_of(node, m), name, moves or m in restless) for m in meshes
         ]
 
-    def _ray_visibility_material(self, node: Json, mesh: int) -> int | None:
+    def _material_of(self, node: Json, mesh: int) -> int | None:
         """Returns the index of a material to use in place of a mesh's own; None if the mesh keeps its own.
 
-        A replacement is needed if camera rays or shadow rays ignore the node.
+        A replacement is needed if camera rays or shadow rays ignore the node, or if the node has a light group.
         """
-        rays = node.extension(RAYS)
-        if rays is None:
-            return None
-        flags = rays.value.get("camera") is False, rays.value.get("shadow") is False
-        return self._meshes.with_ray_visibility(mesh, *flags) if any(flags) else None
+        rays, group = node.extension(RAYS), node.light_group()
+        unseen, shadeless = (rays is not None and rays.value.get(kind) is False for kind in ("camera", "shadow"))
+        return self._meshes.material_of_node(mesh, unseen, shadeless, group) if unseen or shadeless or group else None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:
         """Returns the joint nodes of a skin, and whether any of them is animated."""
