@@ -1,0 +1,209 @@
+"""Tests of light groups: their planes add up to the colour, integer by integer, however a frame is rendered."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from renderer import aovs, film, render
+from renderer.arrays.scene import CompiledScene
+from renderer.errors import SceneError, SettingsError
+from renderer.film import COLOR, SAMPLES, Sums, group_planes, plane_count
+from renderer.jit import entry
+from renderer.kernel import accumulate
+from renderer.kernel.light_groups import GROUP_ROW, add_sample_by_group
+from renderer.render import render_batch, render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Environment, Light, Material, SceneDescription
+from renderer.scene.light_groups import names_of
+from renderer.scene.load import read
+from renderer.settings import RenderSettings, tiles_of
+from tests.renderer.kernel.backends.features import VIEW, gray, made, room
+
+NAMES = ("key", "sky", "sun-1")
+SETTINGS = RenderSettings(40, 30, VIEW)
+SCALE = np.float32(2.0**24)
+PLAIN = ("diffuse", "glass", "nothing but a sky", "a clamp", "long paths")
+FULL = ("textures", "half clear lights", "unlit", "copies", "many lights", "lights without a body", "lights with pictures")
+
+
+@entry
+def _split(planes, table, count, radiance):
+    for k in range(len(radiance)):
+        place, row = np.uintp(k), np.uintp(2 * count * k)
+        light = radiance[k, 0], radiance[k, 1], radiance[k, 2]
+        add_sample_by_group(planes, place, np.uintp(len(radiance)), table, row, row + np.uintp(count), count, light, SCALE)
+
+
+@cache
+def _grouped(name: str) -> CompiledScene:
+    """Returns a scene of features.py in which half of the lights, materials and the environment are in random groups."""
+    scene = made(name)[0]
+    random = np.random.default_rng(len(name))
+    arrays = {
+        "light_group": random.integers(0, 4, len(scene.light_primitive)).astype(np.int32),
+        "material_group": random.integers(0, 4, len(scene.material_kind)).astype(np.int32),
+        "environment_group": np.array([2], np.int32),
+        "group_name": np.frombuffer("\0".join(NAMES).encode(), np.uint8).copy(),
+    }
+    for array in arrays.values():
+        array.flags.writeable = False
+    return scene._replace(**arrays)
+
+
+def _settings(name: str, groups: str = ",".join(NAMES)) -> RenderSettings:
+    return replace(made(name)[1], light_groups=groups)
+
+
+def _total(sums: Sums) -> Sums:
+    return sums[film.CHANNELS :].reshape(-1, 3, *sums.shape[1:]).sum(axis=0)
+
+
+@pytest.mark.parametrize("count", [1, 2, 5, 17])
+def test_the_groups_of_a_sample_add_up_to_its_colour(count: int) -> None:
+    """Also if sums are far above the film's limit, negative, or differ from the colour by the rounding of float32."""
+    random = np.random.default_rng(count)
+    samples = 400
+    light = (random.random((samples, 2, count, 3)) ** 8 * 10.0 ** random.integers(-6, 8, (samples, 1, 1, 3))).astype(np.float32)
+    light[random.random(light.shape) < 0.5] = 0
+    light[:20] *= -1
+    table = np.zeros((samples, 2, count, GROUP_ROW), np.float32)
+    table[..., :3] = light
+    radiance = light.sum(axis=(1, 2), dtype=np.float32)
+    planes = np.zeros((count, 3, samples), np.int64)
+    _split(planes.reshape(-1), table.reshape(-1), count, radiance)
+    colour = np.rint(np.clip(radiance, -film.SAMPLE_MAX, film.SAMPLE_MAX).astype(np.float64) * 2.0**24).astype(np.int64)
+    assert (planes.sum(axis=0) == colour.T).all()
+    of_groups = (light[:, 0] + light[:, 1]).transpose(1, 2, 0)
+    assert (planes[of_groups == 0] == 0).all()
+    assert (planes[..., 20:] >= 0).all()
+    inside = np.abs(light).sum(axis=(1, 2)).max(axis=1) < film.SAMPLE_MAX
+    off = np.abs(planes - of_groups.astype(np.float64) * 2.0**24)[..., inside]
+    unsure = np.abs(light).sum(axis=(1, 2)).T[:, inside] * 2.0**24 * 2.0**-24 * (2 * count + 2)  # of float32 sums of so many
+    assert (off <= 1 + unsure).all()
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", [*PLAIN, *FULL, "milk in glass"])
+def test_groups_add_up_and_leave_the_colour_as_it_is(name: str) -> None:
+    scene, settings = _grouped(name), _settings(name)
+    sums = render_frame(scene, settings, 4)
+    assert sums.shape[0] == plane_count(4) == film.CHANNELS + 12
+    np.testing.assert_array_equal(sums[: film.CHANNELS], render_frame(scene, replace(settings, light_groups=""), 4))
+    np.testing.assert_array_equal(_total(sums), sums[COLOR])
+    alone = render_frame(scene, replace(settings, light_groups="sky"), 4)
+    np.testing.assert_array_equal(_total(alone), sums[COLOR])
+    assert sum(sums[group_planes(k)].any() for k in range(4)) > (name != "no light")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("size", [7, 16, 40])
+def test_groups_do_not_depend_on_batches_and_threads(size: int) -> None:
+    """Random tiles, ranges of samples in any order, any number of threads."""
+    scene, settings = _grouped("many lights"), _settings("many lights")
+    whole = render_frame(scene, settings, 6, threads=1)
+    np.testing.assert_array_equal(render_frame(scene, settings, 6, threads=3), whole)
+    work = [(tile, first, count) for tile in tiles_of(settings.width, settings.height, size) for first, count in ((0, 1), (1, 5))]
+    sums = np.zeros_like(whole)
+    for k in np.random.default_rng(size).permutation(len(work)):
+        tile, first, count = work[k]
+        sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += render_batch(scene, settings, tile, first, count).sums
+    np.testing.assert_array_equal(sums, whole)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ["many lights", "textures"])
+def test_both_backends_have_the_same_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pool = render_frame(_grouped(name), _settings(name), 4)
+    monkeypatch.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
+    monkeypatch.setattr(render, "has_variants", lambda _: False)
+    np.testing.assert_array_equal(render_frame(_grouped(name), _settings(name), 4), pool)
+
+
+@pytest.mark.long
+def test_a_group_is_the_picture_of_its_lights_alone() -> None:
+    """The mean of a group equals a rendering in which all other lights are switched off."""
+    spp = 1024
+
+    def described(lit: str) -> SceneDescription:
+
+        found = room(Material(base_color=(0.8, 0.5, 0.3)))
+        found.materials[2].light_group, found.environment_group = "key", "sky"
+        found.lights = [Light("point", (3.0, 3.0, 3.0), (1.0, 2.0, 2.0), light_group="point")]
+        if lit not in ("", "key"):
+            found.materials[2].emission = (0.0, 0.0, 0.0)
+        if lit not in ("", "point"):
+            found.lights = []
+        if lit not in ("", "sky"):
+            found.environment = Environment(gray(0.0))
+        return found
+
+    settings = replace(SETTINGS, light_groups="key,point,sky")
+    sums = render_frame(compile_scene(described("")), settings, spp)
+    for k, name in enumerate(("key", "point", "sky")):
+        alone = render_frame(compile_scene(described(name)), SETTINGS, spp)
+        ours, theirs = (film.mean(s, 24, planes) for s, planes in ((sums, group_planes(k)), (alone, COLOR)))
+        assert abs(ours.mean() / theirs.mean() - 1) < 0.01, name
+        error = np.abs(ours - theirs).mean(axis=2)
+        assert np.median(error) < 0.05 * theirs.mean(), name
+    assert not sums[group_planes(3)].any()
+
+
+def test_the_groups_of_a_scene_file_are_compiled(tmp_path) -> None:
+    text = """
+environment: {color: 0.2, light_group: sky}
+lights:
+  - {type: point, position: [0, 2, 0], light_group: key}
+  - {type: point, position: [0, 3, 0]}
+materials: {lamp: {color: 0, emission: 3, light_group: practical}, wall: {color: 0.5}}
+shapes:
+  - {type: sphere, center: [0, 0, 0], radius: 1, material: lamp}
+  - {type: quad, material: wall}
+"""
+    (tmp_path / "s.yaml").write_text(text)
+    scene = compile_scene(read(tmp_path, "s.yaml"))
+    assert names_of(scene) == ["key", "practical", "sky"]
+    assert scene.environment_group.tolist() == [3]
+    assert sorted(scene.light_group.tolist()) == [0, 1, 2]
+    sphere = len(scene.triangle)
+    assert scene.light_group[scene.light_primitive == sphere].tolist() == [2]
+    for wrong in ("a.b", " x", "n" * 41):
+        (tmp_path / "s.yaml").write_text(text.replace("practical", f'"{wrong}"'))
+        with pytest.raises(SceneError):
+            read(tmp_path, "s.yaml")
+
+
+def test_the_setting_takes_names() -> None:
+    settings = replace(SETTINGS, light_groups=" key ,  Fenster süd,b_2-c ")
+    assert settings.light_groups == "key,Fenster süd,b_2-c"
+    assert settings.group_names == ("key", "Fenster süd", "b_2-c", "rest")
+    assert RenderSettings.from_json(settings.to_json()) == settings
+    assert SETTINGS.group_names == ()
+    assert "light_groups" not in SETTINGS.to_json()  # an older worker can render it
+    for wrong in ("a,a", ",".join("abcdefghijklmnopq"), "a,,b", "a.b", "x" * 41, "rest"):
+        with pytest.raises(SettingsError):
+            replace(SETTINGS, light_groups=wrong)
+    with pytest.raises(SettingsError, match="integrator"):
+        replace(SETTINGS, light_groups="a", integrator="ao")
+    assert not render.is_for_cards(settings)
+
+
+def test_names_of_groups_as_aovs() -> None:
+    groups = ("key", "rest")
+    assert aovs.parse_names(["lights"], groups) == ["light:key", "light:rest"]
+    assert aovs.parse_names(["light:key", "depth", "lights"], groups) == ["light:key", "depth", "light:rest"]
+    assert aovs.parse_names(["all"], groups) == [*aovs.AOVS, "light:key", "light:rest"]
+    assert aovs.parse_names(aovs.parse_names(["all"], None), groups) == [*aovs.AOVS, "light:key", "light:rest"]
+    assert aovs.channels("light:key") == ("Combined_key.R", "Combined_key.G", "Combined_key.B")
+    with pytest.raises(SettingsError, match="it has key, rest"):
+        aovs.parse_names(["light:fill"], groups)
+    with pytest.raises(SettingsError, match="no light groups"):
+        aovs.parse_names(["lights"])
+    sums = np.zeros((plane_count(2), 2, 3), np.int64)
+    sums[SAMPLES], sums[group_planes(1)] = 2, 3 << 24
+    assert (aovs.values(sums, 24, "light:rest", groups) == 1.5).all()
+    assert not aovs.values(sums, 24, "light:key", groups).any()
+    assert aovs.planes("light:rest", groups) == (*range(film.CHANNELS + 3, film.CHANNELS + 6), SAMPLES)
