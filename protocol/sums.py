@@ -4,6 +4,9 @@ Packed sums consist of a format byte, the number of planes, a head for each plan
 plane whose pixels are equal is stored as their value. A plane that equals an earlier one is stored as that plane's number: with a
 single sample, the half film equals the whole film or is zero. Every other plane uses the narrowest integer type that holds its
 values and is LZ4-compressed separately, so readers that need only colour decompress only those planes.
+
+Counts of Cryptomatte (renderer/cryptomatte.py) follow the planes: a head, and one LZ4 block of the pixels' indices (differences),
+kinds and ids, and counts.
 """
 
 from __future__ import annotations
@@ -15,16 +18,19 @@ import lz4.block
 import numpy as np
 import numpy.typing as npt
 
-from protocol.layout import I64, U8, Layout
+from protocol.layout import I64, U8, U32, Layout
+from renderer.cryptomatte import Hits, merged, no_hits
 from renderer.film import CHANNELS, SAMPLES, Sums, is_plane_count
 from renderer.sentences import Sentence
 from renderer.settings import Tile
 
-__all__ = ["PACKED", "add_sums", "check_sums", "check_weight", "pack_sums", "unpack_sums"]
+__all__ = ["PACKED", "add_sums", "check_sums", "check_weight", "merge_hits", "pack_sums", "unpack_hits", "unpack_sums"]
 
 Array = npt.NDArray[Any]
 
 PACKED = 2  # format byte; the older format is one LZ4 block, whose first byte is 16 or more
+WITH_HITS = 3  # format byte of sums with counts of Cryptomatte behind them
+MOST_HITS = 1 << 26
 ALIKE, COPY = 0, 9
 PLAIN = 10  # uncompressed, 8 bytes a pixel: only from the older format
 WIDTHS = {1: "<i1", 2: "<i2", 4: "<i4", 8: "<i8"}  # bytes a pixel
@@ -33,7 +39,7 @@ WIDTHS = {1: "<i1", 2: "<i2", 4: "<i4", 8: "<i8"}  # bytes a pixel
 class Start(NamedTuple):
     """The start of packed sums. A PlaneHead for each plane follows, then the planes' bodies."""
 
-    format: Annotated[int, U8, "PACKED"]
+    format: Annotated[int, U8, "PACKED or WITH_HITS"]
     planes: Annotated[int, U8, "number of planes"]
 
 
@@ -44,14 +50,23 @@ class PlaneHead(NamedTuple):
     value: Annotated[int, I64, "the value of all pixels, the number of the plane that is equal, or the size of the body"]
 
 
+class HitsHead(NamedTuple):
+    """The head of Cryptomatte's counts, behind the planes' bodies."""
+
+    entries: Annotated[int, U32, "number of pairs of a pixel and an id"]
+    size: Annotated[int, U32, "bytes of the block that follows"]
+
+
+HITS = Layout("counts of Cryptomatte", HitsHead)
 START = Layout("batch of sums", Start)
 PLANE = Layout("plane of sums", PlaneHead)
 
 
-def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
+def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None) -> bytes:
     """Packs a batch's sums, (planes, h, w) int64. Equal sums give equal bytes.
 
-    packing: the format: the newest one that the receiver supports, or 1 for releases before 0.2.
+    packing: the format: the newest one that the receiver supports, or 1 for releases before 0.2. hits: counts of Cryptomatte;
+    None if they were not requested.
     """
     if packing < PACKED:
         return lz4.block.compress(_narrowed(sums, 8), store_size=False)
@@ -73,7 +88,49 @@ def pack_sums(sums: Sums, packing: int = PACKED) -> bytes:
         body = lz4.block.compress(_narrowed(plane, width), store_size=False)
         heads.append(PLANE.pack(PlaneHead(width, len(body))))
         bodies.append(body)
-    return b"".join([START.pack(Start(PACKED, len(sums))), *heads, *bodies])
+    if hits is None:
+        return b"".join([START.pack(Start(PACKED, len(sums))), *heads, *bodies])
+    return b"".join([START.pack(Start(WITH_HITS, len(sums))), *heads, *bodies, *_packed_hits(hits)])
+
+
+def _packed_hits(hits: Hits) -> list[bytes]:
+    place, number = (hits.key >> np.uint64(32)).astype(np.int64), hits.key.astype("<u4")
+    columns = np.diff(place, prepend=0).astype("<u4"), number, hits.count.astype("<u4")
+    block = lz4.block.compress(b"".join(column.tobytes() for column in columns), store_size=False)
+    return [HITS.pack(HitsHead(len(place), len(block))), block]
+
+
+def unpack_hits(data: bytes, tile: Tile, stored: bool = False) -> Hits | None:
+    """Unpacks Cryptomatte's counts; None if there are none behind these sums. Raises ValueError if they do not fit the tile."""
+    if not data or data[0] != WITH_HITS:
+        return None
+    at = _end_of_planes(data, tile, stored)
+    try:
+        entries, size = HITS.unpack(data, at)
+    except ValueError:
+        raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early")) from None
+    if entries > MOST_HITS or at + HITS.size + size != len(data):
+        raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))
+    if entries == 0:
+        return no_hits()
+    raw = np.frombuffer(_decompressed(memoryview(data)[at + HITS.size :], 12 * entries), np.uint8)
+    if len(raw) != 12 * entries:
+        raise ValueError(
+            Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=12 * entries)
+        )
+    step, number, count = raw.view("<u4").reshape(3, entries).astype(np.uint64)
+    place = np.cumsum(step)
+    key = place << np.uint64(32) | number
+    is_sorted = bool((key[1:] > key[:-1]).all())
+    if not is_sorted or place[-1] >= tile.w * tile.h or not count.all() or not (number & np.uint64(0x7FFFFFFF)).all():
+        raise ValueError(Sentence("sums-hits", "damaged sums: their counts of objects are not in order"))
+    return Hits(key, count.astype(np.int64))
+
+
+def merge_hits(parts: Iterable[bytes], tile: Tile, stored: bool = False) -> Hits | None:
+    """Returns the sum of Cryptomatte's counts behind packed sums; None if none of them has any."""
+    found = [hits for data in parts if (hits := unpack_hits(data, tile, stored)) is not None]
+    return merged(found) if found else None
 
 
 def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[int] | None = None) -> Sums:
@@ -127,7 +184,8 @@ def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes:
 
 
 def check_sums(data: bytes, tile: Tile) -> None:
-    """Raises ValueError if `unpack_sums` would raise it for these sums. Faster, since it does not return the sums."""
+    """Raises ValueError if `unpack_sums` or `unpack_hits` would raise it for these sums. Faster, since it returns no sums."""
+    unpack_hits(data, tile)
     for code, _, body in dict(_planes(data, tile, False)).values():
         if code in WIDTHS:
             _checked_bytes(body, code, tile)
@@ -136,11 +194,18 @@ def check_sums(data: bytes, tile: Tile) -> None:
 def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None) -> None:
     """Raises ValueError if any pixel has a negative number of samples, or more than `count`.
 
-    planes: the number of planes of the film; raises ValueError for another number.
+    planes: the number of planes of the film; raises ValueError for another number. Also raises it if Cryptomatte counts more
+    samples in a pixel.
     """
     known = dict(_planes(data, tile, False))
     if planes is not None and len(known) != planes:
         raise _plane_count_error(len(known), planes)
+    if (hits := unpack_hits(data, tile)) is not None and len(hits.key):
+        most_hits = int(np.bincount(np.unique(hits.key >> np.uint64(31), return_inverse=True)[1], hits.count).max())
+        if most_hits > count:
+            raise ValueError(
+                Sentence("sums-samples", "damaged sums: {samples} samples of a pixel, of {count}", samples=most_hits, count=count)
+            )
     code, least, _ = known[SAMPLES]
     most = least
     if code != ALIKE:
@@ -159,7 +224,7 @@ def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None)
 
 def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
     """Yields (plane number, (code, value, body)) of each plane. code: ALIKE, COPY, or the width of its integers."""
-    if not data or data[0] != PACKED:
+    if not data or data[0] not in (PACKED, WITH_HITS):
         yield from _planes_of_old_format(data, tile, stored)
         return
     try:
@@ -185,8 +250,14 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
                 Sentence("sums-plane-kind", "damaged sums: plane {plane} has the unknown kind {kind}", plane=number, kind=code)
             )
         yield number, (code, value, body)
-    if at != len(data):
+    if at != len(data) and data[0] == PACKED:
         raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))
+
+
+def _end_of_planes(data: bytes, tile: Tile, stored: bool) -> int:
+    """Returns the offset behind the planes' bodies."""
+    known = dict(_planes(data, tile, stored))
+    return START.size + len(known) * PLANE.size + sum(value for code, value, _ in known.values() if code in WIDTHS)
 
 
 def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:

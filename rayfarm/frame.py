@@ -14,7 +14,7 @@ from rayfarm import options
 from rayfarm.console import err
 from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
-from renderer import aovs
+from renderer import aovs, cryptomatte
 from renderer.frames import frame_text
 from renderer.scene.animation import BETWEEN, Moment, Shutter
 from renderer.scene.animation.orbit import orbit, orbit_over
@@ -92,7 +92,7 @@ def render_to(
     output: Path,
     order: PictureOrder,
     compiled: CompiledScene,
-    defaults: dict[str, Any],
+    summary: dict[str, Any],
     settings: RenderSettings,
     clock: Clock,
     show: Show,
@@ -101,19 +101,19 @@ def render_to(
     writes: bool = True,
     on_picture: Callable[[F32], None] = lambda picture: None,
 ) -> RenderStats:
-    """Renders a frame and writes its pictures atomically. defaults: the settings in the scene file.
+    """Renders a frame and writes its pictures atomically. summary: of the scene.
 
     motion: from `motion_of`. hold: if given, called with the denoised frame and a function that writes a picture to its file,
     instead of writing the denoised frame. writes: whether to write the raw picture. on_picture: called with the raw picture,
     (h, w, 3).
     """
-    from renderer.film import mean
+    from renderer.film import SAMPLES, mean
     from renderer.image import encode
     from renderer.render import RenderStats
     from renderer.temporal_denoise import DenoisedFrame
 
     picture, done = order.picture, RenderStats()
-    count = most_samples(picture.spp, picture.noise, picture.time_limit, defaults)
+    count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
     if order.tile is None and order.first == 0:
         sums = whole_frame(compiled, settings, count, order.threads, picture.noise, picture.time_limit, done, show, order.card)
     else:
@@ -121,12 +121,17 @@ def render_to(
         sums = part_of_frame(compiled, settings, tile, order.first, count, done, order.card)
     clock.end_step("render_s")
     groups = settings.group_names
-    names = [name for name in aovs.parse_names(order.planes, groups) if name != aovs.MOTION]
-    planes = {name: aovs.values(sums, settings.film_exponent, name, groups) for name in names}
+    names = [name for name in aovs.parse_names(order.planes, groups, settings.cryptomatte) if name != aovs.MOTION]
+    planes = {name: aovs.values(sums, settings.film_exponent, name, groups) for name in names if not aovs.is_matte(name)}
     if motion is not None and aovs.MOTION in order.planes:
         planes[aovs.MOTION] = motion
-    channels = aovs.layers(planes)
-    looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels}
+    known_names = {kind: summary[kind] for kind in ("objects", "materials")}
+    channels, header = aovs.layers(planes), None
+    if any(map(aovs.is_matte, names)):
+        mattes = cryptomatte.layers(done.hits or cryptomatte.no_hits(), sums[SAMPLES], settings.cryptomatte, known_names)
+        channels |= {name: mattes[..., k] for k, name in enumerate(cryptomatte.channel_names(settings.cryptomatte))}
+        header = cryptomatte.header(known_names)
+    looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels, "header": header}
     raw = mean(sums, settings.film_exponent)
     on_picture(raw)
     if writes:

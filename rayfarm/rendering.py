@@ -157,6 +157,7 @@ def part_of_frame(
     """
     import numpy as np
 
+    from renderer.cryptomatte import moved
     from renderer.film import plane_count
     from renderer.render import check_for_cards, render_batch
 
@@ -168,5 +169,7 @@ def part_of_frame(
     batch = render_batch(compiled, settings, tile, first, count, card)
     sums = np.zeros((plane_count(len(settings.group_names)), settings.height, settings.width), np.int64)
     sums[:, y : y + h, x : x + w] = batch.sums
+    if batch.hits is not None:
+        stats.hits = moved(batch.hits, x, y, w, settings.width)
     stats.samples, stats.bad, stats.bad_count = w * h * count, batch.bad, batch.bad_count
     return sums

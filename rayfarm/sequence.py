@@ -171,6 +171,6 @@ def _render(
     clock.end_step("compile_s")
     hold = partial(steadying.add_frame, frame) if is_held else None
     written = frame in steadying.missing
-    done = render_to(shot.file(frame), order, compiled, summary["defaults"], settings, clock, show, motion, hold, written)
+    done = render_to(shot.file(frame), order, compiled, summary, settings, clock, show, motion, hold, written)
     report_bad_samples(shot.scene, settings, done, moment_options(moment) + camera_options(order, settings))
     return {"frame": frame, "fps": summary["fps"], "file": str(shot.file(frame)), **statistics(clock, done)}

@@ -14,18 +14,21 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import film
+from renderer.cryptomatte import channel_names
 from renderer.errors import SettingsError
 from renderer.film import Sums
 from renderer.sentences import Sentence
 
 __all__ = [
     "AOVS",
+    "CRYPTOMATTE",
     "LIGHTS",
     "MOTION",
     "NAMES",
     "channels",
     "described",
     "is_light",
+    "is_matte",
     "layers",
     "parse_names",
     "planes",
@@ -41,6 +44,8 @@ Span = tuple[F32 | np.float32, F32 | np.float32] | None
 MOTION = "motion"
 LIGHTS = "lights"  # all light groups; the AOV of one is LIGHT and its name
 LIGHT = "light:"
+CRYPTOMATTE = "cryptomatte"  # asked for; the AOV is this, a colon, and the number of ids per pixel (renderer/cryptomatte.py)
+MATTE = f"{CRYPTOMATTE}:"
 
 # Colours of a heat map: black body, starting with blue so that small values differ from 0.
 _HEAT = np.array([(0, 0, 0), (50, 25, 120), (190, 45, 100), (250, 140, 35), (255, 250, 195)], np.float32) / 255
@@ -66,14 +71,26 @@ class _Aov(NamedTuple):
     span: Callable[[F32], Span] = lambda plane: None
 
 
-def parse_names(names: Iterable[str], groups: Sequence[str] | None = ()) -> list[str]:
+def parse_names(names: Iterable[str], groups: Sequence[str] | None = (), ranks: int = 0) -> list[str]:
     """Returns the AOVs in a list of names, in which `all` stands for all AOVs of the film, and `lights` for its light groups.
 
     groups: the names of the film's light groups (RenderSettings.group_names). None while they are unknown: names of light groups,
-    `lights` and `all` are kept, and the result has to be parsed again. Raises SettingsError for an unknown name.
+    `lights`, `all` and `cryptomatte` are kept, and the result has to be parsed again. ranks: RenderSettings.cryptomatte. Raises
+    SettingsError for an unknown name.
     """
     wanted = list(names)
     for name in wanted:
+        if name == CRYPTOMATTE or is_matte(name):
+            if groups is not None and (not ranks or is_matte(name)):
+                raise SettingsError(
+                    Sentence(
+                        "aov-without-cryptomatte",
+                        "aov {name}: the picture has no mattes; set cryptomatte, for instance to 6, when it is rendered",
+                        name=name,
+                    ),
+                    field="aov",
+                )
+            continue
         if is_light(name) or name == LIGHTS:
             if groups is not None and (not groups or (is_light(name) and name.removeprefix(LIGHT) not in groups)):
                 raise _unknown_group_error(name, groups)
@@ -83,16 +100,23 @@ def parse_names(names: Iterable[str], groups: Sequence[str] | None = ()) -> list
                     "aov-unknown",
                     "aov {name} is not known; known are {names}, or all (but motion)",
                     name=repr(name),
-                    names=[*NAMES, LIGHTS],
+                    names=[*NAMES, LIGHTS, CRYPTOMATTE],
                 ),
                 field="aov",
             )
     of_groups = [f"{LIGHT}{group}" for group in groups or ()]
+    mattes = [f"{MATTE}{ranks}"] if ranks else []
     if "all" in wanted:
-        return [*AOVS, *({MOTION} & {*wanted}), *(of_groups if groups is not None else ("all",))]
-    if LIGHTS in wanted and groups is not None:
-        return list(dict.fromkeys([*(name for name in wanted if name != LIGHTS), *of_groups]))
-    return wanted
+        return [*AOVS, *({MOTION} & {*wanted}), *((*of_groups, *mattes) if groups is not None else ("all",))]
+    if groups is None:
+        return wanted
+    expanded = {LIGHTS: of_groups, CRYPTOMATTE: mattes}
+    return list(dict.fromkeys(each for name in wanted for each in expanded.get(name, [name])))
+
+
+def is_matte(name: str) -> bool:
+    """Returns True if an AOV is Cryptomatte's layers."""
+    return name.startswith(MATTE)
 
 
 def is_light(name: str) -> bool:
@@ -135,6 +159,8 @@ def planes(name: str, groups: Sequence[str] = ()) -> tuple[int, ...]:
     if is_light(name):
         of_group = film.group_planes(groups.index(name.removeprefix(LIGHT)))
         return (*range(of_group.start, of_group.stop), film.SAMPLES)
+    if is_matte(name):
+        return (film.SAMPLES,)
     aov = _ALL[name]
     return _channel_numbers(*aov.planes, film.SAMPLES) if aov.mean else _channel_numbers(*aov.planes)
 
@@ -152,6 +178,8 @@ def channels(name: str) -> tuple[str, ...]:
     """Returns the names of an AOV's channels in an EXR; of light groups as Blender names them."""
     if is_light(name):
         return tuple(f"Combined_{name.removeprefix(LIGHT)}.{channel}" for channel in "RGB")
+    if is_matte(name):
+        return channel_names(int(name.removeprefix(MATTE)))
     return _ALL[name].channels
 
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.cryptomatte import Hits
 from renderer.luminance import REC_709
 
 __all__ = [
@@ -33,6 +34,7 @@ __all__ = [
     "SAMPLE_MAX",
     "BadSample",
     "BatchSums",
+    "bytes_of_hits",
     "digest",
     "error",
     "group_planes",
@@ -93,6 +95,7 @@ class BatchSums(NamedTuple):
     sums: Sums
     bad: list[BadSample]
     bad_count: int
+    hits: Hits | None = None  # for Cryptomatte, if it was requested (renderer/cryptomatte.py)
 
 
 def group_planes(group: int) -> slice:
@@ -181,6 +184,17 @@ def least_samples(pixels: int) -> int:
     return max(_LEAST_SAMPLES, -(-_LEAST_OF_ALL // max(pixels, 1)))
 
 
-def digest(sums: Sums) -> str:
-    """Returns the SHA-256 of a whole frame's sums and sample counts: little-endian int64, planes in order, rows from the top."""
-    return hashlib.sha256(np.ascontiguousarray(sums, dtype="<i8").tobytes()).hexdigest()
+def digest(sums: Sums, hits: Hits | None = None) -> str:
+    """Returns the SHA-256 of a whole frame's sums and sample counts: little-endian int64, planes in order, rows from the top.
+
+    hits: Cryptomatte's counts of the frame, if they were requested; `bytes_of_hits` follows the planes.
+    """
+    found = hashlib.sha256(np.ascontiguousarray(sums, dtype="<i8").tobytes())
+    if hits is not None:
+        found.update(bytes_of_hits(hits))
+    return found.hexdigest()
+
+
+def bytes_of_hits(hits: Hits) -> bytes:
+    """Returns Cryptomatte's counts as the digest covers them: pairs of key and count, little-endian 64-bit integers."""
+    return np.stack([hits.key.astype("<u8"), hits.count.astype("<u8")], axis=1).tobytes()

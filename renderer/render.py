@@ -15,6 +15,7 @@ from renderer import jit
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
 from renderer.arrays.scene import example
 from renderer.arrays.scene_features import KERNEL_VARIANTS
+from renderer.cryptomatte import NOT_FINITE, Hits, count_samples, merged, moved
 from renderer.cuda.render import CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, BadSample, BatchSums, Sums, plane_count
@@ -56,6 +57,7 @@ __all__ = [
 PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_ = KERNEL_VARIANTS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
+_MOST_PARTS = 256  # of Cryptomatte's counts, before they are added up
 _LAST_TILES = 2  # per thread: the last tiles' samples are divided into
 _CUTS = 4  # parts, so that the threads end together
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
@@ -71,6 +73,7 @@ class RenderStats:
     rays: int = 0
     bad: list[BadSample] = field(default_factory=list)  # dropped samples, at most MAX_BAD of them
     bad_count: int = 0
+    hits: Hits | None = None  # of the whole frame, if Cryptomatte was requested
 
 
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
@@ -98,6 +101,7 @@ def _render(
     groups = len(settings.group_names)
     sums = np.zeros((plane_count(groups), tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
+    ids = np.full((tile.w * tile.h * count if settings.cryptomatte else 0, 2), NOT_FINITE, np.uint32)
     kernel = renderer_of(settings)
     bad_count, rays = kernel(
         scene,
@@ -105,10 +109,11 @@ def _render(
         camera_frame(settings_relative_to_origin(settings, scene.origin)),
         kernel_options(settings, scene),
         Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent)),
-        Output(sums, bad, log, sums.reshape(-1), path_scratch(groups)),
+        Output(sums, bad, log, sums.reshape(-1), ids, path_scratch(groups)),
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
-    return BatchSums(sums, listed, int(bad_count)), int(rays)
+    hits = count_samples(ids.reshape(tile.w * tile.h, count, 2)) if settings.cryptomatte else None
+    return BatchSums(sums, listed, int(bad_count), hits), int(rays)
 
 
 def _render_on(
@@ -127,8 +132,8 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings: path tracing with the default strategy, without groups."""
-    return has_variants(settings) and not settings.light_groups
+    """Returns True if a graphics card can render with these settings: paths by the default strategy, no groups or mattes."""
+    return has_variants(settings) and not settings.light_groups and not settings.cryptomatte
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -138,7 +143,7 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, no light groups and no mistake; leave out the card",
+                "sample, no light groups, no Cryptomatte and no mistake; leave out the card",
             )
         )
 
@@ -189,6 +194,7 @@ def render_frame(
     total = spp * settings.width * settings.height
     begin = time.perf_counter()
     lock = threading.Lock()
+    hits: list[Hits] = []
     done = 0
 
     def render(tile: Tile, first: int, count: int) -> int:
@@ -202,6 +208,10 @@ def render_frame(
             stats.samples += count * tile.w * tile.h
             stats.bad_count += batch.bad_count
             stats.bad.extend(batch.bad[: MAX_BAD - len(stats.bad)])
+            if batch.hits is not None:
+                hits.append(moved(batch.hits, tile.x, tile.y, tile.w, settings.width))
+                if len(hits) > _MOST_PARTS:
+                    hits[:] = [merged(hits)]
         return count * tile.w * tile.h
 
     with ThreadPoolExecutor(threads, thread_name_prefix="render") as pool:
@@ -222,6 +232,7 @@ def render_frame(
             first += count
             if (stop is not None and stop(sums)) or (time_limit is not None and time.perf_counter() - begin >= time_limit):
                 break
+    stats.hits = merged(hits) if settings.cryptomatte else None
     return sums
 
 
@@ -242,7 +253,7 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     Raises SettingsError if the pixel is not in the image or the sample number is out of range.
     """
     _check_pixel(settings, x, y)
-    settings = replace(settings, light_groups="")
+    settings = replace(settings, light_groups="", cryptomatte=0)
     if not 0 <= sample < MAX_SPP:
         raise SettingsError(
             Sentence(
@@ -271,7 +282,7 @@ def pixel_samples(
     image.
     """
     _check_pixel(settings, x, y)
-    settings = replace(settings, light_groups="")
+    settings = replace(settings, light_groups="", cryptomatte=0)
     prepared = _prepared(scene, settings)
     values, is_finite = np.zeros((count, 3), np.int64), np.zeros(count, np.bool_)
     for sample in range(count):

@@ -119,6 +119,7 @@ MAX_FLOOR = 0.95  # maximum of the least survival probability: renderer/kernel/s
 MAX_FILM_EXPONENT = 24
 MAX_RADIANCE = 1e9
 MAX_LIGHT_GROUPS = 16  # by name; with that of other lights, as many as renderer/film.py allows
+MOST_RANKS = 16  # of Cryptomatte: renderer/cryptomatte.py
 REST_GROUP = "rest"  # of lights in none of these groups
 MAX_SPP = 1 << 20  # with the film's exponent, keeps every int64 sum below 2**62: see renderer/film.py
 
@@ -352,6 +353,17 @@ class RenderSettings:
             phrase="light groups {}",
         ),
     ] = ""
+    cryptomatte: Annotated[
+        int,
+        Setting(1, MOST_RANKS, off=0),
+        SettingTexts(
+            "Cryptomatte",
+            "Mattes of objects and materials: how many of them a pixel may have in the file, usually 6.",
+            section="Samples",
+            off=Sentence("setting-off-none", "none"),
+            phrase="Cryptomatte {}",
+        ),
+    ] = 0
     environment: Annotated[
         Vec3 | None,
         Setting(0.0, MAX_RADIANCE, of="environment"),
@@ -468,7 +480,7 @@ class RenderSettings:
 
 
 SETTINGS = table(RenderSettings)
-_LATER = ("transparency_depth", "light_groups")
+_LATER = ("transparency_depth", "light_groups", "cryptomatte")
 
 # Settings with defaults in the scene file, and then in RenderSettings.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)

@@ -189,7 +189,7 @@ def render(
     load_kernels(settings, compiled, clock, order.card)
     with show_progress() as show:
         done = render_to(
-            *(output, order, compiled, summary["defaults"], settings, clock, show, motion[0]),
+            *(output, order, compiled, summary, settings, clock, show, motion[0]),
             on_picture=lambda picture: _say_darkness(picture, output, exposure),
         )
     _print_summary(output, settings, clock, done)

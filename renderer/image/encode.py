@@ -48,12 +48,18 @@ def format_of(path: str | Path) -> str:
 
 
 def encode(
-    rgb: F32, format: str, exposure: float = 0.0, curve: str = "neutral", channels: Mapping[str, F32] | None = None
+    rgb: F32,
+    format: str,
+    exposure: float = 0.0,
+    curve: str = "neutral",
+    channels: Mapping[str, F32] | None = None,
+    header: Mapping[str, str] | None = None,
 ) -> bytes:
     """Returns an image file of scene-linear (h, w, 3) float32 radiance, as bytes.
 
     format: one of FORMATS. exposure (stops) and curve (tonemap.CURVES) apply to png and jpg only.
-    channels: for exr, further (h, w) planes by channel name. Raises SettingsError for an unknown format or curve.
+    channels: for exr, further (h, w) planes by channel name. header: for exr, further attributes. Raises SettingsError for an
+    unknown format or curve.
     """
     if format in ("png", "jpg"):
         return encode_shown(tonemap.apply(rgb, exposure, curve), format)
@@ -64,7 +70,7 @@ def encode(
                 raise ValueError(f"channel {name} is {values.shape}; the picture is {rgb.shape[:2]}")
             names.append(name)
             planes.append(np.asarray(values, np.float32)[..., None])
-        return _through_openimageio(np.concatenate(planes, axis=-1), names, ".exr")
+        return _through_openimageio(np.concatenate(planes, axis=-1), names, ".exr", header)
     if format == "hdr":
         return _through_openimageio(np.asarray(rgb, np.float32), RGB, ".hdr")
     raise SettingsError(
@@ -92,10 +98,11 @@ def write(
     exposure: float = 0.0,
     curve: str = "neutral",
     channels: Mapping[str, F32] | None = None,
+    header: Mapping[str, str] | None = None,
 ) -> None:
     """Writes an image file, encoded as by `encode`, atomically. format: None: that of the name's suffix."""
     path = Path(path)
-    data = encode(rgb, format or format_of(path), exposure, curve, channels)
+    data = encode(rgb, format or format_of(path), exposure, curve, channels, header)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -109,10 +116,18 @@ def write(
         raise
 
 
-def write_bands(path: str | Path, bands: Iterable[F32], width: int, height: int, names: Sequence[str] = RGB) -> None:
+def write_bands(
+    path: str | Path,
+    bands: Iterable[F32],
+    width: int,
+    height: int,
+    names: Sequence[str] = RGB,
+    header: Mapping[str, str] | None = None,
+) -> None:
     """Writes an exr or hdr file, chosen by the name's suffix, from bands of rows: the whole image is never in memory.
 
-    bands: from the top, (rows, width, channels) each. names: of the channels. Raises OSError if the file cannot be written.
+    bands: from the top, (rows, width, channels) each. names: of the channels. header: further attributes of an exr. Raises
+    OSError if the file cannot be written.
     """
     spec = oiio.ImageSpec(width, height, len(names), oiio.FLOAT)
     spec.channelnames = tuple(names)
@@ -120,6 +135,8 @@ def write_bands(path: str | Path, bands: Iterable[F32], width: int, height: int,
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
     spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), _REC709)
     spec.attribute("Software", "Rayfarm")
+    for key, value in (header or {}).items():
+        spec.attribute(key, value)
     output = oiio.ImageOutput.create(str(path))
     if output is None or not output.open(str(path), spec):
         raise OSError(f"could not write a {Path(path).suffix} picture: {(output or oiio).geterror()}")
@@ -133,9 +150,9 @@ def write_bands(path: str | Path, bands: Iterable[F32], width: int, height: int,
         raise OSError(f"could not write a {Path(path).suffix} picture: {output.geterror()}")
 
 
-def _through_openimageio(pixels: F32, names: Sequence[str], suffix: str) -> bytes:
+def _through_openimageio(pixels: F32, names: Sequence[str], suffix: str, header: Mapping[str, str] | None = None) -> bytes:
     # OpenImageIO's Python module writes to named files only.
     with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
         path = Path(folder) / f"picture{suffix}"
-        write_bands(path, [pixels], pixels.shape[1], pixels.shape[0], names)
+        write_bands(path, [pixels], pixels.shape[1], pixels.shape[0], names, header)
         return path.read_bytes()

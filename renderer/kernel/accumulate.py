@@ -52,6 +52,7 @@ class Output(NamedTuple):
     bad: npt.NDArray[np.int64]  # (MAX_BAD, 3): x, y and number of samples that were NaN or infinite, which are not in the sums
     log: npt.NDArray[np.float64]  # rows for the last sample's path_trace.py, or none
     flat: npt.NDArray[np.int64]  # `sums` as one row of numbers
+    ids: npt.NDArray[np.uint32]  # (pixels * count, 2): 1 + number of the object and material that each sample hits; or no rows
     path: npt.NDArray[np.float32]  # scratch memory of a path with light groups: its first hit, and the light of each group
 
 
@@ -134,7 +135,7 @@ def pool_stages(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
     scene: an empty scene with the features of the wanted variant.
     """
     sums, bad, log = np.zeros((1, 0, 0), np.int64), np.zeros((0, 3), np.int64), np.zeros((0, COLUMNS))
-    output = Output(sums, bad, log, sums.reshape(-1), np.zeros(0, np.float32))
+    output = Output(sums, bad, log, sums.reshape(-1), np.zeros((0, 2), np.uint32), np.zeros(0, np.float32))
     given = pool_for(0, 0), camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), output
     return stages(scene.has, Reference(typeof(scene)), *given)
 

@@ -22,6 +22,7 @@ __all__ = [
     "frame_not_found",
     "is_derived_scene",
     "job_not_found",
+    "names_of_ids",
     "no_scene",
     "reference_not_found",
     "thing_not_found",
@@ -157,3 +158,11 @@ def thing_not_found(kind: Kind, id: str) -> NotFound:
     return {"job": job_not_found, "scene": no_scene, "environment": environment_not_found, "reference": reference_not_found}[
         kind
     ](id)
+
+
+def names_of_ids(id: str, farm: Farm) -> dict[str, list[str]]:
+    """Returns the names of the objects and materials of a job's scene, as lists indexed by their numbers."""
+    with farm.sessions() as session:
+        scene = session.get(Scene, find_job(id, farm).scene)
+    names = ((scene.info if scene else None) or {}).get("names")
+    return names or {}

@@ -38,13 +38,13 @@ from service.http.paths import Number
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_out, frames_json
-from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, without_samples
+from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, names_of_ids, without_samples
 from service.jobs.motion import motion_vectors_of
 from service.models.jobs import FrameOut, FrameState
 from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.store import bands
 from service.store.films import Film
-from service.store.models import FINAL_STATES, Scene
+from service.store.models import FINAL_STATES, Job
 from service.watching import film_packet
 from service.watching.pictures import MEDIA, PictureRequest, picture_file, picture_memory
 
@@ -58,7 +58,7 @@ CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
     "beside the colour. motion waits until a worker has made it. light:NAME is the light of a light group of the job, lights "
-    "that of all of them"
+    "that of all of them; cryptomatte is the mattes of a job with that setting"
 )
 
 
@@ -143,7 +143,7 @@ async def image(
             )
         )
     job = await run_in_threadpool(find_job, id, farm)
-    planes, in_layers = _planes(aov, group_names((job.settings or {}).get("light_groups", "")))
+    planes, in_layers = _planes(aov, job)
     if denoise and planes:
         raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
     PictureRequest(extension, planes, in_layers, width=width).check()
@@ -166,7 +166,8 @@ async def image(
         return headers_response(headers, MEDIA[extension])
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     motion = await motion_vectors_of(job, n, film, farm) if aovs.MOTION in planes else None
-    wish = PictureRequest(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion)
+    names = await run_in_threadpool(names_of_ids, id, farm) if any(map(aovs.is_matte, planes)) else {}
+    wish = PictureRequest(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion, names)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.run(
         (id, n, headers["ETag"]), picture_memory(film, wish), picture_file, film, frame_key(n), wish, folder, user=visit.queue
@@ -239,7 +240,7 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
             name: film_math.mean(sums, film.film_exponent, film_math.group_planes(k))[0, 0].tolist()
             for k, name in enumerate(film.groups)
         }
-    names = _names(id, farm)
+    names = names_of_ids(id, farm)
     for kind in ("object", "material"):
         number, known = int(values[kind]) - 1, names.get(f"{kind}s", [])
         values[kind] = number if number >= 0 else None
@@ -279,14 +280,16 @@ async def _denoised(id: str, n: float, film: Film, farm: Farm) -> ArtifactResult
     return await asyncio.shield(asyncio.wrap_future(made))
 
 
-def _planes(text: str, groups: tuple[str, ...]) -> tuple[tuple[str, ...], bool]:
+def _planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:
     """Returns the names of the requested planes, and whether they are layers in addition to the colour.
 
-    text: the query parameter `aov`. groups: names of the job's light groups.
+    text: the query parameter `aov`.
     """
     asked = [name.strip() for name in text.split(",")]
+    settings = job.settings or {}
+    groups = group_names(settings.get("light_groups", ""))
     try:
-        names = aovs.parse_names((name for name in asked if name not in ("color", "")), groups)
+        names = aovs.parse_names((name for name in asked if name not in ("color", "")), groups, settings.get("cryptomatte", 0))
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
     return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (
@@ -310,14 +313,3 @@ def _picture(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     """Returns the same as `_film_state`, but also raises Conflict for a frame without samples while the job renders."""
     film = find_picture(id, n, farm)
     return film, film.version(frame_key(n)), film.samples(frame_key(n))
-
-
-def _names(id: str, farm: Farm) -> dict[str, list[str]]:
-    """Returns the names of the scene's objects and materials. A name's index in its list is its number.
-
-    id: the job's id.
-    """
-    with farm.sessions() as session:
-        scene = session.get(Scene, find_job(id, farm).scene)
-    names = ((scene.info if scene else None) or {}).get("names")
-    return names or {}

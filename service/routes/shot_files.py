@@ -26,7 +26,7 @@ from service.http.head_requests import headers_response, is_head
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_numbers
-from service.jobs.lookup import find_job, without_samples
+from service.jobs.lookup import find_job, names_of_ids, without_samples
 from service.jobs.motion import motion_vectors_of
 from service.scheduling.jobs.active_frame import FrameNumbers
 from service.shot import Shot
@@ -67,8 +67,9 @@ async def frames_zip(
     as it is finished.
     """
     job = await run_in_threadpool(find_job, id, farm)
-    groups = group_names((job.settings or {}).get("light_groups", ""))
-    wish = _picture_request(format, aov, exposure, tonemap_curve, groups)
+    wish = _picture_request(format, aov, exposure, tonemap_curve, job)
+    if any(map(aovs.is_matte, wish.planes)):
+        wish = replace(wish, names_of_ids=await run_in_threadpool(names_of_ids, id, farm))
     found = await run_in_threadpool(_selected_frames, job, frames, farm)
     film = await run_in_threadpool(_film, job, farm)
     if which != "coming" and not any(_is_selected(frame, which) for frame in found.values()):
@@ -162,9 +163,12 @@ def _is_selected(frame: FrameNumbers, which: str) -> bool:
     return frame.samples > 0 if which == "all" else frame.state == "finished"
 
 
-def _picture_request(format: str, aov: str, exposure: float, curve: str, groups: tuple[str, ...]) -> PictureRequest:
+def _picture_request(format: str, aov: str, exposure: float, curve: str, job: Job) -> PictureRequest:
+    settings = job.settings or {}
     try:
-        planes = aovs.parse_names((name for name in map(str.strip, aov.split(",")) if name not in ("color", "")), groups)
+        names = (name for name in map(str.strip, aov.split(",")) if name not in ("color", ""))
+        groups = group_names(settings.get("light_groups", ""))
+        planes = aovs.parse_names(names, groups, settings.get("cryptomatte", 0))
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
     planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
+from types import MappingProxyType
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer import aovs
+from renderer import aovs, cryptomatte
 from renderer import film as film_math
 from renderer.film import Sums, plane_count
 from renderer.settings import Tile
@@ -25,24 +26,34 @@ F32 = npt.NDArray[np.float32]
 IN_MEMORY_BYTES = 32 << 20
 
 
-def bands(film: ReadableFilm, frame: int, names: Sequence[str]) -> Iterator[F32]:
+def bands(
+    film: ReadableFilm, frame: int, names: Sequence[str], names_of_ids: Mapping[str, Sequence[str]] = MappingProxyType({})
+) -> Iterator[F32]:
     """Yields a frame as bands from top to bottom, one per row of tiles: (h, width, channels) float32.
 
     names: "color" and names of AOVs, whose channels are concatenated along the last axis. Pixels of tiles without samples are
-    0. Raises FilmUnavailable, FilmLost or FilmClosed.
+    0. names_of_ids: of objects and materials, for Cryptomatte. Raises FilmUnavailable, FilmLost or FilmClosed.
     """
     wanted = sorted({plane for name in names for plane in aovs.planes(name, film.groups)})
     size = sum(map(aovs.size, names))
 
-    def values(sums: Sums) -> F32:
-        found = [_channel_means(sums, film, name) for name in names]
+    def values(tile: Tile, sums: Sums) -> F32:
+        found = [
+            _mattes(film, frame, tile, sums, names_of_ids) if aovs.is_matte(name) else _channel_means(sums, film, name)
+            for name in names
+        ]
         return np.dstack(found) if len(found) > 1 else found[0].reshape(*sums.shape[1:], -1)
 
     for row, sums_of in _rows(film, frame, wanted):
         band = np.zeros((row[0].h, film.width, size), np.float32)
         for tile, sums in sums_of:
-            band[:, tile.x : tile.x + tile.w] = values(sums)
+            band[:, tile.x : tile.x + tile.w] = values(tile, sums)
         yield band
+
+
+def _mattes(film: ReadableFilm, frame: int, tile: Tile, sums: Sums, names: Mapping[str, Sequence[str]]) -> F32:
+    hits = film.tile_hits(frame, film.tiles.index(tile))
+    return cryptomatte.layers(hits, sums[film_math.SAMPLES], film.ranks, names)
 
 
 def _channel_means(sums: Sums, film: ReadableFilm, name: str) -> F32:
@@ -66,7 +77,14 @@ def digest(film: Film, frame: int, folder: Path) -> str:
                 file.seek((i * film.height + row[0].y) * film.width * 8)
                 file.write(plane.data)
         file.seek(0)
-        return hashlib.file_digest(file, "sha256").hexdigest()
+        digest = hashlib.file_digest(file, "sha256")
+        if film.ranks:
+            hits = (
+                cryptomatte.moved(film.tile_hits(frame, i), tile.x, tile.y, tile.w, film.width)
+                for i, tile in enumerate(film.tiles)
+            )
+            digest.update(film_math.bytes_of_hits(cryptomatte.merged(hits)))
+        return digest.hexdigest()
 
 
 def digest_memory(film: Film) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 
-from protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
+from protocol.sums import add_sums, check_sums, merge_hits, pack_sums, unpack_sums
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile
 
@@ -60,4 +60,10 @@ def _joined_run(run: list[Contribution], tile: Tile) -> tuple[Contribution, Sums
         add_sums(sums, contribution.sums, tile)
     count, bad_count = sum(p.count for p in run), sum(p.bad_count for p in run)
     workers = tuple({worker for contribution in run for worker in contribution.workers})
-    return replace(run[0], count=count, sums=pack_sums(sums), bad_count=bad_count, workers=workers), sums
+    return replace(
+        run[0],
+        count=count,
+        sums=pack_sums(sums, hits=merge_hits((each.sums for each in run), tile)),
+        bad_count=bad_count,
+        workers=workers,
+    ), sums

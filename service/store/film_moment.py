@@ -12,12 +12,13 @@ from pathlib import Path
 from typing import Protocol
 from urllib.parse import quote
 
+from renderer.cryptomatte import Hits, no_hits
 from renderer.film import Sums
 from renderer.settings import Tile
 from service.store.coverage import Coverage
 from service.store.film_faults import damaged_film_error, film_faults
 from service.store.film_version import sample_ranges
-from service.store.tile_sums import sum_of_rows
+from service.store.tile_sums import hits_of_rows, sum_of_rows
 
 __all__ = ["FilmSnapshotView", "ReadableFilm"]
 
@@ -30,6 +31,7 @@ class ReadableFilm(Protocol):
     film_exponent: int
     tiles: list[Tile]
     groups: tuple[str, ...]  # names of its light groups (RenderSettings.group_names)
+    ranks: int  # RenderSettings.cryptomatte
 
     def coverage(self, frame: int, tile: int) -> Coverage:
         """Returns the stored sample ranges of a tile."""
@@ -40,6 +42,9 @@ class ReadableFilm(Protocol):
         planes: indices of the channels to read. Other channels are undefined.
         """
 
+    def tile_hits(self, frame: int, tile: int) -> Hits:
+        """Returns Cryptomatte's counts of a tile; empty if there are none."""
+
 
 class FilmSnapshotView:
     """A snapshot of a film, as a context manager: leaving the block ends the snapshot.
@@ -48,10 +53,18 @@ class FilmSnapshotView:
     """
 
     def __init__(
-        self, path: Path, width: int, height: int, film_exponent: int, tiles: list[Tile], groups: tuple[str, ...] = ()
+        self,
+        path: Path,
+        width: int,
+        height: int,
+        film_exponent: int,
+        tiles: list[Tile],
+        groups: tuple[str, ...] = (),
+        ranks: int = 0,
     ) -> None:
         """Opens a snapshot of an existing film file. Raises FilmUnavailable or FilmLost."""
         self.width, self.height, self.film_exponent, self.tiles, self.groups = width, height, film_exponent, tiles, groups
+        self.ranks = ranks
         self._coverage: dict[tuple[int, int], Coverage] | None = None
         with film_faults():
             self._database = sqlite3.connect(
@@ -93,3 +106,9 @@ class FilmSnapshotView:
         with film_faults():
             rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
         return sum_of_rows((packed for (packed,) in rows), self.tiles[tile], planes) if rows else None
+
+    def tile_hits(self, frame: int, tile: int) -> Hits:
+        """Implements `ReadableFilm.tile_hits`."""
+        with film_faults():
+            rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
+        return hits_of_rows((packed for (packed,) in rows), self.tiles[tile]) or no_hits()

@@ -139,6 +139,7 @@ class FilmFolder:
                     *(path, settings.width, settings.height, tile_size, settings.film_exponent, self._cache, self._epoch),
                     on_use=self._record_use,
                     groups=settings.group_names,
+                    ranks=settings.cryptomatte,
                 )
                 self._films[job] = film
         film.open_file()  # slow, so outside the lock that all films share

@@ -17,6 +17,7 @@ from itertools import compress
 from pathlib import Path
 
 from protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
+from renderer.cryptomatte import Hits, no_hits
 from renderer.film import BadSample, Sums
 from renderer.sentences import Sentence
 from renderer.settings import Tile, tiles_of
@@ -32,7 +33,7 @@ from service.store.film_version import FilmShape, Row, sample_ranges
 from service.store.row_folding import folded_head, rows_to_fold
 from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
-from service.store.tile_sums import sum_of_rows
+from service.store.tile_sums import hits_of_rows, sum_of_rows
 
 __all__ = ["Contribution", "Film"]
 
@@ -57,18 +58,20 @@ class Film:
         epoch: int | None = None,
         on_use: Callable[[Film], None] = lambda film: None,
         groups: tuple[str, ...] = (),
+        ranks: int = 0,
     ) -> None:
         """Stores the parameters. The file is opened on demand.
 
         width, height, tile_size: in pixels. film_exponent: exponent of the fixed-point sums. cache: cache of tiles, shared by
         all films. epoch: number of this service's ownership of the farm, as in FilmFile. on_use: called whenever the file is
-        used.
-        groups: names of the light groups (RenderSettings.group_names).
+        used. groups: names of the light groups (RenderSettings.group_names).
+        ranks: RenderSettings.cryptomatte.
         """
         self.width = width
         self.height = height
         self.film_exponent = film_exponent
         self.groups = groups
+        self.ranks = ranks
         self.tiles = tiles_of(width, height, tile_size)
         self._path = path
         self._shape = FilmShape(width, height, tile_size, film_exponent)
@@ -339,6 +342,15 @@ class Film:
                 self._cache.put(key, sums)
             return sums
 
+    def tile_hits(self, frame: int, tile: int) -> Hits:
+        """Returns Cryptomatte's counts of a tile; empty if there are none."""
+        with self._lock:
+            self.open_file()
+            if self._file is None or not self._contents.has_tile(frame, tile):
+                return no_hits()
+            packed = list(self._file.sums(frame, tile))
+        return hits_of_rows(packed, self.tiles[tile]) or no_hits()
+
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
         """Returns a tile's sums, (channels, h, w) int64; None if it has no samples. Channels not in `planes` are undefined.
 
@@ -362,7 +374,7 @@ class Film:
             self.open_file()
             if self._file is None:
                 raise FilmUnavailable(Sentence("film-without-samples", "The film of this job has no samples yet."))
-            return FilmSnapshotView(self._path, self.width, self.height, self.film_exponent, self.tiles, self.groups)
+            return FilmSnapshotView(self._path, self.width, self.height, self.film_exponent, self.tiles, self.groups, self.ranks)
 
     def _exists(self) -> bool:
         with film_faults():
@@ -413,10 +425,11 @@ class Film:
         made = folded_head(heads)
         frame, tile = made[:2]
         sums = self._cache.get((self._path.stem, frame, tile)) if is_whole_tile else None
-        if sums is None:
-            rows = self._file.sums(frame, tile) if is_whole_tile else self._file.sums_of(heads)
-            sums = sum_of_rows(rows, self.tiles[tile])
-        if self._file.fold_rows(heads, (*made[:5], pack_sums(sums), *made[5:]), is_whole_tile):
+        hits = None
+        if sums is None or self.ranks:
+            rows = list(self._file.sums(frame, tile) if is_whole_tile else self._file.sums_of(heads))
+            sums, hits = sum_of_rows(rows, self.tiles[tile]), hits_of_rows(rows, self.tiles[tile])
+        if self._file.fold_rows(heads, (*made[:5], pack_sums(sums, hits=hits), *made[5:]), is_whole_tile):
             self._contents.record_fold(heads, made)
         else:
             self._in_doubt = True

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from protocol.sums import add_sums, unpack_sums
+from protocol.sums import add_sums, merge_hits, unpack_sums
+from renderer.cryptomatte import Hits
 from renderer.film import Sums
 from renderer.sentences import Sentence
 from renderer.settings import Tile
 from service.store.film_faults import damaged_film_error
 
-__all__ = ["sum_of_rows"]
+__all__ = ["hits_of_rows", "sum_of_rows"]
 
 
 def sum_of_rows(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = None) -> Sums:
@@ -31,3 +32,11 @@ def sum_of_rows(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None 
     if total is None:
         raise damaged_film_error(Sentence("film-rows-missing", "rows are missing"))
     return total
+
+
+def hits_of_rows(rows: Iterable[bytes], tile: Tile) -> Hits | None:
+    """Returns the sum of Cryptomatte's counts of a tile's packed rows; None without any. Raises FilmDamaged if one is damaged."""
+    try:
+        return merge_hits(rows, tile, stored=True)
+    except ValueError as error:
+        raise damaged_film_error(str(error)) from error

@@ -105,7 +105,7 @@ class ViewSession:
         assert self.request is not None
         levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1))
         with self._lock:
-            self.settings, self.compiled, self.kind = replace(settings, light_groups=""), compiled, kind
+            self.settings, self.compiled, self.kind = replace(settings, light_groups="", cryptomatte=0), compiled, kind
             self.passes = Passes(levels, cost_s)
             self._canvases = [Canvas(level, settings.film_exponent, self.request.noise) for level in levels]
 

@@ -6,15 +6,15 @@ complete in memory first: display-encoded ones, and AOVs that are scaled to thei
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
 
 import numpy as np
 import numpy.typing as npt
 
-from renderer import aovs
+from renderer import aovs, cryptomatte
 from renderer.film import plane_count
 from renderer.image import rgbe9995, tonemap
 from renderer.sentences import Sentence
@@ -46,6 +46,7 @@ class PictureRequest:
     addition to the colour, instead of one plane without the colour. exposure: in stops. curve: name of the tone curve. width:
     minimum width of a downscaled copy. denoised: function that opens the denoised colour, used in place of the film's; None:
     not denoised. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
+    names_of_ids: names of objects and materials, for Cryptomatte.
     """
 
     extension: str
@@ -56,9 +57,17 @@ class PictureRequest:
     width: int | None = None
     denoised: Callable[[], BinaryIO] | None = None
     motion: Callable[[], BinaryIO] | None = None
+    names_of_ids: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False)
 
     def check(self) -> None:
         """Raises Invalid for a combination that the file format does not support."""
+        if any(map(aovs.is_matte, self.planes)) and (self.extension != "exr" or not self.in_layers or self.width is not None):
+            raise Invalid(
+                Sentence(
+                    "aov-cryptomatte-layers",
+                    "aov: cryptomatte is layers beside the colour; ask for image.exr with aov=color,cryptomatte, without width.",
+                )
+            )
         if self.in_layers and self.extension != "exr":
             raise Invalid(
                 Sentence(
@@ -96,8 +105,10 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
         else:
             names = aovs.channels(aovs.MOTION) if request.planes == (aovs.MOTION,) else RGB
         parts = (_grey_to_rgb(band) for band in reduced_bands(_values(film, frame, request), side))
+        has_mattes = any(map(aovs.is_matte, request.planes))
+        header = cryptomatte.header(request.names_of_ids) if has_mattes else None
         return PictureBody.from_writer(
-            lambda path: write_bands(path, parts, width, height, names), folder, f".{request.extension}"
+            lambda path: write_bands(path, parts, width, height, names, header), folder, f".{request.extension}"
         )
     if request.extension == "rgb9e5":
         words = _filled_from_top(
@@ -142,10 +153,10 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
 def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
     """Yields the picture's values in bands of shape (rows, width, channels), from the top, before downscaling."""
     if request.motion is not None:
-        yield from _with_motion(film, frame, [name for name in request.names if name != aovs.MOTION], request.motion)
+        yield from _with_motion(film, frame, request)
         return
     if request.denoised is None:
-        yield from bands(film, frame, request.names)
+        yield from bands(film, frame, request.names, request.names_of_ids)
         return
     with request.denoised() as file:
         for y in range(0, film.height, ROWS):
@@ -153,13 +164,12 @@ def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
             yield np.frombuffer(file.read(rows * film.width * 12), "<f4").reshape(rows, film.width, 3)
 
 
-def _with_motion(film: Film, frame: int, names: list[str], motion: Callable[[], BinaryIO]) -> Iterator[F32]:
-    """Yields bands of the film's channels `names` with the motion vectors appended as channels.
-
-    motion: opens the file of the motion vectors.
-    """
-    with motion() as file:
-        for band in bands(film, frame, names or ["samples"]):
+def _with_motion(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
+    """Yields bands of the film's channels with the motion vectors appended as channels."""
+    assert request.motion is not None
+    names = [name for name in request.names if name != aovs.MOTION]
+    with request.motion() as file:
+        for band in bands(film, frame, names or ["samples"], request.names_of_ids):
             size = aovs.size(aovs.MOTION)
             vectors = np.frombuffer(file.read(4 * size * band.shape[0] * film.width), "<f4").reshape(-1, film.width, size)
             yield np.concatenate([band, vectors], axis=2) if names else vectors

@@ -71,9 +71,11 @@ def _fence(side: str) -> None:
         made = scratch(*arguments)
         return type(made)(*(fenced(each, side) for each in made)) if isinstance(made, tuple) else fenced(made, side)
 
-    def output(sums: np.ndarray, bad: np.ndarray, log: np.ndarray, flat: np.ndarray, path: np.ndarray) -> Output:
-        fenced_sums = _shared(sums, side)
-        return Output(fenced_sums, fenced(bad, side), fenced(log, side), fenced_sums.reshape(-1), fenced(path, side))
+    def output(sums: np.ndarray, bad: np.ndarray, log: np.ndarray, _: np.ndarray, ids: np.ndarray, path: np.ndarray) -> Output:
+        shared = _shared(sums, side)
+        return Output(
+            shared, *(fenced(each, side) for each in (bad, log)), shared.reshape(-1), fenced(ids, side), fenced(path, side)
+        )
 
     render._prepared = lambda *arguments: fenced_scene(prepared(*arguments), side)
     render.new_scratch = given

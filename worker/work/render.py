@@ -104,7 +104,7 @@ def rendered_result(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, 
         "bad": [list(bad) for bad in sums.bad],
         "bad_count": sums.bad_count,
     }
-    return Result(event, pack_sums(sums.sums, batch.packing))
+    return Result(event, pack_sums(sums.sums, batch.packing, sums.hits))
 
 
 def failure_event(worker: WorkerContext, batch: RenderBatch, error: str, trace: str = "") -> Result:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from protocol.sums import unpack_sums
+from protocol.sums import unpack_hits, unpack_sums
+from renderer.cryptomatte import no_hits
 from renderer.settings import Tile
 
 __all__ = ["Votes"]
@@ -68,4 +69,8 @@ class Votes:
 
     def _is_equal(self, value: bytes, sums: bytes) -> bool:
         """Returns True if two packed results have equal sums. Different LZ4 releases may compress equal sums differently."""
-        return value == sums or np.array_equal(unpack_sums(value, self.tile), unpack_sums(sums, self.tile))
+        if value == sums:
+            return True
+        hits = (unpack_hits(each, self.tile) or no_hits() for each in (value, sums))
+        same_hits = all(map(np.array_equal, *hits))
+        return same_hits and np.array_equal(unpack_sums(value, self.tile), unpack_sums(sums, self.tile))

@@ -36,11 +36,12 @@ assert columns_of(FirstHit, "albedo")[0] == 0, "FirstHit begins with its albedo"
 
 
 @subroutine
-def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_group):
+def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_group, ids):
     """Adds the radiance of samples whose branches have all terminated to their pixels' sums, and frees their rows of the pool.
 
     The list DONE contains the free rows on return. Returns the number of bad samples (NaN or infinite), which are listed in `bad`
-    and not added. by_group: None, or the number of light groups and the index in `film` of their sums, pixel by pixel.
+    and not added. by_group: None, or the number of light groups and the index in `film` of their sums, pixel by pixel. ids: see
+    Output (renderer/kernel/accumulate.py).
     """
     never_inline()
     ox, oy, oz = batch.origin
@@ -81,6 +82,9 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
             film[base + _POINT] += ox
             film[base + _POINT + _1] += oy
             film[base + _POINT + _2] += oz
+        if len(ids) > 0:
+            for k in range(len(IDS)):
+                ids[place * batch.count + sample - batch.first, k] = load_int(pool, first + IDS[k, 0])
         if sample == 0:
             for k in range(len(IDS)):
                 film[base + _8 + IDS[k, 0]] += load_int(pool, first + IDS[k, 0])

@@ -12,7 +12,15 @@ from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit, no_hit
 from renderer.wide.fields import Layout, accessors
 
-__all__ = ["FIRST_GROUP", "FIRST_HIT_SLOTS", "add_first_hit", "forget_first_hit", "is_finite_first_hit", "store_first_hit"]
+__all__ = [
+    "FIRST_GROUP",
+    "FIRST_HIT_SLOTS",
+    "add_first_hit",
+    "forget_first_hit",
+    "is_finite_first_hit",
+    "store_first_hit",
+    "store_ids",
+]
 
 _LAYOUT = Layout(FirstHit)
 FIRST_HIT_SLOTS = _LAYOUT.width
@@ -35,6 +43,13 @@ def forget_first_hit(first):
 def store_first_hit(first, hit):
     """Stores a FirstHit in the array `first`, (FIRST_HIT_SLOTS,) float32."""
     _scatter(first, _ONLY, hit)
+
+
+@device
+def store_ids(ids, number, first):
+    """Stores the ids of the FirstHit stored in `first` in row `number` of `ids`, (n, 2) uint32."""
+    for k in range(len(IDS)):
+        ids[number, k] = load_int(first, IDS[k, 0])
 
 
 @device

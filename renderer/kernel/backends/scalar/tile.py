@@ -13,6 +13,7 @@ from renderer.kernel.backends.scalar.first_hit import (
     add_first_hit,
     forget_first_hit,
     is_finite_first_hit,
+    store_ids,
 )
 from renderer.kernel.fixed_point import fixed, in_half
 from renderer.kernel.light_groups import add_sample_by_group, forget_groups
@@ -75,4 +76,6 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                 if in_half(sample):
                     _add_radiance(sums, _COLOR_HALF, SAMPLES_HALF, y, x, radiance, scale)
                 add_first_hit(sums, y, x, hit, sample, scale, batch.origin)
+                if len(output.ids) > 0:
+                    store_ids(output.ids, (y * sums.shape[2] + x) * count + sample - first, hit)
     return bad_count, rays

@@ -17,16 +17,17 @@ from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.state import PathState
 
 WIDTH, HEIGHT = 3, 2
+NO_IDS = np.zeros((0, 2), np.uint32)
 NUMBER, PLACE, BRANCHES = (int(column(Sample, field)) for field in ("number", "place", "branches"))
 RADIANCE, FIRST = int(column(PathState, "radiance")), int(column(FirstHit, "albedo"))
 
 
 @entry
-def _keep(pool, lists, done, film, scale, batch, bad, sums):
+def _keep(pool, lists, done, film, scale, batch, bad, sums, ids):
     clear(lists, DONE)
     for path in done:
         append(lists, DONE, path)
-    bad_count = accumulate_film(pool, lists, film, scale, sums.shape[2], batch, bad, 0, None)
+    bad_count = accumulate_film(pool, lists, film, scale, sums.shape[2], batch, bad, 0, None, ids)
     flush_film(film, sums)
     return bad_count
 
@@ -39,9 +40,8 @@ def film_after(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.N
     bad = np.zeros((MAX_BAD, 3), np.int64)
     film = np.zeros(WIDTH * HEIGHT * SUMS, np.int64)
     lists = np.zeros(LISTS * LIST_SIZE, np.uint32)
-    bad_count = _keep(
-        pool.ravel(), lists, np.arange(len(rows)), film, np.float32(2.0**exponent), Batch(100, 200, 0, 9), bad, sums
-    )
+    batch = Batch(100, 200, 0, 9)
+    bad_count = _keep(pool.ravel(), lists, np.arange(len(rows)), film, np.float32(2.0**exponent), batch, bad, sums, NO_IDS)
     return sums, [tuple(map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]], int(bad_count)
 
 
@@ -119,6 +119,7 @@ def test_branches_are_one_sample_once_all_of_them_are_done() -> None:
         Batch(100, 200, 0, 9),
         np.zeros((MAX_BAD, 3), np.int64),
         np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64),
+        np.zeros((0, 2), np.uint32),
     )
     lists = np.zeros(LISTS * LIST_SIZE, np.uint32)
     free = []
@@ -129,4 +130,4 @@ def test_branches_are_one_sample_once_all_of_them_are_done() -> None:
     assert free == [[0, 2], [1], [3]]
     rows[:, RADIANCE : RADIANCE + 3] += seconds
     rows[:, BRANCHES] = 1
-    np.testing.assert_array_equal(rest[-1], film_after(rows)[0])
+    np.testing.assert_array_equal(rest[-2], film_after(rows)[0])

@@ -1,0 +1,197 @@
+"""Cryptomatte: how many samples of each pixel hit each object and material first, and the layers of an EXR made of these counts.
+
+Counts are integers by pixel and id, kept sparsely and for all ids: they add up in any order, and only what is written has a limit
+of ids per pixel. Each sample counts 1, since the pixel filter is sampled, not weighted (renderer/kernel/sampling/filter.py); a
+coverage is the number of samples that hit an id divided by that of all finite samples. Samples that pass through a surface by its
+alpha count for what they hit behind it.
+
+Layers, hashes and header: Psyop, "Cryptomatte Specification", version 1.2.0 (2018).
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = [
+    "KINDS",
+    "MOST_RANKS",
+    "NOT_FINITE",
+    "Hits",
+    "channel_names",
+    "count_samples",
+    "hash_of",
+    "header",
+    "layers",
+    "merged",
+    "moved",
+    "no_hits",
+]
+
+F32 = npt.NDArray[np.float32]
+U32 = npt.NDArray[np.uint32]
+
+KINDS = ("object", "material")
+MOST_RANKS = 16
+NOT_FINITE = 0xFFFFFFFF  # in place of the ids of a sample that is not in the film
+_LAYER_NAMES = {"object": "CryptoObject", "material": "CryptoMaterial"}
+_KIND_BIT, _PLACE_BIT = np.uint64(31), np.uint64(32)
+_ID_MASK = np.uint64((1 << 31) - 1)
+
+
+class Hits(NamedTuple):
+    """The number of samples of each pixel that hit each id first; only pairs of a pixel and an id that occur.
+
+    key: (n,) uint64, ascending, each once: the pixel's index << 32 | kind (index in KINDS) << 31 | 1 + the number of the object
+    or material. count: (n,) int64, at least 1.
+    """
+
+    key: npt.NDArray[np.uint64]
+    count: npt.NDArray[np.int64]  # type: ignore[assignment]  # hides tuple.count, which is not used
+
+
+def no_hits() -> Hits:
+    """Returns empty counts."""
+    return Hits(np.zeros(0, np.uint64), np.zeros(0, np.int64))
+
+
+def count_samples(ids: U32) -> Hits:
+    """Returns the counts of samples. ids: (pixels, samples, 2), 1 + numbers of object and material; 0 for none, or NOT_FINITE."""
+    found = []
+    for kind in range(len(KINDS)):
+        of_kind = ids[:, :, kind]
+        if of_kind.shape[1] == 0:
+            return no_hits()
+        low, high = of_kind.min(axis=1), of_kind.max(axis=1)
+        alike = np.flatnonzero((low == high) & (low != 0) & (low != NOT_FINITE))  # most pixels see one object
+        found.append(Hits(_keys(alike, kind, low[alike]), np.full(len(alike), of_kind.shape[1], np.int64)))
+        mixed = np.flatnonzero(low != high)
+        places = np.repeat(mixed, of_kind.shape[1])
+        numbers = of_kind[mixed].reshape(-1)
+        is_hit = (numbers != 0) & (numbers != NOT_FINITE)
+        key, count = np.unique(_keys(places[is_hit], kind, numbers[is_hit]), return_counts=True)
+        found.append(Hits(key, count.astype(np.int64)))
+    return merged(found)
+
+
+def _keys(place: npt.NDArray[np.int64], kind: int, number: U32) -> npt.NDArray[np.uint64]:
+    return place.astype(np.uint64) << _PLACE_BIT | np.uint64(kind) << _KIND_BIT | number.astype(np.uint64)
+
+
+def merged(parts: Iterable[Hits]) -> Hits:
+    """Returns the sum of counts, the same for any order of the parts."""
+    known = [part for part in parts if len(part.key)]
+    if len(known) < 2:
+        return known[0] if known else no_hits()
+    key, where = np.unique(np.concatenate([part.key for part in known]), return_inverse=True)
+    count = np.zeros(len(key), np.int64)
+    np.add.at(count, where, np.concatenate([part.count for part in known]))
+    return Hits(key, count)
+
+
+def moved(hits: Hits, x: int, y: int, width: int, frame_width: int) -> Hits:
+    """Returns the counts of a tile with its pixels' indices in the frame.
+
+    x, y: the tile's upper left corner. width: of the tile.
+    """
+    place = (hits.key >> _PLACE_BIT).astype(np.int64)
+    in_frame = ((y + place // width) * frame_width + x + place % width).astype(np.uint64)
+    return Hits(in_frame << _PLACE_BIT | hits.key & np.uint64(0xFFFFFFFF), hits.count)
+
+
+def hash_of(name: str) -> int:
+    """Returns the id of a name: MurmurHash3_32 of its UTF-8, with one bit inverted if these bits are no normal float32."""
+    found = _murmur3(name.encode())
+    exponent = found >> 23 & 255
+    return found ^ 1 << 23 if exponent in (0, 255) else found
+
+
+def _murmur3(data: bytes) -> int:
+    """Returns MurmurHash3_x86_32 of the bytes, with seed 0 (Appleby, public domain)."""
+    found = 0
+    end = len(data) & ~3
+    for start in range(0, end, 4):
+        found ^= _mixed(int.from_bytes(data[start : start + 4], "little"))
+        found = (_turned(found, 13) * 5 + 0xE6546B64) & 0xFFFFFFFF
+    if len(data) > end:
+        found ^= _mixed(int.from_bytes(data[end:], "little"))
+    found ^= len(data)
+    found = (found ^ found >> 16) * 0x85EBCA6B & 0xFFFFFFFF
+    found = (found ^ found >> 13) * 0xC2B2AE35 & 0xFFFFFFFF
+    return found ^ found >> 16
+
+
+def _mixed(word: int) -> int:
+    return _turned(word * 0xCC9E2D51 & 0xFFFFFFFF, 15) * 0x1B873593 & 0xFFFFFFFF
+
+
+def _turned(word: int, bits: int) -> int:
+    return (word << bits | word >> (32 - bits)) & 0xFFFFFFFF
+
+
+def channel_names(ranks: int) -> tuple[str, ...]:
+    """Returns the names of the channels of `layers` in an EXR."""
+    return tuple(f"{_LAYER_NAMES[kind]}{i:02}.{c}" for kind in KINDS for i in range(_pairs(ranks)) for c in "RGBA")
+
+
+def _pairs(ranks: int) -> int:
+    """Returns the number of layers for so many ids per pixel; each holds two."""
+    return -(-ranks // 2)
+
+
+def _names(numbers: int, names: Sequence[str], kind: str) -> list[str]:
+    """Returns a name for each of the first `numbers` numbers of a kind; those without a name are called by their number."""
+    return [names[k] if k < len(names) and names[k] else f"{kind} {k}" for k in range(numbers)]
+
+
+def header(names: Mapping[str, Sequence[str]]) -> dict[str, str]:
+    """Returns the attributes of an EXR's header. names: of objects and materials, by the keys `objects` and `materials`."""
+    found: dict[str, str] = {}
+    for kind in KINDS:
+        known = names.get(f"{kind}s", ())
+        manifest = {name: f"{hash_of(name):08x}" for name in _names(len(known), known, kind)}
+        key = f"cryptomatte/{_murmur3(_LAYER_NAMES[kind].encode()):08x}"[: len("cryptomatte/") + 7]
+        found |= {
+            f"{key}/name": _LAYER_NAMES[kind],
+            f"{key}/hash": "MurmurHash3_32",
+            f"{key}/conversion": "uint32_to_float32",
+            f"{key}/manifest": json.dumps(manifest, ensure_ascii=False, separators=(",", ":")),
+        }
+    return found
+
+
+def layers(hits: Hits, samples: npt.NDArray[np.int64], ranks: int, names: Mapping[str, Sequence[str]]) -> F32:
+    """Returns the layers of an image, (h, w, channels) float32, in the order of `channel_names`: pairs of an id and its coverage.
+
+    hits: pixels row by row. samples: (h, w), of the film. ranks: ids per pixel, those with the most samples; of equal ones the
+    lower id comes first. names: as for `header`; ids of equal names are one.
+    """
+    height, width = samples.shape
+    pairs = _pairs(ranks)
+    found = np.zeros((len(KINDS), height * width, 2 * pairs, 2), np.float32)
+    total = np.maximum(samples.reshape(-1), 1).astype(np.float64)
+    for kind, kind_name in enumerate(KINDS):
+        of_kind = (hits.key >> _KIND_BIT & np.uint64(1)) == kind
+        place = (hits.key[of_kind] >> _PLACE_BIT).astype(np.int64)
+        number = (hits.key[of_kind] & _ID_MASK).astype(np.int64) - 1
+        hashes = np.array(
+            [hash_of(name) for name in _names(int(number.max(initial=-1)) + 1, names.get(f"{kind_name}s", ()), kind_name)],
+            np.uint64,
+        )
+        of_names = place.astype(np.uint64) << _PLACE_BIT | hashes[number] if len(number) else np.zeros(0, np.uint64)
+        key, where = np.unique(of_names, return_inverse=True)
+        count = np.zeros(len(key), np.int64)
+        np.add.at(count, where, hits.count[of_kind])
+        place, ids = (key >> _PLACE_BIT).astype(np.int64), (key & np.uint64(0xFFFFFFFF)).astype(np.uint32)
+        order = np.lexsort((ids, -count, place))
+        place, ids, count = place[order], ids[order], count[order]
+        rank = np.arange(len(place)) - np.searchsorted(place, place, "left")
+        is_kept = rank < ranks
+        place, rank = place[is_kept], rank[is_kept]
+        found[kind, place, rank, 0] = ids[is_kept].view(np.float32)
+        found[kind, place, rank, 1] = count[is_kept] / total[place]
+    return np.moveaxis(found, 0, 1).reshape(height, width, -1)
