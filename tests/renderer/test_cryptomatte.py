@@ -49,7 +49,7 @@ def described(shining: int | None = None) -> SceneDescription:
     veil = {"opacity": 0.4, "alpha_mode": "blend"}
     at = [(-0.8, 0.2, 0.5), (-0.1, 0.3, 0.7), (0.9, -0.5, 0.2)]
     spheres = [Sphere(place, 0.55, 2 + k, NAMES[2 + k]) for k, place in enumerate(at)]
-    spheres += [Sphere((0.4 + 0.06 * (k % 3), 0.7 + 0.06 * (k // 3), 1.0), 0.035, 5 + k, NAMES[5 + k]) for k in range(7)]
+    spheres += [Sphere((0.4 + 0.1 * (k % 3), 0.7 + 0.1 * (k // 3), 1.0), 0.07, 5 + k, NAMES[5 + k]) for k in range(7)]
     meshes = [square((0, 0, -1), (1.8, 0, 0), (0, 1.2, 0), 0), square((0.3, -0.1, 1.2), (0.7, 0.2, 0), (0, 0.5, 0), 1)]
     return SceneDescription(
         meshes=meshes,
@@ -113,7 +113,7 @@ def test_mattes_equal_the_coverage_by_brute_force(kind: str, tmp_path: Path) -> 
         total += matte(pairs, manifest[name])
         assert expected.any(), name
     assert total.max() <= 1
-    assert max(len(set(p)) for p in np.stack([ids for ids, _ in pairs]).reshape(16, -1).T) > 6, "no pixel has many objects"
+    assert max(len(set(p)) for p in np.stack([ids for ids, _ in pairs]).reshape(16, -1).T) > 4, "no pixel has many objects"
     assert (np.diff(np.stack([coverage for _, coverage in pairs]), axis=0) <= 0).all(), "ranks are in order of coverage"
 
 
