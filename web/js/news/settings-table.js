@@ -74,6 +74,7 @@ export function valueText(setting, value) {
   if (value == null) return setting.off?.label ?? "";
   if (setting.choices) return setting.choices.find(({ name }) => name === value)?.label ?? value;
   if (setting.off && value === setting.off.value) return setting.off.label;
+  if (setting.type === "names") return value.split(",").join(", ");
   if (Array.isArray(value)) return value.map(short).join(", ");
   return setting.unit === "fraction" ? `${short(value * 100)} %` : String(short(value));
 }
