@@ -250,6 +250,8 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
                 Sentence("sums-plane-kind", "damaged sums: plane {plane} has the unknown kind {kind}", plane=number, kind=code)
             )
         yield number, (code, value, body)
+    if data[0] == WITH_HITS and at + HITS.size > len(data):
+        raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early"))
     if at != len(data) and data[0] == PACKED:
         raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))
 

@@ -181,10 +181,6 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "environment_row_start": ("<i4", ("A",)),
     "environment_column_start": ("<i4", ("H", "B")),
     "environment_frame": ("<f4", (12,)),
-    "light_group": ("<i4", ("L?",)),
-    "material_group": ("<i4", ("M?",)),
-    "environment_group": ("<i4", (1,)),
-    "group_name": ("|u1", ("g",)),
     "bounds": ("<f4", (2, 3)),
     "origin": ("<f8", (3,)),
     "bvh.motion": ("<f8", ("R", KEY_COLUMNS)),
@@ -197,8 +193,12 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "key_punctual": ("<f4", ("J", 12)),
     "key_emission_frame": ("<f4", ("J?", 4)),
     "key_texture": ("<f4", ("F", 6)),
+    "light_group": ("<i4", ("L?",)),
+    "material_group": ("<i4", ("M?",)),
+    "environment_group": ("<i4", (1,)),
     "emission": ("<f4", ("e", 3)),
     "texel": ("|u1", ("Q", 4)),
+    "group_name": ("|u1", ("g",)),
 }
 
 _NEVER_EMPTY = "NHWABm"  # lengths in LAYOUT that are at least 1: nodes, the environment and its cut points, media

@@ -17,7 +17,7 @@ from tests.helpers import ROOT
 from tests.renderer.scene.builders import Gltf
 
 COUNT = {"color": 3, "radiance": 3, "triple": 3, "pair": 2}
-NUMBERS = [p for p in PARAMETERS if p.form not in ("choice", "texture", "flag")]
+NUMBERS = [p for p in PARAMETERS if p.form not in ("choice", "texture", "flag", "name")]
 IN_GLTF = [p for p in PARAMETERS if p.gltf]
 
 
