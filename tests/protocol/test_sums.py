@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from protocol.sums import add_sums, check_sums, check_weight, pack_sums, unpack_sums
-from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, MATERIAL, SAMPLES, Sums
+from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, MATERIAL, SAMPLES, Sums, plane_count
 from renderer.settings import Tile
 
 TILE = Tile(0, 0, 7, 5)
@@ -101,3 +101,27 @@ def test_no_pixel_has_more_samples_than_there_are_or_fewer_than_none(packing: in
             else:
                 with pytest.raises(ValueError, match="samples of a pixel, of 3"):
                     check_weight(data, TILE, 3)
+
+
+def test_sums_of_a_film_with_light_groups_have_their_planes() -> None:
+    """They are refused by a film that has others, and damaged numbers of planes by all."""
+    planes = plane_count(3)
+    sums = sums_of(4, [20] * planes)
+    sums[SAMPLES] = 2
+    data = pack_sums(sums)
+    check_sums(data, TILE)
+    check_weight(data, TILE, 2, planes)
+    np.testing.assert_array_equal(unpack_sums(data, TILE), sums)
+    total = sums.copy()
+    add_sums(total, data, TILE)
+    np.testing.assert_array_equal(total, 2 * sums)
+    for wrong in (CHANNELS, plane_count(2), plane_count(4)):
+        with pytest.raises(ValueError, match="planes"):
+            check_weight(data, TILE, 2, wrong)
+        other = np.zeros((wrong, TILE.h, TILE.w), np.int64)
+        with pytest.raises(ValueError, match="planes"):
+            add_sums(other, data, TILE)
+        assert not other.any()
+    for count in (CHANNELS + 1, plane_count(18)):
+        with pytest.raises(ValueError, match="planes"):
+            check_sums(pack_sums(np.zeros((count, TILE.h, TILE.w), np.int64)), TILE)

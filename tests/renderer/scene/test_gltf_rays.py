@@ -1,8 +1,11 @@
 """Tests of our glTF extension for nodes hidden from some rays, and of the script that adds it to a GLB from Blender."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from renderer.arrays.rows import SHADELESS, UNSEEN
+from renderer.blender.inside.light_groups import layer_groups, light_group_of
 from renderer.blender.inside.ray_visibility import RAYS, with_rays
 from renderer.scene.compile import compile_scene
 from tests.renderer.scene.builders import Gltf
@@ -36,10 +39,40 @@ def test_it_is_written_on_the_nodes_of_a_name(scene, tmp_path):
     path.write_bytes(g.glb())
     leaf: dict = {"roughnessFactor": 0.3, "baseColorFactor": [0.5, 1.0, 1.0]}
     leaf |= {"KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.5}}
-    with_rays(path, {"hidden": {"camera": False, "shadow": False}}, {"leaf": leaf})
+    with_rays(path, {"hidden": {"camera": False, "shadow": False}}, {"leaf": leaf}, {})
     found = scene("b.glb", path.read_bytes())
     assert [i.material is not None for i in found.instances] == [False, True]
     hidden = found.materials[found.instances[1].material]
     assert (hidden.unseen, hidden.shadeless) == (True, True)
     assert (hidden.diffuse_transmission, hidden.roughness, hidden.base_color) == (0.5, 0.3, (0.5, 1.0, 1.0))
     np.testing.assert_array_equal(found.meshes[0].positions, scene("a.glb", g.glb()).meshes[0].positions)
+
+
+def test_extras_name_light_groups(scene, tmp_path):
+    """Of materials, of lights, and of nodes, which then have their own."""
+    lights = "KHR_lights_punctual"
+    g = Gltf()
+    g.mesh(material=g.material(emissiveFactor=[1.0, 1.0, 1.0], extras={"light_group": " key "}))
+    g.root["extensions"] = {lights: {"lights": [{"type": "point", "extras": {"light_group": "lamps"}}]}}
+    g.root["extensionsUsed"] = [lights]
+    g.node(mesh=0)
+    g.node(mesh=0, name="other", translation=[3.0, 0.0, 0.0])
+    g.node(extensions={lights: {"light": 0}})
+    g.node(extensions={lights: {"light": 0}}, extras={"light_group": "rim"})
+    g.node(extensions={lights: {"light": 0}}, extras={"light_group": "no.name"})
+    path = tmp_path / "b.glb"
+    path.write_bytes(g.glb())
+    with_rays(path, {}, {}, {"other": "practical"})
+    found = scene("b.glb", path.read_bytes())
+    materials = [found.materials[found.meshes[i.mesh].material if i.material is None else i.material] for i in found.instances]
+    assert [m.light_group for m in materials][-2:] == ["key", "practical"]
+    assert [light.light_group for light in found.lights] == ["lamps", "rim", "lamps"]
+    assert any("light_group that is not a name" in each for each in found.warnings)
+
+
+def test_light_groups_of_blender_get_names_that_we_accept():
+    layer = SimpleNamespace(lightgroups=[SimpleNamespace(name=n) for n in ("Key.001", "rest", "Fenster süd", "Key.001")])
+    assert layer_groups(layer) == "Key_001,Fenster süd"
+    assert layer_groups(SimpleNamespace()) == ""
+    assert light_group_of(SimpleNamespace(lightgroup="a/b ")) == "a_b"
+    assert light_group_of(SimpleNamespace()) == ""

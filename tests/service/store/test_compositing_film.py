@@ -1,0 +1,79 @@
+"""Tests that films with light groups and Cryptomatte's counts add them up exactly, and that pictures and digests have them."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
+import pytest
+
+from protocol.sums import pack_sums
+from renderer import cryptomatte, film
+from renderer.aovs import parse_names
+from renderer.cryptomatte import Hits, count_samples, merged, moved
+from renderer.film import COLOR, SAMPLES, Sums, group_planes, plane_count
+from service.errors import Invalid
+from service.store.bands import digest
+from service.store.films import Film, Part
+from service.store.tile_cache import TileCache
+from service.watching.pictures import PictureRequest, picture_file
+
+WIDTH, HEIGHT, TILE, COUNT = 40, 24, 16, 3
+GROUPS = ("key", "rest")
+NAMES = {"objects": ["cup", "saucer", "spoon"], "materials": ["china"]}
+
+
+def batch(w: int, h: int, seed: int) -> tuple[Sums, Hits]:
+    """Returns random sums of a tile with two light groups that add up to the colour, and random counts."""
+    random = np.random.default_rng(seed)
+    sums = random.integers(0, 1 << 26, (plane_count(2), h, w))
+    sums[COLOR] = sums[group_planes(0)] + sums[group_planes(1)]
+    sums[SAMPLES] = COUNT
+    return sums, count_samples(random.integers(0, 4, (w * h, COUNT, 2)).astype(np.uint32))
+
+
+@pytest.mark.parametrize("order", [0, 1])
+def test_groups_and_mattes_of_a_film(order: int, tmp_path: Path) -> None:
+    made = Film(tmp_path / "job.sqlite", WIDTH, HEIGHT, TILE, 24, TileCache(1 << 20), groups=GROUPS, ranks=2)
+    whole, hits = np.zeros((plane_count(2), HEIGHT, WIDTH), np.int64), []
+    parts = []
+    for i, tile in enumerate(made.tiles):
+        for k in range(12):  # so many that the film folds its rows
+            sums, of_tile = batch(tile.w, tile.h, 100 * i + k)
+            whole[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += sums
+            hits.append(moved(of_tile, tile.x, tile.y, tile.w, WIDTH))
+            parts.append(Part(0, i, COUNT * k, COUNT, pack_sums(sums, hits=of_tile)))
+    for at in np.random.default_rng(order).permutation(len(parts)):
+        assert made.merge([parts[at]]) == [True]
+    expected = film.digest(whole, merged(hits))
+    assert digest(made, 0, tmp_path) == expected
+    planes = parse_names(["lights", "cryptomatte"], GROUPS, 2)
+    wish = PictureRequest("exr", tuple(planes), in_layers=True, names_of_ids=NAMES)
+    wish.check()
+    body = picture_file(made, 0, wish, tmp_path)
+    (tmp_path / "p.exr").write_bytes(b"".join(body.pieces()))
+    source = oiio.ImageInput.open(str(tmp_path / "p.exr"))
+    names, pixels = list(source.spec().channelnames), source.read_image(format="float")
+    channel = {name: pixels[..., k] for k, name in enumerate(names)}
+    for k, group in enumerate(GROUPS):
+        mean = film.mean(whole, 24, group_planes(k))
+        for c, letter in enumerate("RGB"):
+            np.testing.assert_array_equal(channel[f"Combined_{group}.{letter}"], mean[..., c])
+    layers = cryptomatte.layers(merged(hits), whole[SAMPLES], 2, NAMES)
+    for k, name in enumerate(cryptomatte.channel_names(2)):
+        np.testing.assert_array_equal(channel[name], layers[..., k], err_msg=name)
+    with made.snapshot() as snapshot:
+        assert snapshot.groups == GROUPS
+        np.testing.assert_array_equal(snapshot.tile_hits(0, 1).key, made.tile_hits(0, 1).key)
+    made.close()
+
+
+def test_mattes_are_layers_of_an_exr_only() -> None:
+    for wish in (
+        PictureRequest("png", ("cryptomatte:6",)),
+        PictureRequest("exr", ("cryptomatte:6",)),
+        PictureRequest("exr", ("cryptomatte:6",), in_layers=True, width=100),
+    ):
+        with pytest.raises(Invalid, match="cryptomatte"):
+            wish.check()
