@@ -2,13 +2,15 @@
 
 A page of an older release requests files by an older hash. Such a request for a JavaScript module results in 404, since the
 page would mix releases; the page then reports this or reloads (`web/js/shell/again.js`). Other files are sent as they are in
-this release. index.html is revalidated each time.
+this release. index.html is revalidated each time. The typeface is Inter, from the package fontpkg-inter; without the package,
+browsers use the system's.
 """
 
 from __future__ import annotations
 
 import gzip
 import hashlib
+import importlib.util
 import mimetypes
 import threading
 from dataclasses import dataclass, field
@@ -23,15 +25,18 @@ from starlette.types import Scope
 
 from service.page_index import index_of, joined_files
 
-__all__ = ["Content", "Pages", "WebPages", "file_response"]
+__all__ = ["FONT", "Content", "Pages", "WebPages", "file_response"]
 
 FOLDER = "v"  # v/HASH/js/main.js
 PAGE_FOLDERS = ("js", "css", "words", "examples")
+FONT = "fonts/inter.ttf"  # linked by web/css/tokens.css, service/docs_page and service/share_page
 CACHE_FOREVER = "public, max-age=31536000, immutable"
-COMPRESSED_SUFFIXES = (".js", ".css", ".svg", ".html", ".json")
+CACHE_FONT = f"public, max-age={30 * 86400}"
+COMPRESSED_SUFFIXES = (".js", ".css", ".svg", ".html", ".json", ".ttf")
 SOURCES = (".js", ".css", ".html")
 
 mimetypes.add_type("text/javascript", ".js")
+mimetypes.add_type("font/ttf", ".ttf")
 
 
 class Pages(StaticFiles):
@@ -50,12 +55,16 @@ class Pages(StaticFiles):
 
 
 class WebPages(Pages):
-    """Serves index.html, and the page's other files at URLs that contain their version. Each file is compressed once."""
+    """Serves index.html, the typeface, and the page's other files at URLs that contain their version.
+
+    Each file is compressed once.
+    """
 
     def __init__(self, folder: Path) -> None:
         super().__init__(directory=folder, html=True)
         self._folder = folder
         self._shelf = PageFiles(folder, ())
+        self._font = _font()
         self._lock = threading.Lock()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
@@ -65,6 +74,8 @@ class WebPages(Pages):
         if path in (".", "index.html"):
             shelf = await run_in_threadpool(self._current_files)
             return file_response(shelf.index, "index.html", "no-cache", scope)
+        if path == FONT and self._font is not None:
+            return await run_in_threadpool(file_response, self._font, FONT, CACHE_FONT, scope)
         first, _, rest = path.partition("/")
         if first != FOLDER:
             return await super().get_response(path, scope)
@@ -137,6 +148,15 @@ def _files(folder: Path) -> list[tuple[str, int, int]]:
             known = path.stat()
             found.append((name.as_posix(), known.st_size, known.st_mtime_ns))
     return sorted(found)
+
+
+def _font() -> Content | None:
+    """Returns the variable font of Inter, upright, with axes for optical size and weight; None without its package."""
+    package = importlib.util.find_spec("fontpkg_inter")
+    if package is None or package.origin is None:
+        return None
+    path = Path(package.origin).parent / "files" / "Inter[opsz,wght].ttf"
+    return Content(path.read_bytes()) if path.is_file() else None
 
 
 def _is_hidden(name: Path) -> bool:

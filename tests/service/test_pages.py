@@ -7,6 +7,8 @@ from __future__ import annotations
 
 import asyncio
 import gzip
+import importlib.util
+import io
 import json
 import os
 import re
@@ -15,10 +17,11 @@ from pathlib import Path
 
 import httpx
 import pytest
+from PIL import ImageFont
 from starlette.applications import Starlette
 
 from service.page_index import index_of
-from service.pages import WebPages
+from service.pages import FONT, WebPages
 from tests.helpers import ROOT
 
 INDEX = """<!doctype html>
@@ -177,3 +180,20 @@ def test_files_have_their_plain_addresses_too(pages: Pages, path: str) -> None:
 )
 def test_there_is_nothing_else(pages: Pages, path: str) -> None:
     assert pages.get(path).status_code == 404
+
+
+def test_the_typeface_is_the_package_s_file_cached_and_compressed(web: Path) -> None:
+    pages = Pages(web)
+    answer = pages.get("/fonts/inter.ttf", {"Accept-Encoding": "gzip"})
+    assert answer.status_code == 200 and answer.headers["content-type"] == "font/ttf"
+    assert answer.headers["content-encoding"] == "gzip" and "max-age=2592000" in answer.headers["cache-control"]
+    font = ImageFont.truetype(io.BytesIO(answer.content))
+    assert font.getname()[0] == "Inter"
+    assert [(axis["minimum"], axis["maximum"]) for axis in font.get_variation_axes()] == [(14, 32), (100, 900)]
+    for sheet in (ROOT / "web/css/tokens.css", ROOT / "service/docs_page/docs.css", ROOT / "service/share_page/share.css"):
+        assert f'url("/{FONT}")' in sheet.read_text(), sheet
+
+
+def test_without_the_package_there_is_no_typeface(web: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
+    assert Pages(web).get("/fonts/inter.ttf").status_code == 404

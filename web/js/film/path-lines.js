@@ -3,6 +3,8 @@
  * canvas' edge with an arrow where they leave it. An unoccluded light is marked with a diamond, an occluder with a cross.
  */
 
+import { SANS } from "./pixel-overlay.js";
+
 /** @typedef {import("../base/types.js").Spot} Spot */
 /** @typedef {import("../base/types.js").PathVertex} PathVertex */
 /** @typedef {{x: number, y: number}} Point */
@@ -193,7 +195,7 @@ function disc(over, ratio, { x, y }, text, isChosen) {
   context.lineWidth = (isChosen ? 3 : 1.5) * ratio;
   context.strokeStyle = "rgb(0 0 0 / 0.8)";
   context.stroke();
-  context.font = `700 ${11 * ratio}px system-ui, sans-serif`;
+  context.font = `600 ${12 * ratio}px ${SANS}`;
   context.textAlign = "center";
   over.text(text, x, y + 4 * ratio, "#111", 0);
   context.textAlign = "start";

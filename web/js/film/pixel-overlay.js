@@ -6,6 +6,9 @@
 import { luminanceOf } from "../base/colour.js";
 import { radiance } from "../base/format.js";
 
+/** The page's typeface, as web/css/tokens.css has it, for text that is drawn on a canvas. */
+export const SANS = '"Inter", system-ui, sans-serif';
+
 /** @typedef {import("./film.js").Film} Film */
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 /** @typedef {{x: number, y: number, w: number, h: number, label: string, short: string, worker: string, colour: string}} Outline */
@@ -77,7 +80,7 @@ export class PixelOverlay {
     this.strokeTwice(x, y, w, h, { corners: true, colour });
     const { context, viewport } = this;
     const ratio = devicePixelRatio;
-    context.font = `600 ${10 * ratio}px system-ui, sans-serif`;
+    context.font = `600 ${12 * ratio}px ${SANS}`;
     const room = w * viewport.scale - 8 * ratio;
     const fits = [label, short].find((text) => context.measureText(text).width < room);
     if (!fits || h * viewport.scale < 18 * ratio) return;

@@ -2,6 +2,7 @@
 
 import { getPixel } from "../news/api.js";
 import { areaOf } from "../film/area.js";
+import { SANS } from "../film/pixel-overlay.js";
 import { drawsRegions } from "../film/region.js";
 import { luminanceOf } from "../base/colour.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -266,6 +267,6 @@ function drawPin(over, ratio, { x, y, w, h }, number) {
     context.arc(cx, cy, arm, 0, 2 * Math.PI);
     context.stroke();
   }
-  context.font = `600 ${11 * ratio}px system-ui, sans-serif`;
+  context.font = `600 ${12 * ratio}px ${SANS}`;
   over.text(String(number), cx + arm + 3 * ratio, cy + 4 * ratio, "#fff", ratio);
 }
