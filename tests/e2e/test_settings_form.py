@@ -95,13 +95,13 @@ def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Pag
     """
     call(page, "news/farm", "m.workers.set([{ slots: 2, samples_per_s: 1 }]);")
     open_form(page, scene={**SCENE, "defaults": {"width": 1000, "height": 1000}, "measured": {"sample_s": 1e-6, "noise": 0.4}})
-    choices = page.get_by_role("radiogroup", name="Quality").locator("label").all()
-    assert [[part.text_content() for part in choice.locator("span").all()] for choice in choices] == [
-        ["Draft", "16 samples", "≈ 9 s · 10 % noise"],
-        ["Good", "128 samples", "≈ 65 s · 4 % noise"],
-        ["Final", "512 samples", "≈ 4 min · 2 % noise"],
-        ["Finest", "2048 samples", "≈ 17 min · 0.9 % noise"],
-        ["Custom", "", ""],
+    choices = page.get_by_role("radiogroup", name="Quality").locator(".quality").all()
+    assert [[*(part.text_content() for part in each.locator("span").all()), each.get_attribute("title")] for each in choices] == [
+        ["Draft", "≈ 9 s", "16 samples · 10 % noise"],
+        ["Good", "≈ 65 s", "128 samples · 4 % noise"],
+        ["Final", "≈ 4 min", "512 samples · 2 % noise"],
+        ["Finest", "≈ 17 min", "2048 samples · 0.9 % noise"],
+        ["Custom", "≈ 65 s", "128 samples · 4 % noise"],
     ]
     expect(page.get_by_text("128 M samples, about 65 s on 2 slots, 4 % noise")).to_be_visible()
     page.get_by_text("Finest").click()

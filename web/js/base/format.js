@@ -77,6 +77,15 @@ export function roughly(seconds) {
   return tn(Math.round(seconds / 86400), "about {n} day", "about {n} days");
 }
 
+/** As `roughly`, where there is little room: "≈ 4 min". @param {number} seconds */
+export function briefly(seconds) {
+  if (seconds < 1) return t("< 1 s");
+  if (seconds < 90) return t("≈ {n} s", { n: Math.round(seconds) });
+  if (seconds < 90 * 60) return t("≈ {n} min", { n: Math.round(seconds / 60) });
+  if (seconds < 36 * 3600) return t("≈ {n} h", { n: Math.round(seconds / 3600) });
+  return t("≈ {n} d", { n: Math.round(seconds / 86400) });
+}
+
 /** A relative noise: "0.8 %". @param {number} noise */
 export const noiseText = (noise) => `${Number((noise * 100).toPrecision(noise < 0.1 ? 1 : 2))} %`;
 

@@ -121,7 +121,7 @@ export function numberInput({ value = "", min, max, step = 1, placeholder, requi
  * A few exclusive options side by side. `aside` is at the right of the label and shows the effect of the choice.
  *
  * @param {string} label
- * @param {{value: string, label: string}[]} options
+ * @param {{value: string, label: string | HTMLElement}[]} options
  * @param {(value: string) => void} changed by the user
  */
 export function segments(label, options, changed) {

@@ -1,8 +1,8 @@
 /** The quality of a picture: samples per pixel, by presets with their expected time and noise, or as a number. */
 
 import { h, setText } from "../base/dom.js";
-import { noiseText, roughly } from "../base/format.js";
-import { field, freshId, numberOf, typeNext } from "./fields.js";
+import { briefly, noiseText } from "../base/format.js";
+import { field, numberOf, segments, typeNext } from "./fields.js";
 import { CUSTOM, QUALITIES } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
 import { addSlider } from "./slider.js";
@@ -30,54 +30,38 @@ export function qualityFields(defaults, changed, expect) {
   const custom = field(setting.label, spp);
   addSlider(setting, spp);
   const get = () => numberOf(spp, 0);
-  const name = freshId("quality");
   const choices = [...QUALITIES, { name: CUSTOM, label: t("Custom"), spp: null }].map((quality) => {
     const costs = h("span", { class: "quality-costs number" });
-    const radio = h("input", {
-      type: "radio",
-      name,
-      value: quality.name,
-      onchange() {
-        custom.hidden = quality.spp !== null;
-        if (quality.spp !== null) spp.value = String(quality.spp);
-        else typeNext(spp);
-        update();
-        changed();
-      },
-    });
-    const samples = quality.spp === null ? "" : t("{n} samples", { n: quality.spp });
-    const element = h(
-      "label",
-      { class: "quality" },
-      radio,
-      h("span", { class: "quality-name" }, quality.label),
-      h("span", { class: "quality-samples quiet" }, samples),
-      costs,
-    );
-    return { ...quality, radio, costs, element };
+    return { ...quality, costs, element: h("span", { class: "quality" }, h("span", null, quality.label), costs) };
   });
+  /** @param {string} name */
+  const choose = (name) => {
+    const preset = QUALITIES.find((quality) => quality.name === name);
+    custom.hidden = preset !== undefined;
+    if (preset) spp.value = String(preset.spp);
+    else typeNext(spp);
+    update();
+    changed();
+  };
+  const quality = segments(
+    t("Quality"),
+    choices.map(({ name, element }) => ({ value: name, label: element })),
+    choose,
+  );
   const update = () => {
-    for (const { spp: samples, costs } of choices) {
-      const { seconds, noise } = samples === null ? { seconds: null, noise: null } : expect(samples);
-      const takes = seconds === null ? "" : roughly(seconds).replace("about", "≈");
-      setText(costs, [takes, noise === null ? "" : t("{noise} noise", { noise: noiseText(noise) })].filter(Boolean).join(" · "));
+    for (const { spp: preset, costs, element } of choices) {
+      const samples = preset ?? get();
+      const { seconds, noise } = expect(samples);
+      setText(costs, seconds === null ? t("{n} spp", { n: samples }) : briefly(seconds));
+      element.title = [t("{n} samples", { n: samples }), noise === null ? "" : t("{noise} noise", { noise: noiseText(noise) })].filter(Boolean).join(" · ");
     }
+    setText(quality.aside, t("{n} samples", { n: get() }));
   };
   spp.addEventListener("input", () => changed());
 
-  const chosen = choices.find((quality) => quality.spp === get()) ?? choices.at(-1);
-  if (chosen) chosen.radio.checked = true;
-  custom.hidden = chosen?.spp !== null;
-  const element = h(
-    "div",
-    { class: "field" },
-    h("span", { class: "label", "aria-hidden": "true" }, t("Quality")),
-    h(
-      "div",
-      { class: "qualities", role: "radiogroup", "aria-label": t("Quality") },
-      choices.map((choice) => choice.element),
-    ),
-  );
+  const preset = QUALITIES.find((each) => each.spp === get());
+  quality.select(preset?.name ?? CUSTOM);
+  custom.hidden = preset !== undefined;
   update();
-  return { elements: [element, custom], get, update };
+  return { elements: [quality.element, custom], get, update };
 }
