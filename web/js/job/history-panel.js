@@ -67,7 +67,7 @@ export function historyPanel(job, life) {
     // The error falls with the square root of the samples.
     const left = last ? last.seconds * ((last.noise / CLEAN) ** 2 - 1) : 0;
     const open = job().state === "running" && last && last.noise > CLEAN;
-    setText(said, last ? t("Noise {noise} after {time}", { noise: percent(last.noise), time: clock(last.seconds) }) + (open ? t("; {noise} in {time}.", { noise: percent(CLEAN), time: roughly(left) }) : ".") : t("The noise is not known yet."));
+    setText(said, last ? t("Noise {noise} after {time}", { noise: percent(last.noise), time: clock(last.seconds) }) + (open ? t("; {noise} in {time}.", { noise: percent(CLEAN), time: roughly(left) }) : ".") : t("The noise is known after the first samples."));
     fill(chart, points.length > 1 && last ? plot(points, left) : null);
     const { created, finished, state } = job();
     const all = [

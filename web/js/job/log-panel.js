@@ -54,7 +54,7 @@ export function logPanel(job, life) {
       if (isCalled) element.scrollIntoView({ block: "nearest" });
       isCalled = false;
       said.hidden = text !== "";
-      if (!text) setText(said, t("Nothing is known about it yet."));
+      if (!text) setText(said, t("No lines yet. They come when a worker begins."));
     } catch (error) {
       if (signal.aborted) return;
       said.hidden = false;

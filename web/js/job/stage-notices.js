@@ -36,13 +36,13 @@ export function stageNotices(stage, job, live, life) {
   };
   const missing = h("div", { class: "stage-missing", role: "status", hidden: true });
   stage.append(notice, waiting, missing);
-  life.add(workers.subscribe((all) => fill(notice, all?.length === 0 && !OVER.includes(job().state) && noWorkerNotice())));
   const update = () => {
     const { state, samples } = job();
-    waiting.hidden = samples > 0 || !(state === "queued" || ENDED.includes(state));
+    // Without a worker the notice says why.
+    waiting.hidden = samples > 0 || notice.childElementCount > 0 || !(state === "queued" || ENDED.includes(state));
     setText(why, ENDED.includes(state) ? t("Nothing was rendered.") : saidOf(job(), "message") || t("Waits for its first samples."));
   };
-  update();
+  life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && !OVER.includes(job().state) && noWorkerNotice()), update())));
   life.add(
     live.missing.subscribe((sentence) => {
       missing.hidden = !sentence;

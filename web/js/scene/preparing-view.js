@@ -1,7 +1,11 @@
-/** The view of a scene that is being prepared: its mesh, as soon as a worker has read it. It turns as the live view does. */
+/**
+ * The view of a scene that is being prepared: its mesh, as soon as a worker has read it, or an example's picture until it is
+ * turned. It turns as the live view does.
+ */
 
 import { h } from "../base/dom.js";
 import { t } from "../base/words.js";
+import { examplePictures } from "../news/example-pictures.js";
 import { localMeshOf } from "../news/local-mesh.js";
 import { MeshCanvas } from "./mesh-canvas.js";
 import { lookAt } from "./orbit.js";
@@ -29,6 +33,9 @@ export function preparingView(scene) {
     canvas,
   );
   surface.style.setProperty("--aspect", String(WIDTH / HEIGHT));
+  const picture = examplePictures.get(scene.id);
+  if (picture) surface.style.backgroundImage = `url("${picture}")`;
+  canvas.hidden = picture !== undefined;
   const mesh = new MeshCanvas(canvas);
   /** @type {View | null} */
   let view = null;
@@ -40,6 +47,8 @@ export function preparingView(scene) {
   const turn = (next) => {
     view = next;
     isTurned = true;
+    canvas.hidden = false;
+    surface.style.backgroundImage = "";
     mesh.setView(next);
     keepTurned(scene.id, next);
   };

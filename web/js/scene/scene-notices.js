@@ -19,7 +19,7 @@ const codedOf = (scene, sentence) => scene.codes?.["warnings"]?.[scene.warnings.
 /** @param {Pick<Scene, "step" | "codes">} scene @returns {string} */
 export function stepWords(scene) {
   const words = saidOf(scene, "step");
-  return words && `${words[0]?.toUpperCase()}${words.slice(1)} …`;
+  return words && `${words[0]?.toUpperCase()}${words.slice(1).replace(/[.。]$/, "")} …`;
 }
 
 /** The reason why a scene cannot be rendered, with the remedy first. @param {Scene} scene */

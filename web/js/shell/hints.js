@@ -32,7 +32,7 @@ export function command(text, label = t("Copy the command")) {
 }
 
 /** The command that adds a worker to this farm. The token is printed where the farm was started. */
-const joinCommand = () => `RAYFARM_TOKEN=TOKEN python3 farm.py worker --join ${location.origin}`;
+export const joinCommand = () => `RAYFARM_TOKEN=TOKEN python3 farm.py worker --join ${location.origin}`;
 
 /** Whether this page was opened by a loopback address, which other machines cannot use. */
 const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);

@@ -3,6 +3,7 @@
 import { getExamples, openExample } from "../news/api.js";
 import { getComparisons, openComparison } from "../compare/comparisons.js";
 import { fill, h, keyedList } from "../base/dom.js";
+import { examplePictures } from "../news/example-pictures.js";
 import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
 import { choose } from "../shell/drops.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
@@ -147,6 +148,7 @@ function exampleCard(example, comparisons) {
   const open = async () => {
     try {
       const scene = await openExample(example.name);
+      examplePictures.set(scene.id, picture);
       adoptScene(scene);
       location.hash = linkTo("scenes", scene.id) + (example.frames ? "?shot" : "");
     } catch (error) {

@@ -111,6 +111,7 @@ function open(page, job, life) {
   const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
   page.classList.toggle("with-shot", shot !== null);
   const save = savePanel(display, () => picture.live);
+  const unsaved = h("p", { class: "side-section quiet small" }, t("Pictures can be saved after the first samples, at any time."));
   const actions = actionsPanel();
   const progress = progressPanel();
   const queue = queuePanel();
@@ -152,7 +153,7 @@ function open(page, job, life) {
 
   const tabs = sideTabs(t("Picture"), [
     { name: "view", label: t("View"), content: [look.element, histogram, moments?.element] },
-    { name: "save", label: t("Save"), content: [save.element, session.value.login && may("submit") && sharePanel(job.id)] },
+    { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
   ]);
   const side = [
@@ -172,6 +173,7 @@ function open(page, job, life) {
 
   return (next) => {
     save.element.hidden = next.samples === 0;
+    unsaved.hidden = next.samples > 0;
     if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
     denoiseFirst();

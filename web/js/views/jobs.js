@@ -92,8 +92,15 @@ export function jobsView() {
     scene.value = chosen;
   };
 
+  const tools = h(
+    "div",
+    { class: "list-tools" },
+    h("div", { class: "tabs", role: "group", "aria-label": t("Show") }, tabs.map(({ button }) => button)),
+    h("div", { class: "list-choices" }, search, scene, kind, sort),
+  );
   const shownIds = () => (list.ids ?? []).filter((id) => !hidden.value.has(id));
   const refresh = () => {
+    const any = Object.values(list.tallies).some((n) => n > 0);
     const ids = shownIds();
     selection.among(ids);
     for (const { states, tally } of tabs) {
@@ -104,7 +111,7 @@ export function jobsView() {
     rows.show(ids);
     bar.update();
     if (list.ids) setText(said, tn(ids.length, "{n} job", "{n} jobs"));
-    const any = Object.values(list.tallies).some((n) => n > 0);
+    tools.hidden = Boolean(list.ids) && !any && !here().params.get("search");
     if (list.error && !list.ids) fill(empty, emptyState("warning", t("The jobs cannot be listed"), h("p", null, list.error)));
     else if (!list.ids || ids.length) fill(empty);
     else if (any || here().params.get("search")) fill(empty, emptyState("image", t("No job matches"), again(turnTo)));
@@ -158,12 +165,7 @@ export function jobsView() {
     "div",
     { class: "page wide jobs-page" },
     h("h1", { class: "page-title" }, t("Jobs")),
-    h(
-      "div",
-      { class: "list-tools" },
-      h("div", { class: "tabs", role: "group", "aria-label": t("Show") }, tabs.map(({ button }) => button)),
-      h("div", { class: "list-choices" }, search, scene, kind, sort),
-    ),
+    tools,
     notice,
     bar.element,
     // Rows are list items that contain their labels for screen readers; the column heads are visual only.

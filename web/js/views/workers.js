@@ -4,7 +4,7 @@ import { getJobsOf } from "../news/api.js";
 import { fill, h, keyedList, setText } from "../base/dom.js";
 import { adoptJob, jobs, workers } from "../news/farm.js";
 import { compact } from "../base/format.js";
-import { addMachineHint, emptyState } from "../shell/hints.js";
+import { addMachineHint, command, emptyState, joinCommand } from "../shell/hints.js";
 import { setTitle } from "../shell/router.js";
 import { Disposer } from "../base/store.js";
 import { machineCard } from "./machine.js";
@@ -61,13 +61,8 @@ export function workersView() {
           emptyState(
             "worker",
             t("No worker is connected"),
-            h(
-              "p",
-              null,
-              t("Workers do the rendering. "),
-              h("code", null, "python3 farm.py up"),
-              t(" starts some beside the service. Other machines join by the command below."),
-            ),
+            h("p", null, t("Workers do the rendering. Start one on this machine:")),
+            command(joinCommand()),
           ),
         );
     }),
