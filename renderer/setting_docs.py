@@ -8,7 +8,7 @@ from typing import Any
 
 from renderer.setting_declaration import DeclaredSetting, number_text, whole
 from renderer.settings import SETTINGS, VIEW
-from renderer.work import SHOT, WORK
+from renderer.work import DEFAULT_SIZE, DEFAULT_SPP, SHOT, WORK
 
 __all__ = ["LARGE", "described", "sentences", "values"]
 
@@ -44,9 +44,13 @@ def sentences(each: DeclaredSetting) -> str:
     return f"{each.shown.help} {taken[0].upper()}{taken[1:]}."
 
 
-def described(settings: Mapping[str, DeclaredSetting] = SETTINGS) -> dict[str, list[dict[str, Any]]]:
-    """Describes the settings of requests as JSON, in groups (settings, view, work, shot), for the page and other forms."""
+def described(settings: Mapping[str, DeclaredSetting] = SETTINGS) -> dict[str, Any]:
+    """Describes the settings of requests as JSON, in groups (settings, view, work, shot), for the page and other forms.
+
+    `defaults` has size and samples of pictures whose scene file has none.
+    """
     return {
+        "defaults": {"width": DEFAULT_SIZE[0], "height": DEFAULT_SIZE[1], "spp": DEFAULT_SPP},
         "settings": [_described(each) for each in settings.values() if each.setting.of],
         "view": [_described(each) for each in VIEW.values()],
         "work": [_described(each) for each in WORK.values()],

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 from renderer.setting_declaration import Choices, Setting, SettingTexts, table
 from renderer.settings import MAX_SPP
 
-__all__ = ["DEFAULT_SIZE", "ORDERS", "SHOT", "WORK", "ShotWork", "Work", "most_samples"]
+__all__ = ["DEFAULT_SIZE", "DEFAULT_SPP", "ORDERS", "SHOT", "WORK", "ShotWork", "Work", "most_samples"]
 
 # Size and spp of a picture if neither its request nor its scene file sets any limit.
 DEFAULT_SIZE = (960, 540)

@@ -142,5 +142,10 @@ def test_every_setting_is_described() -> None:
         assert set(each["projections"] or ()) <= projections, each
         assert each["phrase"].count("{}") == 1, each
         assert all(choice["label"] and choice["help"].endswith(".") for choice in each["choices"] or ()), each
-    names = [each["option"] for part in told.values() for each in part if each["name"] not in ("width", "height", "environment")]
+    names = [
+        each["option"]
+        for part in (told[name] for name in ("settings", "view", "work", "shot"))
+        for each in part
+        if each["name"] not in ("width", "height", "environment")
+    ]
     assert len(names) == len(set(names)), "two settings have one option"

@@ -53,8 +53,8 @@ def texts_of(source: str) -> set[str]:
 def texts_of_the_service() -> set[str]:
     """Returns the service's texts that the page translates: settings, light presets, examples."""
     found = set()
-    for part in described().values():
-        for setting in part:
+    for part in ("settings", "view", "work", "shot"):
+        for setting in described()[part]:
             found |= {setting[name] for name in ("label", "help", "section", "phrase")}
             found |= {choice[name] for choice in setting["choices"] or () for name in ("label", "help")}
             found |= {setting["off"]["label"]} if setting["off"] else set()

@@ -98,14 +98,14 @@ def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Pag
     choices = page.get_by_role("radiogroup", name="Quality").locator(".quality").all()
     assert [[*(part.text_content() for part in each.locator("span").all()), each.get_attribute("title")] for each in choices] == [
         ["Draft", "≈ 9 s", "16 samples · 10 % noise"],
-        ["Good", "≈ 65 s", "128 samples · 4 % noise"],
-        ["Final", "≈ 4 min", "512 samples · 2 % noise"],
-        ["Finest", "≈ 17 min", "2048 samples · 0.9 % noise"],
-        ["Custom", "≈ 65 s", "128 samples · 4 % noise"],
+        ["Good", "≈ 33 s", "64 samples · 5 % noise"],
+        ["Final", "≈ 2 min", "256 samples · 3 % noise"],
+        ["Finest", "≈ 9 min", "1024 samples · 1 % noise"],
+        ["Custom", "≈ 33 s", "64 samples · 5 % noise"],
     ]
-    expect(page.get_by_text("128 M samples, about 65 s on 2 slots, 4 % noise")).to_be_visible()
+    expect(page.get_by_text("64 M samples, about 33 s on 2 slots, 5 % noise")).to_be_visible()
     page.get_by_text("Finest").click()
-    assert submitted(page)["spp"] == 2048
+    assert submitted(page)["spp"] == 1024
 
 
 @pytest.mark.long

@@ -93,7 +93,8 @@ def test_the_channels_are_those_that_the_service_lists(node: Node) -> None:
     body = """
         const { inWords, table } = await read("/js/news/settings-table.js");
         const before = m.channels().map(({ name }) => name);
-        table.set(inWords({ settings: [], view: [], work: [], shot: [], channels: a }));
+        const defaults = { width: 960, height: 540, spp: 64 };
+        table.set(inWords({ defaults, settings: [], view: [], work: [], shot: [], channels: a }));
         const shown = m.channels();
         table.set(null);
         return [before, shown];"""

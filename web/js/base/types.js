@@ -263,7 +263,7 @@
  * @property {string} help
  * @property {string[]} values the names of a pixel's numbers
  *
- * @typedef {{settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[], version?: string}} SettingsTable
+ * @typedef {{defaults: {width: number, height: number, spp: number}, settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[], version?: string}} SettingsTable
  *
  * @typedef {{name: string, title: string, description: string, frames: string | null, fps: number | null}} Example
  *

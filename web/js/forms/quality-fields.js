@@ -6,10 +6,8 @@ import { field, numberOf, segments, typeNext } from "./fields.js";
 import { CUSTOM, QUALITIES } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
 import { addSlider } from "./slider.js";
-import { settingOf } from "../news/settings-table.js";
+import { known, settingOf } from "../news/settings-table.js";
 import { t } from "../base/words.js";
-
-const START_SPP = 128;
 
 /**
  * Expected seconds on this farm and relative noise for a sample count; null if unknown.
@@ -25,7 +23,7 @@ const START_SPP = 128;
  */
 export function qualityFields(defaults, changed, expect) {
   const setting = settingOf("work", "spp");
-  const spp = numberFor(setting, defaults.spp ?? START_SPP);
+  const spp = numberFor(setting, defaults.spp ?? known().defaults.spp);
   spp.required = true; // the form has a default if the scene has none
   const custom = field(setting.label, spp);
   addSlider(setting, spp);

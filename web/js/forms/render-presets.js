@@ -5,23 +5,22 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Worker} Worker */
 
 export const SIZES = [
-  { name: "preview", label: t("Preview"), long: 640 },
+  { name: "preview", label: t("Preview"), long: 960 },
   { name: "hd", label: "HD", long: 1280 },
   { name: "full-hd", label: "Full HD", long: 1920 },
   { name: "4k", label: "4k", long: 3840 },
 ];
 
+/** Each halves the noise of the one before. */
 export const QUALITIES = [
   { name: "draft", label: t("Draft"), spp: 16 },
-  { name: "good", label: t("Good"), spp: 128 },
-  { name: "final", label: t("Final"), spp: 512 },
-  { name: "finest", label: t("Finest"), spp: 2048 },
+  { name: "good", label: t("Good"), spp: 64 },
+  { name: "final", label: t("Final"), spp: 256 },
+  { name: "finest", label: t("Finest"), spp: 1024 },
 ];
 
 /** The option beside the presets. */
 export const CUSTOM = "custom";
-
-export const DEFAULT_ASPECT = 16 / 9;
 
 /**
  * @param {number} long the longer side, in pixels

@@ -2,12 +2,11 @@
 
 import { h, setText } from "../base/dom.js";
 import { field, numberOf, segments, typeNext } from "./fields.js";
-import { CUSTOM, DEFAULT_ASPECT, SIZES, sizeOf } from "./render-presets.js";
+import { CUSTOM, SIZES, sizeOf } from "./render-presets.js";
 import { numberFor } from "./setting-field.js";
-import { settingOf } from "../news/settings-table.js";
+import { known, settingOf } from "../news/settings-table.js";
 import { t } from "../base/words.js";
 
-const START_LONG = 1280;
 /** 360 degrees by 180. */
 const PANORAMA_ASPECT = 2;
 
@@ -18,9 +17,8 @@ const PANORAMA_ASPECT = 2;
  *     suit: takes the shape that a projection needs; what the user typed stays
  */
 export function sizeFields(defaults, changed) {
-  const own = defaults.width && defaults.height ? { width: defaults.width, height: defaults.height } : null;
-  let aspect = own ? own.width / own.height : DEFAULT_ASPECT;
-  const start = own ?? sizeOf(START_LONG, aspect);
+  const start = defaults.width && defaults.height ? { width: defaults.width, height: defaults.height } : known().defaults;
+  let aspect = start.width / start.height;
   const width = side("width", start.width);
   const height = side("height", start.height);
   const keep = h("input", { type: "checkbox", checked: true });

@@ -15,7 +15,7 @@ export const table = new Store(/** @type {SettingsTable | null} */ (null));
  * @param {SettingsTable} english
  * @returns {SettingsTable}
  */
-export function inWords({ settings, view, work, shot, channels, version }) {
+export function inWords({ defaults, settings, view, work, shot, channels, version }) {
   /** @param {Setting[]} all */
   const said = (all) =>
     all.map((setting) => ({
@@ -31,7 +31,7 @@ export function inWords({ settings, view, work, shot, channels, version }) {
     ...{ name, label: t(label), help: t(help) },
     values: values.map((each) => t(each)),
   }));
-  return { settings: said(settings), view: said(view), work: said(work), shot: said(shot), channels: planes, version };
+  return { defaults, settings: said(settings), view: said(view), work: said(work), shot: said(shot), channels: planes, version };
 }
 
 /** @returns {SettingsTable} */
@@ -41,7 +41,7 @@ export function known() {
 }
 
 /**
- * @param {Exclude<keyof SettingsTable, "channels" | "version">} part
+ * @param {Exclude<keyof SettingsTable, "channels" | "version" | "defaults">} part
  * @param {string} name
  * @returns {Setting}
  */

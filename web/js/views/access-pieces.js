@@ -8,9 +8,9 @@ import { showError } from "../shell/tray.js";
 
 /** Roles with descriptions. @type {[import("../news/access.js").Role, string][]} */
 export const ROLES = [
-  ["view", t("May look")],
-  ["submit", t("May render")],
-  ["admin", t("May do everything")],
+  ["view", t("View: look")],
+  ["submit", t("Submit: render too")],
+  ["admin", t("Admin: workers and users too")],
 ];
 
 /** @param {string} title @param {...(Node | false)} content */

@@ -12,8 +12,8 @@ import { choice, field, removing, section, submitted, tried } from "./access-pie
 
 /** @type {[MemberRole, string][]} */
 const ROLES = [
-  ["view", t("May look")],
-  ["submit", t("May render")],
+  ["view", t("View: look")],
+  ["submit", t("Submit: render too")],
 ];
 
 export function projectsSection() {
