@@ -9,7 +9,7 @@ from pathlib import Path
 from service.intake.multipart import Form
 from service.store.blobs import BlobStore
 
-__all__ = ["Example", "examples", "form_of"]
+__all__ = ["TITLE", "Example", "examples", "form_of"]
 
 # Taken from the scene file: its first comment is the description, its field `name` the title.
 DESCRIPTION = re.compile(r"\A# *(.+)")

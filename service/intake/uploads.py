@@ -20,6 +20,7 @@ from renderer.presets import PRESETS
 from renderer.sentences import Sentence
 from service.errors import Invalid, TooLarge
 from service.intake.archives import extract_archive
+from service.intake.examples import TITLE
 from service.intake.multipart import Form, read_form
 from service.intake.names import plain_title, safe_name
 from service.intake.projects import id_in_project
@@ -33,6 +34,7 @@ from service.store.staging import BlobWriter, commit_all
 __all__ = ["Upload", "changed_upload", "joined_chunks", "light_text", "receive_upload", "sky_text", "store_form"]
 
 PIECE = 1 << 20
+STATED_WITHIN = 1 << 16  # bytes of a YAML file in which its name is looked for
 SKY = "sky:"
 AUTO = "auto"
 UPS = (AUTO, *UP_AXES)
@@ -146,7 +148,7 @@ def store_form(
         chosen = _strip_common_folder(files, main)
         if environment is not None and environment in files:
             environment = chosen.strip(environment)
-        name = title[:200] or PurePosixPath(chosen.main).stem
+        name = title[:200] or _stated_name(chosen) or PurePosixPath(chosen.main).stem
         with translated_disk_errors(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
             refs = _committed(chosen.files)
             up, floor = _axis(_choice_field("up", form, UPS), chosen.main), _floor(_choice_field("floor", form, FLOORS))
@@ -157,6 +159,18 @@ def store_form(
         form.discard()
         for _, writer in sent:
             writer.discard()
+
+
+def _stated_name(chosen: _StrippedPaths) -> str:
+    """Returns the name that a scene file in YAML states at its beginning; empty if it states none."""
+    if not chosen.main.endswith((".yaml", ".yml")):
+        return ""
+    with chosen.files[chosen.main].rewind() as file:
+        found = TITLE.search(file.read(STATED_WITHIN).decode("utf-8", errors="replace"))
+    try:
+        return plain_title(found[1])[:200] if found else ""
+    except Invalid:  # for example with control characters
+        return ""
 
 
 def _record_added_files(

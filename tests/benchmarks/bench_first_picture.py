@@ -1,11 +1,12 @@
 """Time from opening the page, and from choosing a file in it, until each stage is visible.
 
-    python3 farm.py bench first_picture [--cold] [--rounds 3] [FILE ...]
+    python3 farm.py bench first_picture [--cold] [--rounds 3] [FILE or "Still life" ...]
 
 Columns, in seconds: first contentful paint of the front page; then, from the moment a file is chosen (or an example opened), the
-model drawn by WebGL, the first path-traced samples, and the whole picture: one sample per pixel on average. Without files: a
-generated GLB of 1,000 and one of a million triangles, and the example Still life. Warm: kernels are in the cache, and the farm
-waits; --cold: a farm starts with an empty kernel cache before each file. Each round has a new browser profile.
+model drawn by WebGL or the example's picture, the first path-traced samples, and the whole picture: one sample per pixel on
+average. Without files: a generated GLB of 1,000 and one of a million triangles, and the example Still life. Warm: kernels are in
+the cache, and the farm waits; --cold: a farm starts with an empty kernel cache before each file. Each round has a new browser
+profile.
 """
 
 from __future__ import annotations
@@ -31,7 +32,8 @@ PAINT = "() => performance.getEntriesByName('first-contentful-paint')[0]?.startT
 SEEN = """() => {
   const view = document.querySelector(".live-view");
   return {
-    model: [...document.querySelectorAll("canvas.mesh")].some((canvas) => canvas.dataset.drawn && !canvas.hidden),
+    model: [...document.querySelectorAll("canvas.mesh")].some((canvas) => canvas.dataset.drawn && !canvas.hidden)
+      || Boolean(view?.style.backgroundImage),
     samples: view?.dataset.view !== undefined,
     whole: Number.parseFloat(document.querySelector(".view-state")?.textContent ?? "") >= 1,
   };
@@ -41,7 +43,7 @@ SEEN = """() => {
 def main() -> None:
     """Measures and prints a table of medians."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="scene files, each in one file")
+    parser.add_argument("files", nargs="*", type=Path, metavar="FILE", help="scenes of one file, or titles of examples")
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--slots", type=int, default=2)
     parser.add_argument("--cold", action="store_true", help="with an empty kernel cache before each file (about a minute each)")
@@ -50,7 +52,7 @@ def main() -> None:
     print(f"{'':24}" + "".join(f"{stage:>10}" for stage in STAGES))
     with tempfile.TemporaryDirectory(prefix="rayfarm-bench-") as name, sync_playwright() as playwright:
         folder = Path(name)
-        scenes: list[Path | str] = [*options.files]
+        scenes: list[Path | str] = [path if path.exists() else str(path) for path in options.files]
         if not scenes:
             sizes = {"1 k triangles": 1_000, "1 M triangles": 1_000_000}
             scenes = [*(large_file(folder / f"{label}.glb", count) for label, count in sizes.items()), EXAMPLE]

@@ -80,6 +80,14 @@ def test_files_with_folders_in_their_names(service: Service) -> None:
     assert answer.headers["location"] == f"/api/scenes/{body['id']}"
 
 
+@pytest.mark.parametrize(
+    ("text", "name"),
+    [('name: "A still life"\n', "A still life"), ("name: lamp\n", "lamp"), ("# no name\n", "file"), ('name: "a\x07b"\n', "file")],
+)
+def test_a_scene_file_in_yaml_states_the_scenes_name(service: Service, text: str, name: str) -> None:
+    assert post(service, [("file.yaml", b"shapes: []\n" + text.encode())]).json()["name"] == name
+
+
 def test_a_zip_is_the_scene_that_its_files_are(service: Service) -> None:
     files = {"cube.obj": OBJ, "wood.png": b"wood"}
     plain = post(service, list(files.items()))
