@@ -127,6 +127,7 @@ async def image(
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
     tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
     width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
+    visible: bool = Query(False, description="png and jpg that would look black are exposed by what they show: for lists"),
 ) -> Response:
     """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
 
@@ -152,7 +153,7 @@ async def image(
     denoised = await _denoised(id, n, film, farm) if denoise and not asks_head else None
     if denoised is not None:
         version, samples = denoised.version, denoised.samples
-    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width}"
+    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width} {visible}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
     known = request.headers.get("if-none-match", "")
@@ -167,7 +168,9 @@ async def image(
     blob = None if denoised is None else partial(farm.blobs.open, denoised.sha256)
     motion = await motion_vectors_of(job, n, film, farm) if aovs.MOTION in planes else None
     names = await run_in_threadpool(names_of_ids, id, farm) if any(map(aovs.is_matte, planes)) else {}
-    wish = PictureRequest(extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion, names)
+    wish = PictureRequest(
+        extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion, names_of_ids=names, visible=visible
+    )
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.run(
         (id, n, headers["ETag"]), picture_memory(film, wish), picture_file, film, frame_key(n), wish, folder, user=visit.queue

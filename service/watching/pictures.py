@@ -6,7 +6,7 @@ complete in memory first: display-encoded ones, and AOVs that are scaled to thei
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, BinaryIO
@@ -17,6 +17,7 @@ import numpy.typing as npt
 from renderer import aovs, cryptomatte
 from renderer.film import plane_count
 from renderer.image import rgbe9995, tonemap
+from renderer.image.darkness import darkness
 from renderer.sentences import Sentence
 from service.errors import Invalid
 from service.store.bands import bands
@@ -46,7 +47,8 @@ class PictureRequest:
     addition to the colour, instead of one plane without the colour. exposure: in stops. curve: name of the tone curve. width:
     minimum width of a downscaled copy. denoised: function that opens the denoised colour, used in place of the film's; None:
     not denoised. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
-    names_of_ids: names of objects and materials, for Cryptomatte.
+    names_of_ids: names of objects and materials, for Cryptomatte. visible: a colour that would look black is
+    exposed by what it shows, in addition to `exposure`.
     """
 
     extension: str
@@ -57,6 +59,7 @@ class PictureRequest:
     width: int | None = None
     denoised: Callable[[], BinaryIO] | None = None
     motion: Callable[[], BinaryIO] | None = None
+    visible: bool = False
     names_of_ids: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False)
 
     def check(self) -> None:
@@ -146,7 +149,9 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
         return of_bands
     if request.extension == "rgb9e5":
         return of_bands + 8 * film.width * film.height // side**2
-    of_shown = 10 * film.width * film.height // side**2  # rows, the encoder's copy, the file
+    of_shown = (
+        (64 if request.visible else 10) * film.width * film.height // side**2
+    )  # rows, the encoder's copy, the file; its light
     return of_bands + of_shown + (8 * channels * film.width * film.height if request.planes else 0)
 
 
@@ -176,8 +181,14 @@ def _with_motion(film: Film, frame: int, request: PictureRequest) -> Iterator[F3
 
 
 def _tone_mapped(film: Film, frame: int, request: PictureRequest, side: int) -> Iterator[npt.NDArray[np.uint8]]:
-    for band in reduced_bands(_values(film, frame, request), side):
-        yield tonemap.apply(band, request.exposure, request.curve)
+    parts: Iterable[F32] = reduced_bands(_values(film, frame, request), side)
+    exposure = request.exposure
+    if request.visible:
+        parts = [*parts]
+        dark = darkness(np.concatenate(parts))
+        exposure += dark.exposure if dark else 0.0
+    for band in parts:
+        yield tonemap.apply(band, exposure, request.curve)
 
 
 def _whole_plane(film: Film, frame: int, request: PictureRequest) -> F32:

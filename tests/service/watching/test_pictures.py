@@ -35,12 +35,13 @@ WISHES = [
     *(PictureRequest("png", (name,)) for name in aovs.AOVS),
     *(PictureRequest("exr", (name,)) for name in ("normal", "depth")),
     PictureRequest("png", ("error",), width=300),
+    PictureRequest("jpg", visible=True),
     ALL,
 ]
 
 
-def rendered(folder: Path, width: int, height: int, tile: int) -> Film:
-    film = Film(folder / "job.sqlite", width, height, tile, 24, TileCache(1))
+def rendered(folder: Path, width: int, height: int, tile: int, exponent: int = 24) -> Film:
+    film = Film(folder / "job.sqlite", width, height, tile, exponent, TileCache(1))
     film.merge([Contribution(0, i, 0, 2, pack_sums(expected_sums(tile, 0, 2, 0))) for i, tile in enumerate(film.tiles)])
     return film
 
@@ -104,6 +105,16 @@ def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tm
         np.testing.assert_array_equal(decoded(made(small, PictureRequest("png", (name,)), tmp_path)), aovs.visible(name, plane))
         grey = plane if plane.ndim == 3 else np.repeat(plane[..., None], 3, axis=2)
         assert same(made(small, PictureRequest("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
+
+
+def test_a_picture_that_looks_black_is_exposed_where_it_shall_be_visible(small: Film, tmp_path: Path) -> None:
+    """A film 2^-16 times as bright looks black. A bright picture stays as it is."""
+    dark = rendered(tmp_path, small.width, small.height, small.tiles[0].w, 40)
+    black, shown = (decoded(made(dark, PictureRequest("png", visible=visible), tmp_path)) for visible in (False, True))
+    dark.close()
+    assert black.max() < 20 < 100 < shown.max()
+    plain, same_again = (made(small, PictureRequest("png", visible=visible), tmp_path) for visible in (False, True))
+    assert plain == same_again
 
 
 @pytest.mark.long

@@ -17,7 +17,8 @@ const PANORAMA_ASPECT = 2;
  *     suit: takes the shape that a projection needs; what the user typed stays
  */
 export function sizeFields(defaults, changed) {
-  const start = defaults.width && defaults.height ? { width: defaults.width, height: defaults.height } : known().defaults;
+  const { width: across, height: down } = defaults.width && defaults.height ? defaults : known().defaults;
+  const start = { width: across, height: down };
   let aspect = start.width / start.height;
   const width = side("width", start.width);
   const height = side("height", start.height);

@@ -96,7 +96,7 @@ function tile(job, clicked, sides) {
       if (next.samples <= 0) return;
       shown = next.state;
       at = performance.now();
-      showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 240, v: next.samples })).then(
+      showImage(image, imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 240, visible: "true", v: next.samples })).then(
         () => button.removeAttribute("title"),
         ({ message }) => ((image.hidden = true), (button.title = message)),
       );

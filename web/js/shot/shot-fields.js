@@ -41,9 +41,12 @@ export function shotFields(scene, like, changed, asShot = false) {
   explain(framesField, t("Frames"), [frames]);
   const everyField = field(t("Every"), every);
   const turnField = field(t("Once around, s"), turn, setting("turntable").help);
-  const stillField = field(t("Frame"), moment, t("The moment that is shown; halves are frames too. The view follows."));
+  const stillField = field(t("Frame"), moment);
+  moment.title = t("The moment that is shown; halves are frames too. The view follows.");
   const scrub = h("input", { type: "range", min: 0, max: 1, value: "0", "aria-label": t("Moment") });
-  stillField.append(scrub);
+  const row = h("div", { class: "slider-row" });
+  moment.replaceWith(row);
+  row.append(scrub, moment);
   moment.addEventListener("input", () => (scrub.value = moment.value));
   scrub.addEventListener("input", () => {
     moment.value = scrub.value;

@@ -100,7 +100,7 @@ export function jobRow(job, lead) {
       if (next.samples > 0 && due && !document.hidden) {
         picturedAt = now;
         picturedState = next.state;
-        const url = imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 320, v: next.samples });
+        const url = imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 320, visible: "true", v: next.samples });
         showImage(image, url).then(
           () => box.removeAttribute("title"),
           ({ message }) => ((image.hidden = true), (box.title = message)),

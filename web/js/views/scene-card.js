@@ -87,7 +87,7 @@ export function refusedRow(scene) {
 function renderedOf({ id }) {
   const asUploaded = (/** @type {Job} */ job) => !job.environment && job.variant == null && job.up == null && job.floor == null;
   const job = jobs.value?.find((each) => each.scene === id && each.state === "finished" && each.samples > 0 && asUploaded(each));
-  return job && imageUrl({ job: job.id, frame: firstFrame(job) }, "jpg", { width: 480, v: job.samples });
+  return job && imageUrl({ job: job.id, frame: firstFrame(job) }, "jpg", { width: 480, visible: "true", v: job.samples });
 }
 
 /** @param {Scene} scene */

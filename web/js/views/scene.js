@@ -248,7 +248,7 @@ function viewOf(scene, form, sides, life) {
   if (linked) form.turn(linked);
   const finished = (jobs.value ?? []).find((job) => job.scene === scene.id && job.state === "finished");
   const seen = finished
-    ? imageUrl({ job: finished.id, frame: firstFrame(finished) }, "jpg", { width: 800, v: finished.samples })
+    ? imageUrl({ job: finished.id, frame: firstFrame(finished) }, "jpg", { width: 800, visible: "true", v: finished.samples })
     : (scene.thumbnail ? thumbnailUrl(scene.id) : "");
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
