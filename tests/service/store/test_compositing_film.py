@@ -15,7 +15,7 @@ from renderer.cryptomatte import Hits, count_samples, merged, moved
 from renderer.film import COLOR, SAMPLES, Sums, group_planes, plane_count
 from service.errors import Invalid
 from service.store.bands import digest
-from service.store.films import Film, Part
+from service.store.films import Film, Contribution
 from service.store.tile_cache import TileCache
 from service.watching.pictures import PictureRequest, picture_file
 
@@ -43,7 +43,7 @@ def test_groups_and_mattes_of_a_film(order: int, tmp_path: Path) -> None:
             sums, of_tile = batch(tile.w, tile.h, 100 * i + k)
             whole[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += sums
             hits.append(moved(of_tile, tile.x, tile.y, tile.w, WIDTH))
-            parts.append(Part(0, i, COUNT * k, COUNT, pack_sums(sums, hits=of_tile)))
+            parts.append(Contribution(0, i, COUNT * k, COUNT, pack_sums(sums, hits=of_tile)))
     for at in np.random.default_rng(order).permutation(len(parts)):
         assert made.merge([parts[at]]) == [True]
     expected = film.digest(whole, merged(hits))
