@@ -35,6 +35,7 @@ MACHINE_CODE = (
     "view.py",
     "setting_declaration.py",
     "errors.py",
+    "cryptomatte.py",
     "film.py",
     "luminance.py",
     "threads.py",

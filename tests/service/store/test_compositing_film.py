@@ -15,7 +15,7 @@ from renderer.cryptomatte import Hits, count_samples, merged, moved
 from renderer.film import COLOR, SAMPLES, Sums, group_planes, plane_count
 from service.errors import Invalid
 from service.store.bands import digest
-from service.store.films import Film, Contribution
+from service.store.films import Contribution, Film
 from service.store.tile_cache import TileCache
 from service.watching.pictures import PictureRequest, picture_file
 
