@@ -20,13 +20,23 @@ from renderer.cuda.render import CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, BadSample, BatchSums, Sums, plane_count
 from renderer.kernel import path_trace as record
-from renderer.kernel.accumulate import MAX_BAD, Batch, Output, has_variants, new_scratch, path_scratch, renderer_of
+from renderer.kernel.accumulate import (
+    MAX_BAD,
+    Batch,
+    Output,
+    has_variants,
+    new_scratch,
+    path_scratch,
+    renderer_of,
+    samples_caustics,
+)
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.options import kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
 from renderer.parallel_compile import GROUPS_SUFFIX, Helpers
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
+from renderer.scene.caustics import example_tables, with_caustics
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.environment import environment_sampled_fully, with_environment_changed, without_environment_sampling
 from renderer.scene.light_groups import with_group_planes
@@ -83,6 +93,8 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     """
     scene = with_environment_changed(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     scene = with_light_choice(scene, settings.light_choice)
+    if samples_caustics(settings):
+        scene = with_caustics(scene)
     if settings.sampling == "light" or settings.integrator == "whitted":
         scene = environment_sampled_fully(scene)
     else:
@@ -102,6 +114,8 @@ def _render(
     sums = np.zeros((plane_count(groups), tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
     ids = np.full((tile.w * tile.h * count if settings.cryptomatte else 0, 2), NOT_FINITE, np.uint32)
+    if scene.caustics is None and samples_caustics(settings):  # nothing to sample
+        settings = replace(settings, caustics="off")
     kernel = renderer_of(settings)
     bad_count, rays = kernel(
         scene,
@@ -143,7 +157,7 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, no light groups, no Cryptomatte and no mistake; leave out the card",
+                "sample, caustics off, no light groups, no Cryptomatte and no mistake; leave out the card",
             )
         )
 
@@ -353,6 +367,8 @@ def warm_up(
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
     nothing = with_group_planes(example(), settings.group_names)
     nothing = strip_absent_features(nothing, variant, bool(settings.light_groups))
+    if samples_caustics(settings):
+        nothing = nothing._replace(caustics=example_tables())
     with (
         helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,

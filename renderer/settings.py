@@ -16,11 +16,13 @@ from renderer.setting_declaration import Choices, Setting, SettingTexts, checked
 from renderer.view import MAX_DISTANCE, PROJECTIONS, VIEW, Vec3, View
 
 __all__ = [
+    "CAUSTICS",
     "ENVIRONMENT",
     "FILTERS",
     "HEURISTICS",
     "INTEGRATORS",
     "LIGHT_CHOICES",
+    "MAX_CAUSTIC_TRIALS",
     "MAX_DEPTH",
     "MAX_FLOOR",
     "MAX_LIGHT_GROUPS",
@@ -109,6 +111,13 @@ MISTAKES = Choices(
         ),
     }
 )
+CAUSTICS = Choices(
+    {
+        "off": SettingTexts("Off", "Light through glass and water is found by chance."),
+        "on": SettingTexts("On", "Small lamps and suns are sought through smooth glass, water and mirrors: sharp caustics."),
+    }
+)
+MAX_CAUSTIC_TRIALS = 4096  # walks that estimate the probability of one: renderer/kernel/manifold/estimate.py
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
 MAX_LIGHT_SAMPLES = 64
@@ -230,6 +239,16 @@ class RenderSettings:
             usual=(1, 16),
         ),
     ] = 1
+    caustics: Annotated[
+        str,
+        Setting(choices=CAUSTICS),
+        SettingTexts(
+            "Caustics",
+            "Whether small lamps are sought through one or two smooth interfaces of glass, water and mirrors.",
+            integrators=("path",),
+            phrase="caustics {}",
+        ),
+    ] = "off"
     splitting: Annotated[
         int,
         Setting(1, MAX_SPLITTING),
@@ -427,6 +446,13 @@ class RenderSettings:
                 ),
                 field="light_groups",
             )
+        if self.light_groups and self.caustics == "on":
+            raise SettingsError(
+                Sentence(
+                    "light-groups-caustics", "light_groups cannot be combined with caustics 'on' yet; leave out one of them"
+                ),
+                field="light_groups",
+            )
         if len(self.views) == 1 or len(self.views) > MOST_KEYS:
             raise SettingsError(
                 Sentence(
@@ -480,7 +506,7 @@ class RenderSettings:
 
 
 SETTINGS = table(RenderSettings)
-_LATER = ("transparency_depth", "light_groups", "cryptomatte")
+_LATER = ("caustics", "transparency_depth", "light_groups", "cryptomatte")
 
 # Settings with defaults in the scene file, and then in RenderSettings.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)

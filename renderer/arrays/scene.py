@@ -128,6 +128,7 @@ class CompiledScene(NamedTuple):
     origin: Array = np.zeros(3)
 
     has: SceneFeatures = EVERYTHING  # the kernel features that the scene needs
+    caustics: Any = None  # CausticTables (renderer/scene/caustics.py) while a kernel samples light through casters; never stored
 
 
 # Each array's element type and shape, in the file's order: most frequently read first, where alignment is best.

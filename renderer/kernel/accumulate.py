@@ -14,6 +14,7 @@ from renderer.bvh.traverse import new_stack
 from renderer.jit import entry, never_inline, subroutine
 from renderer.kernel.backends.cpu.render import Part, pool_for, render_with_pool, stages
 from renderer.kernel.backends.scalar.first_hit import FIRST_HIT_SLOTS
+from renderer.kernel.backends.scalar.picture import trace_picture
 from renderer.kernel.backends.scalar.tile import render_tile
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.light_groups import GROUP_ROW
@@ -25,7 +26,17 @@ from renderer.kernel.path_trace import COLUMNS
 from renderer.reference import Reference, by_reference
 from renderer.settings import RenderSettings
 
-__all__ = ["MAX_BAD", "Batch", "Output", "has_variants", "new_scratch", "path_scratch", "pool_stages", "renderer_of"]
+__all__ = [
+    "MAX_BAD",
+    "Batch",
+    "Output",
+    "has_variants",
+    "new_scratch",
+    "path_scratch",
+    "pool_stages",
+    "renderer_of",
+    "samples_caustics",
+]
 
 Renderer = Callable[..., tuple[int, int]]
 
@@ -76,6 +87,12 @@ def _by_path(scene, stack, camera, options, batch, output):
 
 
 @subroutine
+def _by_caustics(scene, stack, camera, options, batch, output):
+    never_inline()
+    return render_tile(trace_picture, scene, stack, camera, options, batch, output)
+
+
+@subroutine
 def _by_whitted(scene, stack, camera, options, batch, output):
     never_inline()
     return render_tile(trace_whitted, scene, stack, camera, options, batch, output)
@@ -98,6 +115,11 @@ def _render_special_path(scene, stack, camera, options, batch, output):
 
 
 @entry
+def _render_caustics(scene, stack, camera, options, batch, output):
+    return _by_caustics(by_reference(scene), stack, camera, options, batch, output)
+
+
+@entry
 def _render_whitted(scene, stack, camera, options, batch, output):
     return _by_whitted(by_reference(scene), stack, camera, options, batch, output)
 
@@ -115,6 +137,11 @@ def has_variants(settings: RenderSettings) -> bool:
     return renderer_of(settings) is _render_pool
 
 
+def samples_caustics(settings: RenderSettings) -> bool:
+    """Returns True if the kernel for these settings samples light through casters, in scenes with CausticTables."""
+    return renderer_of(settings) is _render_caustics
+
+
 def renderer_of(settings: RenderSettings) -> Renderer:
     """Returns the kernel that renders with these settings.
 
@@ -126,6 +153,8 @@ def renderer_of(settings: RenderSettings) -> Renderer:
         return _render_ao
     if is_special(settings):
         return _render_special_path
+    if settings.caustics == "on" and settings.integrator == "path":
+        return _render_caustics
     return _render_pool
 
 

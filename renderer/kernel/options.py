@@ -9,7 +9,17 @@ import numpy as np
 
 from renderer.arrays.rows import TRANSPARENT
 from renderer.arrays.scene import CompiledScene
-from renderer.settings import FILTERS, HEURISTICS, MAX_DEPTH, MISTAKES, SAMPLERS, SAMPLINGS, SETTINGS, RenderSettings
+from renderer.settings import (
+    FILTERS,
+    HEURISTICS,
+    MAX_CAUSTIC_TRIALS,
+    MAX_DEPTH,
+    MISTAKES,
+    SAMPLERS,
+    SAMPLINGS,
+    SETTINGS,
+    RenderSettings,
+)
 
 __all__ = [
     "ATTENUATION",
@@ -48,6 +58,7 @@ class Options(NamedTuple):
     has_depths: bool  # whether any of these four is a limit
     transmission_depth: int  # upper bound of smooth transmissions, which do not count as segments; 0: they do
     light_samples: int
+    caustic_trials: int  # greatest number of walks that estimate the probability of one (kernel/manifold/estimate.py)
     splitting: int  # number of branches into which a path's first vertex scatters it
     scale: np.float32  # 2**film_exponent
     clamp: np.float32  # 0: none
@@ -79,6 +90,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         has_depths=min(limits) < math.inf,
         transmission_depth=settings.transmission_depth if settings.integrator == "path" else 0,
         light_samples=settings.light_samples,
+        caustic_trials=MAX_CAUSTIC_TRIALS,
         splitting=settings.splitting if settings.sampling == "mis" else 1,  # other strategies are compared without splitting
         scale=np.float32(2.0**settings.film_exponent),
         clamp=np.float32(settings.clamp_indirect),

@@ -207,3 +207,8 @@ def test_names_of_groups_as_aovs() -> None:
     assert (aovs.values(sums, 24, "light:rest", groups) == 1.5).all()
     assert not aovs.values(sums, 24, "light:key", groups).any()
     assert aovs.planes("light:rest", groups) == (*range(film.CHANNELS + 3, film.CHANNELS + 6), SAMPLES)
+
+
+def test_groups_and_caustics_are_not_combined() -> None:
+    with pytest.raises(SettingsError, match="light_groups cannot be combined with caustics"):
+        replace(made("diffuse")[1], light_groups="key", caustics="on")

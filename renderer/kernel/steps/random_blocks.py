@@ -9,15 +9,17 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.jit import device
-from renderer.kernel.sampling.sampler import draw4
+from renderer.kernel.sampling.sampler import INDEPENDENT, Stream, draw4
 from renderer.wide.values import to_int, u32
 
-__all__ = ["draw_color", "draw_light", "draw_passing", "draw_scattering", "draw_time"]
+__all__ = ["draw_caustic", "draw_color", "draw_light", "draw_passing", "draw_scattering", "draw_time", "draw_trial"]
 
 _PASSING_BLOCKS = np.uint32((1 << 16) - 1)  # mask of the surface's number: paths that pass more surfaces reuse the blocks
 _PASSING = np.uint32(1 << 16)  # first block of transparent surfaces; vertices use lower ones
 _COLOR = np.uint32(1 << 17)  # first block of dispersive surfaces
 _TIME = np.uint32(1 << 18)  # block whose first number is the sample's shutter time
+_CAUSTIC = np.uint32(1 << 24)  # first block of light through casters: TRIALS blocks a vertex, of the lamp and of each walk
+_TRIALS = np.uint32(13)
 _ONE, _TWO = np.uint32(1), np.uint32(2)
 
 
@@ -49,3 +51,21 @@ def draw_color(stream, number):
 def draw_time(stream):
     """Returns a sample's shutter time, 0 ... 1."""
     return draw4(stream, _TIME)[0]
+
+
+@device
+def draw_caustic(stream, number):
+    """Returns a vertex's numbers for a point on a lamp (two), the lamp, and the caster. number: count of earlier vertices."""
+    return draw4(stream, u32(u32(u32(to_int(number)) << _TRIALS) + _CAUSTIC))
+
+
+@device
+def draw_trial(stream, number, trial):
+    """Returns the numbers of a walk at a vertex, all from its own block. trial: 0 for the first walk.
+
+    Further walks are independent of the first one, so that they estimate the probability of its solution.
+    """
+    block = u32(u32(u32(u32(to_int(number)) << _TRIALS) + _CAUSTIC) + u32(u32(trial) + _ONE))
+    if trial > 0:
+        return draw4(Stream(INDEPENDENT, stream.seed, stream.pixel, stream.sample), block)
+    return draw4(stream, block)

@@ -12,10 +12,19 @@ from renderer.kernel import vec
 from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.lights import choose_sampled, sample_chosen
 from renderer.kernel.light_groups import add_group_light, group_of_environment, group_of_light, group_of_sample
+from renderer.kernel.manifold.chain import is_sampled_elsewhere
+from renderer.kernel.manifold.estimate import estimate_caustic
 from renderer.kernel.material.material import eval_material
 from renderer.kernel.sampling.sampler import substream
 from renderer.kernel.steps.aim import NOT_AIMED, mixture_pdf, targets_in_view
-from renderer.kernel.steps.emitted_light import add_light, brought_light, emitted_by_environment, emitted_by_sun, emitted_light
+from renderer.kernel.steps.emitted_light import (
+    add_light,
+    brought_light,
+    clamp_indirect,
+    emitted_by_environment,
+    emitted_by_sun,
+    emitted_light,
+)
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.pass_through import counts_emission
 from renderer.kernel.steps.random_blocks import draw_light
@@ -23,7 +32,7 @@ from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_l
 from renderer.kernel.steps.state import LastVertex, with_radiance
 from renderer.kernel.surface.surface import is_emissive
 
-__all__ = ["add_direct", "add_emission", "add_environment", "has_lights"]
+__all__ = ["add_caustic", "add_direct", "add_emission", "add_environment", "has_lights"]
 
 _ZERO = np.float32(0.0)
 _YES, _NO = np.bool_(True), np.bool_(False)
@@ -36,10 +45,10 @@ def has_lights(scene):
 
 
 @template
-def add_environment(scene, ray, path, last, options, time, weigh_hit, found, groups):
+def add_environment(scene, ray, path, last, chain, options, time, weigh_hit, found, groups):
     """Returns `path` with the light of the environment and of suns added; called if the path's ray has hit nothing.
 
-    found, groups: the table of the light by group, and the row of the path's first group.
+    chain: from kernel/manifold/chain.py. found, groups: the table of the light by group, and the row of the path's first group.
     """
     counts = ray.pdf >= _ZERO
     seen = emitted_by_environment(scene, ray)
@@ -52,21 +61,26 @@ def add_environment(scene, ray, path, last, options, time, weigh_hit, found, gro
         for which in range(len(scene.sun)):
             seen = emitted_by_sun(scene, which, ray, last, path.number, time)
             weight = weigh_hit(options, ray, path, last, None, seen.light_pdf)
+            shows = counts
+            if scene.caustics is not None:
+                shows = counts and not is_sampled_elsewhere(scene, chain, np.int64(scene.sun[which]))
             light = vec.scale(seen.radiance, weight)
             if scene.has.groups is not None:
                 group = groups + group_of_light(scene, np.uint32(scene.sun[which]))
-                add_group_light(found, group, brought_light(path, light, options), counts)
-            path = add_light(path, light, counts, options)
+                add_group_light(found, group, brought_light(path, light, options), shows)
+            path = add_light(path, light, shows, options)
     return path
 
 
 @template
-def add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit, found, groups):
+def add_emission(scene, surface, through, ray, path, last, chain, options, time, weigh_hit, found, groups):
     """Returns `path` with the emission of the surface that its ray has hit added.
 
-    through: whether the path passes through that surface without scattering. found, groups: as for `add_environment`.
+    through: whether the path passes through that surface without scattering. chain, found, groups: as for `add_environment`.
     """
     if is_emissive(surface) and ray.pdf >= _ZERO and counts_emission(scene, surface, through):
+        if scene.caustics is not None and is_sampled_elsewhere(scene, chain, np.int64(surface.light)):
+            return path
         seen = emitted_light(scene, surface, _YES, ray, last, time)
         weight = weigh_hit(options, ray, path, last, surface.point, seen.light_pdf)
         light = vec.scale(seen.radiance, weight)
@@ -112,3 +126,11 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
                     radiance = add_direct_light(path.radiance, shadow.brought, left, shadow.segments, options)
                     path = with_radiance(path, radiance)
     return path, rays
+
+
+@template
+def add_caustic(scene, stack, vertex, ray, path, crossings, options, stream):
+    """Samples the light of small lamps through casters at a path's vertex; returns (the path with it added, number of rays)."""
+    caustic = estimate_caustic(scene, stack, vertex, path, ray.roulette_weight, crossings.counts, options, stream)
+    brought = clamp_indirect(vec.mul(path.throughput, caustic.radiance), caustic.segments, options.clamp)
+    return with_radiance(path, vec.add(path.radiance, brought)), caustic.rays

@@ -14,9 +14,10 @@ from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closes
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import FIRST_GROUP, store_first_hit
-from renderer.kernel.backends.scalar.light import add_direct, add_emission, add_environment
+from renderer.kernel.backends.scalar.light import add_caustic, add_direct, add_emission, add_environment
 from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, reach_surface, subsurface_vertex, surface_vertex
 from renderer.kernel.light_groups import add_group_light, group_of_material
+from renderer.kernel.manifold.chain import NO_CHAIN, begin_chain, continue_chain, is_joined
 from renderer.kernel.material.material import eval_material, is_specular
 from renderer.kernel.path_trace import (
     DIRECT,
@@ -61,7 +62,7 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
     sample_bsdf(scene, vertex, options, choose, u) returns a BsdfSample.
     """
     ray, path = camera_path(camera.o, camera.d)
-    state = ray, path, LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start), _ZERO
+    state = ray, path, LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start), _ZERO, NO_CHAIN
     stream, own_log, light, rays, groups = camera.stream, log, _BLACK, 0, FIRST_GROUP
     while True:
         path, splits_here, state, more = _follow(
@@ -82,9 +83,10 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
     """Follows one branch of a path to its end.
 
     Returns (PathState, whether the path splits, start state of the second branch, number of rays). A start state is (Ray,
-    PathState, LastVertex, Crossings, number of surfaces passed, a float). groups: the row of the branch's light by group.
+    PathState, LastVertex, Crossings, number of surfaces passed, a float, state of its chain of kernel/manifold/chain.py). groups:
+    the row of the branch's light by group.
     """
-    ray, path, last, crossings, passed = state
+    ray, path, last, crossings, passed, chain = state
     other, splits_here, rays, time = state, _NO, 0, camera.time
     layers = local_floats(LAYER_SLOTS)
     after = where_present(scene.has.textures, FROM_ORIGIN)
@@ -98,7 +100,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             drifts, distance, path = event.scatters, event.distance, with_throughput(path, event.throughput)
         if hit.primitive == NO_PRIMITIVE and not drifts:
             record_miss(log, row, ray, path)
-            path = add_environment(scene, ray, path, last, options, time, weigh_hit, first, groups)
+            path = add_environment(scene, ray, path, last, chain, options, time, weigh_hit, first, groups)
             record_light(log, row, EMITTED, path.radiance)
             break
         if scene.has.media is not None and drifts:
@@ -109,13 +111,14 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             surface = surface_at(scene, ray.o, ray.d, hit)
             through, path = reach_surface(scene, surface, path, last, row, stream, options, time)
             record_surface(log, row, surface, surface.point, through, hit.t, ray, path)
-            path = add_emission(scene, surface, through, ray, path, last, options, time, weigh_hit, first, groups)
+            path = add_emission(scene, surface, through, ray, path, last, chain, options, time, weigh_hit, first, groups)
             if through:
                 record_light(log, row, EMITTED, path.radiance)
                 crossings, blocked = pass_through(scene, surface, through, crossings, options)
                 if blocked:
                     break
                 passed += _ONE
+                chain = NO_CHAIN
                 crossings = Crossings(crossings.medium_stack, crossings.counts, hit.t)
                 after = where_present(scene.has.textures, (hit.t, hit.instance, hit.primitive))
                 continue
@@ -142,30 +145,37 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
                 scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, first, groups
             )
             rays += shadow_rays
+            if scene.caustics is not None and is_joined(vertex.material):
+                path, shadow_rays = add_caustic(scene, stack, vertex, ray, path, crossings, options, stream)
+                rays += shadow_rays
             record_light(log, row, DIRECT, path.radiance)
 
         u = draw_scattering(stream, path.number)
         branches = np.float32(options.splitting) if splits(path.number, specular) else _ONE
         last = LastVertex(vertex.surface.point, vertex.normal)
+        begun = begin_chain(vertex.material, specular)
         if branches > _ONE:
             dark = with_radiance(path, _BLACK)
-            own_ray, second, beyond, survival = _scatter(
+            own_ray, second, beyond, survival, _ = _scatter(
                 scene, vertex, ray, dark, crossings, second_branch_numbers(u), branches, is_surface, options, sample_bsdf
             )
             if not survival <= _ZERO:
-                other, splits_here = (own_ray, second, last, beyond, passed), _YES
-        ray, path, crossings, survival = _scatter(
+                other, splits_here = (own_ray, second, last, beyond, passed, begun), _YES
+        o, d = ray.o, ray.d
+        ray, path, crossings, survival, bounce = _scatter(
             scene, vertex, ray, path, crossings, u, branches, is_surface, options, sample_bsdf
         )
         if survival <= _ZERO:
             break
+        if scene.caustics is not None:
+            chain = continue_chain(scene, chain, hit, o, d, bounce) if specular else begun
         after = where_present(scene.has.textures, FROM_ORIGIN)
     return path, splits_here, other, rays
 
 
 @template
 def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, options, sample_bsdf):
-    """Scatters a path at its vertex, using the four random numbers u; returns (Ray, PathState, Crossings, survival)."""
+    """Scatters a path at its vertex, using the four random numbers u; returns (Ray, PathState, Crossings, survival, Bounce)."""
     choose, here = u[2], LastVertex(vertex.surface.point, vertex.normal)
     if scene.has.targets is not None:
         specular = is_specular(vertex.material)
@@ -182,4 +192,4 @@ def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, optio
     ray, path, bounce = scatter(vertex.surface, vertex.frame, ray, path, sample, branches, options)
     crossings = cross_surface(scene, vertex.surface, crossings, bounce, is_surface)
     path, survival = continue_or_end(path, ray, u[3], is_surface, options)
-    return ray, path, crossings, survival
+    return ray, path, crossings, survival, bounce

@@ -1,0 +1,89 @@
+"""Starts of walks: the choice of a caster, and of a direction towards it, with a positive density everywhere on the caster."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.jit import device
+from renderer.kernel import vec
+from renderer.kernel.fetch import row
+from renderer.kernel.polynomial import sincos_turns
+from renderer.kernel.sampling.warp import square_to_cone, square_to_sphere, square_to_triangle
+
+__all__ = ["choose_caster", "seed_direction"]
+
+_ZERO = np.float32(0.0)
+_HALF = np.float32(0.5)
+_ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
+_NONE = np.int32(-1)
+_LEAST = np.float32(0.02)
+_JITTER = np.float32(0.25)  # greatest tangent of the angle between a seed and the straight line to the lamp
+
+
+@device
+def _importance(scene, number, p, n):
+    """Returns the weight with which a caster is chosen at p: roughly the solid angle of its bounding sphere.
+
+    n: the normal at p; zero if light from all sides counts.
+    """
+    x, y, z, radius = row(scene.caustics.bound, number, 4)
+    way = vec.sub((x, y, z), p)
+    if vec.dot(way, n) <= -radius:
+        return _ZERO
+    return max(min(radius * radius / vec.dot(way, way), _ONE), _LEAST)
+
+
+@device
+def choose_caster(scene, p, n, u):
+    """Chooses a caster for the point p; returns (its index, its probability), or (-1, 0) if none can contribute.
+
+    n: as for `_importance`. u: a random number in [0, 1).
+    """
+    total = _ZERO
+    count = len(scene.caustics.caster)
+    for k in range(count):
+        total += _importance(scene, k, p, n)
+    left, found, weight = u * total, _NONE, _ZERO
+    for k in range(count):
+        own = _importance(scene, k, p, n)
+        if own > _ZERO and left >= _ZERO:
+            found, weight = np.int32(k), own
+        left -= own
+    return found, weight / total if found >= 0 else _ZERO
+
+
+@device
+def seed_direction(scene, caster, p, line, is_aimed, u):
+    """Returns a random unit direction from p towards a caster. u: three random numbers in [0, 1).
+
+    line: unit direction to the lamp. is_aimed: whether a ray in that direction hits the caster first; half of the directions are
+    then near it.
+    """
+    choice = u[2]
+    if is_aimed:
+        if choice < _HALF:
+            sine, cosine = sincos_turns(u[1])
+            radius = _JITTER * u[0] * u[0]
+            s, t = vec.basis(line)
+            return vec.normalize(vec.add(line, vec.add(vec.scale(s, radius * cosine), vec.scale(t, radius * sine))))
+        choice = _TWO * choice - _ONE
+    first, count, _, _ = row(scene.caustics.caster, caster, 4)
+    if first >= len(scene.triangle):
+        x, y, z, radius = row(scene.sphere, first - len(scene.triangle), 4)
+        way = vec.sub((x, y, z), p)
+        square = vec.dot(way, way)
+        if square <= radius * radius:
+            return square_to_sphere((u[0], u[1]))
+        sine2 = radius * radius / square
+        axis = vec.scale(way, _ONE / math.sqrt(square))
+        s, t = vec.basis(axis)
+        return vec.to_world(s, t, axis, square_to_cone((u[0], u[1]), sine2 / (_ONE + math.sqrt(max(_ZERO, _ONE - sine2)))))
+    number = first + min(np.int32(choice * np.float32(count)), count - np.int32(1))
+    i, j, k, _ = row(scene.triangle, number, 4)
+    a, b, c = row(scene.position, i, 3), row(scene.position, j, 3), row(scene.position, k, 3)
+    v, w = square_to_triangle((u[0], u[1]))
+    q = vec.add(a, vec.add(vec.scale(vec.sub(b, a), v), vec.scale(vec.sub(c, a), w)))
+    return vec.normalize(vec.sub(q, p))

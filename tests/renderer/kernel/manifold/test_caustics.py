@@ -1,0 +1,176 @@
+"""Tests of light through casters: closed forms, brute force, the split against BSDF sampling, and the limit on trials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import renderer.render as rendering
+from renderer.arrays.scene import CompiledScene
+from renderer.film import COLOR, SAMPLES, Sums, digest
+from renderer.render import render_frame
+from renderer.scene.caustics import caustic_tables
+from renderer.scene.description import Light, Material, Mesh, Sphere
+from renderer.settings import RenderSettings
+from tests.renderer.builders import box, emitter, gray, icosphere, scene, settings, square
+
+GLASS = Material(kind="glass", base_color=gray(1.0), ior=1.33)
+MATT = Material(base_color=gray(0.5))
+MIRROR = Material(kind="mirror", base_color=gray(0.8))
+POINT = Light("point", intensity=gray(10.0), position=(0.0, 2.0, 0.0))
+REFLECTANCE = (0.33 / 2.33) ** 2
+FLOOR = square((0, -1, 0), (3, 0, 0), (0, 0, -3), 0)
+WATER = square((0, 0, 0), (0, 0, 2), (2, 0, 0), 1)
+
+
+def pixels(compiled: CompiledScene, asked: RenderSettings, spp: int) -> np.ndarray:
+    sums: Sums = render_frame(compiled, asked, spp, threads=2)
+    return sums[COLOR].mean(axis=0) / sums[SAMPLES] / 2.0**asked.film_exponent
+
+
+def floor_radiance(compiled: CompiledScene, **more: object) -> np.ndarray:
+    """Returns estimates (16,) of the radiance of the floor below the lamp, seen from below the water."""
+    asked = settings((0.8, -0.5, 0.0), (0.0, -1.0, 0.0), fov=0.1, size=4, max_depth=3, **more)
+    return pixels(compiled, asked, 128).reshape(-1)
+
+
+def assert_mean(found: np.ndarray, expected: float) -> None:
+    error = found.std(ddof=1) / np.sqrt(len(found))
+    assert error < 0.05 * expected
+    assert abs(found.mean() - expected) < 4.5 * error + 1e-3 * expected
+
+
+PANE = replace(box(1), positions=(box(1, 0.5).positions * (4, 1, 4) + (0, 0.5, 0)).astype(np.float32))
+DARK = replace(GLASS, attenuation_color=gray(0.5), attenuation_distance=1.0)
+SUN = Light("directional", intensity=gray(3.0), direction=(0.0, -1.0, 0.0))
+UNDER_WATER = 0.5 / np.pi * 10 * (1 - REFLECTANCE) / (2 + 1 / 1.33) ** 2
+
+
+@pytest.mark.parametrize(
+    ("made", "expected"),
+    [
+        (lambda: scene([MATT, GLASS], (FLOOR, WATER), lights=(POINT,)), UNDER_WATER),
+        (lambda: scene([MATT, GLASS], (FLOOR, WATER), lights=(SUN,)), 0.5 / np.pi * 3 * (1 - REFLECTANCE)),
+        (lambda: scene([MATT, DARK], (FLOOR, WATER), lights=(POINT,)), 0.5 * UNDER_WATER),
+        (lambda: scene([MATT, GLASS], (FLOOR, PANE), lights=(POINT,)), (1 - REFLECTANCE) * UNDER_WATER),
+    ],
+    ids=["water", "sun", "absorption", "pane"],
+)
+def test_light_through_flat_interfaces_has_its_closed_form(made: Callable[[], CompiledScene], expected: float) -> None:
+    compiled = made()
+    assert floor_radiance(compiled).max() == 0  # no path hits such a light
+    assert_mean(floor_radiance(compiled, caustics="on"), expected)
+
+
+def test_a_mirror_shows_the_lamp_s_image() -> None:
+    mirror = square((1, 0, 0), (0, 2, 0), (0, 0, 2), 1)
+    compiled = scene([MATT, MIRROR], (FLOOR, mirror), lights=(POINT,))
+    direct = 0.5 / np.pi * 10 / 9
+    expected = 0.5 / np.pi * 10 * 0.8 * 3 / (3.0**2 + 2.0**2) ** 1.5  # of the image at (2, 2, 0)
+    assert_mean(floor_radiance(compiled, caustics="on"), direct + expected)
+
+
+def hall(*more: Mesh, spheres: tuple[Sphere, ...], lights: tuple[Light, ...] = ()) -> CompiledScene:
+    """Returns a matt floor and a wall with casters and lamps that are small, but large enough for brute force."""
+    wall = square((0, 0, -2), (3, 0, 0), (0, 3, 0), 0)
+    lamp = Sphere((1.4, 3.2, 0.3), 0.3, 3)
+    return scene([MATT, GLASS, MIRROR, emitter(60.0)], (FLOOR, wall, *more), (*spheres, lamp), lights=lights)
+
+
+def rippled() -> Mesh:
+    """Returns a sheet of water with waves, with normals at its vertices."""
+    x, z = np.meshgrid(np.linspace(-1.5, 1.5, 13), np.linspace(-1.5, 1.5, 13), indexing="ij")
+    y = 0.03 * np.sin(3 * x + z)
+    slope = np.stack([-0.09 * np.cos(3 * x + z), np.ones_like(x), -0.03 * np.cos(3 * x + z)], -1).reshape(-1, 3)
+    k = np.arange(169).reshape(13, 13)
+    a, b, c, d = (each.reshape(-1) for each in (k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, 1:]))
+    faces = np.concatenate([np.stack([a, d, c], 1), np.stack([a, c, b], 1)]).astype(np.int32)
+    normals = (slope / np.linalg.norm(slope, axis=1, keepdims=True)).astype(np.float32)
+    return Mesh("water", np.stack([x, y, z], -1).reshape(-1, 3).astype(np.float32), faces, normals, material=1)
+
+
+def smooth_ball() -> Mesh:
+    ball = icosphere(3, 1, 0.6, (0, 0, 0))
+    unit = ball.positions / np.linalg.norm(ball.positions, axis=1, keepdims=True)
+    return replace(ball, normals=unit.astype(np.float32))
+
+
+HALLS = {
+    "sphere": lambda: hall(spheres=(Sphere((-0.3, -0.3, 0), 0.6, 1),)),
+    "mesh": lambda: hall(smooth_ball(), spheres=()),
+    "mirror": lambda: hall(spheres=(Sphere((-0.3, -0.3, 0), 0.6, 2),)),
+    "two": lambda: hall(smooth_ball(), spheres=(Sphere((-1.4, -0.5, 0.3), 0.4, 2), Sphere((1.2, -0.5, 0.5), 0.4, 1))),
+    "water": lambda: hall(rippled(), spheres=()),
+    "facets": lambda: hall(box(1, 0.5, (0, -0.2, 0)), spheres=()),
+    "sun": lambda: hall(
+        spheres=(Sphere((-0.3, -0.3, 0), 0.6, 1),),
+        lights=(Light("directional", intensity=gray(2.0), direction=(-0.4, -1.0, -0.2), angle=5.0, seen="always"),),
+    ),
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", HALLS)
+def test_the_mean_is_that_of_brute_force(name: str) -> None:
+    compiled = HALLS[name]()
+    eye, target = (0.0, 1.8, 5.0), (0.0, -0.3, 0.0)
+    seeds, size, parts = 8, 48, 4
+
+    def blocks(spp: int, first: int, **more: object) -> np.ndarray:
+        asked = settings(eye, target, fov=50.0, size=size, **more)
+        found = [pixels(compiled, replace(asked, seed=first + k), spp) for k in range(seeds)]
+        return np.array(found).reshape(seeds, parts, size // parts, parts, size // parts).mean(axis=(2, 4))
+
+    found, expected = blocks(24, 10, caustics="on"), blocks(1536, 50)
+    error2 = (found.var(axis=0, ddof=1) + expected.var(axis=0, ddof=1)) / seeds
+    z = (found.mean(axis=0) - expected.mean(axis=0)) / np.sqrt(error2 + 1e-12)
+    assert np.abs(z).max() < 5.0  # of 16 parts, with some 10 degrees of freedom
+    assert np.sqrt((z**2).mean()) < 1.7
+
+
+def test_without_casters_or_small_lamps_a_frame_is_the_same() -> None:
+    asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=8)
+    near = scene([MATT, GLASS, emitter(3.0)], (FLOOR,), (Sphere((0, 0, 0), 0.5, 1), Sphere((1.0, 0, 0), 0.3, 2)))
+    bare = scene([MATT, emitter(3.0)], (FLOOR,), (Sphere((1.0, 2, 0), 0.3, 1),))
+    for compiled in (near, bare):
+        assert caustic_tables(compiled) is None
+        both = [render_frame(compiled, replace(asked, caustics=each), 2, threads=1) for each in ("off", "on")]
+        assert digest(both[0]) == digest(both[1])
+
+
+def test_a_frame_does_not_depend_on_its_batches() -> None:
+    compiled = HALLS["two"]()
+    asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=40, caustics="on")
+    whole = render_frame(compiled, asked, 3, threads=1)
+    parts = render_frame(compiled, asked, 3, threads=2, stop=lambda sums: False)
+    assert digest(whole) == digest(parts)
+
+
+def test_the_limit_on_trials_cuts_the_light_of_improbable_solutions(monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled = HALLS["mesh"]()  # only a part of the walks towards a ball finds a way through it
+    asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=16, caustics="on")
+    own = rendering.kernel_options
+    totals = []
+    for most in (1, 4, 4096):
+
+        def limited(*given: Any, most: int = most) -> Any:
+            return own(*given)._replace(caustic_trials=most)
+
+        monkeypatch.setattr(rendering, "kernel_options", limited)
+        totals.append(pixels(compiled, asked, 16).mean())
+    assert totals[0] < totals[1] < totals[2]
+
+
+def test_tables_list_casters_and_small_lamps_only() -> None:
+    tables = caustic_tables(HALLS["two"]())
+    assert tables is not None
+    assert sorted(tables.caster[:, 2].tolist()) == [0, 1, 1]  # a mirror is not entered
+    assert len(tables.lamp) == 1 and tables.is_covered.tolist() == [1]
+    water = caustic_tables(HALLS["water"]())
+    assert water is not None and water.caster[0, 2:].tolist() == [0, 1]
+    large = scene([MATT, GLASS, emitter(3.0)], (FLOOR,), (Sphere((0, 0, 0), 0.5, 1), Sphere((0, 4, 0), 1.0, 2)))
+    assert caustic_tables(large) is None
