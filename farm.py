@@ -285,7 +285,7 @@ def run_checks(python):
 
 
 def nice(priority):
-    """Returns what runs a command at a lower priority."""
+    """Returns the prefix that runs a command at a lower priority, e.g. ["nice", "-n", "5"]; empty where `nice` is missing."""
     return ["nice", "-n", str(priority)] if shutil.which("nice") else []
 
 

@@ -167,5 +167,5 @@ def terms_key(name: str) -> str:
 
 
 def offer_key(name: str) -> str:
-    """Returns the Redis key of a worker's offer, which the worker writes."""
+    """Returns the Redis key of a worker's offer: its capabilities and the settings in effect. The worker writes it."""
     return f"rayfarm:offer:{name}"

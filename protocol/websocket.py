@@ -1,6 +1,7 @@
 """JSON messages of WebSockets, and the codes with which the service closes one.
 
-A client's message is recognised by its key, a message of the service by its `type`. Keys and types of other releases are ignored.
+A client's message is recognised by its key, a message of the service by its `type`. Unknown keys and types are ignored, so that
+clients and services of different releases work together.
 
 To add a message, declare it in live.py (a job's channel) or viewport.py (a view's), send or handle it in the route of the same
 name in service/routes/, and on the page in the handler of the same name, which is called for messages of this type.

@@ -180,7 +180,11 @@ def values(low: float, high: float, column: int, maximum: float, **more: Any) ->
 
 
 def texture(slot: int | None, kinds: tuple[str, ...] = PRINCIPLED, in_file: str | None = None, **more: Any) -> Any:
-    """Declares an optional texture parameter."""
+    """Declares an optional texture parameter of a material.
+
+    slot: its column in the material row; None for one that is resolved when a scene is compiled. kinds: material kinds that have
+    it. in_file: its name in scene files, if that differs from the field's.
+    """
     return _field("texture", None, in_file, kinds, slot=slot, **more)
 
 

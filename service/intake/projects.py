@@ -1,4 +1,4 @@
-"""Owners of uploads, and the ids of content inside projects."""
+"""Owners of uploads (user and project), and ids of content that are unique to a project."""
 
 from __future__ import annotations
 

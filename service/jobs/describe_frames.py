@@ -42,10 +42,10 @@ RECORDED = FrameNumbers._fields  # columns of a frame's row
 
 
 def still_numbers(job: Job, recorded: Iterable[tuple[int, FrameNumbers]], live: JobNumbers | None, is_live: bool) -> Recorded:
-    """Returns the numbers of a still image's only frame, with a state derived from the job's.
+    """Returns the statistics of a still image's only frame (samples, noise, times), with a state derived from the job's.
 
-    recorded: the numbers in the database. live: the engine's numbers, which replace them if they are newer. is_live: whether the
-    job is being rendered.
+    recorded: the statistics in the database. live: the engine's statistics, which replace them if they are newer. is_live:
+    whether the job is being rendered.
     """
     state = job.state if job.state in ("running", "finished", "failed") else "queued"
     found = []

@@ -1,4 +1,4 @@
-"""A prepared scene's thumbnail, rendered by a confined reader and stored as a blob."""
+"""Renders a prepared scene's thumbnail in a confined process and stores it as a blob."""
 
 from __future__ import annotations
 

@@ -62,7 +62,7 @@ def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | N
 def picture_of(
     depsgraph: Any, place_of: Callable[[Any], F64], go_to: Callable[[float], None], planes: tuple[str, ...], title: str
 ) -> Picture:
-    """Exports the current frame; returns the Picture, which contains the request.
+    """Exports the current frame; returns the Picture, which contains the request to the farm.
 
     Raises ValueError if there is nothing to render.
 

@@ -58,7 +58,7 @@ class Lists:
 
 @dataclass(frozen=True)
 class Element:
-    """The rows of one element, as (N,) columns and lists by property names in lower case."""
+    """The N rows of one PLY element: scalar properties as arrays (N,), list properties as lists; both by lower-case names."""
 
     name: str
     count: int

@@ -182,7 +182,7 @@ def _light_through(scene, alone, pool, lists, options):
 
 @device
 def _light(scene, alone, stack, pool, lists, options):
-    """Adds direct light to the paths that wait for a shadow ray (list WAITING), unless the ray is occluded by any surface.
+    """Adds direct light to the paths that wait for a shadow ray (list WAITING), unless any surface occludes the ray.
 
     Only for scenes without transparent surfaces. In a medium the light is multiplied by its transmittance.
     """
