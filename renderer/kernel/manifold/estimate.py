@@ -36,7 +36,7 @@ _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 _YES, _NO = np.bool_(True), np.bool_(False)
 _IMPORTANT, _RATE, _LEAST_RATE = np.float32(0.9), np.float32(0.5), np.float32(0.1)
-_SAME2 = np.float32(1e-8)  # squared distance up to which two unit directions are the same solution
+_SAME2 = np.float32(1e-6)  # squared distance up to which two unit directions are the same solution: walks end within some 3e-4
 
 
 class CausticLight(NamedTuple):

@@ -116,6 +116,10 @@ HALLS = {
 @pytest.mark.long
 @pytest.mark.parametrize("name", HALLS)
 def test_the_mean_is_that_of_brute_force(name: str) -> None:
+    """Both estimates agree within 0.5 % of the mean and five standard errors, in each of 16 parts of the picture.
+
+    The margin is needed since light that bounces once more after a caustic is seldom found: its error is underestimated.
+    """
     compiled = HALLS[name]()
     eye, target = (0.0, 1.8, 5.0), (0.0, -0.3, 0.0)
     seeds, size, parts = 8, 48, 4
@@ -125,11 +129,11 @@ def test_the_mean_is_that_of_brute_force(name: str) -> None:
         found = [pixels(compiled, replace(asked, seed=first + k), spp) for k in range(seeds)]
         return np.array(found).reshape(seeds, parts, size // parts, parts, size // parts).mean(axis=(2, 4))
 
-    found, expected = blocks(24, 10, caustics="on"), blocks(1536, 50)
-    error2 = (found.var(axis=0, ddof=1) + expected.var(axis=0, ddof=1)) / seeds
-    z = (found.mean(axis=0) - expected.mean(axis=0)) / np.sqrt(error2 + 1e-12)
-    assert np.abs(z).max() < 5.0  # of 16 parts, with some 10 degrees of freedom
-    assert np.sqrt((z**2).mean()) < 1.7
+    found, expected = blocks(192, 10, caustics="on"), blocks(1536, 50)
+    error = np.sqrt((found.var(axis=0, ddof=1) + expected.var(axis=0, ddof=1)) / seeds)
+    off = np.abs(found.mean(axis=0) - expected.mean(axis=0))
+    assert (off < 5 * error + 0.005 * expected.mean()).all()
+    assert np.median(error) < 0.02 * expected.mean()
 
 
 def test_without_casters_or_small_lamps_a_frame_is_the_same() -> None:
