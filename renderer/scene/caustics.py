@@ -54,19 +54,29 @@ class CausticTables(NamedTuple):
     is_covered: npt.NDArray[np.int32]  # (L,): 1 for a light that is among the lamps
 
 
-_kept: dict[int, CausticTables | None] = {}
+# The arrays of a scene that its tables depend on. Frames of a shot may share some of them and differ in others.
+_READ = (
+    *("position", "triangle", "part", "color", "triangle_light", "sphere", "sphere_material", "sphere_light", "material"),
+    *("material_kind", "material_flags", "medium", "light_primitive", "punctual", "punctual_kind", "emission_frame", "bounds"),
+    *("key_position", "key_sphere", "key_punctual"),
+)
+_MOST_KEPT = 4
+_kept: list[tuple[tuple[weakref.ref[Any], ...], CausticTables | None]] = []
 
 
 def with_caustics(scene: CompiledScene) -> CompiledScene:
     """Returns the scene with its CausticTables, or unchanged if it has no caster, no small lamp, media, or motion.
 
-    The tables are kept as long as the scene's arrays.
+    The tables of the last scenes are kept, since each batch of a frame needs them again.
     """
-    key = id(scene.triangle)
-    if key not in _kept:
-        _kept[key] = caustic_tables(scene)
-        weakref.finalize(scene.triangle, _kept.pop, key, None)
-    return scene._replace(caustics=_kept[key])
+    arrays = [getattr(scene, name) for name in _READ]
+    for references, tables in list(_kept):
+        if all(each() is array for each, array in zip(references, arrays, strict=True)):
+            return scene._replace(caustics=tables)
+    made = caustic_tables(scene)
+    alive = [entry for entry in _kept if all(each() is not None for each in entry[0])]
+    _kept[:] = [*alive[1 - _MOST_KEPT :], (tuple(map(weakref.ref, arrays)), made)]
+    return scene._replace(caustics=made)
 
 
 def example_tables() -> CausticTables:

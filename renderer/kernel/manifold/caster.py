@@ -15,16 +15,14 @@ from renderer.arrays.rows import COLUMNS
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fetch import columns, row
-from renderer.kernel.surface.surface import POINT_ERROR
+from renderer.kernel.surface.consistent_normals import is_consistent
+from renderer.kernel.surface.surface import LEAST_COSINE, POINT_ERROR
 
 __all__ = ["CasterPoint", "caster_of", "caster_point", "index_of", "material_number", "normal_change"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
-_TWO = np.float32(2.0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
-_LEAST_COSINE = np.float32(0.01)  # of surface.py: normals that face away further are bent
-_LEAST_HEIGHT, _OF_VIEWER = np.float32(0.01), np.float32(0.9)  # those of consistent_normals.py
 _UNIT = np.float32(1e-6)
 _NONE = np.int32(-1)
 
@@ -105,10 +103,8 @@ def caster_point(scene, o, d, hit):
             along_u, along_v = vec.scale(vec.sub(nb, na), scale), vec.scale(vec.sub(nc, na), scale)
         u, v = vec.scale(vec.cross(second, cross), inverse), vec.scale(vec.cross(cross, first), inverse)
         curvature = _ZERO
-        cosine, height = vec.dot(normal, wo), vec.dot(geometric, wo)
-        mirrored = _TWO * cosine * vec.dot(normal, geometric) - height
-        consistent = mirrored >= min(_OF_VIEWER * height, _LEAST_HEIGHT)
-        regular = square > _ZERO and cosine >= _LEAST_COSINE and (consistent or not smooth)
+        consistent = is_consistent(normal, geometric, wo)
+        regular = square > _ZERO and vec.dot(normal, wo) >= LEAST_COSINE and (consistent or not smooth)
         return CasterPoint(point, error, geometric, normal, front, regular, curvature, u, along_u, v, along_v)
     x, y, z, radius = row(scene.sphere, number - triangles, 4)
     center = x, y, z
@@ -117,7 +113,7 @@ def caster_point(scene, o, d, hit):
     front = vec.dot(outward, wo) > _ZERO
     normal = outward if front else vec.neg(outward)
     curvature = _ONE / radius if front else -_ONE / radius
-    regular = vec.dot(normal, wo) >= _LEAST_COSINE
+    regular = vec.dot(normal, wo) >= LEAST_COSINE
     error = POINT_ERROR * (vec.magnitude(center) + radius)
     return CasterPoint(point, error, normal, normal, front, regular, curvature, _BLACK, _BLACK, _BLACK, _BLACK)
 

@@ -11,12 +11,12 @@ import math
 
 import numpy as np
 
-from renderer.jit import never_inline, subroutine
+from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.polynomial import acos, atan2, sincos_turns
 from renderer.wide.values import any_of, not_, where3
 
-__all__ = ["consistent_normal"]
+__all__ = ["consistent_normal", "is_consistent", "least_height"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -25,6 +25,20 @@ _TWO = np.float32(2.0)
 _INV_2PI = np.float32(0.5 / math.pi)
 _LEAST_HEIGHT = np.float32(0.01)  # sine of the least angle between reflected ray and facet, or
 _OF_VIEWER = np.float32(0.9)  # this fraction of the sine of the viewer's angle, if that is less
+
+
+@device
+def least_height(height):
+    """Returns the least sine of the angle between a reflected ray and the facet. height: that of the viewer's angle."""
+    return min(_OF_VIEWER * height, _LEAST_HEIGHT)
+
+
+@device
+def is_consistent(n, geometric, wo):
+    """Returns True if the mirror direction of wo at the normal n leaves the surface. All three are unit."""
+    height = vec.dot(geometric, wo)
+    mirrored = _TWO * vec.dot(n, wo) * vec.dot(n, geometric) - height
+    return mirrored >= least_height(height)
 
 
 @subroutine
@@ -36,9 +50,8 @@ def consistent_normal(n, geometric, wo):
     """
     never_inline()
     height = vec.dot(geometric, wo)
-    least = min(_OF_VIEWER * height, _LEAST_HEIGHT)
-    mirrored = _TWO * vec.dot(n, wo) * vec.dot(n, geometric) - height
-    good = (mirrored >= least) & (vec.dot(n, wo) > _ZERO)
+    least = least_height(height)
+    good = is_consistent(n, geometric, wo) & (vec.dot(n, wo) > _ZERO)
     if any_of(not_(good)):
         x = vec.sub(n, vec.scale(geometric, vec.dot(n, geometric)))
         square = vec.dot(x, x)

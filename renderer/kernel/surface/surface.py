@@ -20,6 +20,7 @@ from renderer.kernel.surface.to_world import normal_of_hit, point_of_hit, tangen
 from renderer.wide.values import any_of, double, lookup, not_, single, u32, where, where3, zero_like
 
 __all__ = [
+    "LEAST_COSINE",
     "NO_LIGHT",
     "NO_OBJECT",
     "POINT_ERROR",
@@ -45,7 +46,7 @@ _NOTHING = np.uint32(0)
 _DIFFUSE = np.uint32(DIFFUSE)
 _TEXTURED = np.uint32(TEXTURED)
 _UNIT = np.float32(1e-6)
-_LEAST_COSINE = np.float32(0.01)
+LEAST_COSINE = np.float32(0.01)  # between shading normal and viewer: normals that face away further are bent
 # Bounds the error of a point (three roundings a coordinate, pbrt 4ed, 6.8.4) and of the next ray's distance to its plane.
 POINT_ERROR = np.float32(20 * 2.0**-24)
 _INWARD = np.float32(1.5)  # multiple of `error` by which points move away from edges: enough for walls at an angle of 35 degrees
@@ -197,9 +198,9 @@ def _facing(shading, geometric, wo):
     """Returns the shading normal in world space, on the geometric normal's side, rotated towards the viewer if it faces away."""
     shading = where3(vec.dot(shading, geometric) < _ZERO, vec.neg(shading), shading)
     cosine = vec.dot(shading, wo)
-    low = cosine < _LEAST_COSINE
+    low = cosine < LEAST_COSINE
     if any_of(low):
-        bent = vec.normalize(vec.add(shading, vec.scale(wo, _LEAST_COSINE - cosine)))
+        bent = vec.normalize(vec.add(shading, vec.scale(wo, LEAST_COSINE - cosine)))
         bent = where3(vec.dot(bent, wo) > _ZERO, bent, geometric)
         shading = where3(low, bent, shading)
     return shading

@@ -13,7 +13,7 @@ import renderer.render as rendering
 from renderer.arrays.scene import CompiledScene
 from renderer.film import COLOR, SAMPLES, Sums, digest
 from renderer.render import render_frame
-from renderer.scene.caustics import caustic_tables
+from renderer.scene.caustics import caustic_tables, with_caustics
 from renderer.scene.description import Light, Material, Mesh, Sphere
 from renderer.settings import RenderSettings
 from tests.renderer.builders import box, emitter, gray, icosphere, scene, settings, square
@@ -178,3 +178,12 @@ def test_tables_list_casters_and_small_lamps_only() -> None:
     assert water is not None and water.caster[0, 2:].tolist() == [0, 1]
     large = scene([MATT, GLASS, emitter(3.0)], (FLOOR,), (Sphere((0, 0, 0), 0.5, 1), Sphere((0, 4, 0), 1.0, 2)))
     assert caustic_tables(large) is None
+
+
+def test_tables_follow_every_array_of_a_scene() -> None:
+    """Frames of a shot may share arrays: the tables of one are not those of another that differs in any array."""
+    first = HALLS["mesh"]()
+    moved = first._replace(position=np.array(first.position - np.float32(0.1)))
+    tables = [with_caustics(each).caustics for each in (first, moved, first)]
+    assert tables[0] is tables[2]
+    assert tables[0].bound[:, :3] - 0.1 == pytest.approx(tables[1].bound[:, :3], abs=1e-5)
