@@ -197,7 +197,7 @@ class SceneInfo:
     variants: list[str] = field(default_factory=list)
     fps: float = 24.0  # the file's own frames a second
     clips: list[dict[str, Any]] = field(default_factory=list)  # animations: name, start and end in seconds
-    names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, in the order of their numbers
+    names: dict[str, list[str]] = field(default_factory=dict)  # of `objects` and `materials`, by number; of `light_groups`
     lights_power: float | None = None  # what its own lights send out: renderer.scene.relight needs it
     blend: dict[str, Any] | None = None  # files that Blender wrote: the name of `main`, and `files`, a BlobRef each
     preview: BlobRef | None = None  # a mesh (protocol/mesh.py) that a viewer draws until there are samples

@@ -30,7 +30,7 @@ Array = npt.NDArray[Any]
 
 PACKED = 2  # format byte; the older format is one LZ4 block, whose first byte is 16 or more
 WITH_HITS = 3  # format byte of sums with counts of Cryptomatte behind them
-MOST_HITS = 1 << 26
+MOST_HITS = 1 << 26  # of a tile, whatever its samples
 ALIKE, COPY = 0, 9
 PLAIN = 10  # uncompressed, 8 bytes a pixel: only from the older format
 WIDTHS = {1: "<i1", 2: "<i2", 4: "<i4", 8: "<i8"}  # bytes a pixel
@@ -100,8 +100,11 @@ def _packed_hits(hits: Hits) -> list[bytes]:
     return [HITS.pack(HitsHead(len(place), len(block))), block]
 
 
-def unpack_hits(data: bytes, tile: Tile, stored: bool = False) -> Hits | None:
-    """Unpacks Cryptomatte's counts; None if there are none behind these sums. Raises ValueError if they do not fit the tile."""
+def unpack_hits(data: bytes, tile: Tile, stored: bool = False, most: int = MOST_HITS) -> Hits | None:
+    """Unpacks Cryptomatte's counts; None if there are none behind these sums.
+
+    most: the largest number of entries that is unpacked. Raises ValueError if the counts exceed it or do not fit the tile.
+    """
     if not data or data[0] != WITH_HITS:
         return None
     at = _end_of_planes(data, tile, stored)
@@ -109,7 +112,9 @@ def unpack_hits(data: bytes, tile: Tile, stored: bool = False) -> Hits | None:
         entries, size = HITS.unpack(data, at)
     except ValueError:
         raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early")) from None
-    if entries > MOST_HITS or at + HITS.size + size != len(data):
+    if entries > most:
+        raise ValueError(Sentence("sums-hits", "damaged sums: their counts of objects are not in order"))
+    if at + HITS.size + size != len(data):
         raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))
     if entries == 0:
         return no_hits()
@@ -200,11 +205,11 @@ def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None)
     known = dict(_planes(data, tile, False))
     if planes is not None and len(known) != planes:
         raise _plane_count_error(len(known), planes)
-    if (hits := unpack_hits(data, tile)) is not None and len(hits.key):
-        most_hits = int(np.bincount(np.unique(hits.key >> np.uint64(31), return_inverse=True)[1], hits.count).max())
-        if most_hits > count:
+    if (hits := unpack_hits(data, tile, most=2 * tile.w * tile.h * count)) is not None and len(hits.key):
+        samples = int(np.bincount(np.unique(hits.key >> np.uint64(31), return_inverse=True)[1], hits.count).max())
+        if samples > count:
             raise ValueError(
-                Sentence("sums-samples", "damaged sums: {samples} samples of a pixel, of {count}", samples=most_hits, count=count)
+                Sentence("sums-samples", "damaged sums: {samples} samples of a pixel, of {count}", samples=samples, count=count)
             )
     code, least, _ = known[SAMPLES]
     most = least

@@ -204,8 +204,8 @@ def _parse_result(result: Result) -> tuple[Run, Result]:
             end += n
         if end != first + count:
             raise ValueError("its batches do not cover all of its samples")
-        check_sums(result.sums or b"", tile)
         check_weight(result.sums or b"", tile, count)  # after the addition, the faulty sender could not be identified
+        check_sums(result.sums or b"", tile)
         event |= {"type": "batches", "parts": parts, "bad_count": int(event["bad_count"])}
         event.pop("batch", None), event.pop("seconds", None)
     except (KeyError, TypeError, AttributeError, OverflowError) as error:
