@@ -87,9 +87,14 @@ def merged(parts: Iterable[Hits]) -> Hits:
     known = [part for part in parts if len(part.key)]
     if len(known) < 2:
         return known[0] if known else no_hits()
-    key, where = np.unique(np.concatenate([part.key for part in known]), return_inverse=True)
+    return _summed(np.concatenate([part.key for part in known]), np.concatenate([part.count for part in known]))
+
+
+def _summed(keys: npt.NDArray[np.uint64], counts: npt.NDArray[np.int64]) -> Hits:
+    """Returns the sums of the counts by key. keys: (n,) in any order, possibly repeated."""
+    key, where = np.unique(keys, return_inverse=True)
     count = np.zeros(len(key), np.int64)
-    np.add.at(count, where, np.concatenate([part.count for part in known]))
+    np.add.at(count, where, counts)
     return Hits(key, count)
 
 
@@ -139,13 +144,13 @@ def channel_names(ranks: int) -> tuple[str, ...]:
 
 
 def _pairs(ranks: int) -> int:
-    """Returns the number of layers for so many ids per pixel; each holds two."""
+    """Returns the number of layers that hold `ranks` ids per pixel, two in each layer."""
     return -(-ranks // 2)
 
 
-def _names(numbers: int, names: Sequence[str], kind: str) -> list[str]:
-    """Returns a name for each of the first `numbers` numbers of a kind; those without a name are called by their number."""
-    return [names[k] if k < len(names) and names[k] else f"{kind} {k}" for k in range(numbers)]
+def _names(numbers: Iterable[int], names: Sequence[str], kind: str) -> list[str]:
+    """Returns the names of numbers of a kind; those without a name are called by their number."""
+    return [names[k] if k < len(names) and names[k] else f"{kind} {k}" for k in numbers]
 
 
 def header(names: Mapping[str, Sequence[str]]) -> dict[str, str]:
@@ -153,7 +158,7 @@ def header(names: Mapping[str, Sequence[str]]) -> dict[str, str]:
     found: dict[str, str] = {}
     for kind in KINDS:
         known = names.get(f"{kind}s", ())
-        manifest = {name: f"{hash_of(name):08x}" for name in _names(len(known), known, kind)}
+        manifest = {name: f"{hash_of(name):08x}" for name in _names(range(len(known)), known, kind)}
         key = f"cryptomatte/{_murmur3(_LAYER_NAMES[kind].encode()):08x}"[: len("cryptomatte/") + 7]
         found |= {
             f"{key}/name": _LAYER_NAMES[kind],
@@ -178,14 +183,11 @@ def layers(hits: Hits, samples: npt.NDArray[np.int64], ranks: int, names: Mappin
         of_kind = (hits.key >> _KIND_BIT & np.uint64(1)) == kind
         place = (hits.key[of_kind] >> _PLACE_BIT).astype(np.int64)
         number = (hits.key[of_kind] & _ID_MASK).astype(np.int64) - 1
+        occurring, which = np.unique(number, return_inverse=True)
         hashes = np.array(
-            [hash_of(name) for name in _names(int(number.max(initial=-1)) + 1, names.get(f"{kind_name}s", ()), kind_name)],
-            np.uint64,
+            [hash_of(name) for name in _names(occurring.tolist(), names.get(f"{kind_name}s", ()), kind_name)], np.uint64
         )
-        of_names = place.astype(np.uint64) << _PLACE_BIT | hashes[number] if len(number) else np.zeros(0, np.uint64)
-        key, where = np.unique(of_names, return_inverse=True)
-        count = np.zeros(len(key), np.int64)
-        np.add.at(count, where, hits.count[of_kind])
+        key, count = _summed(place.astype(np.uint64) << _PLACE_BIT | hashes[which], hits.count[of_kind])
         place, ids = (key >> _PLACE_BIT).astype(np.int64), (key & np.uint64(0xFFFFFFFF)).astype(np.uint32)
         order = np.lexsort((ids, -count, place))
         place, ids, count = place[order], ids[order], count[order]
