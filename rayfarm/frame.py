@@ -18,7 +18,7 @@ from renderer import aovs, cryptomatte
 from renderer.frames import frame_text
 from renderer.scene.animation import BETWEEN, Moment, Shutter
 from renderer.scene.animation.orbit import orbit, orbit_over
-from renderer.settings import RenderSettings, Tile
+from renderer.settings import RenderSettings, Tile, check_light_groups
 from renderer.work import most_samples
 
 if TYPE_CHECKING:
@@ -61,6 +61,7 @@ class PictureOrder:
         Raises CommandError or SettingsError.
         """
         settings = self.picture.settings(summary["cameras"], summary["defaults"])
+        check_light_groups(settings.light_groups, summary["light_groups"])
         if self.turntable is None:
             return settings
         turns = moment.seconds(summary["fps"]) / self.turntable

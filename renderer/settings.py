@@ -6,7 +6,7 @@ Plain data without numpy, so that the service and the client can create and chec
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY, MISSING, asdict, dataclass
 from typing import Annotated, Any, NamedTuple
 
@@ -45,6 +45,7 @@ __all__ = [
     "Tile",
     "Vec3",
     "View",
+    "check_light_groups",
     "chosen",
     "group_names",
     "tiles_of",
@@ -522,6 +523,27 @@ ENVIRONMENT = {
 def group_names(light_groups: str) -> tuple[str, ...]:
     """Returns the names of a film's light groups, RenderSettings.group_names, for the setting `light_groups`."""
     return (*light_groups.split(","), REST_GROUP) if light_groups else ()
+
+
+def check_light_groups(light_groups: str, known: Sequence[str]) -> None:
+    """Raises SettingsError if the setting `light_groups` names a group of no light. known: the groups of the scene's lights."""
+    unknown = [name for name in group_names(light_groups)[:-1] if name not in known]
+    if not unknown:
+        return
+    if not known:
+        text = Sentence(
+            "light-groups-none",
+            "light_groups names {name}, but no light of the scene has a light_group; set it in the scene's file",
+            name=unknown[0],
+        )
+    else:
+        text = Sentence(
+            "light-group-unknown",
+            "light_groups names {name}, which no light of the scene has; it has {known}",
+            name=unknown[0],
+            known=[*known],
+        )
+    raise SettingsError(text, field="light_groups")
 
 
 def chosen(asked: Mapping[str, Any], defaults: Mapping[str, Any]) -> dict[str, Any]:

@@ -91,6 +91,10 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
     picture.placement()
     wanted = given.get("aovs")
     named = [wanted] if isinstance(wanted, str) else wanted or ()
+    if aovs.CRYPTOMATTE in named:
+        raise SettingsError(
+            "aovs has cryptomatte, which is written to files only: by `rayfarm render --aov`, or by a farm's image.exr"
+        )
     planes = ["all"] if wanted is None else aovs.parse_names((name for name in named if name != "color"), None)  # always present
     moment = Moment(float(given.get("frame") or 0), given.get("fps"), _text(given.get("clip")))
     device = check_device(given.get("device"))

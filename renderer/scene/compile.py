@@ -29,7 +29,7 @@ from renderer.scene.environment import (
 from renderer.scene.frame_reuse import PartOffsets, ShotCache
 from renderer.scene.geometry import NO_PLACEMENT, Geometry, by_triangle
 from renderer.scene.guiding_targets import list_guides
-from renderer.scene.light_groups import tabulate_groups
+from renderer.scene.light_groups import names_of, tabulate_groups
 from renderer.scene.lights import emitters_with_area, list_lights
 from renderer.scene.object_ids import number_objects
 from renderer.scene.origin import origin_of, relative_to_origin
@@ -242,7 +242,7 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     cameras: those of the file, then always one named "auto" that frames the scene; cameras that move while the shutter is open
     have `views`, in the form of RenderSettings. up: the up direction. fps: the file's frame rate, else 24. clips: the file's
     animations, with the times of their first and last key in seconds. objects, materials: names by number; the OBJECT and
-    MATERIAL planes of the film hold number + 1.
+    MATERIAL planes of the film hold number + 1. light_groups: the names of the lights' groups.
     """
     floor = description.subject is not None  # one mesh of two flat triangles, six vertices
     points = _visible_points(compiled)
@@ -264,6 +264,7 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         },
         "objects": number_objects(description).names,
         "materials": [m.name for m in description.materials],
+        "light_groups": names_of(compiled),
         "bounds": _bounds(compiled).tolist(),
         "animations": [clip.name for clip in description.clips],
         "up": list(description.up),

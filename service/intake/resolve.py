@@ -9,7 +9,7 @@ from typing import Any
 from renderer.cameras import camera_number
 from renderer.errors import SettingsError
 from renderer.sentences import Sentence, joined_sentences
-from renderer.settings import ENVIRONMENT, RenderSettings, View, chosen
+from renderer.settings import ENVIRONMENT, RenderSettings, View, check_light_groups, chosen
 from renderer.work import DEFAULT_SIZE, most_samples
 from service.intake.picture import picture_hash
 from service.shot import Shot
@@ -56,6 +56,9 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
             field="width",
         )
     settings = _settings(request, width, height, _resolved_view(request, info.get("cameras") or []), defaults)
+    groups = (info.get("names") or {}).get("light_groups")
+    if groups is not None:  # None: the scene was prepared by an older release
+        check_light_groups(settings.light_groups, groups)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
     tiles = -(-width // job.tile_size) * -(-height // job.tile_size)

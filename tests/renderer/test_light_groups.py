@@ -20,7 +20,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Light, Material, SceneDescription
 from renderer.scene.light_groups import names_of
 from renderer.scene.load import read
-from renderer.settings import RenderSettings, tiles_of
+from renderer.settings import RenderSettings, check_light_groups, tiles_of
 from tests.renderer.kernel.backends.features import VIEW, gray, made, room
 
 NAMES = ("key", "sky", "sun-1")
@@ -82,7 +82,8 @@ def test_the_groups_of_a_sample_add_up_to_its_colour(count: int) -> None:
     assert (planes[..., 20:] >= 0).all()
     inside = np.abs(light).sum(axis=(1, 2)).max(axis=1) < film.SAMPLE_MAX
     off = np.abs(planes - of_groups.astype(np.float64) * 2.0**24)[..., inside]
-    unsure = np.abs(light).sum(axis=(1, 2)).T[:, inside] * 2.0**24 * 2.0**-24 * (2 * count + 2)  # of float32 sums of so many
+    # Rounding of float32 sums of 2 * count + 2 terms; the scale, 2**24, and the relative error, 2**-24, cancel.
+    unsure = np.abs(light).sum(axis=(1, 2)).T[:, inside] * (2 * count + 2)
     assert (off <= 1 + unsure).all()
 
 
@@ -212,3 +213,12 @@ def test_names_of_groups_as_aovs() -> None:
 def test_groups_and_caustics_are_not_combined() -> None:
     with pytest.raises(SettingsError, match="light_groups cannot be combined with caustics"):
         replace(made("diffuse")[1], light_groups="key", caustics="on")
+
+
+def test_a_group_of_no_light_is_an_error_with_those_that_are() -> None:
+    check_light_groups("", [])
+    check_light_groups("key,fill", ["fill", "key", "rim"])
+    with pytest.raises(SettingsError, match="names kye, which no light of the scene has; it has key, rim"):
+        check_light_groups("key,kye", ["key", "rim"])
+    with pytest.raises(SettingsError, match="no light of the scene has a light_group"):
+        check_light_groups("key", [])

@@ -131,7 +131,7 @@ def _info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, beg
         up_axis=summary.get("up_axis"),
         floor=bool(summary.get("floor")),
         blend=summary.get("blend"),
-        names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials")},
+        names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials", "light_groups")},
     )
 
 
