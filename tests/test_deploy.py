@@ -132,7 +132,7 @@ def test_in_compose_the_first_process_reaps_what_a_health_check_leaves() -> None
     assert "healthcheck" not in services["caddy"]
 
 
-@pytest.mark.skipif(shutil.which("caddy") is None, reason="needs caddy")
+@pytest.mark.skipif(shutil.which("caddy") is None, reason="Caddy is not installed. On Debian: apt install caddy")
 @pytest.mark.parametrize(("tls", "internal"), [(None, False), ("public", False), ("internal", True)])
 def test_caddy_signs_private_names_itself_and_speaks_no_http_3(tls: str | None, internal: bool) -> None:
     environment = {

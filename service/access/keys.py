@@ -176,7 +176,7 @@ class Keys:
     def withdraw(self, kind: KeyKind, id: str, user: str | None = None) -> Key:
         """Revokes a key and returns the database row that it had. Raises NotFound.
 
-        user: revokes the key only if it belongs to this user; None: whoever owns it.
+        user: revokes the key only if it belongs to this user; None: any user's key.
         """
         with self._sessions.begin() as session:
             row = session.get(Key, id)

@@ -70,7 +70,7 @@ class LogoutOut(BaseModel):
 
 
 class SessionOut(BaseModel):
-    """The present session. login: whether the farm requires a login. name: null if nobody is logged in."""
+    """The current session. login: whether the farm requires a login. name: the user's name; null without a login."""
 
     login: bool
     name: str | None

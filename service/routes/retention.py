@@ -44,7 +44,7 @@ class ItemOut(Coded):
 
 
 class RetentionOut(Coded):
-    """What can be deleted, or was deleted. Films and compiled scenes can be made again on demand; uploads cannot."""
+    """Data that can be deleted, or was deleted. Films can be rendered and scenes compiled again; uploads cannot be restored."""
 
     state: Literal["planned", "running", "finished", "failed", "stopped"] = Field(
         description="planned: nothing is deleted; stopped: the service has ended before all was done"

@@ -78,7 +78,7 @@ class History:
 
         kind: a key of `SENTENCES`. detail: text inserted into the sentence, such as a worker's name.
         """
-        self.log.add_line(SENTENCES.get(kind, kind).format(detail or "somebody"))
+        self.log.add_line(SENTENCES.get(kind, kind).format(detail or "an unknown user"))
         if self.events and self.events[-1][1:] == [kind, detail]:
             return
         if len(self.events) >= MOST_EVENTS:

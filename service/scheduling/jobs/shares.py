@@ -1,7 +1,7 @@
 """Fair sharing of slot time between jobs of one priority, by weights. Independent of clocks, queues and databases.
 
-All jobs of a user form one share. All jobs of a project form one share, whoever submitted them, if an administrator has set a
-weight or a limit for the project.
+Each user's jobs form a share. If an administrator has set a weight or a limit for a project, all of the project's jobs form one
+share instead, regardless of the user.
 
 Between shares: start-time fair queueing (Goyal, Vin and Cheng 1996). A share's next batch starts, in virtual time, at the end
 of its previous one, or now if it was idle; the earliest start is served, and "now" is the latest start so far. A batch of t

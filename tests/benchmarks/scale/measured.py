@@ -45,7 +45,7 @@ MANY = 1 << 20  # more samples than any run renders
 
 @dataclass(frozen=True)
 class Load:
-    """What loads the service during a measurement: slots, tile and frame size, viewers, and requests for pictures."""
+    """The load of a measurement: slots, tile and frame size, viewers, and requests for pictures."""
 
     slots: int
     tile: int = 128

@@ -131,7 +131,7 @@ def test_rays_within_a_flat_grid_and_along_its_edges_have_the_same_hits(axis: in
 
 
 def test_of_hits_at_equal_distance_the_lower_number_wins() -> None:
-    """Of hits at the same distance, both trees return the one with the lowest primitive number.
+    """If several hits have the same distance, both trees return the one with the lowest primitive number.
 
     Each triangle occurs four times, each sphere three times, in random order.
     """

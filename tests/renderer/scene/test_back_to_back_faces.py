@@ -63,7 +63,7 @@ def test_of_faces_back_to_back_the_one_that_faces_the_viewer_is_seen(order, eye,
 @pytest.mark.parametrize("scale", [1.0, 3.7])
 @pytest.mark.parametrize(("eye", "color"), [((0.3, 0.2, 4.0), RED), ((3.0, 0.5, -1.5), BLUE)])
 def test_of_faces_back_to_back_cut_differently_the_one_that_faces_the_viewer_is_seen(order, scale, eye, color):
-    """Of coincident faces with opposite normals, the one that faces the camera is visible.
+    """If two coincident faces have opposite normals, the one that faces the camera is visible.
 
     This holds however the faces are split into triangles, and for any transform.
     """

@@ -49,7 +49,7 @@ def test_it_is_written_on_the_nodes_of_a_name(scene, tmp_path):
 
 
 def test_extras_name_light_groups(scene, tmp_path):
-    """Of materials, of lights, and of nodes, which then have their own."""
+    """Light groups are read from the extras of materials, lights and nodes; a node's takes precedence."""
     lights = "KHR_lights_punctual"
     g = Gltf()
     g.mesh(material=g.material(emissiveFactor=[1.0, 1.0, 1.0], extras={"light_group": " key "}))
