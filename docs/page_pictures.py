@@ -95,7 +95,7 @@ def _record(chromium: Browser, server: str, folder: Path) -> None:
     """Records an interactive view while it is turned and then converges, as an animated WebP in real time."""
     page = chromium.new_page(viewport={"width": 1200, "height": 700}, color_scheme="dark")
     page.goto(f"{server}/#/scenes/{_scene(server, 'still-life')}")
-    view = page.locator(".live-view canvas").first
+    view = page.locator(".live-view canvas:not(.mesh)").first
     view.wait_for()
     page.wait_for_timeout(5 * SETTLE_MS)
     box = view.bounding_box()
