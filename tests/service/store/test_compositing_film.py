@@ -39,7 +39,7 @@ def test_groups_and_mattes_of_a_film(order: int, tmp_path: Path) -> None:
     whole, hits = np.zeros((plane_count(2), HEIGHT, WIDTH), np.int64), []
     parts = []
     for i, tile in enumerate(made.tiles):
-        for k in range(12):  # so many that the film folds its rows
+        for k in range(12):  # enough that the film folds its rows
             sums, of_tile = batch(tile.w, tile.h, 100 * i + k)
             whole[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += sums
             hits.append(moved(of_tile, tile.x, tile.y, tile.w, WIDTH))

@@ -33,7 +33,7 @@ def test_those_of_other_jobs_make_room_the_oldest_first(tmp_path: Path) -> None:
         assert kept.write(job, metadata(1), [bytes(1000)])
         os.utime(tmp_path / "snapshots" / job, (at, at))
     assert [kept.stored_spp(job) for job in ("first", "second", "third")] == [[], [1], [1]]
-    assert not kept.write("third", metadata(2), [bytes(room)]), "what has no room at all drives out nobody"
+    assert not kept.write("third", metadata(2), [bytes(room)]), "a file larger than the cache evicts no other"
     assert kept.stored_spp("second") == [1]
     assert not FilmSnapshots(tmp_path / "snapshots", room, 1 << 60).write("third", metadata(4), [b""]), "on a full disk"
 
