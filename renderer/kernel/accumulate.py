@@ -46,7 +46,8 @@ MAX_BAD = 64  # bad samples that are reported; further ones are only counted
 class Batch(NamedTuple):
     """The samples to render: `count` samples from number `first` on, for each pixel of a tile whose upper left corner is (x, y).
 
-    origin: the compiled scene's origin in the film's fixed point, which is added to the position of each first hit.
+    origin: the world position of the compiled scene's origin, as integers in units of the film's quantum (2**-film_exponent).
+    It is added to the position of each first hit, since the kernel computes positions relative to that origin.
     """
 
     x: int

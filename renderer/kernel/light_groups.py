@@ -100,7 +100,7 @@ def forget_groups(table, row, count):
 
 @device
 def _whole(total, scale, whole):
-    """Returns a sum of the first groups in fixed point: `whole` at most, if that is not negative."""
+    """Converts a sum of light groups to fixed point, clamped to at most `whole` if `whole` is not negative."""
     found = fixed(total, scale)
     return min(found, whole) if whole >= _NONE else found
 

@@ -43,10 +43,10 @@ def heuristic_weight(heuristic, a, b):
 
 @device
 def weigh_hit(options, ray, path, last, point, light_pdf):
-    """Returns the weight of light that a path hits, under the selected heuristic and deliberate error; see `hit_weight` in
-    steps/mis.py.
+    """Returns the weight of light that a path hits, under the selected MIS heuristic and deliberate error.
 
-    point: the light's position; None for the environment, which no deliberate error changes.
+    The other arguments are as for `hit_weight` in steps/mis.py. point: the light's position; None for the environment, which no
+    deliberate error changes.
     """
     weight = heuristic_weight(options.heuristic, ray.pdf, light_pdf) if ray.pdf > _ZERO else _ONE
     if point is not None and options.mistake != NO_MISTAKE and path.number > _ZERO:

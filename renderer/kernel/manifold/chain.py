@@ -1,9 +1,10 @@
-"""The split of light between manifold sampling and BSDF sampling: which paths are left to `estimate_caustic`.
+"""Decides which emission a path must not add, since manifold sampling (`estimate_caustic`) has already sampled that light.
 
-A path counts its interfaces since its last vertex that manifold sampling joins. Emission of a small lamp that it hits behind a
-whole chain is not added, since `estimate_caustic` has sampled that light at that vertex; all other emission is. A chain is whole
-after one reflection or transmission at a caster; at a closed caster that it enters, after it has left it again. It breaks where
-a path passes through a surface, at every other surface, and where a shading normal is bent towards the viewer.
+A chain is the sequence of smooth interfaces of casters that a path has crossed since its last vertex at which `estimate_caustic`
+samples. If a path hits a small lamp behind a complete chain, the lamp's emission is not added; all other emission is. A chain is
+complete after one reflection or transmission at a caster. If the path enters a closed caster, the chain is complete once the path
+has left it again. A chain ends where the path passes through a surface by alpha, at every other surface, and where a shading
+normal had to be turned towards the viewer.
 """
 
 from __future__ import annotations

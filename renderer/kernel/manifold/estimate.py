@@ -40,7 +40,7 @@ _SAME2 = np.float32(1e-6)  # squared distance up to which two unit directions ar
 
 
 class CausticLight(NamedTuple):
-    """Light that reaches a vertex through a caster, and how it came."""
+    """Light that reaches a vertex through a caster, with the path's number of segments and the number of traced rays."""
 
     radiance: Any  # scattered towards the viewer, per unit of throughput
     segments: Any  # number of the path's segments with it, a float

@@ -1,4 +1,4 @@
-"""Small lamps: the choice of a lamp and of a point on it, by power and by area, whatever the vertex."""
+"""Sampling of small lamps: chooses a lamp by power and a point on it by area, independently of the shaded vertex."""
 
 from __future__ import annotations
 

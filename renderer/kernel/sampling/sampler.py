@@ -127,10 +127,10 @@ def _reversed(typingctx, x):
 
 @device
 def _scramble(x, seed):
-    """Returns Owen's nested uniform scrambling of a bit-reversed number: whether a bit is flipped depends on the bits below it.
+    """Returns a bit-reversed uint32 after Owen's nested uniform scrambling, selected by `seed`.
 
-    A hash whose bits depend on lower bits only (Laine & Karras 2011), with the constants of Vegdahl, "Building a Better LK
-    Hash", 2021.
+    Each bit is flipped or not depending on the bits below it, by a hash (Laine & Karras 2011) with the constants of Vegdahl,
+    "Building a Better LK Hash", 2021.
     """
     x = u32(x ^ u32(x * SCRAMBLE[0]))
     x = u32(x + seed)
@@ -140,12 +140,12 @@ def _scramble(x, seed):
 
 
 @device
-def _fitting(index):
-    """Returns the bit-reversed sample order of a block that is stratified jointly with the block whose order is `index`.
+def _paired_index(index):
+    """Returns a sample's index in the Sobol' sequence of a second block, which is stratified jointly with a first block.
 
-    The order is a linear map over GF(2) that adds to each binary digit of the sample number a fixed choice of the digits after
-    it. It is one of those for which most divisions of the four dimensions into 16, 32 or 64 equal boxes have one point in each
-    box.
+    index: the sample's index in the sequence of the first block. Both indices are bit-reversed uint32. The map is linear over
+    GF(2): it adds to each binary digit of the index a fixed choice of the digits after it. With this choice, most divisions of
+    the four dimensions into 16, 32 or 64 equal boxes have one point in each box.
     """
     near = u32(index ^ u32(index << _THREE))
     far = u32(u32(index << _FIVE) ^ u32(index << _SIX))
@@ -154,17 +154,18 @@ def _fitting(index):
 
 @device
 def sobol4(seed, pixel, sample, block):
-    """Returns four uint32: the scrambled and shifted Sobol' point.
+    """Returns the Sobol' point of a sample, scrambled and shifted: four uint32.
 
-    Dimensions 0 and 1 are a (0, 2)-sequence over the sample numbers. Blocks 4, 8, 12, ... use the order of the block two before
-    them (`_fitting`), so that the directions sampled at a path's first and second vertex are stratified in four dimensions; all
-    other blocks have independent orders.
+    block: number of the group of four random numbers that the sample draws. Each block visits the sequence in its own random
+    order, except blocks 4, 8, 12 and so on: their order follows from that of the block two before them (`_paired_index`). The
+    directions at a path's first and second vertex are therefore stratified in four dimensions together. Dimensions 0 and 1 are
+    a (0, 2)-sequence over the sample numbers.
     """
     follows = u32(block & _THREE) == _NONE
     ahead = u32(block - where(follows, _TWO, _NONE))
     key = _mix(u32(u32(_mix(seed) + u32(ahead * GOLDEN)) ^ pixel))
     index = _scramble(_reversed(u32(sample)), key)
-    index = where(follows, _fitting(index), index)
+    index = where(follows, _paired_index(index), index)
     return points(TABLE, index, u32(key + where(follows, _FOUR_FURTHER, _NONE)))
 
 

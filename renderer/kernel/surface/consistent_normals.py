@@ -29,7 +29,10 @@ _OF_VIEWER = np.float32(0.9)  # this fraction of the sine of the viewer's angle,
 
 @device
 def least_height(height):
-    """Returns the least sine of the angle between a reflected ray and the facet. height: that of the viewer's angle."""
+    """Returns the smallest allowed sine of the angle between a reflected ray and the facet.
+
+    height: the sine of the angle between the direction to the viewer and the facet.
+    """
     return min(_OF_VIEWER * height, _LEAST_HEIGHT)
 
 

@@ -61,9 +61,9 @@ def radiance_of(pool, row):
 
 @device
 def next_record_row(pool, lists, log):
-    """Returns where to record the next hit of the recorded path: (row of the record, number of surfaces passed through so far).
+    """Returns (row of the record for the path's next hit, number of surfaces that the path has passed through so far).
 
-    The row is beyond the record's end if nothing is recorded, or if the path has ended.
+    The row is beyond the record's end if nothing is to be recorded, or if the path has ended.
     """
     passed = gather(pool, _FIRST, RowHit).passed
     number = np.int64(gather(pool, _FIRST, PathState).number + passed)
