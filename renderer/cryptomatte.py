@@ -1,9 +1,9 @@
-"""Cryptomatte: how many samples of each pixel hit each object and material first, and the layers of an EXR made of these counts.
+"""Cryptomatte: counts how many samples of each pixel hit each object and material first, and converts the counts to EXR layers.
 
-Counts are integers by pixel and id, kept sparsely and for all ids: they add up in any order, and only what is written has a limit
-of ids per pixel. Each sample counts 1, since the pixel filter is sampled, not weighted (renderer/kernel/sampling/filter.py); a
-coverage is the number of samples that hit an id divided by that of all finite samples. Samples that pass through a surface by its
-alpha count for what they hit behind it.
+The counts are integers by pixel and id, stored sparsely. They are kept for all ids, so that they can be added in any order; the
+number of ids per pixel is limited only when the layers are written. Each sample counts 1, since the pixel filter is sampled, not
+weighted (renderer/kernel/sampling/filter.py). The coverage of an id is the number of samples that hit it divided by the number of
+all finite samples. A sample that passes through a surface by its alpha counts for the surface that it hits behind.
 
 Layers, hashes and header: Psyop, "Cryptomatte Specification", version 1.2.0 (2018).
 """
@@ -83,7 +83,7 @@ def _keys(place: npt.NDArray[np.int64], kind: int, number: U32) -> npt.NDArray[n
 
 
 def merged(parts: Iterable[Hits]) -> Hits:
-    """Returns the sum of counts, the same for any order of the parts."""
+    """Returns the sum of several Hits, such as those of different batches; their order has no effect on the result."""
     known = [part for part in parts if len(part.key)]
     if len(known) < 2:
         return known[0] if known else no_hits()
@@ -99,9 +99,9 @@ def _summed(keys: npt.NDArray[np.uint64], counts: npt.NDArray[np.int64]) -> Hits
 
 
 def moved(hits: Hits, x: int, y: int, width: int, frame_width: int) -> Hits:
-    """Returns the counts of a tile with its pixels' indices in the frame.
+    """Converts the counts of a tile from pixel indices in the tile to pixel indices in the frame.
 
-    x, y: the tile's upper left corner. width: of the tile.
+    x, y: the tile's upper left corner in the frame. width, frame_width: widths of the tile and of the frame, in pixels.
     """
     place = (hits.key >> _PLACE_BIT).astype(np.int64)
     in_frame = ((y + place // width) * frame_width + x + place % width).astype(np.uint64)
@@ -149,7 +149,7 @@ def _pairs(ranks: int) -> int:
 
 
 def _names(numbers: Iterable[int], names: Sequence[str], kind: str) -> list[str]:
-    """Returns the names of numbers of a kind; those without a name are called by their number."""
+    """Returns the names of objects or materials, given by number; for those without a name, `kind` and the number."""
     return [names[k] if k < len(names) and names[k] else f"{kind} {k}" for k in numbers]
 
 

@@ -127,9 +127,7 @@ def last_kind(box, i, triangles, solids):
 
 @device
 def bound(box, first, end, whole, i, spread, j):
-    """Writes the bounds of boxes[first : end] to row i of `whole`, and the bounds of the boxes' doubled centroids to row j of
-    `spread`.
-    """
+    """Writes the bounds of boxes[first : end] into whole[i], and the bounds of these boxes' doubled centroids into spread[j]."""
     clear(whole, i)
     clear(spread, j)
     for k in range(first, end):

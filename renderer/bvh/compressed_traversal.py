@@ -170,10 +170,10 @@ def _entered(x, y, z, near, far, t_min, best):
 
 @device
 def _groups(node, at, ray, best):
-    """Returns the children of a node that a ray enters before distance `best`: (inner group, first inner child, leaf group, first
-    leaf).
+    """Returns the children of a node that a ray enters before distance `best`, as two groups with the index of their first child.
 
-    A group is a word: lowest byte, the slots to visit in the order of the ray's octant; next byte, all slots with such children.
+    Returns (inner group, index of the first inner child, leaf group, index of the first leaf). A group is a word: its lowest
+    byte is a mask of the slots to visit, in the order of the ray's octant; the next byte, of all slots of that kind.
     """
     base, octant = np.uintp(at) * _NODE, ray.octant
     a, b = _four(node, base), _four(node, base + np.uintp(4))

@@ -52,9 +52,9 @@ def root_boxes(node: npt.NDArray[Any]) -> npt.NDArray[np.float64]:
 
 
 def relocate(node: npt.NDArray[Any], packet: npt.NDArray[Any], first_node: int, first_packet: int, first_primitive: int) -> None:
-    """Offsets the indices of a separately built triangle tree, in place, for its position in larger arrays.
+    """Offsets the indices stored in a separately built triangle tree, in place, for copying the tree into larger arrays.
 
-    first_node, first_packet, first_primitive: the numbers that its first node, packet and primitive get there.
+    first_node, first_packet, first_primitive: the numbers that the tree's first node, packet and primitive get in them.
     """
     child = node[:, ROW_CHILD].view(np.int32)
     child += np.where(child >= 0, first_node, -4 * first_packet).astype(np.int32)

@@ -40,7 +40,7 @@ def motion_keys(places: F64) -> F64:
 
 
 def turned_by(keys: F64) -> float:
-    """Returns the largest rotation angle, in radians, of any body between two consecutive keys. keys: from `motion_keys`."""
+    """Returns the largest angle, in radians, by which any body rotates from a key to the next. keys: from `motion_keys`."""
     return 2.0 * float(keys[:, :, ANGLE].max(initial=0.0))
 
 
@@ -123,8 +123,7 @@ def _dot(a: F64, b: F64) -> F64:
 
 
 def _ways(rotation: F64) -> tuple[F64, F64]:
-    """Returns two arrays, (N, K - 1): half the rotation angle from each key to the next, and the reciprocal of that half angle's
-    sine.
+    """Returns (h, 1 / sin h), each (N, K - 1), where h is half the rotation angle from a key to the next, in radians.
 
     Both are 0 where there is almost no rotation.
     """
@@ -148,8 +147,7 @@ def _arctangent(tangent: F64) -> F64:
 
 
 def _straight(places: F64) -> F64:
-    """Returns one point per body, (N, 3) in body space: that which moves most nearly in a straight line and in equal steps over
-    the keys.
+    """Returns the point of each body, (N, 3) in body space, whose motion over the keys is nearest to uniform along a line.
 
     For rotation about an axis it is a point on that axis; for rotation with translation, the centre of rotation.
     """

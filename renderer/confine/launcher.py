@@ -43,9 +43,9 @@ _SYSTEM = (
 
 @dataclass
 class _Running:
-    """A reader process that is running, and the descriptors that the launcher holds for it.
+    """A running reader process, and the file descriptors that the launcher keeps open for it.
 
-    asked: the job's pipe. status: the pipe for the reader's exit status.
+    asked: the pipe on which the caller sends the job. status: the pipe to which the launcher writes the reader's exit status.
     """
 
     pid: int

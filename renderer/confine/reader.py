@@ -57,10 +57,10 @@ def is_of_machine(error: OSError) -> bool:
 
 @dataclass(frozen=True)
 class Job:
-    """A reader's work, pickled by the caller: the function to call with a Link, the paths that it may read and write, and its
-    limits.
+    """A reader's job, pickled by the caller: the function to call with a Link, the accessible paths, and the limits.
 
-    reads, writes: as bytes, since names need not be UTF-8. temporary: the folder for temporary files.
+    reads, writes: paths that the reader may read and write, as bytes, since names need not be UTF-8. temporary: the folder for
+    temporary files.
     """
 
     work: Callable[[Link], dict[str, Any]]

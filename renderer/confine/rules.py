@@ -136,7 +136,7 @@ def restrict_files(grants: Iterable[tuple[str, int]]) -> bool:
 
 
 def drop_capabilities(keep_reading: bool) -> None:
-    """Drops root's capabilities. keep_reading: keeps the capability to read files of other users."""
+    """Drops this process's capabilities. keep_reading: keeps the capability to read files of other users."""
     if _libc is None:
         return
     header = struct.pack("<Ii", _CAPABILITY_VERSION, 0)

@@ -368,7 +368,7 @@ def run(
 
 
 def _largest_file(paths: Sequence[Path]) -> int:
-    """Returns the bytes of the largest file among `paths` and the first 10,000 files in their folders; 0 if there is none."""
+    """Returns the size in bytes of the largest file among `paths` and the first 10,000 files in their folders; 0 if none."""
     inside = (path for folder in paths for path in (folder.rglob("*") if folder.is_dir() else [folder]))
     largest = 0
     for path in itertools.islice(inside, _MOST_FILES):
