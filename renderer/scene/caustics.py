@@ -1,4 +1,4 @@
-"""Decides which objects and which lamps specular manifold sampling (renderer/kernel/manifold/) joins, once per scene.
+"""Lists the objects (casters) and the lamps between which specular manifold sampling is used (renderer/kernel/manifold/).
 
 Casters are meshes and spheres of smooth glass or mirrors. Lamps are small ones: points, spots and suns, and emissive meshes and
 spheres that look small from every caster. All other light stays with BSDF sampling.

@@ -80,9 +80,11 @@ def _starts(lengths: Sequence[int]) -> tuple[int, ...]:
 
 
 def _part_columns(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dict[str, Any], list[int]]:
-    """Returns the concatenated columns of all sections' parts, and the index of each section's first part.
+    """Concatenates the part tables of several sections; a part is a run of triangles of one object and one material.
 
-    The columns are `first` (the parts' first triangles), `material` and `object`; padding triangles are parts of their own.
+    starts: the number of the first triangle of each section, followed by the total. Returns (the columns of the joint table,
+    the row at which each section's parts begin). The columns are `first` (the number of a part's first triangle), `material`
+    and `object`. The padding triangles at the end of a section form a part without an object.
     """
     first, material, object, number = [], [], [], []
     count = 0
@@ -100,9 +102,9 @@ def _part_columns(parts: Sequence[Geometry], starts: Sequence[int]) -> tuple[dic
 
 
 def _attribute_or_default(part: Geometry, name: str) -> Array | float:
-    """Returns an attribute array of a section, or the default value if the section lacks the attribute and others have it.
+    """Returns the vertex attribute `name` of a section's geometry, or a default if the geometry lacks it.
 
-    Defaults: for second UVs the first UVs, for colours 1, for other attributes 0.
+    The default is the first UVs for second UVs, 1 for colours, and 0 for other attributes.
     """
     found: Array = getattr(part, name)
     if len(found):

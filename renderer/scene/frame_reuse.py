@@ -88,11 +88,10 @@ class ShotCache:
     def array_for(
         self, name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]
     ) -> tuple[Array, bool]:
-        """Returns an array of `length` rows, reused from the last frame if possible, and whether it holds the data made from
-        `heads`.
+        """Returns (an array of `length` rows, reused from the last frame if possible; whether its first rows are still valid).
 
-        heads: the objects and integers that the array's first rows are computed from. If the array does not hold that data, the
-        caller must fill it.
+        name: identifies the array. shape: of one row. heads: the objects and integers from which the array's first rows are
+        computed. The rows are valid if `heads` is unchanged since the last frame; otherwise the caller must fill them.
         """
         buffer = self._buffers.get(name)
         known = self._heads.get(name, ())

@@ -11,7 +11,7 @@ __all__ = ["read_only"]
 
 
 def read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """Returns a read-only view of the array, or a copy if it is not C-contiguous: Numba then compiles for one array type only."""
+    """Returns the array as a read-only C-contiguous one, copied only if necessary, so that kernels get a single array type."""
     view = np.require(array, requirements=["C", "A"]).view()
     view.flags.writeable = False
     return view

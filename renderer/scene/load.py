@@ -80,9 +80,9 @@ class Shot:
         return description
 
     def _box_at_start(self, moment: Moment, description: SceneDescription) -> F64:
-        """Returns the bounds of the scene in the shot's first frame.
+        """Returns the bounds (2, 3) of the scene in the shot's first frame.
 
-        The floor is placed below them in all frames, since it must not move with the scene.
+        The studio's floor is placed below these bounds in all frames, since it must not move with the scene.
         """
         if not description.moves:
             return bounds_of(description)
@@ -184,7 +184,7 @@ class Shot:
             return self.scene_at(moment)
 
     def _read_neighbouring_files(self, moment: Moment, frames: float) -> SceneDescription | None:
-        """Returns the scene at the moment, but read from the files whose numbers are `frames` greater.
+        """Reads a sequence of numbered files at a moment, but from the files whose numbers are `frames` greater.
 
         Returns None if these files cannot be read.
         """

@@ -62,7 +62,11 @@ def placed_together(
 
 
 def _joined_attribute(name: str, meshes: Sequence[Mesh], start: npt.NDArray[np.int64], defaults: F32) -> F32:
-    """Returns an attribute of all meshes, (V, w): `defaults`, the default values, overwritten for those meshes that have it."""
+    """Concatenates the attribute `name` of all meshes: (V, w).
+
+    start: the index of each mesh's first vertex. defaults: (V, w), the values for vertices of meshes without the attribute; it is
+    overwritten and returned.
+    """
     for mesh, begin, end in zip(meshes, start.tolist(), start[1:].tolist(), strict=False):
         values = getattr(mesh, name)
         if values is not None:

@@ -43,14 +43,14 @@ F64 = npt.NDArray[np.float64]
 
 
 class _Ball(NamedTuple):
-    """A sphere about a body, at all times while the shutter is open."""
+    """A sphere that contains a body at all times while the shutter is open."""
 
     center: F64
     radius: float
 
 
 class _Body(NamedTuple):
-    """A sphere or an instance of the description, by its index, and a sphere about it that need not be tight."""
+    """A sphere or an instance of the description, by its index, and a bounding sphere, which need not be tight."""
 
     number: int
     is_sphere: bool
@@ -77,7 +77,7 @@ def list_targets(description: SceneDescription, packed: Packed, all_power: float
 
 
 def _marked(description: SceneDescription) -> list[_Ball]:
-    """Returns spheres about the bodies that the scene file marks."""
+    """Returns a bounding sphere of each body that the scene file marks with `guide`."""
     spheres = [_ball_of_sphere(description.spheres[n]) for n in range(len(description.spheres)) if description.spheres[n].guide]
     marked = [n for n, each in enumerate(description.instances) if each.guide and len(description.meshes[each.mesh].triangles)]
     return spheres + [_ball_of_points(_points(description, n)) for n in marked[:MAX_TARGETS]]
@@ -211,13 +211,13 @@ def _ball_of_sphere(sphere: Sphere) -> _Ball:
 
 
 def _ball_of_points(points: F64) -> _Ball:
-    """Returns a sphere about points (N, 3) whose centre is that of their bounding box."""
+    """Returns a sphere that contains the points (N, 3); its centre is that of their bounding box."""
     center = 0.5 * (points.min(axis=0) + points.max(axis=0))
     return _Ball(center, float(np.linalg.norm(points - center, axis=1).max()))
 
 
 def _around(balls: list[_Ball]) -> _Ball:
-    """Returns a sphere about spheres whose centre is that of their bounding box."""
+    """Returns a sphere that contains the given spheres; its centre is that of their bounding box."""
     low = np.min([ball.center - ball.radius for ball in balls], axis=0)
     high = np.max([ball.center + ball.radius for ball in balls], axis=0)
     center = 0.5 * (low + high)

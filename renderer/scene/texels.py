@@ -63,9 +63,9 @@ class Texels:
     def add(self, index: int, light: bool = False) -> tuple[int, float]:
         """Adds a texture and its layers; returns the index of its table row, and the factor to multiply its texels by.
 
-        Texels have 8 bits if the image has, else 16. An HDR image for emission (`light`) is divided by its maximum, which is
-        returned as the factor; with layers, each row stores its own factor, and 1 is returned. Other images are clipped at 1, the
-        greatest reflectance. Raises SceneError if there are too many texels.
+        Texels have 8 bits per channel if the image has, else 16. light: whether the texture is for emission. An HDR image for
+        emission is divided by its maximum, which is returned as the factor; with layers, each row stores its own factor, and 1 is
+        returned. Other images are clipped at 1, the greatest reflectance. Raises SceneError if there are too many texels.
         """
         if (index, light) not in self._textures:
             texture = self._description.textures[index]
@@ -123,10 +123,9 @@ class Texels:
         return scale
 
     def _arrays_of_stack(self, row: int) -> tuple[I32, F32, np.ndarray]:
-        """Returns the arrays of `arrays` reduced to one texture and its layers.
+        """Returns the arrays (rows, transforms, texels) of a single texture and its layers, with rows numbered from 0.
 
-        They contain the table rows of these only, numbered from 0, and only the texels that these use. row: the texture's table
-        row.
+        row: the texture's row in the table of all textures. Only the texels that this texture and its layers use are included.
         """
         chain = list(self._chain(row))
         blocks = sorted({self._block_of_row[r] for r in chain})

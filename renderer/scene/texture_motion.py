@@ -1,7 +1,7 @@
-"""Merges texture transforms at several times while the shutter is open into keys.
+"""Merges the UV transforms that textures have at several times while the shutter is open into keys.
 
-Readers store equal textures once: two textures that are equal at one time and differ at another have one index in one
-description and two in the other. So textures are matched by the material slots that use them, not by index.
+Readers store equal textures once. Two textures that are equal at one time and differ at another therefore have a single index
+in one description and two in the other, so textures are matched by the material slots that use them, not by index.
 """
 
 from __future__ import annotations
@@ -23,10 +23,11 @@ _Over = list[tuple[SceneDescription, int]]  # a texture at each time: the scene 
 def merge_moving_textures(
     middle: SceneDescription, found: Sequence[SceneDescription]
 ) -> tuple[SceneDescription, list[SceneDescription], bool]:
-    """Returns the descriptions with textures that move merged into textures with keys.
+    """Merges the textures of a scene at several times into textures whose UV transforms have keys.
 
-    Three results: the description of the middle, whose textures have keys; the other descriptions, whose materials refer to these
-    textures; whether another property of a texture changes (it then stays as in the middle).
+    middle: the scene in the middle of the shutter interval. found: the scene at each key time. Returns (`middle` with the merged
+    textures, the other descriptions with materials that refer to those textures, whether anything but the transform of a
+    texture changes). Such a change is ignored: the texture stays as in the middle.
     """
     every = [middle, *found]
     if all(are_equal(each.textures, middle.textures) for each in found):
@@ -56,7 +57,10 @@ class _MovingTextures:
         self._numbers: dict[Texture, int] = {}
 
     def number(self, keyed_textures: _Over) -> int:
-        """Adds a texture and returns its index. keyed_textures: description and index at each time, the middle first."""
+        """Adds a texture that may move, and returns its index.
+
+        keyed_textures: for each time, the middle first, the scene description and the texture's index there.
+        """
         textures = [scene.textures[number] for scene, number in keyed_textures]
         own = textures[0]
         if any(_kind(each) != _kind(own) for each in textures):

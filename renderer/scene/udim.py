@@ -59,9 +59,9 @@ def side_by_side(tiles: dict[int, npt.NDArray[Any]], srgb: bool) -> npt.NDArray[
 
 
 def atlas_transform(numbers: dict[int, Any]) -> UvTransform:
-    """Returns the UV transform into the image that `side_by_side` combines from the tiles `numbers` (tile number -> any value).
+    """Returns the UV transform from the texture's UVs to the image that `side_by_side` makes of its tiles.
 
-    With v = 1 - t: u' = u / columns, t' = t / rows.
+    numbers: a dict whose keys are the tiles' numbers. With v = 1 - t, the transform is u' = u / columns, t' = t / rows.
     """
     across, up = _extent(numbers)
     return 1 / across, 0.0, 0.0, 0.0, 1 / up, 1 - 1 / up

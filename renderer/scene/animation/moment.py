@@ -19,10 +19,10 @@ ALL_CLIPS = "all"  # every clip of a file at once
 class Moment:
     """The time at which a scene is read: frame n, at n / fps seconds. A still is frame 0.
 
-    Frame numbers are multiples of a half, for slow motion. fps: None: the file's frame rate, or DEFAULT_FPS if it has none. clip:
-    the name or index (from 0) of one of the file's clips, or ALL_CLIPS for all together; None: the first one, or all in a glTF
-    file if no two of them animate the same object. offset: added to the time, in frames, within the frame's shutter; it does not
-    change which of several numbered files is read.
+    Frame numbers are multiples of a half, for slow motion. fps: frame rate; None for the file's own, or DEFAULT_FPS if it has
+    none. clip: the name or index (from 0) of one of the file's clips, or ALL_CLIPS for all together. Without a clip the first one
+    is used, or all in a glTF file if no two of them animate the same object. offset: added to the time, in frames, for moments
+    while the shutter is open; it does not change which of several numbered files is read.
     """
 
     frame: float = 0.0

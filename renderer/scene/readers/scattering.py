@@ -68,8 +68,7 @@ def single_albedo(multiple: float, g: float = 0.0) -> float:
 
 
 def diffuse_reflectance(albedo: Any, ior: float) -> F64:
-    """Returns the diffuse reflectance of a half space beneath an internally reflecting boundary, as a fraction of the light
-    entering.
+    """Returns the diffuse reflectance of a half-space beneath an internally reflecting boundary, relative to the entering light.
 
     albedo: reduced single-scattering albedo of the half space. Source: Jensen et al., "A practical model for subsurface light
     transport", 2001, eq. 15, with the internal reflection of Egan and Hilgeman.

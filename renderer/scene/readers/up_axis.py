@@ -101,9 +101,7 @@ def guess_up(description: SceneDescription, custom: str) -> str:
     middle = corners.mean(axis=1)
 
     def bottom(axis: int) -> float:
-        """Returns the area of the lowest horizontal triangles, as a fraction of the model's bounding rectangle perpendicular to
-        the axis.
-        """
+        """Returns the area of the lowest horizontal triangles as a fraction of the model's bounding rectangle in their plane."""
         lowest = middle[:, axis] - low[axis] < _LEVEL * extent[axis]
         level = np.abs(normal[:, axis]) > _LEVEL_NORMAL * area
         return float(0.5 * area[lowest & level].sum() / np.delete(extent, axis).prod())

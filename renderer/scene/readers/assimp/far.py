@@ -111,10 +111,10 @@ def _about_centres(data: bytes) -> tuple[bytes, F64]:
 
 
 def _offset(found: Points, near: Points, centres: F64) -> F64 | None:
-    """Returns (3,) the offset that the second import subtracted from points: on each axis 0 or the centre of a cluster.
+    """Returns the offset (3,) by which two imports of the same points differ: on each axis 0 or the centre of a cluster.
 
-    Returns None if the two imports do not differ by such an offset. found, near: (n, 3) points of the first and the second
-    import.
+    found, near: (n, 3) points as imported from the unchanged file, and with the clusters' centres subtracted. centres: (n,)
+    these centres. Returns None if the two do not differ by such an offset.
     """
     if not (np.isfinite(found).all() and np.isfinite(near).all()) or not (len(found) and len(near)):
         return None
@@ -146,9 +146,10 @@ def _node(found: Node, near: Node, centres: F64) -> Node:
 
 
 def _at_exact_position(found: Any, near: Any, centres: F64, directions: tuple[str, ...]) -> Any:
-    """Returns a light or camera of the first import, `found`, at its exact position.
+    """Returns a light or camera with its position in float64, if the position is far from the origin; else returns `found`.
 
-    near: the same object in the second import. directions: names of the fields to take from `near`.
+    found: the object as imported from the unchanged file. near: the same object as imported with the clusters' centres
+    subtracted. centres: (n,) these centres. directions: names of the fields to copy from `near`, such as a direction.
     """
     offset = _offset(found.position[None], near.position[None], centres)
     if offset is None or not offset.any():

@@ -66,10 +66,9 @@ class Meshes:
         return self._shaped[index, weights, alone]
 
     def shapes(self, index: int, node: Json, matrices: Matrix | None = None) -> list[Mesh]:
-        """Returns a mesh's primitives, without materials, as a node shows them: with its morph weights and, given matrices, its
-        skin.
+        """Returns a mesh's primitives, without materials, deformed by a node's morph weights and by its skin, if any.
 
-        matrices: (J, 4, 4) of the joints. Raises DamagedError if the mesh refers to more joints.
+        matrices: (J, 4, 4) of the skin's joints; None for no skin. Raises DamagedError if the mesh refers to more joints.
         """
         weights = self._weights(index, node)
         found = []

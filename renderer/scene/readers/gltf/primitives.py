@@ -181,9 +181,7 @@ class _Attributes:
         return any(kind in ("JOINTS", "WEIGHTS") and number.isdigit() and int(number) >= count for kind, _, number in words)
 
     def undecoded_accessors(self) -> list[int]:
-        """Returns the indices of the accessors with the primitive's vertex indices and positions; those in a Draco block are
-        omitted.
-        """
+        """Returns the accessors (by index) of the primitive's vertex indices and positions, except those in a Draco block."""
         known = self._accessors.accessors
         found = None if self.indices is not None else self._source.index("indices", known)
         places = None if "POSITION" in self._decoded else self._attributes.index("POSITION", known)

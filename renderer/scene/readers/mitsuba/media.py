@@ -31,10 +31,10 @@ class Media:
         self._unsaid = False  # whether any glass names no medium
 
     def inside(self, shape: Element, is_inside_out: bool) -> Medium | None:
-        """Returns the medium that fills a shape; None if the shape has no medium. A shape with only an exterior medium is empty
-        inside.
+        """Returns the medium that fills a shape; None if the shape has no medium.
 
-        is_inside_out: whether the exterior medium fills the shape, since its glass is inside out.
+        A shape with only an exterior medium is empty inside. is_inside_out: True if the shape's glass has the lower index of
+        refraction inside, so that the shape is inverted and its exterior medium fills it.
         """
         media = {child.name: child for child in shape.children_of("medium")}
         if not media:

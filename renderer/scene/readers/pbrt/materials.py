@@ -345,11 +345,7 @@ class Materials:
         return made
 
     def _substitute(self, source: Parameters) -> Material:
-        """Returns the material that replaces an unsupported one: an invisible boundary for pbrt's `interface`, otherwise grey
-        diffuse.
-
-        Adds a note in the latter case.
-        """
+        """Returns an invisible boundary for pbrt's `interface`, and grey diffuse, with a note, for unsupported materials."""
         if is_nothing(source):
             return Material(kind="interface")
         self._notes.add(

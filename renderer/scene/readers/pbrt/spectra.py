@@ -139,8 +139,9 @@ class Colors:
         return green, 0.0
 
     def spectrum(self, found: Parameter) -> F64:
-        """Returns (W,) the values at WAVELENGTHS of a spectrum parameter: a single number, pairs of wavelength and value, or a
-        file of pairs.
+        """Returns the values (W,) of a spectrum parameter at WAVELENGTHS.
+
+        The parameter is a single number, pairs of wavelength and value, or the name of a file of such pairs.
         """
         if isinstance(found.value, np.ndarray):
             values = found.value.reshape(-1)
