@@ -44,15 +44,15 @@ class Blender:
 
 
 def environment_python() -> Path:
-    """Returns the path of the Python in the environment that `rayfarm worker --blender` creates for Blender."""
+    """Returns the path of the Python in the virtual environment that `rayfarm worker --blender` creates for Blender."""
     return private_folder("blender") / "bin" / "python"
 
 
 def find() -> Blender | None:
     """Returns the Blender to use; None if there is none.
 
-    The first of: RAYFARM_BLENDER, the environment of `rayfarm worker --blender`, the PATH. Raises BlenderError if RAYFARM_BLENDER
-    names an unusable one.
+    Looks in this order: the path in the variable RAYFARM_BLENDER; the Python virtual environment that `rayfarm worker --blender`
+    creates; a program `blender` on the PATH. Raises BlenderError if RAYFARM_BLENDER names an unusable program.
     """
     if named := os.environ.get(NAMED):
         return inspect_blender(named)

@@ -32,8 +32,8 @@ class Corners(NamedTuple):
 def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = False) -> tuple[Mesh, Corners] | None:
     """Converts a bpy.types.Mesh to (Mesh, how its corners were split); returns None if it has no faces.
 
-    color: name of the colour attribute that multiplies the base colour. all_uvs: True to export all UV sets in the mesh's order,
-    instead of two with the active one first.
+    key: identifies the mesh in the exported scene. color: name of the colour attribute that multiplies the base colour, or None.
+    all_uvs: True to export all UV sets in the mesh's order, instead of two with the active one first.
     """
     source.calc_loop_triangles()
     count = len(source.loop_triangles)
@@ -56,7 +56,10 @@ def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = Fal
 
 
 def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
-    """Converts a bpy.types.Curves to tubes: (Mesh, how its corners were split). None if it has no points, or too many."""
+    """Converts a bpy.types.Curves to a mesh of tubes; returns (Mesh, its Corners), or None without points or with too many.
+
+    key: identifies the mesh in the exported scene.
+    """
     count = len(source.points)
     if not 0 < count <= MOST_POINTS:
         return None

@@ -232,7 +232,11 @@ def _select(bpy: Any, owners: list[Any]) -> None:
 
 
 def _assign_dummy_images(bpy: Any, material: Any, owners: list[Any]) -> list[tuple[Any, Any]]:
-    """Assigns dummy images to the other materials of the meshes, since Blender bakes all materials of a mesh."""
+    """Adds an active node with a dummy image to each other material of the objects that use `material`.
+
+    Blender bakes all materials of a mesh at once, and fails if one of them has no image to write to. owners: the objects that
+    use `material`. Returns the added nodes as (material, node), so that the caller can remove them.
+    """
     found = []
     names = {material.name}
     for thing in owners:
