@@ -29,8 +29,8 @@ class _Kernel(JITCodeLibrary):
     """The code library of a function that Python calls. Callees that are not inlined are linked after it was optimised.
 
     counts: whether the function is compiled with reference counts of arrays. is_inlinable: whether LLVM may inline it into
-    callers. beneath: name -> code of each callee that is not inlined, after all of that callee's own callees. _unread: the
-    bitcode of a cached kernel, needed only if other functions link with it, which is rare; large and slow to parse.
+    callers. beneath: name -> code of each callee that is not inlined; a callee comes after its own callees. _unread: the unparsed
+    bitcode of a cached kernel. It is large and slow to parse, and needed only if another function links with the kernel.
     """
 
     counts = False

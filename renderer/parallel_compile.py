@@ -42,8 +42,8 @@ _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 class Helpers:
     """A context manager for helper processes that compile parts of a kernel, and the kernels that prepare scenes.
 
-    variant: of the kernel for images, with GROUPS_SUFFIX if it adds up light by group; "" to compile only those that prepare
-    scenes. wanted: False if nothing has to be compiled: no helpers are started.
+    variant: name of the kernel variant for images, with GROUPS_SUFFIX if it sums light by light group; "" compiles only the
+    kernels that prepare scenes. wanted: False if nothing has to be compiled: no helpers are started.
 
     The helpers are forked if this process has no other threads, so a worker creates them before it starts threads. Otherwise they
     are spawned, and only when `share` is called.

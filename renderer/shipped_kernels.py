@@ -1,7 +1,7 @@
-"""Kernels shipped with a container image or a wheel, copied into the cache before anything is compiled.
+"""Copies precompiled kernels from a container image or a wheel into the kernel cache, before anything is compiled.
 
-Only kernels that the cache lacks are copied. The cache may therefore be on a volume that outlives the container image, and
-everything else may be read-only.
+Only kernels that the cache lacks are copied. The cache may therefore be on a volume that outlives the container image, and all
+other folders may be read-only.
 """
 
 from __future__ import annotations

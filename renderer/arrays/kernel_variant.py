@@ -45,7 +45,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
 def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = False) -> CompiledScene:
     """Returns the scene as the variant's kernels expect it: with None for every array of a feature that the variant lacks.
 
-    groups: whether the kernel adds up light by group; `scene.group_plane` is then set.
+    groups: whether the kernel sums the light of each light group separately; the array `group_plane` is then kept.
     """
     has = KERNEL_VARIANTS[variant]._replace(groups=True if groups else None)
     bvh = scene.bvh._replace(instances=has.instances)
