@@ -81,7 +81,7 @@ coordinate = st.sampled_from([0.0, -0.0, 1.0, -1.0, 0.5, 1e-30, 1e-3, 1e3, 1e15,
 
 @given(st.data())
 @hypothesis_settings(deadline=None)
-def test_any_primitives_make_a_whole_tree(data):
+def test_any_primitives_make_a_valid_tree(data):
     """Each primitive is in the tree once, inside all its boxes, also if it is coincident, a sliver, degenerate, huge or tiny."""
     points = data.draw(st.lists(st.tuples(coordinate, coordinate, coordinate), min_size=1, max_size=30))
     corner = st.integers(0, len(points) - 1)
@@ -92,7 +92,7 @@ def test_any_primitives_make_a_whole_tree(data):
     )
 
 
-def test_a_random_soup_makes_a_whole_tree_and_always_the_same():
+def test_random_primitives_make_a_valid_reproducible_tree():
     rng = np.random.default_rng(0)
     position = rng.standard_normal((3000, 3)).astype(np.float32)
     triangle = rng.integers(0, 3000, (2000, 3)).astype(np.int32)
@@ -115,7 +115,7 @@ def soup():
 
 
 @pytest.mark.long
-def test_a_tree_cut_into_small_parts_is_whole_and_the_same_by_any_number_of_threads(monkeypatch):
+def test_tree_of_small_parts_is_valid_for_any_number_of_threads(monkeypatch):
     monkeypatch.setattr("renderer.bvh.top.LEAST_PART", 16)
     built = []
     for threads in (1, 2, 3):
@@ -125,7 +125,7 @@ def test_a_tree_cut_into_small_parts_is_whole_and_the_same_by_any_number_of_thre
         assert array.tobytes() == second.tobytes() == third.tobytes()
 
 
-def test_a_heap_far_from_the_rest_is_cut_into_parts_too(monkeypatch):
+def test_distant_dense_cluster_is_divided(monkeypatch):
     """A dense cluster of primitives far from the others is itself divided into parts, for parallel construction.
 
     All primitives but one are in one cell of the first grid, and all but one of those are in one cell of the second.
@@ -138,7 +138,7 @@ def test_a_heap_far_from_the_rest_is_cut_into_parts_too(monkeypatch):
 
 
 @pytest.mark.long
-def test_a_tree_of_several_parts_is_the_same_by_any_number_of_threads():
+def test_tree_of_several_parts_does_not_depend_on_threads():
     count = 90_000
     assert part_size(count) < count / 2
     rng = np.random.default_rng(5)
@@ -154,7 +154,7 @@ def test_a_tree_of_several_parts_is_the_same_by_any_number_of_threads():
     assert sorted(numbers) == list(range(count))
 
 
-def test_many_equal_primitives_do_not_deepen_the_tree():
+def test_equal_primitives_do_not_deepen_the_tree():
     position = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32)
     assert_whole(position, np.zeros((500, 3), np.int32) + np.arange(3, dtype=np.int32), NO_SPHERES)
     assert_whole(NONE, NO_TRIANGLES, np.ones((300, 4), np.float32))
@@ -167,7 +167,7 @@ def test_geometric_series_of_sizes_fits_the_stack():
     assert_whole(position.astype(np.float32), np.arange(360, dtype=np.int32).reshape(-1, 3), NO_SPHERES)
 
 
-def test_an_empty_tree_is_met_by_nothing():
+def test_empty_tree_has_no_hits():
     bvh = build(NONE, NO_TRIANGLES, NO_SPHERES)
     hits = trace(bvh, np.zeros(3), np.eye(3))
     assert not hits.shadow.any()
@@ -175,7 +175,7 @@ def test_an_empty_tree_is_met_by_nothing():
     assert np.isposinf(hits.t).all()
 
 
-def test_degenerate_triangles_are_never_met_and_hide_nothing():
+def test_degenerate_triangles_are_never_hit():
     position = np.array([(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (-9, -9, 1), (27, -9, 1), (-9, 27, 1)], np.float32)
     dots_and_slivers = [(0, 0, 0), (0, 1, 2), (0, 1, 1), (3, 3, 0)]
     triangle = np.array([*dots_and_slivers, (4, 5, 6)], np.int32)
@@ -198,6 +198,6 @@ def test_degenerate_triangles_are_never_met_and_hide_nothing():
         ([(0, 0, 0)], [(0, -1, 0)], [], "outside 0 ... 0"),
     ],
 )
-def test_input_that_is_no_geometry_is_refused(position, triangle, sphere, sentence):
+def test_invalid_geometry_is_rejected(position, triangle, sphere, sentence):
     with pytest.raises(ValueError, match=sentence):
         build(np.array(position, np.float32), np.array(triangle, np.int32), np.array(sphere, np.float32).reshape(-1, 4))

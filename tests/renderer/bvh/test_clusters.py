@@ -37,7 +37,7 @@ def by_so_many(threads, box):
         return gathered(box, np.arange(COUNT, dtype=np.int32), doubled_centroids(box), SOLIDS, team)
 
 
-def test_every_primitive_is_in_one_cluster_whose_box_holds_exactly_its_own(boxes):
+def test_each_primitive_is_in_one_cluster_with_a_tight_box(boxes):
     clusters = by_so_many(1, boxes)
     assert sorted(clusters.source) == list(range(COUNT))
     assert 1000 < len(clusters.box) < COUNT
@@ -51,13 +51,13 @@ def test_every_primitive_is_in_one_cluster_whose_box_holds_exactly_its_own(boxes
         assert (np.diff(own) > 0).all()
 
 
-def test_clusters_do_not_depend_on_how_many_threads_gather_them(boxes):
+def test_clusters_do_not_depend_on_threads(boxes):
     one, three = by_so_many(1, boxes), by_so_many(3, boxes)
     for array, other in zip(one, three, strict=True):
         assert array.tobytes() == other.tobytes()
 
 
-def test_parts_share_neither_primitives_nor_rows(boxes):
+def test_parts_are_disjoint(boxes):
     clusters = by_so_many(2, boxes)
     tree_box, tree = np.empty((2 * COUNT, 8), np.float32), np.full((2 * COUNT, 3), -2, np.int32)
     node = np.array([0, 0, COUNT, 1, 0, 0, len(clusters.box)])

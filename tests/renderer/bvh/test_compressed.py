@@ -92,7 +92,7 @@ def rays(seed: int, count: int = 3000, spread: float = 1.5) -> tuple[np.ndarray,
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize(("triangles", "spheres"), [(0, 0), (1, 0), (0, 1), (7, 0), (9, 9), (2000, 300)])
-def test_random_rays_have_the_same_hits(triangles: int, spheres: int, scale: float) -> None:
+def test_random_rays_have_equal_hits(triangles: int, spheres: int, scale: float) -> None:
     position, triangle, sphere = soup(np.random.default_rng(triangles), triangles, spheres, 0.1 if triangles > 100 else 0.4)
     o, d = rays(1)
     scaled = np.float32(scale)
@@ -102,7 +102,7 @@ def test_random_rays_have_the_same_hits(triangles: int, spheres: int, scale: flo
         assert hits.passed.max() > 2
 
 
-def test_rays_with_zeros_in_their_direction_have_the_same_hits() -> None:
+def test_axis_parallel_rays_have_equal_hits() -> None:
     random = np.random.default_rng(8)
     position, triangle, sphere = soup(random, 300, 60, 0.2)
     position = np.round(position * 8) / 8  # many planes that contain rays, and degenerate triangles
@@ -115,7 +115,7 @@ def test_rays_with_zeros_in_their_direction_have_the_same_hits() -> None:
 
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_rays_within_a_flat_grid_and_along_its_edges_have_the_same_hits(axis: int) -> None:
+def test_rays_within_a_flat_grid_have_equal_hits(axis: int) -> None:
     side = np.arange(9) * 0.125 - 0.5
     u, v = (each.ravel() for each in np.meshgrid(side, side, indexing="ij"))
     position = np.insert(np.stack([u, v], 1), axis, 0.0, axis=1).astype(np.float32)
@@ -130,7 +130,7 @@ def test_rays_within_a_flat_grid_and_along_its_edges_have_the_same_hits(axis: in
         assert hits.occluded.all() == (height != 0.0)
 
 
-def test_of_hits_at_equal_distance_the_lower_number_wins() -> None:
+def test_lowest_primitive_number_wins_at_equal_distance() -> None:
     """If several hits have the same distance, both trees return the one with the lowest primitive number.
 
     Each triangle occurs four times, each sphere three times, in random order.
@@ -169,7 +169,7 @@ def test_primitives_in_motion_have_the_same_hits() -> None:
     assert assert_same_hits(bvh, *rays(7), times).occluded.any()
 
 
-def test_rays_that_do_not_see_everything_have_the_same_hits() -> None:
+def test_rays_with_hidden_primitives_have_equal_hits() -> None:
     random = np.random.default_rng(9)
     position, triangle, sphere = soup(random, 500, 50, 0.15)
     unseen, shadeless = random.random((2, 550)) < 0.3
@@ -181,7 +181,7 @@ def test_rays_that_do_not_see_everything_have_the_same_hits() -> None:
 
 
 @pytest.mark.parametrize("bad", [(np.nan, 0, 1), (0, 0, np.nan), (np.nan,) * 3, (np.inf, 0, 0), (0, 0, 0), (np.inf, -np.inf, 0)])
-def test_an_invalid_ray_ends(bad: tuple[float, float, float]) -> None:
+def test_invalid_ray_terminates(bad: tuple[float, float, float]) -> None:
     hits = trace(card_tree(build(*soup(np.random.default_rng(9), 9, 9))), np.zeros(3), np.array([bad], np.float32), 0.5)
     assert not hits.occluded.any()
 

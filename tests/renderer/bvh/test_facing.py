@@ -38,7 +38,7 @@ def _place(turned: bool, at: tuple[float, float, float], scale: float) -> np.nda
 )
 @pytest.mark.parametrize(("front", "back"), [((1, 0), (1, 0)), ((1, 0), (1, 1)), ((1, 0), (4, 1)), ((3, 0), (7, 1))])
 @pytest.mark.parametrize("swapped", [False, True])
-def test_of_faces_back_to_back_the_one_that_faces_the_ray_is_met(space, turned, at, front, back, swapped):
+def test_coincident_faces_hit_the_front_facing_one(space, turned, at, front, back, swapped):
     whole = _place(turned, at, 1.0)
     scale = 3.7 if space in ("scaled", "both") else 1.0
     parts, instanced = [], {"world": (False, False), "both": (True, True)}.get(space, (False, True))

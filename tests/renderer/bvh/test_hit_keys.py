@@ -51,7 +51,7 @@ def rows(n, seed):
     return np.ascontiguousarray(distance, np.float32), np.ascontiguousarray(limit, np.float32)
 
 
-def test_children_are_visited_from_near_to_far_and_each_once():
+def test_children_are_visited_once_in_order_of_distance():
     distances, limits = rows(5000, 1)
     order, count = np.full((5000, LANES), -1), np.zeros(5000, np.int64)
     _visit(distances, limits, order, count)
@@ -62,7 +62,7 @@ def test_children_are_visited_from_near_to_far_and_each_once():
         assert (np.diff(coarse) >= 0).all()
 
 
-def test_the_nearest_hit_is_exact_and_the_first_of_equal_ones():
+def test_nearest_hit_is_exact_and_first_among_equals():
     distances, limits = rows(5000, 2)
     distances[distances == 0] = 1e-30  # hits have positive distances
     found, lane = np.full(5000, -1.0, np.float32), np.full(5000, -1)
@@ -76,7 +76,7 @@ def test_the_nearest_hit_is_exact_and_the_first_of_equal_ones():
     assert (lane[~some] == -1).all()
 
 
-def test_whole_numbers_are_compared_as_such():
+def test_keys_are_compared_as_integers():
     """Keys are compared as integers; half of the tested keys are NaN if read as floats."""
     rng = np.random.default_rng(1)
     numbers = rng.integers(-(2**31), 2**31, (1000, LANES)).astype(np.int32)

@@ -48,7 +48,7 @@ def copied(position, triangle, instances):
 
 
 @grid("scale", [1e-3, 1.0, 1e3], ordinary=(1e3,))
-def test_instances_are_met_where_their_copies_would_be(scale):
+def test_instance_hits_equal_those_of_copies(scale):
     rng = np.random.default_rng(1)
     position, triangle, _, instances = forest(rng)
     instances.to_world[:] *= scale
@@ -78,7 +78,7 @@ def test_instances_are_met_where_their_copies_would_be(scale):
     np.testing.assert_allclose((1 - u - v) * a + u * b + v * c, o[hit] + found.t[hit, None] * d[hit], atol=3e-4 * scale)
 
 
-def test_t_is_of_the_world_and_ends_rays_in_instances():
+def test_t_max_applies_within_instances():
     rng = np.random.default_rng(2)
     position, triangle, sphere, instances = forest(rng)
     bvh = build(position, triangle, sphere, instances)
@@ -92,7 +92,7 @@ def test_t_is_of_the_world_and_ends_rays_in_instances():
     assert short.shadow.mean() < 0.001  # t equals the distance to the triangle up to rounding
 
 
-def test_an_instance_where_it_was_made_is_its_mesh_to_the_bit():
+def test_identity_instance_equals_its_mesh():
     rng = np.random.default_rng(3)
     mesh = icosphere(3)
     identity = np.eye(4)[None, :3]
@@ -124,7 +124,7 @@ def test_no_ray_leaves_a_closed_instance(scale):
                 assert (hits.primitive >= 0).all()
 
 
-def test_a_tree_is_kept_once_however_often_it_is_shown():
+def test_shared_tree_is_stored_once():
     rng = np.random.default_rng(5)
     mesh = icosphere(4)
     single = build(mesh.positions, mesh.triangles, NO_SPHERES)
@@ -142,7 +142,7 @@ def test_a_tree_is_kept_once_however_often_it_is_shown():
 
 
 @pytest.mark.parametrize("instanced", [False, True])
-def test_without_boxes_every_ray_finds_the_same(instanced):
+def test_infinite_boxes_do_not_change_hits(instanced):
     rng = np.random.default_rng(6)
     position, triangle, sphere, instances = forest(rng, 6)
     if not instanced:
@@ -156,7 +156,7 @@ def test_without_boxes_every_ray_finds_the_same(instanced):
     np.testing.assert_array_equal(with_tree.instance, brute.instance)
 
 
-def test_a_tree_without_a_triangle_is_met_by_nothing():
+def test_tree_without_triangles_has_no_hits():
     position = np.zeros((0, 3))
     triangle = np.zeros((0, 3), np.int32)
     bvh = build(

@@ -17,7 +17,7 @@ def _sums(values, sums, wholes):
         store(wholes[i], ZERO, whole_sum(load(values[i], ZERO)))
 
 
-def test_running_sums_neither_fall_nor_rise_where_a_lane_is_zero():
+def test_running_sums_are_constant_across_zero_lanes():
     """Running sums are exactly constant across lanes of weight 0, so that such a lane is never chosen."""
     rng = np.random.default_rng(0)
     values = (rng.random((5000, LANES)) * 10.0 ** rng.integers(-9, 10, (5000, LANES))).astype(np.float32)

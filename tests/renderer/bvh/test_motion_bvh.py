@@ -16,7 +16,7 @@ from tests.renderer.test_motion_blur import everything, merged_over_shutter
 
 @pytest.mark.long
 @pytest.mark.parametrize("turns", [0.02, 0.3, 0.9])
-def test_a_body_stays_within_its_box(turns):
+def test_moving_body_stays_within_its_bounds(turns):
     random = np.random.default_rng(3)
     for _ in range(10):
         axis, shape, offsets = random.normal(size=3), random.normal(size=(3, 3)), random.normal(size=(2, 3)) * 3
@@ -33,7 +33,7 @@ def test_a_body_stays_within_its_box(turns):
         assert (box[1] - box[0] <= size * 1.02 + 0.02 * size.max()).all(), "and the box is no larger than it has to be"
 
 
-def test_each_packet_is_there_for_each_key():
+def test_packets_are_stored_for_each_key():
     random = np.random.default_rng(4)
     position = random.normal(size=(3, 60, 3)).astype(np.float32)
     triangle = np.arange(60, dtype=np.int32).reshape(-1, 3)
@@ -63,7 +63,7 @@ def _trace(bvh, stack, o, d, time, t, number, shadow):
         shadow[i] = any_hit(bvh, stack, origin, direction, np.float32(1e6), time[i])
 
 
-def test_rays_meet_what_moves_as_without_a_tree():
+def test_hits_on_moving_primitives_match_brute_force():
     random = np.random.default_rng(5)
     count = 4000
     o = random.normal(size=(count, 3)).astype(np.float32) * 4

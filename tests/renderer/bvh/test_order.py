@@ -78,7 +78,7 @@ def _each_alone(position: np.ndarray, triangle: np.ndarray, o: np.ndarray, d: np
 
 
 @pytest.mark.parametrize("gap", [0.0, 1e-6, 0.01])
-def test_a_ray_meets_each_surface_once_and_in_order(gap: float) -> None:
+def test_ray_hits_each_surface_once_in_order(gap: float) -> None:
     rng = np.random.default_rng(11)
     position, triangle = _layers(20, rng, gap)
     o, d = _rays(rng)
@@ -92,7 +92,7 @@ def test_a_ray_meets_each_surface_once_and_in_order(gap: float) -> None:
         np.testing.assert_array_equal(seen[there, 0], t[order])
 
 
-def test_of_instances_at_one_place_each_is_met_once_the_lower_number_first() -> None:
+def test_coincident_instances_are_hit_in_number_order() -> None:
     rng = np.random.default_rng(12)
     position, triangle = _layers(2, rng, 0.0)
     o, d = _rays(rng)
@@ -112,7 +112,7 @@ def test_of_instances_at_one_place_each_is_met_once_the_lower_number_first() -> 
         np.testing.assert_array_equal(seen[~np.isnan(seen[:, 0])], np.array(expected).reshape(-1, 3))
 
 
-def test_spheres_are_met_twice_also_two_at_one_place() -> None:
+def test_spheres_are_hit_twice_even_if_coincident() -> None:
     rng = np.random.default_rng(13)
     o, d = _rays(rng)
     sphere = np.array([(30, -20, 10, 1.0), (30, -20, 10, 1.0), (30, -20, 10, 0.5)], np.float32)
@@ -128,7 +128,7 @@ def test_spheres_are_met_twice_also_two_at_one_place() -> None:
     assert not (np.diff(distances, axis=1) < 0).any()
 
 
-def test_many_rays_together_choose_the_same_of_equal_hits() -> None:
+def test_grouped_rays_break_ties_like_single_rays() -> None:
     rng = np.random.default_rng(14)
     position, triangle = _layers(1, rng, 0.0)
     copies = np.concatenate([triangle] * 40)

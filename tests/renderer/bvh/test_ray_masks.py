@@ -66,7 +66,7 @@ def world(seed: int = 3) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("share", [0.01, 0.3, 1.0])
-def test_rays_that_begin_there_meet_what_is_left(share: float) -> None:
+def test_rays_from_special_roots_skip_hidden_primitives(share: float) -> None:
     position, triangle, sphere = world()
     bvh = build(position, triangle, sphere)
     random = np.random.default_rng(1)
@@ -88,7 +88,7 @@ def test_rays_that_begin_there_meet_what_is_left(share: float) -> None:
             assert not found.any()
 
 
-def test_what_is_new_begins_at_a_page_behind_all_parts() -> None:
+def test_appended_rows_start_at_a_page_boundary() -> None:
     bvh = build(*world())
     unseen = np.arange(340) == 17
     found = exclude_primitives(laid(bvh), unseen, ~unseen & False)
@@ -98,13 +98,13 @@ def test_what_is_new_begins_at_a_page_behind_all_parts() -> None:
         assert places[4] == len(rows) > places[3]
 
 
-def test_nothing_is_left_out_of_most_trees() -> None:
+def test_trees_without_hidden_primitives_are_unchanged() -> None:
     given = laid(build(*world()))
     none = np.zeros(340, np.bool_)
     assert exclude_primitives(given, none, none) is given
 
 
-def test_what_moves_is_left_out_at_every_time() -> None:
+def test_hidden_moving_primitives_are_skipped_at_all_times() -> None:
     random = np.random.default_rng(5)
     position, triangle, sphere = world()
     moved = np.stack([position, position + random.uniform(-0.3, 0.3, position.shape).astype(np.float32), position])

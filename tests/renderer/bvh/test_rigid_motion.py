@@ -52,7 +52,7 @@ def placed(matrix, offset):
 
 
 @pytest.mark.parametrize("squeeze", [1.0, 1e-3, 1e5])
-def test_a_matrix_is_a_turn_and_a_stretch(squeeze):
+def test_polar_decomposition_of_a_matrix(squeeze):
     random = np.random.default_rng(1)
     matrix = random.normal(size=(50, 3, 3)) @ np.diag([squeeze, 1, 1])
     turn, stretch = polar(matrix)
@@ -65,7 +65,7 @@ def test_a_matrix_is_a_turn_and_a_stretch(squeeze):
 
 
 @pytest.mark.long
-def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
+def test_rotation_about_a_distant_axis_between_keys():
     """A body that rotates about an axis away from the origin does so between its keys as well.
 
     It makes 3/4 of a turn in four keys, and is also mirrored and scaled.
@@ -86,7 +86,7 @@ def test_what_turns_about_an_axis_beside_it_does_so_between_its_keys():
 
 
 @pytest.mark.long
-def test_what_flies_and_spins_goes_straight_where_its_middle_does():
+def test_spinning_body_translates_along_its_centre():
     def at(share):
         return placed(about((0, 0, 1), 2 * math.pi * share), (4 * share, 0, 1))
 
@@ -96,7 +96,7 @@ def test_what_flies_and_spins_goes_straight_where_its_middle_does():
     np.testing.assert_allclose(places(keys, time), [at(float(np.float32(t))) for t in time], atol=1e-6)
 
 
-def test_of_two_keys_the_origin_goes_straight_and_the_rest_turns():
+def test_two_keys_move_the_origin_in_a_straight_line():
     first, last = placed(np.eye(3), (0, 0, 0)), placed(3 * about((0, 1, 0), 2.0), (2, 0, 0))
     keys = motion_keys(np.array([[first, last]]))[0]
     assert keys.shape == (2, KEY_COLUMNS)
@@ -105,7 +105,7 @@ def test_of_two_keys_the_origin_goes_straight_and_the_rest_turns():
     np.testing.assert_allclose(found, placed(2 * about((0, 1, 0), 1.0), (1, 0, 0)), atol=1e-9)
 
 
-def test_at_its_keys_a_body_is_where_they_say():
+def test_transform_at_keys_is_exact():
     random = np.random.default_rng(2)
     given = random.normal(size=(20, 5, 3, 4))
     for keys, expected in zip(motion_keys(given), given, strict=True):

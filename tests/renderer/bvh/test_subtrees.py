@@ -48,7 +48,7 @@ def parted(brute=False, loose=True):
 
 @pytest.mark.parametrize("brute", [False, True])
 @pytest.mark.parametrize("loose", [False, True])
-def test_rays_meet_what_they_meet_in_one_tree(brute, loose):
+def test_assembled_tree_has_the_hits_of_one_tree(brute, loose):
     laid, whole, numbers = parted(brute, loose)
     rng = np.random.default_rng(12)
     o, d = rng.uniform(-4, 4, (3000, 3)).astype(np.float32), directions(rng, 3000)
@@ -60,7 +60,7 @@ def test_rays_meet_what_they_meet_in_one_tree(brute, loose):
     assert len(np.unique(theirs.primitive)) > 100
 
 
-def test_each_part_begins_at_a_page_and_is_the_same_whatever_moves():
+def test_parts_start_at_pages_and_do_not_depend_on_motion():
     laid, *_ = parted()
     for starts, array in ((laid.node, laid.bvh.node), (laid.packet, laid.bvh.packet)):
         assert starts[-1] == len(array)
@@ -80,7 +80,7 @@ def test_each_part_begins_at_a_page_and_is_the_same_whatever_moves():
     assert (one.bvh.node[: one.node[1], ROW_CHILD] != many.bvh.node[: one.node[1], ROW_CHILD]).any()
 
 
-def test_what_moves_may_be_all_there_is():
+def test_scene_may_consist_of_moving_parts_only():
     rng = np.random.default_rng(14)
     position, triangle, *_ = forest(rng)
     empty = build(position[:0], triangle[:0], NO_SPHERES)

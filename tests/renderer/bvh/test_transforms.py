@@ -6,7 +6,7 @@ from renderer.bvh.transforms import invert_transforms, scale_range
 from tests.renderer.bvh.test_instances import transforms
 
 
-def test_inverses_and_stretches_are_those_of_linear_algebra():
+def test_inverses_and_scales_match_lapack():
     rng = np.random.default_rng(1)
     places = transforms(rng, 500) * np.exp(rng.uniform(-20, 20, 500))[:, None, None]
     found = invert_transforms(places)
@@ -16,7 +16,7 @@ def test_inverses_and_stretches_are_those_of_linear_algebra():
     np.testing.assert_allclose(scale_range(places), expected, rtol=1e-13)
 
 
-def test_stretches_of_what_is_flat_or_no_transform():
+def test_scales_of_singular_and_invalid_transforms():
     flat = np.eye(4)[None, :3] * np.array([1.0, 3.0, 0.0])[:, None]
     turned = np.linalg.qr(np.random.default_rng(2).standard_normal((3, 3)))[0]
     sheared = np.zeros((1, 3, 4))

@@ -38,7 +38,7 @@ def assert_same(found, expected):
 
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize(("triangles", "spheres"), [(1, 0), (0, 1), (7, 0), (9, 9), (300, 60), (0, 100), (500, 0)])
-def test_a_tree_finds_what_no_tree_finds_to_the_bit(triangles, spheres, scale):
+def test_tree_hits_equal_brute_force(triangles, spheres, scale):
     rng = np.random.default_rng(triangles + 7 * spheres)
     position, triangle, sphere = soup(rng, triangles, spheres, 0.3 if triangles + spheres < 100 else 0.1)
     position *= np.float32(scale)
@@ -89,7 +89,7 @@ def test_t_max_ends_a_ray():
     assert (short.primitive == NO_PRIMITIVE).all()
 
 
-def test_a_direction_of_any_length_hits_the_same():
+def test_hits_do_not_depend_on_direction_length():
     rng = np.random.default_rng(5)
     position, triangle, sphere = soup(rng, 100, 20)
     bvh = build(position, triangle, sphere)
@@ -123,7 +123,7 @@ def test_no_ray_leaves_a_closed_mesh(name, scale):
 
 @pytest.mark.parametrize("axis", [0, 1, 2])
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
-def test_axis_aligned_rays_hit_a_grid_along_its_edges_and_through_its_vertices(axis, scale):
+def test_axis_aligned_rays_hit_grid_edges_and_vertices(axis, scale):
     """Rays along an axis hit a flat grid, whose boxes have no thickness, in every lattice point."""
     side = np.arange(9) * 0.125 - 0.5
     u, v = np.meshgrid(side, side, indexing="ij")
@@ -151,7 +151,7 @@ def test_axis_aligned_rays_hit_a_grid_along_its_edges_and_through_its_vertices(a
             assert trace(bvh, (o * scale).reshape(-1, 3), np.broadcast_to(tilted, (129 * 129, 3))).shadow[inside].all()
 
 
-def test_rays_within_a_plane_of_boxes_neither_hang_nor_meet_flat_things_edge_on():
+def test_rays_in_box_planes_terminate_without_edge_on_hits():
     position = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (1, 1, 0)], np.float32)
     bvh = build(position, np.array([(0, 1, 2), (1, 3, 2)], np.int32), NO_SPHERES)
     o = np.array([(-1, 0.25, 0), (-1, 0, 0), (0.25, -1, 0), (2, 0.5, 0)], np.float32)
@@ -161,7 +161,7 @@ def test_rays_within_a_plane_of_boxes_neither_hang_nor_meet_flat_things_edge_on(
 
 @pytest.mark.parametrize("zero", [0.0, -0.0])
 @pytest.mark.parametrize("side", [1.0, -1.0])
-def test_a_ray_in_a_plane_at_zero_hits_the_triangle_whose_box_ends_there(side, zero):
+def test_ray_in_the_plane_of_a_box_face_hits_the_triangle(side, zero):
     position = np.array([(0, 0, 0), (0, 1, 0.5), (side, 0.5, 0.25)], np.float32)
     bvh = build(position, np.array([(0, 1, 2)], np.int32), NO_SPHERES)
     hits = trace(bvh, np.array([(zero, 0.5, -1), (-zero, 0.5, -1)], np.float32), np.array([(zero, 0, 1)] * 2, np.float32))
@@ -169,7 +169,7 @@ def test_a_ray_in_a_plane_at_zero_hits_the_triangle_whose_box_ends_there(side, z
     np.testing.assert_allclose(hits.t, 1.25, rtol=1e-5)
 
 
-def test_rays_with_zeros_in_their_direction_equal_no_tree():
+def test_axis_parallel_rays_match_brute_force():
     rng = np.random.default_rng(8)
     position, triangle, sphere = soup(rng, 200, 40, 0.2)
     o = np.round(rng.uniform(-1.5, 1.5, (6000, 3)) * 4) / 4
@@ -183,7 +183,7 @@ def test_rays_with_zeros_in_their_direction_equal_no_tree():
 @pytest.mark.parametrize(
     "bad", [(np.nan, 0, 1), (0, 0, np.nan), (np.nan,) * 3, (np.inf, 0, 0), (0, 0, 0), (np.inf, -np.inf, np.nan)]
 )
-def test_a_ray_that_is_none_ends_and_hits_nothing(bad):
+def test_invalid_ray_hits_nothing(bad):
     """Invalid rays (zero or not finite) hit nothing and do not overrun the stack, in a tree whose nodes have empty lanes."""
     bvh = build(*soup(np.random.default_rng(9), 9, 9))
     assert not trace(bvh, np.zeros(3), np.array([bad])).shadow.any()
@@ -191,7 +191,7 @@ def test_a_ray_that_is_none_ends_and_hits_nothing(bad):
         assert (trace(bvh, np.array(bad), np.array([(0, 0, 1)])).primitive == NO_PRIMITIVE).all()
 
 
-def test_a_sphere_of_radius_1e5_is_met_where_it_is():
+def test_large_sphere_hit_distance_is_precise():
     """Hit distances on a sphere of radius 1e5 are exact to float32 resolution, for rays from just above its surface."""
     sphere = np.array([(0, -1e5, 0, 1e5)], np.float32)
     rng = np.random.default_rng(10)
@@ -203,7 +203,7 @@ def test_a_sphere_of_radius_1e5_is_met_where_it_is():
     np.testing.assert_allclose(hits.t, spheres_by_numpy(sphere, o, d)[:, 0], rtol=4 * EPSILON)
 
 
-def test_a_sphere_is_met_from_within():
+def test_sphere_is_hit_from_inside():
     sphere = np.array([(1, 2, 3, 0.5)], np.float32)
     d = directions(np.random.default_rng(11), 1000)
     hits = trace(build(np.zeros((0, 3)), np.zeros((0, 3), np.int32), sphere), np.array((1, 2, 3)), d)
