@@ -42,7 +42,7 @@ TILTED = {"eye": (1, 2, 3), "target": (-4, 0.5, 2), "up": (0.1, 1, 0.3)}
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
 @pytest.mark.parametrize("view", [LEVEL, TILTED])
-def test_the_middle_looks_at_the_target_and_up_is_up(projection, view):
+def test_camera_centre_looks_at_the_target(projection, view):
     o, d = rays(View(**view, projection=projection), [32, 32, 33], [24, 23, 24])
     eye, target = np.array(view["eye"], float), np.array(view["target"], float)
     sight = (target - eye) / np.linalg.norm(target - eye)
@@ -63,7 +63,7 @@ def test_a_perspective_camera_spans_its_field_of_view():
     assert d[2, 0] / -d[2, 2] == pytest.approx(-math.tan(math.radians(25)) * 64 / 48, rel=1e-5)
 
 
-def test_an_orthographic_camera_shows_its_height_and_no_perspective():
+def test_orthographic_camera_height():
     o, d = rays(View(**LEVEL, projection="orthographic", height=6.0), [0, 64, 0], [0, 0, 48])
     np.testing.assert_allclose(d, [(0, 0, -1)] * 3, atol=1e-7)
     np.testing.assert_allclose(o, [(1 - 4, 2 + 3, 3), (1 + 4, 2 + 3, 3), (1 - 4, 2 - 3, 3)], atol=1e-5)
@@ -77,7 +77,7 @@ def test_an_orthographic_camera_shows_its_height_and_no_perspective():
     np.testing.assert_allclose(middle, 3.0, atol=2e-3)
 
 
-def test_a_panorama_is_all_directions_by_longitude_and_latitude():
+def test_panorama_directions():
     x, y = np.array([32, 48, 16, 0.001, 32, 32]), np.array([24, 24, 24, 24, 0, 48])
     _, d = rays(View(**LEVEL, projection="panorama"), x, y)
     expected = [(0, 0, -1), (1, 0, 0), (-1, 0, 0), (0, 0, 1), (0, 1, 0), (0, -1, 0)]
@@ -90,7 +90,7 @@ def test_a_panorama_is_all_directions_by_longitude_and_latitude():
 @pytest.mark.parametrize("integrator", ["path", "direct"])
 @grid("sampler", ["sobol", "independent"], ordinary=("sobol",))
 @pytest.mark.parametrize("projection", ["perspective", "lens", "orthographic", "panorama"])
-def test_a_furnace_is_a_furnace_to_every_camera(projection, sampler, integrator):
+def test_furnace_with_every_camera(projection, sampler, integrator):
     lens = {"projection": "perspective", "aperture": 0.05, "focus": 0.5} if projection == "lens" else {"projection": projection}
     view = View((0.1, 0.2, 0.0), (0.8, 0.1, 0.2), fov=80, height=0.5, **lens)
     wall = Material(base_color=gray(0.5), emission=gray(0.5), double_sided=True)
@@ -100,7 +100,7 @@ def test_a_furnace_is_a_furnace_to_every_camera(projection, sampler, integrator)
     assert_mean(render_frame(furnace, asked, 128), expected, slack=1e-4)
 
 
-def test_what_is_in_focus_is_sharp_and_the_rest_blurs_as_the_lens_says():
+def test_depth_of_field_blur_radius():
     """All rays of a film point meet in the focal plane; at distance z they fill a disk of radius aperture * |z / focus - 1|."""
     view = View((0, 0, 5), (0, 0, 4), fov=40, aperture=0.2, focus=2.5)
     u, v = np.random.default_rng(0).random((2, 4096))
@@ -116,7 +116,7 @@ def test_what_is_in_focus_is_sharp_and_the_rest_blurs_as_the_lens_says():
 
 
 @pytest.mark.long
-def test_a_small_light_out_of_focus_is_a_disk_of_the_circle_of_confusion():
+def test_defocused_point_light_is_a_disk():
     """A point light at distance z images to a disk of radius aperture |z - f| / z in the focal plane f: its area and edge."""
     aperture, focus, z, size = 0.3, 2.0, 4.0, 64
     light = scene([emitter(1e4)], (square((0, 0, -z), (0.01, 0, 0), (0, 0.01, 0), 0),))
@@ -131,12 +131,12 @@ def test_a_small_light_out_of_focus_is_a_disk_of_the_circle_of_confusion():
     assert (picture * r**2).sum() / picture.sum() == pytest.approx(expected**2 / 2, rel=0.05)
 
 
-def test_a_pinhole_is_a_lens_of_no_size():
+def test_zero_aperture_equals_a_pinhole():
     assert (rays(View(**LEVEL), 5, 7, 0.1, 0.9)[1] == rays(View(**LEVEL, focus=9.0), 5, 7, 0.7, 0.2)[1]).all()
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic"])
-def test_a_shifted_picture_is_a_piece_of_a_larger_one(projection):
+def test_lens_shift_equals_a_crop(projection):
     """A shifted view equals a crop of a larger one.
 
     The 96 x 72 pixels at (50, 12) of 256 x 192, whose middle is (128, 96), are shifted 30 to the left and 48 up.
@@ -158,13 +158,13 @@ def test_a_shifted_picture_is_a_piece_of_a_larger_one(projection):
         np.testing.assert_allclose(found, np.concatenate(rays(between, 20, 13, 0.3, 0.8, 96, 72), 1)[0], atol=3e-6)
 
 
-def test_a_panorama_has_no_lens_to_shift():
+def test_panorama_ignores_lens_shift():
     view = View(**TILTED, projection="panorama")
     for a, b in zip(rays(replace(view, shift_x=0.5, shift_y=0.2), 5, 7), rays(view, 5, 7), strict=True):
         assert (a == b).all()
 
 
-def test_near_cuts_away_what_stands_before():
+def test_near_plane_clips():
     wall = square((0, 0, 2), (9, 0, 0), (0, 9, 0), 0)
     back = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
     room = scene([emitter(1.0, double_sided=True), emitter(2.0)], (wall, back))
@@ -201,7 +201,7 @@ def over_the_shutter(views, width=64, height=48):
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
-def test_a_camera_that_goes_around_goes_around_between_its_keys(projection):
+def test_orbiting_camera_moves_on_a_circle(projection):
     """A camera that orbits half a turn moves on the circle between its three keys; linear interpolation would cut through it."""
     start = View(**TILTED, aperture=0.1, projection=projection)
     time, found = over_the_shutter(tuple(orbit(start, turns) for turns in (0.0, 0.25, 0.5)))
@@ -210,7 +210,7 @@ def test_a_camera_that_goes_around_goes_around_between_its_keys(projection):
         np.testing.assert_allclose(ray, np.concatenate([o[0], d[0]]), atol=2e-6)
 
 
-def test_a_camera_that_flies_and_zooms_does_so_evenly():
+def test_moving_zooming_camera_is_interpolated_linearly():
     first, last = View((0, 0, 5), (0, 0, 0), fov=20, aperture=0.1), View((4, 0, 5), (4, 0, 0), fov=80, aperture=0.3, focus=7)
     time, found = over_the_shutter((first, last))
     middle = float(np.tan(np.radians(10)) + np.tan(np.radians(40))) / 2
@@ -219,7 +219,7 @@ def test_a_camera_that_flies_and_zooms_does_so_evenly():
     np.testing.assert_allclose(found[np.flatnonzero(time == 0.5)[0]], np.concatenate([o[0], d[0]]), atol=2e-6)
 
 
-def test_views_that_nothing_lies_between_are_refused():
+def test_incompatible_views_are_rejected():
     flat, deep = View(**LEVEL, projection="orthographic"), View(**LEVEL)
     with pytest.raises(SettingsError, match="different projections"):
         RenderSettings(8, 8, deep, views=(deep, flat))
@@ -227,6 +227,6 @@ def test_views_that_nothing_lies_between_are_refused():
         RenderSettings(8, 8, deep, views=(deep,))
 
 
-def test_views_come_back_from_json():
+def test_views_round_trip_through_json():
     settings = RenderSettings(8, 8, View(**LEVEL), views=(View(**LEVEL), View(**TILTED)), shutter=0.5)
     assert RenderSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings

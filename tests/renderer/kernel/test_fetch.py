@@ -17,7 +17,7 @@ def _read(floats, ints, number, whole, part):
             part[i, k] = b[k]
 
 
-def test_rows_and_columns_are_those_of_the_table():
+def test_fetched_rows_and_columns_match_indexing():
     rng = np.random.default_rng(0)
     floats, ints = rng.random((40, 5), np.float32), rng.integers(-9, 9, (40, 7), np.int32)
     number = rng.integers(0, 40, 300, np.int32)

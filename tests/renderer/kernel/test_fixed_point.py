@@ -36,7 +36,7 @@ def values(exponent: int) -> npt.NDArray[np.float32]:
 
 
 @pytest.mark.parametrize("exponent", [0, 1, 12, MAX_FILM_EXPONENT])
-def test_a_value_is_rounded_once_to_the_nearest_and_ties_to_even(exponent: int) -> None:
+def test_values_are_rounded_to_nearest_even(exponent: int) -> None:
     given = values(exponent)
     clamped = np.clip(given.astype(np.float64), -SAMPLE_MAX, SAMPLE_MAX)
     expected = np.rint(clamped * 2.0**exponent).astype(np.int64)

@@ -62,7 +62,7 @@ FROM_BOTH_SIDES = ("rough glass", "Beckmann glass", "half transmission")
 CASES = [(name, True) for name in MODELS] + [(name, False) for name in FROM_BOTH_SIDES]
 
 
-def test_every_kind_that_scatters_has_an_entry():
+def test_every_scattering_kind_is_tested():
     """MODELS has an entry for every kind of material that scatters.
 
     The chi-squared tests of the entries fail if a kernel has no branch for the kind.
@@ -118,7 +118,7 @@ def test_samples_follow_their_density(subjects, case, degrees):
 
 @grid("degrees", ANGLES, ordinary=(80,))
 @grid("name", ["metal", "coat", "glass", "conductor"], ordinary=("coat", "conductor"))
-def test_a_sharp_lobe_follows_its_density(name, degrees):
+def test_sharp_lobe_samples_follow_the_density(name, degrees):
     """Samples of a sharp lobe (roughness 0.1, alpha 0.01) follow their density, in bins of the lobe's width around its centre."""
     sharp = {
         "metal": principled(metallic=1.0, roughness=0.1),
@@ -151,7 +151,7 @@ def test_a_sharp_lobe_follows_its_density(name, degrees):
 
 
 @grid(("name", "front"), CASES)
-def test_a_samples_weight_is_eval_over_density(subjects, name, front):
+def test_sample_weight_equals_eval_over_pdf(subjects, name, front):
     wo = hemisphere(20_000, 1)
     wi, weight, pdf, scale = subjects[name, front].sample(wo, len(wo))
     good = pdf > 0
@@ -244,13 +244,13 @@ anything = st.one_of(surfaces, surfaces, surfaces, metals, phong, plastics)
 
 @settings(derandomize=True)
 @given(anything)
-def test_whatever_its_properties_it_is_reciprocal(material):
+def test_random_materials_are_reciprocal(material):
     assert_reciprocal(material, hemisphere(300, 2), sphere(300, 3), str(material))
 
 
 @settings(derandomize=True)
 @given(anything, st.floats(0, 85), st.booleans())
-def test_whatever_its_properties_it_makes_no_light(material, degrees, front):
+def test_random_materials_conserve_energy(material, degrees, front):
     n = 4000
     _, weight, _, scale = Subject(material, front).sample(tilted(degrees), n)
     assert np.isfinite(weight).all()
@@ -306,7 +306,7 @@ def furnaces():
 
 
 @pytest.mark.parametrize(("what", "anisotropy", "roughness", "degrees", "turn"), list(furnaces()))
-def test_white_and_brushed_in_a_white_furnace(what, anisotropy, roughness, degrees, turn):
+def test_white_brushed_metal_in_a_white_furnace(what, anisotropy, roughness, degrees, turn):
     """White brushed materials reflect all light: in constant light their albedo is 1, within 1 % plus the statistical error.
 
     They are seen along the grooves, across them and in between; along and across are the extremes of what single scattering
@@ -332,7 +332,7 @@ def test_an_opaque_material_scatters_nothing_below_the_horizon(subjects, name):
 @grid("roughness", [0.0, 0.02, 1.0])
 @grid("degrees", [0, 60, 89.9, 90 - 1e-4])
 @grid("name", ["plastic", "metal", "everything"], ordinary=("everything",))
-def test_extremes_stay_finite(name, degrees, roughness):
+def test_extreme_parameters_stay_finite(name, degrees, roughness):
     fields = {**vars(MODELS[name]), "base_color": WHITE, "roughness": roughness}
     subject = Subject(Material(**fields))
     wi, weight, pdf, _ = subject.sample(tilted(degrees), 20_000)
@@ -358,7 +358,7 @@ def fresnel(cosine, eta):
 
 
 @pytest.mark.parametrize("degrees", [10, 45, 70, 85])
-def test_a_smooth_conductor_reflects_by_fresnels_equations(degrees):
+def test_smooth_conductor_follows_fresnel(degrees):
     wi, weight, pdf, _ = Subject(Material(kind="conductor", **GOLD)).sample(tilted(degrees), 10)
     expected = [fresnel(np.cos(np.radians(degrees)), e + 1j * k) for e, k in zip(GOLD["eta"], GOLD["k"], strict=True)]
     np.testing.assert_allclose(weight, many(expected, 10), rtol=1e-4)
@@ -369,7 +369,7 @@ def test_a_smooth_conductor_reflects_by_fresnels_equations(degrees):
 @pytest.mark.parametrize("front", [True, False])
 @pytest.mark.parametrize("degrees", [0, 30, 60])
 @pytest.mark.parametrize("kind", ["glass", "metallic_roughness"])
-def test_glass_reflects_as_often_as_fresnel_says_and_bends_as_snell_says(kind, front, degrees):
+def test_glass_follows_fresnel_and_snell(kind, front, degrees):
     ior, tint, n = 1.5, (1.0, 0.5, 0.25), 100_000
     eta = ior if front else 1 / ior
     wo = tilted(degrees)
@@ -391,7 +391,7 @@ def test_glass_reflects_as_often_as_fresnel_says_and_bends_as_snell_says(kind, f
         np.testing.assert_allclose(scale[through], eta**2, rtol=1e-6)
 
 
-def test_a_smooth_pane_lets_light_pass_straight():
+def test_smooth_pane_transmits_without_refraction():
     wo = tilted(50)
     wi, weight, pdf, scale = Subject(Material(kind="glass", base_color=COLOR, thin=True)).sample(wo, 1000)
     through = wi[:, 2] < 0
@@ -402,7 +402,7 @@ def test_a_smooth_pane_lets_light_pass_straight():
     assert (scale == 1).all()
 
 
-def test_a_film_of_no_thickness_is_no_film():
+def test_film_of_zero_thickness_has_no_effect():
     wo, wi = hemisphere(1000, 6), hemisphere(1000, 7)
     bare, _ = Subject(principled(metallic=1.0, anisotropy=1e-6)).eval(wo, wi)
     film, _ = Subject(principled(metallic=1.0, iridescence=1.0, iridescence_thickness=(0.0, 0.0))).eval(wo, wi)

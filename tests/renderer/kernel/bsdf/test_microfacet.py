@@ -79,13 +79,13 @@ def test_distribution_and_masking_of_beckmann(alpha):
         np.testing.assert_allclose(row, (density, masking), rtol=3e-4, atol=1e-12)
 
 
-def test_a_white_microfacet_mirror_scatters_once_what_is_known():
+def test_single_scattering_albedo_of_white_microfacets():
     for alpha, albedo in ((0.25, 0.916), (0.5, 0.688), (0.75, 0.464), (1.0, 1 - np.log(2))):
         assert sum(ggx_albedo(1.0, alpha)) == pytest.approx(albedo, abs=4e-4)
 
 
 @pytest.mark.long
-def test_the_tables_are_what_makes_them():
+def test_albedo_tables_match_their_generator():
     """The stored tables equal what their generator computes.
 
     Compared are all nodes of the microfacet table, some of the sheen table, and the last row of both.
@@ -98,7 +98,7 @@ def test_the_tables_are_what_makes_them():
 
 
 @pytest.mark.parametrize(("name", "distribution"), [("brushed_albedo", "ggx"), ("beckmann_albedo", "beckmann")])
-def test_the_table_of_brushed_surfaces_is_what_makes_it(name, distribution):
+def test_brushed_table_matches_its_generator(name, distribution):
     """The stored table of brushed surfaces equals its generator at some nodes and in all means."""
     table = np.load(table_path(name))
     rng = np.random.default_rng(4)
@@ -117,7 +117,7 @@ def _brushed(beckmann, w, alpha, roughness, out):
 
 
 @pytest.mark.parametrize(("beckmann", "distribution"), [(0.0, "ggx"), (1.0, "beckmann")])
-def test_lookups_of_brushed_surfaces_are_good(beckmann, distribution):
+def test_brushed_lookups_are_accurate(beckmann, distribution):
     rng = np.random.default_rng(2)
     alpha_x = rng.uniform(0.02, 1, 300)
     alpha = np.stack([alpha_x, alpha_x * rng.uniform(0.01, 1, 300)], -1).astype(np.float32)
@@ -131,7 +131,7 @@ def test_lookups_of_brushed_surfaces_are_good(beckmann, distribution):
 
 
 @pytest.mark.long
-def test_lookups_between_the_nodes_are_good():
+def test_lookups_between_table_nodes_are_accurate():
     rng = np.random.default_rng(1)
     cosine, roughness = rng.uniform(0.05, 1, 200).astype(np.float32), rng.uniform(0.1, 1, 200).astype(np.float32)
     found = np.empty((200, 3), np.float32)
@@ -140,7 +140,7 @@ def test_lookups_between_the_nodes_are_good():
     np.testing.assert_allclose(found[:, :2], expected, atol=3e-3)
 
 
-def test_means_are_means():
+def test_hemisphere_means_match_the_tables():
     table = np.load(table_path("ggx_albedo")).astype(float)
     steps = (np.arange(20_000) + 0.5) / 20_000
     node = np.linspace(0, 1, SIZE)
@@ -151,7 +151,7 @@ def test_means_are_means():
 
 
 @pytest.mark.parametrize("index", [0.2 + 3.9j, 1.4 + 7.6j, 3.0 + 0.0j])
-def test_conductors_reflect_as_complex_snell_says(index):
+def test_conductor_reflectance_matches_complex_snell(index):
     for cosine in (1.0, 0.7, 0.3, 0.05):
         inside = np.sqrt(1 - (1 - cosine**2) / index**2)
         s = (cosine - index * inside) / (cosine + index * inside)

@@ -14,7 +14,7 @@ DELTA = ("sample_mirror", "sample_glass", "sample_smooth_conductor")
 JUDGED_ELSEWHERE = {"interface", "mirror", "unlit"}
 
 
-def test_every_lobe_that_is_sampled_is_evaluated_and_has_a_density():
+def test_every_sampled_lobe_has_eval_and_pdf():
     folder = Path(renderer.kernel.bsdf.__file__).parent
     lobes = 0
     for path in folder.glob("*.py"):
@@ -29,5 +29,5 @@ def test_every_lobe_that_is_sampled_is_evaluated_and_has_a_density():
     assert lobes >= 8
 
 
-def test_every_kind_that_scatters_is_judged_by_chi_squared():
+def test_every_scattering_kind_has_a_chi_squared_test():
     assert {m.kind for m in MODELS.values()} | JUDGED_ELSEWHERE >= {kind.name for kind in rows.KINDS if kind.in_files}

@@ -28,7 +28,7 @@ def sky(axis: tuple[float, ...], w: np.ndarray) -> np.ndarray:
 
 @grid("alpha", FARTHEST, ordinary=(0.25,))
 @pytest.mark.parametrize("cosine", [0.1, 0.4, 0.8])
-def test_what_facets_scatter_once_is_what_the_tables_say(alpha, cosine):
+def test_single_scattering_matches_the_tables(alpha, cosine):
     _, facets = walk(from_above(cosine), alpha, RAYS, seed=1)
     share = (facets == 1).mean()
     assert abs(share - sum(ggx_albedo(cosine, alpha))) < 4 * np.sqrt(share * (1 - share) / RAYS) + 1e-3
@@ -36,7 +36,7 @@ def test_what_facets_scatter_once_is_what_the_tables_say(alpha, cosine):
 
 @pytest.mark.long
 @grid("alpha", FARTHEST, ordinary=(0.5,))
-def test_light_scattered_more_than_once_goes_about_where_the_walk_takes_it(alpha):
+def test_multiple_scattering_directions_match_the_walk(alpha):
     """The model's directions of multiple scattering differ from the random walk's by a limited amount.
 
     The model's lobe is diffuse, while the random walk scatters more light forwards.

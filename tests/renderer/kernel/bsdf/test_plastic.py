@@ -36,7 +36,7 @@ def test_plastic_reflects_as_much_as_in_mitsuba(distribution, alpha, nonlinear):
     np.testing.assert_allclose(found, REFLECTED[distribution, alpha, nonlinear], rtol=0.025)
 
 
-def test_mitsuba_scatters_into_each_direction_what_plastic_does():
+def test_plastic_matches_mitsuba_by_direction():
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
     wi, _ = _quadrature()
@@ -52,7 +52,7 @@ def test_mitsuba_scatters_into_each_direction_what_plastic_does():
             np.testing.assert_allclose(found, expected, atol=0.02 * max(expected))
 
 
-def test_a_coat_of_the_index_of_air_takes_only_what_its_facets_mask():
+def test_coat_with_index_of_air_only_masks():
     wi, weight = _quadrature()
     bare = Material(kind="plastic", base_color=(PAINT,) * 3, roughness=0.3, ior=1.0)
     assert (Subject(bare).eval(tilted(45), wi)[0][:, 0] * weight).sum() == pytest.approx(PAINT, rel=0.02)
@@ -60,7 +60,7 @@ def test_a_coat_of_the_index_of_air_takes_only_what_its_facets_mask():
 
 @pytest.mark.long
 @pytest.mark.parametrize("distribution", ["ggx", "beckmann"])
-def test_the_table_of_coats_is_what_makes_it(distribution):
+def test_coat_table_matches_its_generator(distribution):
     """The stored table of coats equals its generator at some nodes."""
     table = np.load(table_path(f"{distribution}_coat"))
     bends, roughnesses, cosines = COAT_NODES

@@ -95,7 +95,7 @@ def solid_angles(height, width):
 
 
 @grid("rotation", [0.0, 77.0, -160.0], ordinary=(-160.0,))
-def test_samples_fall_on_texels_as_the_density_says(rotation):
+def test_texel_samples_follow_the_density(rotation):
     """Samples follow the texels' densities, by chi-squared tests over texels and over their quarters."""
     sky = Sky(random_sky(), rotation)
     direction, pdf = sky.sample()
@@ -114,7 +114,7 @@ def test_samples_fall_on_texels_as_the_density_says(rotation):
     assert np.isclose(again, pdf, rtol=1e-4).mean() > 0.9999
 
 
-def test_the_density_exceeds_zero_where_the_sky_exceeds_its_mean():
+def test_density_is_positive_above_the_mean_radiance():
     pixels = random_sky()
     sky = Sky(pixels)
     weight = solid_angles(8, 16)
@@ -178,7 +178,7 @@ def test_every_direction_has_a_density(d):
     assert np.isfinite(sky.at([d])).all() or np.isnan(d).any()
 
 
-def test_choose_finds_the_interval_and_skips_what_is_empty():
+def test_cdf_sampling_skips_empty_intervals():
     cdf = np.array([0, 0, 0.25, 0.25, 0.25, 1, 1], np.float32)
     cdf.flags.writeable = False
     u = np.array([0, 0.1, 0.2499, 0.25, 0.5, 1 - 2**-24], np.float32)
@@ -199,7 +199,7 @@ def peaked(count, seed):
 
 
 @pytest.mark.parametrize("count", [1, 2, 6, 7, 8, 9, 31, 256, 1000])
-def test_the_search_from_a_table_finds_what_the_binary_search_finds(count):
+def test_guided_search_equals_binary_search(count):
     """Both searches agree to the bit for random numbers and for numbers equal to the cdf's entries or just below them."""
     for seed in range(6):
         cdf = peaked(count, seed)
@@ -216,7 +216,7 @@ def test_the_search_from_a_table_finds_what_the_binary_search_finds(count):
             assert np.array_equal(ours, expected)
 
 
-def test_the_search_begins_where_the_part_begins():
+def test_search_starts_at_the_cut_point():
     """The search in a cdf starts at a cut point, which is stored for each of equal intervals of the random number.
 
     Each image row has its own cut points. Their number is a power of two per row; it is one for one to four texels.

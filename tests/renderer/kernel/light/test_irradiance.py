@@ -118,7 +118,7 @@ SCENES = {
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", SCENES)
-def test_light_sampling_has_the_mean_of_brute_force(name):
+def test_light_sampling_mean_equals_brute_force(name):
     made = SCENES[name]()
     p, n = np.zeros(3, np.float32), np.array([0, 1, 0], np.float32)
     u = np.random.default_rng(6).random((2, N, 3), np.float32)

@@ -106,7 +106,7 @@ SCENES = {
     [*((name, NO_NORMAL) for name in SCENES), ("parallelograms", NORMAL)],
     ordinary=("parallelograms", "a sphere", "a sky with a sun"),
 )
-def test_directions_follow_the_density_that_mis_is_told(name, normal):
+def test_light_directions_follow_the_mis_density(name, normal):
     made = SCENES[name]()
     direction, _, _, pdf = sample(made, n=150_000, normal=normal)
     np.testing.assert_allclose(np.linalg.norm(direction, axis=1), 1, atol=1e-6)
@@ -116,7 +116,7 @@ def test_directions_follow_the_density_that_mis_is_told(name, normal):
 
 @pytest.mark.parametrize("normal", [NO_NORMAL, NORMAL])
 @pytest.mark.parametrize("name", SCENES)
-def test_both_sides_of_mis_know_the_same_density(name, normal):
+def test_both_mis_strategies_use_one_density(name, normal):
     """The pdf returned by `sample_light` equals the pdf used for a BSDF ray that hits the same point."""
     made = SCENES[name]()
     direction, _, radiance, pdf = sample(made, n=20_000, normal=normal)
@@ -141,7 +141,7 @@ def test_a_light_is_chosen_by_its_power():
     assert abs(first - expected) < limit(2) * math.sqrt(expected * (1 - expected) / (~from_sky).sum())
 
 
-def test_lights_chosen_uniformly_are_equal_and_the_sky_is_one_of_them():
+def test_uniform_choice_includes_the_environment():
     made = scene([emitter(3.0), emitter(1.0)], spheres=(Sphere((5, 0, 0), 0.5, 0), Sphere((-5, 0, 0), 1.0, 1)), environment=0.01)
     direction, _, radiance, _ = sample(with_light_choice(made, "uniform"))
     from_sky = np.isclose(radiance[:, 0], 0.01)
@@ -150,7 +150,7 @@ def test_lights_chosen_uniformly_are_equal_and_the_sky_is_one_of_them():
         assert abs(found.mean() - 1 / 3) < limit(3) * math.sqrt(2 / 9 / N)
 
 
-def test_ends_of_samples_lie_just_before_their_light():
+def test_sample_ends_lie_just_before_the_light():
     made = SCENES["parallelograms"]()
     direction, end, _, pdf = sample(made, n=5000)
     good = pdf > 0
@@ -160,7 +160,7 @@ def test_ends_of_samples_lie_just_before_their_light():
     assert trace(made.bvh, o, direction[good], along * np.float32(1 + 1e-4)).shadow.mean() > 0.999
 
 
-def test_points_of_triangles_are_even_by_area():
+def test_triangle_points_are_uniform_by_area():
     """Points are uniform by area on a square with vertex colours and alpha, which is not a parallelogram light."""
     lamp = square((0, 0, 2), (1, 0, 0), (0, -1, 0), 1)
     lamp.colors = np.ones((len(lamp.positions), 4), np.float32)
@@ -172,7 +172,7 @@ def test_points_of_triangles_are_even_by_area():
 
 
 @pytest.mark.parametrize("distance", [1.001, 1.01, 2.0, 1e3, 1e5])
-def test_a_sphere_fills_its_solid_angle(distance):
+def test_sphere_pdf_is_one_over_solid_angle(distance):
     """1 / pdf is the solid angle 2 pi (1 - cos), from next to the sphere to so far away that 1 - cos is 5e-11."""
     made = scene([emitter(1.0)], spheres=(Sphere((0, 0, 0), 1.0, 0),))
     direction, _, radiance, pdf = sample(made, (0, 0, distance))

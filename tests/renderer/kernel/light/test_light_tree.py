@@ -72,7 +72,7 @@ def points_and_normals(seed=1, count=POINTS):
     return rng.uniform(-14, 14, (count, 3)), normal
 
 
-def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
+def test_each_light_is_one_leaf_in_tree_order(made):
     child, end = (made.light_node[:, row].view(np.int32) for row in (CHILD, END))
 
     def lights_below(node, begin):
@@ -92,7 +92,7 @@ def test_every_light_is_a_leaf_once_and_a_childs_lights_follow_each_other(made):
 
 
 @pytest.mark.long
-def test_chances_sum_to_one_but_for_dead_ends(made):
+def test_light_probabilities_sum_to_at_most_one(made):
     """The probabilities of all lights sum to at most 1: less if the descent can end at a node without any light.
 
     At such a dead end, the bounds of a node may contribute to a point, although the bounds of neither child do.
@@ -103,7 +103,7 @@ def test_chances_sum_to_one_but_for_dead_ends(made):
 
 
 @pytest.mark.long
-def test_lights_are_chosen_as_often_as_the_tree_says(made):
+def test_light_frequencies_match_the_tree(made):
     rng = np.random.default_rng(3)
     count = 100_000
     for p, n in zip(*points_and_normals(count=12), strict=True):
@@ -148,7 +148,7 @@ def plain_importance(light, p, n):
     return light.intensity[0] * lit * received(-away, light.radius, n)
 
 
-def test_the_chances_in_one_node_are_in_proportion_to_the_formula():
+def test_probabilities_in_a_node_match_the_importance_formula():
     """Eight punctual lights in the root node, whose bounds are exact, are chosen in proportion to the importance formula."""
     lamps = (
         *(Light("point", gray(2.0**i), (i - 2.0, 3.0, i % 2), radius=0.4 * i) for i in range(3)),
@@ -167,7 +167,7 @@ def test_the_chances_in_one_node_are_in_proportion_to_the_formula():
     assert judged > 40
 
 
-def test_suns_among_lamps_are_chosen_by_where_they_stand():
+def test_suns_are_chosen_by_irradiance_and_horizon():
     """A sun is chosen by its irradiance on surfaces facing it, anywhere in the scene, and never if it is below the horizon."""
     lamps = (
         *(Light("point", gray(1.0), (0.0, 1.0, 0.1 * i)) for i in range(20)),
@@ -213,7 +213,7 @@ def reaches(made, light, p, n):
     return above(row[:3])
 
 
-def test_no_light_that_reaches_a_point_is_passed_over(made):
+def test_every_contributing_light_has_positive_probability(made):
     judged = 0
     for p, n in zip(*points_and_normals(), strict=True):
         chance = chances(made, p, n)
@@ -224,7 +224,7 @@ def test_no_light_that_reaches_a_point_is_passed_over(made):
     assert judged > 20 * POINTS
 
 
-def test_a_near_lamp_is_chosen_over_a_far_one():
+def test_near_lamp_is_chosen_more_often():
     """In a row of equal lamps, the lamp above the point is chosen far more often than each would be by chance (1 in `count`).
 
     Lamps behind the point are never chosen.
@@ -238,7 +238,7 @@ def test_a_near_lamp_is_chosen_over_a_far_one():
     assert chances(made, (40.0, 0.0, 0.0), (0, -1, 0)).sum() == 0
 
 
-def test_power_and_uniform_choices_can_be_had_to_compare_with(made):
+def test_power_and_uniform_choices_are_available(made):
     assert len(with_light_choice(made, "power").light_node) == 0
     assert with_light_choice(made, "tree") is made
     uniform = np.diff(with_light_choice(made, "uniform").light_cdf)
@@ -247,7 +247,7 @@ def test_power_and_uniform_choices_can_be_had_to_compare_with(made):
     assert powers.max() / powers.min() > 100 > limit(1)
 
 
-def test_lamps_in_one_place_can_still_be_told_apart():
+def test_coincident_lamps_are_distinguished():
     lamps = tuple(Light("point", gray(1.0 + i), (0.0, 1.0, 0.0)) for i in range(9))
     made = scene([Material()], (square((0, 0, 0), (1, 0, 0), (0, 0, -1), 0),), lights=lamps)
     chance = chances(made, (0.0, 0.0, 0.0), (0, 1, 0)).astype(float)

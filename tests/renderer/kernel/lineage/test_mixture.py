@@ -58,7 +58,7 @@ def test_directions_follow_their_density(targets, point, primitive):
     direction_test(directions, density, tests=len(POINTS) * 4, fine=48, name=f"primitive {primitive} from {point}")
 
 
-def test_marked_spheres_and_lights_are_the_targets():
+def test_targets_are_marked_spheres_and_lights():
     meshes = (square((0, 0, -1), (1, 0, 0), (0, 1, 0), 0),)
     made = scene(
         [emitter(1.0), Material(base_color=gray(0.5))], meshes, (Sphere((1, 1, 1), 0.5, 1), Sphere((0, 0, 0), 0.6, 1, guide=True))

@@ -14,7 +14,7 @@ from tests.renderer.builders import box, emitter, gray, icosphere, scene, settin
 from tests.renderer.judge import assert_mean, mean_and_error
 
 
-def test_every_channel_of_a_coloured_furnace_is_a_furnace():
+def test_colored_furnace_per_channel():
     wall = Material(base_color=(0.5, 0.8, 0.2), emission=(0.5, 0.2, 0.8), double_sided=True)
     sums = render_frame(scene([wall], (icosphere(1),)), settings((0.1, 0.2, 0.3), (1, 0, 0), 90, max_depth=100), 256)
     for channel in range(3):
@@ -24,7 +24,7 @@ def test_every_channel_of_a_coloured_furnace_is_a_furnace():
         assert_mean(single, 1.0, tests=3, slack=1e-4)
 
 
-def test_max_depth_1_shows_only_what_the_camera_sees_emit():
+def test_max_depth_1_shows_only_visible_emission():
     floor = square((0, -1, 0), (50, 0, 0), (0, 0, -50), 0)
     light = square((0, 0, -1), (1, 0, 0), (0, 1, 0), 1)
     small = scene([Material(base_color=gray(0.8)), Material(emission=(3.0, 2.0, 1.0))], (floor, light), environment=0.25)
@@ -57,7 +57,7 @@ def test_few_paths_leak_where_coordinates_are_coarse():
     assert mean_and_error(sums)[0] < 1e-4
 
 
-def test_a_scene_scaled_by_a_power_of_two_is_the_same_picture_to_the_bit():
+def test_scaling_by_a_power_of_two_keeps_the_bits():
     """Scaling by a power of two changes only exponents, so equal bits show that no absolute length is used."""
     pictures = []
     for s in (2.0**-10, 1.0, 2.0**10):
@@ -106,6 +106,6 @@ def test_the_weights_of_two_strategies_sum_to_one():
     assert of_two == {"power": pytest.approx(4 / 5), "balance": pytest.approx(2 / 3)}
 
 
-def test_densities_beyond_float32s_squares_still_give_weights():
+def test_weights_of_huge_densities_are_finite():
     for weight in weights(*pairs(0, 1e-30, 1, 1e30, np.inf)):
         assert ((weight >= 0) & (weight <= 1)).all()

@@ -43,7 +43,7 @@ def lit_room(request):
 
 @pytest.mark.long
 @grid("sampling", ["light", "bsdf", "uniform"], ordinary=("light",))
-def test_each_strategy_alone_gives_the_mean_of_all(lit_room, sampling):
+def test_each_strategy_alone_is_unbiased(lit_room, sampling):
     made, (expected, error) = lit_room
     sums = render_frame(made, settings(*VIEW, max_depth=5, size=32, sampling=sampling, sampler="independent"), 1024)
     found, own = mean_and_error(sums)
@@ -51,7 +51,7 @@ def test_each_strategy_alone_gives_the_mean_of_all(lit_room, sampling):
     assert abs(found - expected) < limit(9) * math.hypot(own, error), f"{found} and {expected}"
 
 
-def test_mis_is_about_as_good_as_the_best_of_the_others(lit_room):
+def test_mis_error_is_near_the_best_single_strategy(lit_room):
     made, _ = lit_room
     found = {
         sampling: noise(
@@ -76,7 +76,7 @@ def test_variance_falls_with_the_number_of_independent_samples(sampling):
 
 
 @pytest.mark.parametrize("sampling", ["mis", "light", "bsdf", "uniform"])
-def test_lights_without_a_body_are_seen_by_every_strategy(sampling):
+def test_every_strategy_samples_punctual_lights(sampling):
     made = scene([Material(base_color=gray(1.0))], (FLOOR,), lights=(Light("point", gray(math.pi), (0, 2, 0)),))
     asked = settings((0, 0.5, -2), (0, 0, 0), 0.01, max_depth=2, sampling=sampling)
     assert_mean(render_frame(made, asked, 16), 0.25, slack=1e-4)
@@ -93,7 +93,7 @@ def test_roulette_of_any_probability_is_unbiased(roulette, sampling):
 
 @pytest.mark.long
 @pytest.mark.parametrize("floor", [0.15, 0.5, MAX_FLOOR])
-def test_roulette_with_a_floor_is_unbiased_and_follows_dark_paths_further(floor):
+def test_roulette_with_minimum_survival_is_unbiased(floor):
     """Russian roulette with a minimum survival probability ("floor") is unbiased, and traces more rays than without one.
 
     At reflectance 0.1, roulette by throughput alone ends most paths within three bounces.
@@ -106,14 +106,14 @@ def test_roulette_with_a_floor_is_unbiased_and_follows_dark_paths_further(floor)
     assert counts[0].rays > counts[1].rays
 
 
-def test_a_floor_changes_nothing_where_roulette_is_constant():
+def test_minimum_survival_has_no_effect_on_constant_roulette():
     made = room(0.5)
     pictures = [render_frame(made, settings(*VIEW, size=8, roulette=0.7, roulette_floor=floor), 2) for floor in (0.0, 0.9)]
     np.testing.assert_array_equal(*pictures)
 
 
 @pytest.mark.long
-def test_both_heuristics_and_all_choices_of_lights_give_one_mean(lit_room):
+def test_heuristics_and_light_choices_are_unbiased(lit_room):
     made, (expected, error) = lit_room
     ways = [("balance", "tree"), ("balance", "uniform"), ("power", "power"), ("power", "uniform")]
     for heuristic, choice in ways:
@@ -123,14 +123,14 @@ def test_both_heuristics_and_all_choices_of_lights_give_one_mean(lit_room):
         assert abs(found - expected) < limit(3 * len(ways)) * math.hypot(own, error), f"{heuristic}, {choice}"
 
 
-def test_the_heuristics_weigh_otherwise():
+def test_heuristics_have_different_films():
     """The MIS heuristics' films differ; otherwise the previous test would compare a picture with itself."""
     made = room(0.5)
     pictures = [render_frame(made, settings(*VIEW, size=8, heuristic=name), 4)[COLOR] for name in HEURISTICS]
     assert (pictures[0] != pictures[1]).any()
 
 
-def test_a_cut_by_depth_darkens_where_roulette_does_not():
+def test_depth_limit_is_biased_and_roulette_is_not():
     furnace = scene([emitter(0.2, 0.8, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=5)
     assert_mean(render_frame(furnace, asked, 64), 1 - 0.8**5, slack=1e-4)
@@ -138,7 +138,7 @@ def test_a_cut_by_depth_darkens_where_roulette_does_not():
 
 @pytest.mark.long
 @pytest.mark.parametrize("count", [2, 5, 16])
-def test_more_light_samples_are_the_same_picture_with_less_noise(count):
+def test_more_light_samples_reduce_noise_without_bias(count):
     made = scene([Material(base_color=gray(1.0)), emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)))
     view = ((0, 0.5, -2), (0, 0, 0), 0.01)
     one = render_frame(made, settings(*view, max_depth=2, sampler="independent"), 64)
@@ -153,7 +153,7 @@ def test_more_light_samples_are_the_same_picture_with_less_noise(count):
     assert alone[0] / alone[1] == pytest.approx(math.sqrt(count), rel=0.15)
 
 
-def test_the_clamp_spares_direct_light_and_bounds_the_rest():
+def test_clamp_limits_indirect_light_only():
     made = room(0.5)
 
     def picture(depth, clamp, spp=64):
@@ -168,7 +168,7 @@ def test_the_clamp_spares_direct_light_and_bounds_the_rest():
     assert abs(none - direct) < 0.02 * direct
 
 
-def test_direct_is_a_path_of_two_segments_to_the_bit():
+def test_direct_integrator_equals_two_path_segments():
     made = room(0.5)
     one = render_frame(made, settings(*VIEW, max_depth=7, integrator="direct"), 4)
     np.testing.assert_array_equal(one, render_frame(made, settings(*VIEW, max_depth=2, transmission_depth=0), 4))
@@ -184,7 +184,7 @@ def under_a_lamp(height, side=0.05):
 
 
 @pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
-def test_the_mistakes_are_made_as_their_names_say(integrator):
+def test_deliberate_errors_have_their_named_effect(integrator):
     """Each deliberate mistake of the renderer changes the irradiance below a small lamp as its name says.
 
     Without mistakes, E = L A / h^2 at height h. `attenuation` divides by h^2 again; `light-cutoff` removes lamps farther away
@@ -204,7 +204,7 @@ def test_the_mistakes_are_made_as_their_names_say(integrator):
         assert mean(sums, 24).mean() == pytest.approx(expected, rel=0.01, abs=1e-9), (height, mistake)
 
 
-def test_a_batch_of_a_strategy_is_a_function_of_its_arguments_too(lit_room):
+def test_strategy_batches_are_deterministic(lit_room):
     made, _ = lit_room
     for sampling in ("light", "uniform"):
         asked = settings(*VIEW, max_depth=4, size=16, sampling=sampling, light_samples=3, roulette=0.7)

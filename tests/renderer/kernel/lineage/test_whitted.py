@@ -22,7 +22,7 @@ def whitted(made, view, spp=4, **more):
     return render_frame(made, settings(*view, integrator="whitted", **more), spp)
 
 
-def test_a_square_light_is_looked_at_in_its_middle():
+def test_whitted_samples_a_square_light_at_its_centre():
     """Whitted ray tracing samples a square light only at its centre: the radiance is L A / h^2 / pi.
 
     Integration over the square would yield 0.752275 / pi.
@@ -32,7 +32,7 @@ def test_a_square_light_is_looked_at_in_its_middle():
 
 
 @pytest.mark.parametrize("degrees", [0, 50])
-def test_a_sphere_light_is_its_solid_angle_in_its_centre(degrees):
+def test_whitted_sphere_light_has_its_solid_angle(degrees):
     distance, radius = 3.0, 0.8
     a = math.radians(degrees)
     made = scene([WHITE, emitter(2.0)], (FLOOR,), (Sphere((distance * math.sin(a), distance * math.cos(a), 0.0), radius, 1),))
@@ -40,7 +40,7 @@ def test_a_sphere_light_is_its_solid_angle_in_its_centre(degrees):
     np.testing.assert_allclose(mean(whitted(made, BELOW), 24), 2.0 / math.pi * solid * math.cos(a), rtol=1e-3)
 
 
-def test_a_shadow_has_an_edge_and_no_penumbra():
+def test_whitted_shadow_has_no_penumbra():
     blocker = square((0, 0.5, 0), (0.25, 0, 0), (0, 0, 0.25), 2)
     light = square((0, 1, 0), (0.4, 0, 0), (0, 0, 0.4), 1)
     made = scene([WHITE, emitter(1.0), Material(base_color=gray(0.0))], (FLOOR, light, blocker))
@@ -55,7 +55,7 @@ def test_a_shadow_has_an_edge_and_no_penumbra():
     np.testing.assert_allclose(picture[open_floor], (0.64 / math.pi / square_distance**2)[open_floor], rtol=2e-3)
 
 
-def test_with_many_points_direct_light_is_that_of_a_path_of_two_segments():
+def test_whitted_with_many_samples_equals_direct_light():
     light = square((0, 2, 0), (0.8, 0, 0), (0, 0, 0.8), 1)
     made = scene([Material(base_color=gray(0.7)), emitter(3.0)], (FLOOR, light, box(0, 0.3, (0.5, 0.3, 0))))
     view = ((0, 2, 5), (0, 0.5, 0), 30)
@@ -65,14 +65,14 @@ def test_with_many_points_direct_light_is_that_of_a_path_of_two_segments():
     assert math.hypot(error, own) < 0.005 * expected
 
 
-def test_ambient_light_is_added_to_what_is_diffuse():
+def test_ambient_light_is_added_to_diffuse_surfaces():
     made = scene([Material(base_color=(0.2, 0.4, 0.6)), Material(kind="mirror")], (FLOOR,), (Sphere((0, 9, 0), 1.0, 1),))
     found = mean(whitted(made, BELOW, ambient=(0.5, 1.0, 2.0)), 24)
     np.testing.assert_allclose(found, np.broadcast_to((0.1, 0.4, 1.2), found.shape), rtol=1e-6)
 
 
 @pytest.mark.parametrize("polished", [Material(kind="mirror", base_color=gray(0.8)), "metal"])
-def test_mirrors_and_polished_metals_are_followed(polished):
+def test_whitted_follows_mirrors_and_polished_metals(polished):
     if polished == "metal":
         polished = Material(kind="metallic_roughness", base_color=gray(0.8), metallic=1.0, roughness=0.02)
     mirrors = tuple(square((0, y, 0), (s * 2, 0, 0), (0, 0, 2), 0) for y, s in ((1, 1), (-1, -1)))
@@ -81,25 +81,25 @@ def test_mirrors_and_polished_metals_are_followed(polished):
     assert mean(sums, 24).mean() == pytest.approx(3.0 * 0.8, rel=1e-5 if polished.kind == "mirror" else 0.06)
 
 
-def test_glass_splits_by_fresnel():
+def test_whitted_glass_follows_fresnel():
     slab = tuple(square((0, 0, z), (s * 9, 0, 0), (0, 9, 0), 0) for z, s in ((0.1, 1), (-0.1, -1)))
     behind = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
     made = scene([Material(kind="glass", base_color=gray(1.0), ior=1.5), emitter(1.0)], (*slab, behind))
     assert_mean(whitted(made, ((0, 0, 3), (0, 0, 0), 0.5), 256, max_depth=64), 0.923077, slack=1e-4)
 
 
-def test_no_light_goes_from_wall_to_wall():
+def test_whitted_has_no_diffuse_interreflection():
     """Inside an emitting sphere of albedo a, Whitted ray tracing has only the first reflection, path tracing all of them."""
     furnace = scene([emitter(0.5, 0.5, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     assert_mean(whitted(furnace, ((0.3, 0.2, 0.1), (1, 0, 0), 70), 64), 0.75, slack=1e-4)
 
 
-def test_a_point_light_is_a_point_light():
+def test_whitted_point_light_irradiance():
     made = scene([WHITE], (FLOOR,), lights=(Light("point", gray(math.pi), (0, 2, 0)),))
     np.testing.assert_allclose(mean(whitted(made, BELOW), 24), 0.25, rtol=1e-4)
 
 
-def test_max_depth_1_shows_what_the_camera_sees_emit():
+def test_whitted_max_depth_1_shows_visible_emission():
     made = scene([Material(base_color=gray(0.8)), emitter(3.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)))
     assert not mean(whitted(made, BELOW, max_depth=1), 24).any()
 
@@ -120,7 +120,7 @@ def test_occlusion_inside_a_sphere(distance, sampler):
         assert_mean(sums, 1 - distance**2 / 4, slack=1e-4, tests=4)
 
 
-def test_a_convex_body_and_the_world_are_white():
+def test_ambient_occlusion_of_convex_body_is_white():
     for made in (scene([WHITE], (icosphere(2),)), scene([emitter(9.0, 0.1)], spheres=(Sphere((0, 0, 0), 1.0),), environment=4.0)):
         sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 40, integrator="ao"), 4)
         assert (mean(sums, 24) == 1).all()

@@ -60,13 +60,13 @@ UNDER_WATER = 0.5 / np.pi * 10 * (1 - REFLECTANCE) / (2 + 1 / 1.33) ** 2
     ],
     ids=["water", "sun", "absorption", "pane"],
 )
-def test_light_through_flat_interfaces_has_its_closed_form(made: Callable[[], CompiledScene], expected: float) -> None:
+def test_light_through_flat_interfaces_matches_closed_form(made: Callable[[], CompiledScene], expected: float) -> None:
     compiled = made()
     assert floor_radiance(compiled).max() == 0  # no path hits such a light
     assert_mean(floor_radiance(compiled, caustics="on"), expected)
 
 
-def test_a_mirror_shows_the_lamp_s_image() -> None:
+def test_mirror_caustic_matches_the_image_of_the_lamp() -> None:
     mirror = square((1, 0, 0), (0, 2, 0), (0, 0, 2), 1)
     compiled = scene([MATT, MIRROR], (FLOOR, mirror), lights=(POINT,))
     direct = 0.5 / np.pi * 10 / 9
@@ -115,7 +115,7 @@ HALLS = {
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", HALLS)
-def test_the_mean_is_that_of_brute_force(name: str) -> None:
+def test_caustic_mean_equals_brute_force(name: str) -> None:
     """Both estimates agree within 0.5 % of the mean and five standard errors, in each of 16 parts of the picture.
 
     The margin is needed since light that bounces once more after a caustic is seldom found: its error is underestimated.
@@ -136,7 +136,7 @@ def test_the_mean_is_that_of_brute_force(name: str) -> None:
     assert np.median(error) < 0.02 * expected.mean()
 
 
-def test_without_casters_or_small_lamps_a_frame_is_the_same() -> None:
+def test_frame_is_unchanged_without_casters_or_small_lamps() -> None:
     asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=8)
     near = scene([MATT, GLASS, emitter(3.0)], (FLOOR,), (Sphere((0, 0, 0), 0.5, 1), Sphere((1.0, 0, 0), 0.3, 2)))
     bare = scene([MATT, emitter(3.0)], (FLOOR,), (Sphere((1.0, 2, 0), 0.3, 1),))
@@ -154,7 +154,7 @@ def test_a_frame_does_not_depend_on_its_batches() -> None:
     assert digest(whole) == digest(parts)
 
 
-def test_the_limit_on_trials_cuts_the_light_of_improbable_solutions(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_trial_limit_reduces_improbable_solutions(monkeypatch: pytest.MonkeyPatch) -> None:
     compiled = HALLS["mesh"]()  # only a part of the walks towards a ball finds a way through it
     asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=16, caustics="on")
     own = rendering.kernel_options
@@ -180,7 +180,7 @@ def test_tables_list_casters_and_small_lamps_only() -> None:
     assert caustic_tables(large) is None
 
 
-def test_tables_follow_every_array_of_a_scene() -> None:
+def test_caustic_tables_depend_on_every_scene_array() -> None:
     """Frames of a shot may share arrays: the tables of one are not those of another that differs in any array."""
     first = HALLS["mesh"]()
     moved = first._replace(position=np.array(first.position - np.float32(0.1)))

@@ -81,7 +81,7 @@ def traced(d: np.ndarray, eta: float, through: bool) -> tuple[np.ndarray, np.nda
 
 
 @pytest.mark.parametrize(("eta", "through"), [(0.0, False), (ETA, False), (1 / 1.33, False), (ETA, True)])
-def test_areas_are_those_of_finite_differences(eta: float, through: bool) -> None:
+def test_areas_match_finite_differences(eta: float, through: bool) -> None:
     step = 2e-3
     for d in ((0.1, -0.2, -1.0), (0.35, 0.1, -1.0), (-0.3, -0.3, -1.0)):
         w = np.array(d) / np.linalg.norm(d)
@@ -115,7 +115,7 @@ def _newton(bends, target, eta, errors):
 
 
 @pytest.mark.parametrize(("eta", "target"), [(ETA, (0.3, -0.2, -1.2)), (1 / 1.33, (-0.2, 0.1, -0.8)), (0.0, (0.4, 0.5, 1.5))])
-def test_steps_converge_quadratically_to_the_ray_that_meets_the_target(eta: float, target: tuple[float, ...]) -> None:
+def test_newton_steps_converge_quadratically(eta: float, target: tuple[float, ...]) -> None:
     errors = np.zeros((8, 2), np.float32)
     _newton(BENDS.astype(np.float32), np.array(target, np.float32), np.float32(eta), errors)
     error = errors[:, 0].astype(float)

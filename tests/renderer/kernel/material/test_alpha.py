@@ -24,7 +24,7 @@ def cards(count, material, distance=1.0):
 
 @grid("integrator", ["path", "direct", "whitted"], ordinary=("path",))
 @pytest.mark.parametrize("count", [1, 4])
-def test_cards_before_a_light_let_the_rest_through(integrator, count):
+def test_alpha_cards_attenuate_the_light(integrator, count):
     """Black squares of opacity a transmit (1 - a)**n of the light behind them, and do not add to a path's depth."""
     card = Material(base_color=gray(0.0), opacity=0.3, alpha_mode="blend")
     made = scene([emitter(2.0), card], (square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0), *cards(count, 1)))
@@ -33,7 +33,7 @@ def test_cards_before_a_light_let_the_rest_through(integrator, count):
 
 
 @grid("sampling", ["mis", "light", "bsdf"], ordinary=("mis",))
-def test_a_shadow_through_cards_is_as_dark_as_their_product(sampling):
+def test_shadow_through_alpha_cards_is_their_product(sampling):
     card = Material(base_color=gray(0.0), opacity=0.4, alpha_mode="blend")
     over = tuple(square((0, y, 0), (9, 0, 0), (0, 0, -9), 2) for y in (1.0, 1.2))
     made = scene([WHITE, emitter(1.0), card], (FLOOR, square((0, 2, 0), (2, 0, 0), (0, 0, 2), 1), *over))
@@ -57,7 +57,7 @@ def test_a_distant_light_does_not_occlude_itself(distance, with_card):
 
 
 @pytest.mark.parametrize(("opacity", "there"), [(0.49, False), (0.51, True)])
-def test_a_mask_is_there_or_not(opacity, there):
+def test_alpha_mask_is_binary(opacity, there):
     card = Material(base_color=(0.2, 0.4, 0.6), opacity=opacity, alpha_mode="mask", alpha_cutoff=0.5)
     made = scene([emitter(2.0, 0.5), card], (square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0), *cards(1, 1)))
     sums = render_frame(made, settings((0, 0, 4), (0, 0, 0), 30, max_depth=1), 4)
@@ -66,7 +66,7 @@ def test_a_mask_is_there_or_not(opacity, there):
     np.testing.assert_allclose(mean(sums, 24, ALBEDO)[0, 0], (0.2, 0.4, 0.6) if there else (0.5, 0.5, 0.5), rtol=1e-6)
 
 
-def test_planes_are_those_of_the_first_thing_that_is_there():
+def test_first_hit_planes_skip_invisible_surfaces():
     """First-hit planes skip invisible surfaces: behind an invisible square, depth is that of the next surface."""
     card = Material(base_color=gray(0.0), opacity=0.0, alpha_mode="blend")
     wall = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0)
@@ -80,7 +80,7 @@ def test_planes_are_those_of_the_first_thing_that_is_there():
 
 @pytest.mark.long
 @pytest.mark.parametrize("integrator", ["whitted", "ao"])
-def test_other_integrators_see_through_clear_cards(integrator):
+def test_other_integrators_support_alpha(integrator):
     card = Material(base_color=gray(0.0), opacity=0.0, alpha_mode="blend")
     wall = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 0)
     view = settings((0, 0, 4), (0, 0, 0), 30, integrator=integrator)
@@ -89,7 +89,7 @@ def test_other_integrators_see_through_clear_cards(integrator):
 
 
 @grid("sampling", ["mis", "light", "bsdf", "uniform"], ordinary=("mis",))
-def test_invisible_shells_change_nothing(sampling):
+def test_invisible_shells_have_no_effect(sampling):
     """Bounces and shadow rays pass invisible shells, and MIS weights use the vertex before the shell."""
     air = Material(base_color=gray(0.9), opacity=0.0, alpha_mode="blend")
     shells = tuple(Sphere((0, 0, 0), 1.2 + 0.1 * i, 2) for i in range(3))
@@ -106,7 +106,7 @@ def test_invisible_shells_change_nothing(sampling):
 
 @pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
 @pytest.mark.parametrize("distance", [0.1, 0.5])
-def test_an_absorbing_slab_takes_what_beer_says(integrator, distance):
+def test_absorbing_slab_follows_beers_law(integrator, distance):
     """A slab of index 1, which reflects nothing, transmits color ** (path length / distance)."""
     glass = Material(
         kind="glass", base_color=gray(1.0), ior=1.0, attenuation_color=(0.5, 0.25, 0.9), attenuation_distance=distance
@@ -119,7 +119,7 @@ def test_an_absorbing_slab_takes_what_beer_says(integrator, distance):
 
 
 @pytest.mark.parametrize("integrator", ["path", "direct", pytest.param("whitted", marks=pytest.mark.long)])
-def test_unlit_surfaces_show_their_colour_and_scatter_nothing(integrator):
+def test_unlit_surfaces_emit_and_do_not_scatter(integrator):
     unlit = Material(kind="unlit", base_color=(0.2, 0.5, 0.8))
     made = scene(
         [unlit, emitter(50.0)], (square((0, 0, 0), (9, 0, 0), (0, 9, 0), 0),), (Sphere((0, 0, 9), 1.0, 1),), environment=3.0
@@ -128,7 +128,7 @@ def test_unlit_surfaces_show_their_colour_and_scatter_nothing(integrator):
     np.testing.assert_allclose(mean(sums, 24), np.broadcast_to((0.2, 0.5, 0.8), (24, 24, 3)), rtol=1e-6)
 
 
-def test_white_cards_vanish_in_a_white_world():
+def test_white_alpha_cards_in_a_white_furnace():
     """Light between two half-transparent white squares is reflected and transmitted repeatedly; none is lost or counted twice."""
     card = Material(base_color=gray(1.0), opacity=0.5, alpha_mode="blend")
     made = scene([card], cards(2, 0, 5.0), environment=1.0)

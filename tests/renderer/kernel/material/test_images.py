@@ -29,7 +29,7 @@ def _look_up(scene, given, order, eight, one):
 
 
 @pytest.mark.long
-def test_eight_places_are_looked_up_as_each_alone():
+def test_eight_lane_lookup_equals_single_lookups():
     rng = np.random.default_rng(2)
     images = [
         Image("a", rng.integers(0, 256, (5, 4, 4), np.uint8)),

@@ -83,7 +83,7 @@ GRAY_HALF = texels([[51, 102, 153, 128]])
 
 
 @pytest.mark.long
-def test_textures_and_vertex_colours_multiply():
+def test_texture_and_vertex_colors_are_multiplied():
     material = Material(
         kind="metallic_roughness", base_color=(0.5, 1, 1), metallic=0.5, roughness=1.0, base_color_texture=0,
         metallic_roughness_texture=0,
@@ -98,12 +98,12 @@ def test_textures_and_vertex_colours_multiply():
     ("mode", "alpha", "cutoff", "expected"),
     [("opaque", 0.2, 0.5, 1), ("blend", 0.5, 0.5, 0.5 * 128 / 255 * 0.8), ("mask", 0.9, 0.37, 0), ("mask", 0.9, 0.35, 1)],
 )
-def test_alpha_is_factor_times_texture_times_vertex(mode, alpha, cutoff, expected):
+def test_alpha_is_product_of_factor_texture_and_vertex(mode, alpha, cutoff, expected):
     material = Material(opacity=alpha, alpha_mode=mode, alpha_cutoff=cutoff, base_color_texture=0)
     assert look(material, [GRAY_HALF], [Texture(0)], color=(1, 1, 1, 0.8))["opacity"] == pytest.approx(expected)
 
 
-def test_a_texture_knows_its_uv_set_and_transform():
+def test_texture_uses_its_uv_set_and_transform():
     checks = texels([[0, 0, 0, 255], [255, 255, 255, 255]])
     plain = Material(base_color=(1, 1, 1), base_color_texture=0)
     assert look(plain, [checks], [Texture(0)], uv=(0.25, 0), uv1=(0.75, 0))["base"][0] == 0
@@ -112,13 +112,13 @@ def test_a_texture_knows_its_uv_set_and_transform():
     assert look(plain, [checks], [moved], uv=(0.9, 0.25))["base"][0] == 1
 
 
-def test_emission_shines_from_the_front_or_both():
+def test_emission_is_one_sided_or_double_sided():
     assert (look(Material(emission=(1, 2, 3)))["emission"] == (1, 2, 3)).all()
     assert not look(Material(emission=(1, 2, 3)), front=False)["emission"].any()
     assert look(Material(emission=(1, 2, 3), double_sided=True), front=False)["emission"].any()
 
 
-def test_absorption_leaves_the_attenuation_colour_after_its_distance():
+def test_attenuation_color_at_attenuation_distance():
     inside = Material(kind="glass", attenuation_color=(0.5, 0.25, 1), attenuation_distance=2.0)
     np.testing.assert_allclose(np.exp(-2 * look(inside)["absorption"]), (0.5, 0.25, 1), rtol=1e-5)
     assert not look(Material(attenuation_color=(0.5, 0.5, 0.5), attenuation_distance=1.0))["absorption"].any()
@@ -126,7 +126,7 @@ def test_absorption_leaves_the_attenuation_colour_after_its_distance():
 
 
 @pytest.mark.parametrize("front", [True, False])
-def test_dispersion_keeps_one_colour_and_the_expectation(front):
+def test_dispersion_keeps_one_channel_and_is_unbiased(front):
     """Dispersion keeps one colour channel per path, and is unbiased.
 
     The indices of red and blue differ from green's by (n - 1) 0.025 dispersion; see KHR_materials_dispersion.

@@ -49,7 +49,7 @@ def frame(rgb, front=True, scale=1.0, sign=1.0):
     return out
 
 
-def test_a_flat_map_changes_nothing():
+def test_flat_normal_map_has_no_effect():
     np.testing.assert_allclose(frame((128, 128, 255))[2], (0, 0, 1), atol=0.006)
 
 
@@ -61,16 +61,16 @@ def test_red_tilts_along_the_tangent_and_green_along_the_bitangent(sign):
     np.testing.assert_allclose(tilted, (0, sign * 0.707, 0.707), atol=0.01)
 
 
-def test_from_behind_the_bumps_are_dents():
+def test_normal_map_is_inverted_from_behind():
     np.testing.assert_allclose(frame((218, 128, 218), front=False)[2], (-0.707, 0, -0.707), atol=0.01)
     np.testing.assert_allclose(frame((128, 218, 218), front=False)[2], (0, -0.707, -0.707), atol=0.01)
 
 
-def test_the_scale_flattens():
+def test_normal_scale_flattens():
     np.testing.assert_allclose(frame((218, 128, 218), scale=0.5)[2], np.array((0.5, 0, 1)) / np.sqrt(1.25), atol=0.01)
 
 
-def test_every_normal_reflects_what_the_viewer_sees_away_from_the_surface():
+def test_mapped_normals_reflect_above_the_surface():
     n = 20_000
     rng = np.random.default_rng(1)
     color, wo = rng.random((n, 3), np.float32), hemisphere(n, 2)
@@ -84,7 +84,7 @@ def test_every_normal_reflects_what_the_viewer_sees_away_from_the_surface():
     assert (mirrored > np.minimum(0.9 * wo[:, 2], 0.01) - 1e-4).all()
 
 
-def test_normals_that_do_no_harm_are_left_alone():
+def test_consistent_normals_are_unchanged():
     n = 2000
     wo = np.tile(np.float32((0, 0, 1)), (n, 1))
     normal = hemisphere(n, 3)

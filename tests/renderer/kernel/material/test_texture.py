@@ -166,7 +166,7 @@ def test_emission_keeps_a_range_of_ten_million():
 
 
 @pytest.mark.parametrize(("wrap_s", "wrap_t"), [("repeat", "mirror"), ("mirror", "clamp"), ("clamp", "repeat")])
-def test_a_lookup_is_bilinear_in_linear_light(wrap_s, wrap_t):
+def test_lookup_interpolates_linear_light(wrap_s, wrap_t):
     textures = [Texture(0, wrap_s, wrap_t, transform=MOVED)]
     uv, uv1, found = looked_up(compiled(textures, Material(base_color_texture=0)))
     np.testing.assert_allclose(
@@ -180,7 +180,7 @@ def test_every_operation_has_a_number():
 
 @grid("strength", [0.0, 0.35, 1.0])
 @pytest.mark.parametrize("blend", BLENDS)
-def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, strength):
+def test_layer_blending_by_alpha_and_strength(blend, strength):
     textures = [Texture(0, layers=(TextureLayer(1, blend, strength),)), Texture(1, "mirror", "mirror")]
     uv, uv1, found = looked_up(compiled(textures, Material(base_color_texture=0)))
     expected = expected_stack(textures, 0, IMAGES, uv, uv1)
@@ -191,7 +191,7 @@ def test_a_layer_is_blended_in_linear_light_by_its_alpha_and_strength(blend, str
         np.testing.assert_array_equal(found, plain[2])
 
 
-def test_many_layers_each_looked_up_in_its_own_way():
+def test_layers_have_their_own_mapping_and_encoding():
     """Each texture layer has its own image, coordinates, transform, wrap mode and encoding; one layer uses the second UVs."""
     layers = TextureLayer(1, "multiply", 0.8), TextureLayer(2), TextureLayer(3, "screen", 0.5), TextureLayer(1, "signed_add")
     textures = [
@@ -207,7 +207,7 @@ def test_many_layers_each_looked_up_in_its_own_way():
     np.testing.assert_allclose(found[:, 3], expected_of(textures[0], IMAGES, uv, uv1)[:, 3], atol=2e-5)
 
 
-def test_data_are_blended_as_they_are():
+def test_data_textures_are_blended_without_decoding():
     """Data textures are blended without decoding: roughness 0.5 with a layer of 1 at half strength is 0.75."""
     images = [Image(name, np.full((1, 1, 4), (v, v, v, 255), np.uint8), srgb=False) for name, v in (("half", 128), ("one", 255))]
     textures = [Texture(0, layers=(TextureLayer(1, strength=0.5),)), Texture(1)]
@@ -215,7 +215,7 @@ def test_data_are_blended_as_they_are():
     np.testing.assert_allclose(looked_up(made, 2)[2][0, :3], (128 / 255 + 1) / 2, atol=SLACK)
 
 
-def test_light_may_add_up_to_more_than_white():
+def test_emission_layers_may_exceed_one():
     images = [Image(f"{v}", np.full((1, 1, 4), (v, v, v, 255), np.uint8), srgb=False) for v in (204, 153)]
     images.append(Image("bright", np.full((1, 1, 3), 8, np.float32), srgb=False))
     layers = TextureLayer(1, "add"), TextureLayer(2, "add", 0.25)
@@ -229,7 +229,7 @@ def test_light_may_add_up_to_more_than_white():
 
 
 @pytest.mark.long
-def test_a_wall_shows_its_stack():
+def test_rendered_albedo_equals_the_layered_texture():
     """In a picture of a wall, the albedo of each pixel equals the layered texture at the point that the pixel sees."""
     layers = (TextureLayer(1), TextureLayer(2, "multiply", 0.5))
     textures = [Texture(0, layers=layers), Texture(1, transform=MOVED), Texture(2)]
@@ -248,7 +248,7 @@ def test_a_wall_shows_its_stack():
 @grid("sampling", ["mis", "light", "bsdf"], ordinary=("mis",))
 @grid("kind", ["square", "square with others", "sphere"], ordinary=("square with others",))
 @pytest.mark.parametrize("uv_set", [0, 1])
-def test_a_lamp_with_a_stack_lights_as_brute_force_says(kind, sampling, uv_set):
+def test_layered_emission_lights_like_brute_force(kind, sampling, uv_set):
     """A lamp whose emission is only a texture layer with a hole lights a floor as computed by a sum over the emitter's points.
 
     An emitter without second texture coordinates uses its first ones, whether or not other meshes have second ones.
@@ -291,7 +291,7 @@ def _irradiance(kind, textures, images, point):
     return float((radiance * cosine * np.maximum(way[:, 1], 0) / square_distance * area).sum())
 
 
-def test_a_lamps_power_is_the_mean_of_its_whole_stack():
+def test_lamp_power_is_the_mean_of_all_layers():
     """The power of a lamp is the mean over its whole layered texture, also if another texture's texels precede it in memory."""
     textures = [Texture(1), Texture(0, layers=(TextureLayer(0, "add", 0.5),))]
     materials = [Material(emission=(1, 1, 1), emission_texture=t) for t in (0, 1)]
@@ -307,7 +307,7 @@ CHECKER = np.array([[[255, 0, 0, 255], [0, 255, 0, 51]], [[0, 0, 255, 255], [255
 
 
 @pytest.mark.parametrize(("wrap", "columns"), [("repeat", (0, 1, 0, 1)), ("mirror", (0, 1, 1, 0)), ("clamp", (0, 1, 1, 1))])
-def test_the_nearest_of_four_texels_is_seen_as_it_is(wrap, columns):
+def test_nearest_filter_is_constant_per_texel(wrap, columns):
     """The nearest texel is constant up to its border, also beyond the image's right edge, where the texture repeats."""
     textures = [Texture(0, wrap, "clamp", filter="nearest"), Texture(0, wrap, "clamp")]
     scene = compiled(textures, [Material(base_color_texture=i) for i in range(2)], [Image("checker", CHECKER)])
@@ -325,7 +325,7 @@ def test_the_nearest_of_four_texels_is_seen_as_it_is(wrap, columns):
     )  # the other texture still interpolates all four texels
 
 
-def test_nearest_texels_are_squares_in_the_picture():
+def test_nearest_texels_render_as_squares():
     """Seen frontally, each quarter of the picture has one colour, from its first pixel to its last."""
     scene = compiled([Texture(0, "clamp", "clamp", filter="nearest")], Material(base_color_texture=0), [Image("c", CHECKER)])
     size = 16
@@ -336,7 +336,7 @@ def test_nearest_texels_are_squares_in_the_picture():
 
 
 @pytest.mark.parametrize("slot", [p.name for p in PARAMETERS if p.form == "texture" and not p.layered])
-def test_slots_that_take_one_texture_say_so(slot):
+def test_layers_on_unsupported_slots_are_an_error(slot):
     textures = [Texture(0, layers=(TextureLayer(1),)), Texture(1)]
     with pytest.raises(SceneError, match=f"Material tiles: its {slot} has layers, .* give it one texture"):
         compiled(textures, Material("tiles", "metallic_roughness", **{slot: 0}))

@@ -39,7 +39,7 @@ def flown(sigma_t: np.ndarray, sigma_s: np.ndarray, reach: float, throughput: np
 
 @pytest.mark.parametrize("reach", [0.3, 2.0, np.inf])
 @pytest.mark.parametrize("sigma_t", [(1.0, 1.0, 1.0), (0.5, 2.0, 9.0), (0.0, 0.2, 4.0)])
-def test_what_reaches_the_end_and_what_is_scattered_before(sigma_t: tuple[float, ...], reach: float) -> None:
+def test_flight_and_scattering_probabilities(sigma_t: tuple[float, ...], reach: float) -> None:
     sigma = np.array(sigma_t)
     carried, scatters, distance = flown(sigma, 0.8 * sigma, reach)
     passing = np.array([1.0 if s == 0 else np.exp(-s * reach) for s in sigma_t])
@@ -52,7 +52,7 @@ def test_what_reaches_the_end_and_what_is_scattered_before(sigma_t: tuple[float,
     assert np.isfinite(carried).all()
 
 
-def test_what_only_absorbs_leaves_nothing_to_chance() -> None:
+def test_pure_absorption_is_deterministic() -> None:
     sigma = np.array((0.1, 1.0, 30.0))
     carried, scatters, distance = flown(sigma, np.zeros(3), 1.5)
     assert not scatters.any()
@@ -62,12 +62,12 @@ def test_what_only_absorbs_leaves_nothing_to_chance() -> None:
     assert (flown(sigma, np.zeros(3), np.inf)[0] == 0).all()
 
 
-def test_nothing_takes_nothing_to_the_bit() -> None:
+def test_empty_medium_keeps_the_throughput() -> None:
     for reach in (1.0, np.inf):
         carried, scatters, _ = flown(np.zeros(3), np.zeros(3), reach)
         assert not scatters.any()
         assert (carried == THROUGHPUT.astype(np.float32)).all()
 
 
-def test_a_path_without_anything_left_stays_a_number() -> None:
+def test_zero_throughput_stays_finite() -> None:
     assert (flown(np.ones(3), np.ones(3), 1.0, np.zeros(3))[0] == 0).all()

@@ -46,14 +46,14 @@ def test_samples_follow_the_density(g: float) -> None:
 
 
 @pytest.mark.parametrize("g", [*GS, 0.999, -0.999])
-def test_g_is_the_mean_cosine_with_the_way_that_light_went(g: float) -> None:
+def test_g_is_the_mean_scattering_cosine(g: float) -> None:
     """g is the mean cosine of the angle to the direction in which the light travels, here -z."""
     cosine = -sampled(g)[:, 2].astype(float)
     assert abs(cosine.mean() - g) <= limit(6) * cosine.std() / np.sqrt(N) + 1e-6
     assert np.abs(np.linalg.norm(sampled(g), axis=1) - 1).max() < 1e-5
 
 
-def test_the_density_is_the_formula_of_1941() -> None:
+def test_pdf_equals_henyey_greensteins_formula() -> None:
     cosine = np.linspace(-1, 1, 101)
     wi = np.stack([np.sqrt(1 - cosine**2), np.zeros(101), -cosine], 1)
     for g in GS:

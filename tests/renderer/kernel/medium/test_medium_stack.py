@@ -39,7 +39,7 @@ def after(steps: list[tuple[int, int]], nest: int = 0) -> tuple[int, ...]:
 
 
 @given(st.lists(st.tuples(st.sampled_from((IN, OUT)), st.integers(1, 3)), max_size=12))
-def test_three_deep_it_is_a_list_from_which_any_may_be_taken(steps: list[tuple[int, int]]) -> None:
+def test_medium_stack_equals_a_list_up_to_depth_three(steps: list[tuple[int, int]]) -> None:
     stack: list[int] = []
     for way, medium in steps:
         if way == IN:
@@ -49,12 +49,12 @@ def test_three_deep_it_is_a_list_from_which_any_may_be_taken(steps: list[tuple[i
     assert after(steps) == tuple([*stack, 0, 0, 0][:3])
 
 
-def test_the_greatest_number_is_told_from_others() -> None:
+def test_largest_medium_number_is_distinct() -> None:
     most = MOST_MEDIA - 1
     assert after([(IN, most), (IN, 1), (IN, most)]) == (most, 1, most)
     assert after([(IN, most), (IN, 1), (OUT, most)]) == (1, 0, 0)
 
 
-def test_what_lies_around_a_camera_is_listed_from_the_innermost_on() -> None:
+def test_camera_media_are_listed_innermost_first() -> None:
     nest = int(_lie(np.array([5, 7, 9, 11])))
     assert nest == 5 + 7 * MOST_MEDIA + 9 * MOST_MEDIA**2

@@ -22,7 +22,7 @@ def albedo(color: np.ndarray, g: float = 0.0) -> np.ndarray:
     return found.astype(float)
 
 
-def test_a_half_space_of_it_has_that_colour() -> None:
+def test_half_space_reflects_the_requested_color() -> None:
     """A half-space of a medium with the derived albedo has the requested colour within 0.005, van de Hulst's stated accuracy.
 
     The half-space's reflectance is computed by Chandrasekhar's H function.
@@ -32,7 +32,7 @@ def test_a_half_space_of_it_has_that_colour() -> None:
     assert found == pytest.approx(color, abs=0.005)
 
 
-def test_black_absorbs_and_white_does_not() -> None:
+def test_albedo_of_black_and_white() -> None:
     for g in (-0.5, 0.0, 0.9):
         black, white = albedo(np.array((0.0, 1.0)), g)
         assert black == pytest.approx(0.0, abs=1e-3)

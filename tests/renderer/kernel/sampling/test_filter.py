@@ -32,7 +32,7 @@ def offsets(kind, u):
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_offsets_are_distributed_as_the_filter(name):
+def test_offsets_follow_the_filter(name):
     kind, radius, shape = SHAPES[name]
     n, bins = 1 << 20, 200
     found = offsets(kind, np.random.default_rng(1).random(n, np.float32) * np.float32(1 - 2.0**-24))
@@ -72,7 +72,7 @@ def test_a_small_light_is_spread_over_its_neighbours_by_the_filters_integral(nam
     assert (np.abs(picture - expected) < 4 * error).all()
 
 
-def test_the_filters_differ_and_all_keep_the_light():
+def test_filters_differ_and_preserve_energy():
     even = scene([Material(base_color=gray(0.5))], environment=0.7, meshes=(square((0, -9, 0), (9, 0, 0), (0, 0, -9), 0),))
     pictures = [render_frame(even, settings((0, 0, 0), (0, 1, 0), 30, size=8, filter=name), 4)[COLOR] for name in SHAPES]
     for picture in pictures:  # the pictures show only sky

@@ -86,7 +86,7 @@ def test_low_bits_are_random_too(runs, name):
         assert_uniform(np.bincount(low[:, k], minlength=256), 28, f"{name}, dimension {k}")
 
 
-def test_the_mean_of_n_samples_nears_a_half_as_it_should():
+def test_sample_means_are_normally_distributed():
     """The means of 64 samples, over 4096 pixels, are normally distributed with the expected standard deviation."""
     pixel = np.arange(4096 * 64) // 64
     values = numbers(x=pixel % 64, y=pixel // 64, sample=np.arange(4096 * 64) % 64)
@@ -97,7 +97,7 @@ def test_the_mean_of_n_samples_nears_a_half_as_it_should():
 
 
 @pytest.mark.parametrize("kind", [SOBOL, INDEPENDENT])
-def test_only_the_counters_count(kind):
+def test_numbers_depend_on_the_counters_only(kind):
     counters = {"seed": 5, "x": 10, "y": 20, "sample": 30, "block": 2, "kind": kind}
     one = numbers(**counters)
     np.testing.assert_array_equal(one, numbers(**{**counters, "sample": [30, 30]})[1:])
@@ -107,12 +107,12 @@ def test_only_the_counters_count(kind):
         assert not (other == one).any()
 
 
-def test_pixels_of_the_largest_frame_are_told_apart():
+def test_pixel_keys_of_the_largest_frame_are_distinct():
     x, y = np.array([0, 1, 16383, 0, 16383, 255, 256]), np.array([0, 0, 0, 16383, 16383, 1, 1])
     assert len(np.unique(numbers(x=x, y=y), axis=0)) == len(x)
 
 
-def test_direction_numbers_are_those_of_sobol():
+def test_direction_numbers_match_scipy():
     """Direction numbers equal SciPy's, which are those of Joe and Kuo."""
     columns = direction_numbers()
     bits = np.arange(256)[:, None] >> np.arange(8) & 1
@@ -188,7 +188,7 @@ def test_blocks_of_a_pixel_are_not_correlated():
 
 
 @pytest.mark.parametrize(("first", "then"), [(2, 4), (6, 8)])
-def test_where_a_path_goes_from_two_vertices_fills_four_dimensions(first, then):
+def test_two_vertices_are_stratified_in_four_dimensions(first, then):
     """The four dimensions of two path vertices' directions are stratified together.
 
     Most divisions of them into as many equal boxes as samples have one sample in each box.
@@ -240,7 +240,7 @@ def film_places(pixels, samples, kind=SOBOL):
 
 @grid("first", [0, 512, 640])
 @pytest.mark.parametrize("log_n", range(1, 8))
-def test_places_in_a_pixel_are_far_apart(first, log_n):
+def test_film_positions_form_a_good_lattice(first, log_n):
     """Any aligned run of 2**k samples has one in each of 2**k rows and columns, with the minimum distances of a good lattice."""
     n = 1 << log_n
     run = film_places(64, 1024)[:, first : first + n].astype(float)
@@ -253,7 +253,7 @@ def test_places_in_a_pixel_are_far_apart(first, log_n):
 
 
 @pytest.mark.parametrize("kind", [SOBOL, INDEPENDENT])
-def test_places_of_different_pixels_are_independent(kind):
+def test_film_positions_of_pixels_are_independent(kind):
     values = film_places(N // 16, 16, kind)[:, 5]
     cell = (values * 16).astype(int)
     for a, b in ((0, 1), (1, 2), (2, 3), (0, 3)):
@@ -274,7 +274,7 @@ def _opposites(own):
 
 
 @pytest.mark.parametrize("kind", [SOBOL, INDEPENDENT])
-def test_opposite_numbers_are_uniform_and_others(kind):
+def test_opposite_points_are_uniform_and_distinct(kind):
     own = numbers(sample=np.arange(1 << 14), block=2, kind=kind)[:, :3]
     others = _opposites(own)
     assert ((others >= 0) & (others < 1)).all()
@@ -284,7 +284,7 @@ def test_opposite_numbers_are_uniform_and_others(kind):
         assert scipy.stats.kstest(column, "uniform").pvalue > 1e-4
 
 
-def test_opposite_numbers_fill_the_gaps_between_a_pixels_own():
+def test_opposite_points_are_stratified_with_the_originals():
     """A pixel's points and their opposites together are stratified, in most divisions into as many rectangles as points."""
     found = []
     for power in range(9):

@@ -76,7 +76,7 @@ def test_directions_in_a_cone_follow_their_density(cone):
     direction_test(directions, density(2, cone), TESTS, name=f"cone {cone}")
 
 
-def test_a_narrow_cone_is_even_over_its_angle():
+def test_narrow_cone_is_uniform():
     """For a distant sun, 1 - cos = 1e-10, directions are uniform in 1 - z, computed as half the squared sine."""
     directions = sample(2, 1e-10).astype(float)
     square = (directions[:, 0] ** 2 + directions[:, 1] ** 2) / 2e-10
@@ -85,7 +85,7 @@ def test_a_narrow_cone_is_even_over_its_angle():
     assert_uniform(np.histogram(np.arctan2(directions[:, 1], directions[:, 0]), 64, (-np.pi, np.pi))[0], TESTS)
 
 
-def test_points_of_a_disk_and_of_a_triangle_are_even_by_area():
+def test_disk_and_triangle_points_are_uniform_by_area():
     x, y = sample(3).T[:2].astype(float)
     radius = x * x + y * y
     assert radius.max() <= 1 + 1e-6

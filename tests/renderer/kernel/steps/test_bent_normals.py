@@ -88,7 +88,7 @@ def lit(material: Material, of: object):
 
 @pytest.mark.parametrize("of", [*MESHES, bumpy_square])
 @pytest.mark.parametrize("name", METALS)
-def test_white_with_bent_normals_is_invisible_in_a_white_world(name, of):
+def test_white_bent_normals_in_a_white_furnace(name, of):
     """White objects with bent normals are invisible in a white environment.
 
     On a convex object each reflected ray reaches the environment, so two path segments suffice.
@@ -104,7 +104,7 @@ def test_white_with_bent_normals_is_invisible_in_a_white_world(name, of):
 
 @grid("of", [*MESHES, bumpy_square])
 @grid("name", [*METALS, *OTHERS], ordinary=("metal", "plastic", "smooth conductor"))
-def test_meetings_with_the_same_facet_are_no_bounces(name, of):
+def test_repeated_hits_of_one_facet_are_not_counted(name, of):
     """Repeated hits of one facet do not count as bounces: a convex object looks identical for any maximum depth."""
     made, asked = lit({**METALS, **OTHERS}[name], of)
     shallow, deep = (render_frame(made, replace(asked, max_depth=depth), 4) for depth in (2, 64))
@@ -113,7 +113,7 @@ def test_meetings_with_the_same_facet_are_no_bounces(name, of):
 
 @pytest.mark.parametrize("of", MESHES)
 @pytest.mark.parametrize(("roughness", "least"), [(0.0, 0.92), (0.5, 0.99)])
-def test_glass_with_bent_normals_makes_no_light(roughness, least, of):
+def test_glass_with_bent_normals_conserves_energy(roughness, least, of):
     """Refraction with bent normals is not reversible: smooth glass may trap some light but never gains any."""
     made, asked = lit(Material(kind="glass", base_color=gray(1.0), roughness=roughness), of)
     found, error = mean_and_error(render_frame(made, replace(asked, max_depth=400), 64))
@@ -121,7 +121,7 @@ def test_glass_with_bent_normals_makes_no_light(roughness, least, of):
 
 
 @pytest.mark.parametrize("integrator", ["path", pytest.param("whitted", marks=pytest.mark.long)])
-def test_a_low_poly_mirror_shows_the_world_up_to_its_rim(integrator):
+def test_low_poly_mirror_has_no_black_rim(integrator):
     made, asked = lit(METALS["mirror"], coarse_ball)
     sums = render_frame(made, replace(asked, integrator=integrator, max_depth=4), 16)
     np.testing.assert_allclose(mean(sums, 24), 1.0, atol=1e-5)

@@ -38,40 +38,40 @@ def chances(*weights, eta2=None, unguided=None, **asked):
     return found.tolist()
 
 
-def test_short_paths_go_on_and_dark_ones_end_after_them():
+def test_roulette_ends_long_dark_paths_only():
     assert chances(0.9, 0.01, 0.5)[:2] == [1, 1]
     assert chances(0.9, 0.01, 0.5)[2] == pytest.approx(1.4 * 0.01 * 0.5)
 
 
-def test_what_carries_five_sevenths_goes_on_for_certain():
+def test_throughput_of_five_sevenths_survives_with_certainty():
     assert chances(1.0, 0.95, 0.9, 1.0) == [1, 1, 1, 1]
     assert chances(1.0, 0.8, 0.6, 0.9)[2:] == pytest.approx([1.4 * 0.8 * 0.6, 0.9])
 
 
 @pytest.mark.parametrize("first", [0.02, 0.3, 4.0])
-def test_a_dark_first_vertex_is_no_reason_to_end(first):
+def test_dark_first_vertex_does_not_reduce_survival(first):
     assert chances(first, 0.5, 0.5, 0.5) == pytest.approx(chances(1.0, 0.5, 0.5, 0.5))
 
 
-def test_radiance_that_is_thinner_in_glass_is_worth_as_much():
+def test_radiance_scale_in_glass_does_not_affect_survival():
     """A path that enters glass of eta 1.5 and leaves it three vertices later survives as if radiance were not scaled."""
     square = 1.5**2
     found = chances(0.8, 1 / square, 0.5, 0.5, square, 0.9, eta2=[1, square, 1, 1, 1 / square, 1])
     assert found == pytest.approx(chances(0.8, 1.0, 0.5, 0.5, 1.0, 0.9), rel=1e-6)
 
 
-def test_long_paths_end_even_where_all_is_white():
+def test_long_white_paths_end():
     found = chances(*[1.0] * 12)
     assert found[:7] == [1] * 7
     assert found[7:] == pytest.approx([MAX_FLOOR] * 5)
 
 
-def test_a_floor_and_a_constant_are_kept_to():
+def test_roulette_minimum_and_constant_are_respected():
     assert chances(0.9, 0.01, 0.5, roulette_floor=0.25)[2] == 0.25
     assert chances(0.9, 0.01, 0.5, roulette=0.75) == [0.75] * 3
 
 
-def test_aimed_directions_do_not_end_a_path():
+def test_aimed_directions_do_not_reduce_survival():
     """The survival is that of the same directions sampled by the BSDF, whose weights are larger by the factor `unguided`."""
     aimed = chances(0.5, 0.01, 0.005, 0.004, 0.02, unguided=(7.0, 80.0, 160.0, 200.0, 40.0))
     assert aimed == pytest.approx(chances(0.5, 0.8, 0.8, 0.8, 0.8), rel=1e-5)

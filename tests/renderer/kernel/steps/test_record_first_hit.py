@@ -13,5 +13,5 @@ def test_every_field_has_planes_of_its_own() -> None:
     assert sorted(of_hits + others) == list(range(CHANNELS))
 
 
-def test_ids_are_not_averaged() -> None:
+def test_ids_are_stored_from_one_sample() -> None:
     assert {name for name, planes in FIRST_HIT.items() if planes in IDS[:, 1].tolist()} == {"object", "material"}

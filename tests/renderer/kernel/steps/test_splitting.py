@@ -49,12 +49,12 @@ def _agree(compiled, asked: RenderSettings, spp: int = 512) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == SEEN[0] else pytest.mark.long) for name in SEEN])
-def test_the_mean_is_that_of_one_branch(name: str) -> None:
+def test_splitting_keeps_the_mean(name: str) -> None:
     _agree(*made(name))
 
 
 @pytest.mark.long
-def test_the_mean_is_that_of_one_branch_where_a_sun_stands_in_the_sky() -> None:
+def test_splitting_keeps_the_mean_under_a_sun() -> None:
     _agree(_sunny(), settings(*VIEW, max_depth=4, size=32))
 
 
@@ -69,7 +69,7 @@ def _sunny():
     return scene(materials, (FLOOR,), balls, environment=Environment(sky=Sky(sun_elevation=30.0)))
 
 
-def test_a_convex_thing_in_an_even_sky_is_as_bright_as_it_reflects() -> None:
+def test_convex_body_under_uniform_sky_has_no_noise() -> None:
     """Each sample of a convex diffuse ball of albedo 0.6 under a sky of radiance 1 has the value 0.6, up to rounding."""
     ball = scene([Material(base_color=gray(0.6))], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
     asked = RenderSettings(4, 4, View((0, 0, 4), (0, 0, 0), fov=10.0), max_depth=8)
@@ -88,7 +88,7 @@ def _noise_and_rays(compiled, asked: RenderSettings, spp: int) -> tuple[float, i
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["a sky's picture", "a room"])
-def test_there_is_less_noise_by_more_than_it_costs_in_rays(name: str) -> None:
+def test_splitting_reduces_variance_per_ray(name: str) -> None:
     """For indirect light and for skylight, splitting reduces the variance by a larger factor than it increases the rays."""
     compiled, asked = (_room(), settings((0, 1, 2.9), (0, 0, 0), 25, size=16)) if name == "a room" else made(name)
     (noise, rays), (less, more) = (_noise_and_rays(compiled, replace(asked, splitting=count), 16) for count in (1, 2))
@@ -110,7 +110,7 @@ def _room():
     return scene([Material(base_color=gray(0.7)), Material(base_color=(0.6, 0.1, 0.1)), emitter(15.0)], walls)
 
 
-def test_where_light_is_sent_on_in_single_directions_it_costs_nothing_and_changes_no_bit() -> None:
+def test_splitting_has_no_effect_on_specular_vertices() -> None:
     glass = Sphere((0, 0.8, 0), 0.8, 1)
     compiled = scene([Material(kind="mirror"), Material(kind="glass", ior=1.5)], (FLOOR,), (glass,), environment=1.0)
     films, stats = [], [RenderStats(), RenderStats()]
@@ -123,14 +123,14 @@ def test_where_light_is_sent_on_in_single_directions_it_costs_nothing_and_change
 
 @pytest.mark.long
 @grid("sampling", [name for name in SAMPLINGS if name != "mis"], ordinary=("light",))
-def test_strategies_that_are_compared_do_not_split(sampling: str) -> None:
+def test_comparison_strategies_do_not_split(sampling: str) -> None:
     compiled = _sunny()
     assert kernel_options(settings(*VIEW, sampling=sampling), compiled).splitting == 1
     assert kernel_options(settings(*VIEW), compiled).splitting == 2
 
 
 @pytest.mark.long
-def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_it() -> None:
+def test_brushed_smooth_metal_has_one_mean_for_all_strategies() -> None:
     """Brushed smooth metal, whose lobe is wide only along the scratches, has the same mean with MIS as with BSDF sampling."""
     metal = Material(kind="conductor", eta=(0.2, 0.4, 1.4), k=(4.0, 2.4, 1.6), roughness=0.0, anisotropy=0.8)
     sky = Environment(sky=Sky(sun_elevation=30.0, sun=False))
@@ -142,7 +142,7 @@ def test_metal_that_is_brushed_and_not_rough_reflects_the_sky_whoever_looks_for_
 
 
 @pytest.mark.long
-def test_several_light_samples_and_the_balance_heuristic_agree_with_it() -> None:
+def test_splitting_with_light_samples_and_balance_heuristic() -> None:
     """The single-path kernel supports splitting too, together with several light samples and the balance heuristic."""
     compiled, asked = made("a sky's picture")
     asked = replace(asked, sampler="independent")

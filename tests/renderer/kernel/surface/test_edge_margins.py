@@ -30,7 +30,7 @@ def inscribed_radius(corners):
     return twice_area / sum(np.linalg.norm(e, axis=1) for e in edges)
 
 
-def test_the_bound_is_above_one_over_the_inscribed_circles_radius_and_no_more_than_three_times_it():
+def test_margin_bounds_the_reciprocal_inscribed_radius():
     corners = np.random.default_rng(1).standard_normal((20_000, 3, 3)).astype(np.float32).astype(np.float64)
     tightness = margins(corners)[:, 0] * inscribed_radius(corners)
     assert tightness.min() > 1 - 1e-6
@@ -44,7 +44,7 @@ def test_margins_scale_with_the_triangle():
     np.testing.assert_allclose(large[:, 1] / 1024, one[:, 1], rtol=1e-6)
 
 
-def test_slivers_are_missed_by_more_but_never_by_more_than_they_are_wide():
+def test_sliver_margins_are_limited_by_their_width():
     width = np.geomspace(1e-9, 1, 60)
     corners = np.zeros((60, 3, 3))
     corners[:, 1, 0] = 1

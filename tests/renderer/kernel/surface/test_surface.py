@@ -115,7 +115,7 @@ def image():
 
 
 @pytest.mark.long
-def test_an_instances_surface_is_that_of_its_copy(monkeypatch):
+def test_instance_surface_equals_its_copy(monkeypatch):
     """Position, normals, tangents, colours and ids equal the copy's for any transform, seen from outside and inside."""
     rng = np.random.default_rng(1)
     places = [turned(rng, s, m, at) for s, m, at in ((0.5, False, (1, 0, 0)), (1.2, True, (-2, 1, 0)), (0.8, True, (0, -3, 1)))]
@@ -150,7 +150,7 @@ def test_an_instances_surface_is_that_of_its_copy(monkeypatch):
         assert (np.linalg.norm(a["tangent"][hit & (a["number"][:, 1] == 0), :3], axis=1) > 0.9).all()
 
 
-def test_stretched_instances_have_normals_square_to_their_triangles(monkeypatch):
+def test_stretched_instance_normals_are_perpendicular(monkeypatch):
     """Normals are transformed by cofactors, not by the matrix: they equal the cross product of the copied triangle's edges."""
     rng = np.random.default_rng(2)
     place = turned(rng) @ np.diag([3.0, -0.4, 1.0, 1.0]) @ turned(rng)
@@ -186,7 +186,7 @@ def slab():
 
 @grid("scale", [1e-3, 1.0, 1e3], ordinary=(1.0,))
 @grid("away", [0.0, 300.0], ordinary=(300.0,))
-def test_no_path_leaves_a_closed_room(sharing, scale, away):
+def test_paths_do_not_leave_a_closed_room(sharing, scale, away):
     """No path leaves a room of size 2, not even 300 units from the origin, where float32 has a step of 1.5e-5."""
     rng = np.random.default_rng(3)
     places = [turned(rng, scale, at=np.array((1, 0.7, -0.6)) * away * scale), turned(rng, scale, at=(0, 0, 9000 * scale))]
@@ -198,7 +198,7 @@ def test_no_path_leaves_a_closed_room(sharing, scale, away):
 
 @grid("scale", [1e-3, 1.0, 1e3], ordinary=(1e-3,))
 @pytest.mark.parametrize("away", [0.0, 300.0])
-def test_nothing_convex_shadows_itself(sharing, scale, away):
+def test_convex_bodies_do_not_shadow_themselves(sharing, scale, away):
     rng = np.random.default_rng(4)
     at = np.array((1, 0.7, -0.6)) * away * scale
     for mesh in (box(0), icosphere(2)):
@@ -214,7 +214,7 @@ def test_nothing_convex_shadows_itself(sharing, scale, away):
 
 
 @pytest.mark.parametrize("radius", [1e-3, 1.0, 1e5])
-def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
+def test_sphere_has_no_self_shadows_or_leaks(radius):
     """Rays leaving a sphere do not hit it again: walls of smallpt's box have a radius of 1e5 and pass near the origin."""
     rng = np.random.default_rng(5)
     for center in ((0, -radius, 0), (81.6 + radius, 40.8, 81.6)):
@@ -230,7 +230,7 @@ def test_a_sphere_does_not_shadow_itself_and_keeps_what_is_within(radius):
         assert (wander(made, center - made.origin, 3000, 20) == 20).all()
 
 
-def test_a_lifted_point_is_on_the_sphere_that_normals_speak_of():
+def test_lifted_point_is_on_the_smooth_sphere():
     """Ray origins on a coarse ball with smooth normals are offset to the true sphere; its facets lie up to 5 % further inside."""
     ball = painted(1)
     made = compile_scene(description_of(ball, [np.eye(4)], [Material()]))
@@ -252,7 +252,7 @@ def test_flat_triangles_are_not_lifted():
     np.testing.assert_array_equal(found["point"], found["shadow_point"])
 
 
-def test_bent_normals_let_nothing_through(monkeypatch):
+def test_bent_normals_do_not_leak(monkeypatch):
     """No ray leaves a closed room with strongly bent normals: neither a ball with random ones nor a box with smoothed edges."""
     rng = np.random.default_rng(9)
     ball = icosphere(2)
@@ -261,7 +261,7 @@ def test_bent_normals_let_nothing_through(monkeypatch):
     assert (wander(made, (0, 0, 0), 20_000, 20) == 20).all()
 
 
-def test_what_no_mesh_has_is_neutral():
+def test_missing_attributes_have_neutral_values():
     """Missing vertex attributes have neutral values; second coordinates default to the first."""
     found = look(scene([Material()], (box(0),)), (0, 0, 3), np.tile(np.float32([0, 0, -1]), (4, 1)))
     np.testing.assert_array_equal(found["color"], 1)

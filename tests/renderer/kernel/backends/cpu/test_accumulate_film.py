@@ -85,7 +85,7 @@ def test_every_sample_is_in_its_pixels_sums(exponent: int) -> None:
 
 @pytest.mark.parametrize("column", [group + k for group in (RADIANCE, FIRST, FIRST + 4, FIRST + 8) for k in range(3)])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
-def test_what_is_no_number_is_left_out_and_named(column: int, value: float) -> None:
+def test_nan_samples_are_omitted_and_listed(column: int, value: float) -> None:
     rows = paths(20, np.arange(20))
     spoilt = rows.copy()
     spoilt[7, column] = value
@@ -95,7 +95,7 @@ def test_what_is_no_number_is_left_out_and_named(column: int, value: float) -> N
     assert (bad, bad_count) == ([(100 + x, 200 + y, 7)], 1)
 
 
-def test_of_more_bad_samples_than_are_listed_all_are_counted() -> None:
+def test_all_bad_samples_are_counted_beyond_the_list() -> None:
     rows = paths(MAX_BAD + 9, np.arange(MAX_BAD + 9))
     rows[:, RADIANCE] = np.nan
     sums, bad, bad_count = film_after(rows)
@@ -104,7 +104,7 @@ def test_of_more_bad_samples_than_are_listed_all_are_counted() -> None:
     assert [sample for _, _, sample in bad] == list(range(MAX_BAD))
 
 
-def test_branches_are_one_sample_once_all_of_them_are_done() -> None:
+def test_split_path_is_added_as_one_sample() -> None:
     """A split path is added as one sample, whichever branch ends first; its row of the pool is freed after the last branch."""
     rows = paths(4, np.arange(4))
     rows[:, BRANCHES] = (1, 2, 2, 2)

@@ -30,7 +30,7 @@ def at_once(name: str, tile: Tile) -> Sums:
 
 @grid("name", SCENES, ordinary=("a coat on bumps",))
 @pytest.mark.parametrize(("width", "height"), [(1, 1), (7, 5)])
-def test_tiles_of_any_shape_make_the_same_film(name: str, width: int, height: int) -> None:
+def test_film_does_not_depend_on_tile_shape(name: str, width: int, height: int) -> None:
     scene, settings = made(name)
     sums = np.zeros_like(at_once(name, WHOLE))
     for y in range(0, SIZE, height):
@@ -42,7 +42,7 @@ def test_tiles_of_any_shape_make_the_same_film(name: str, width: int, height: in
 
 @grid("name", SCENES, ordinary=("a coat on bumps",))
 @pytest.mark.parametrize("most", [1, 3, 64])
-def test_any_number_of_samples_at_once_makes_the_same_film(name: str, most: int) -> None:
+def test_film_does_not_depend_on_samples_per_batch(name: str, most: int) -> None:
     scene, settings = made(name)
     sums = np.zeros_like(at_once(name, PART))
     for first in range(FIRST, FIRST + COUNT, most):
@@ -51,7 +51,7 @@ def test_any_number_of_samples_at_once_makes_the_same_film(name: str, most: int)
     np.testing.assert_array_equal(sums, at_once(name, PART))
 
 
-def test_fewer_samples_than_rows_and_none() -> None:
+def test_batches_smaller_than_the_pool() -> None:
     scene, settings = made(SCENES[0])
     x, y, few = 11, 17, 3
     assert few < ROWS
@@ -65,7 +65,7 @@ def test_fewer_samples_than_rows_and_none() -> None:
         assert nothing.bad_count == 0
 
 
-def test_what_a_thread_rendered_before_leaves_no_trace() -> None:
+def test_reused_scratch_memory_leaves_no_trace() -> None:
     """A batch is unaffected by the thread's reused scratch memory, here after a scene whose light is NaN."""
     scene, settings = made(SCENES[0])
     other, others = made(SCENES[1])
@@ -83,7 +83,7 @@ def test_what_a_thread_rendered_before_leaves_no_trace() -> None:
 
 
 @grid("name", SCENES, ordinary=("a coat on bumps",))
-def test_a_replay_among_no_others_is_the_films_sample_to_the_bit(name: str) -> None:
+def test_replay_of_one_sample_equals_the_film(name: str) -> None:
     scene, settings = made(name)
     for sample in (63, 1000):
         film = render_batch(scene, settings, Tile(0, 0, SIZE, SIZE), sample, 1).sums[COLOR]

@@ -24,7 +24,7 @@ def _list(lists, which, numbers, out):
     return length(lists, which), row(lists, which, len(numbers) - 1)
 
 
-def test_a_list_is_read_by_eights_its_last_number_to_the_end() -> None:
+def test_lists_are_padded_with_their_last_number() -> None:
     lists = np.full(LISTS * LIST_SIZE, 77, np.uint32)
     for count in (1, 7, 8, 9, ROWS):
         for which in (0, LISTS - 1):
@@ -58,7 +58,7 @@ def _rows(pool, lists, numbers, out):
     return alone.point[0], alone.front, alone.smooth
 
 
-def test_fields_of_any_rows_are_read_and_written() -> None:
+def test_fields_of_arbitrary_rows_round_trip() -> None:
     pool = np.random.default_rng(3).random((ROWS, int(ROW)), np.float32)
     first, flags, place = (int(column(*of)) for of in ((Facet, "point"), (Facet, "front"), (Sample, "place")))
     pool.view(np.int32)[:, flags] = np.arange(ROWS) % 4
@@ -76,7 +76,7 @@ def test_fields_of_any_rows_are_read_and_written() -> None:
     assert told == (expected[5, first], False, True)
 
 
-def test_a_layout_gives_each_field_columns_of_its_own() -> None:
+def test_fields_have_separate_columns() -> None:
     """Each field of the pool has separate columns; tuples read by one load begin at multiples of eight columns."""
     taken: dict[int, type] = {}
     for declared, first in LAYOUT.first.items():

@@ -138,7 +138,7 @@ def _rays(count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_rays_meet_together_what_they_meet_alone(name: str) -> None:
+def test_grouped_rays_have_the_hits_of_single_rays(name: str) -> None:
     bvh = _scenes()[name]
     o, d = _rays(3000)
     alone, together = trace(bvh, o, d), closest_together(bvh, o, d)
@@ -151,7 +151,7 @@ def test_rays_meet_together_what_they_meet_alone(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_shadows_fall_together_where_they_fall_alone(name: str) -> None:
+def test_grouped_shadow_rays_match_single_ones(name: str) -> None:
     bvh = _scenes()[name]
     o, d = _rays(3000)
     end = o + 2 * d
