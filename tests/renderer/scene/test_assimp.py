@@ -82,7 +82,7 @@ def corners(description):
     )
 
 
-def test_collada_with_all_that_it_has(scene):
+def test_collada_with_all_features(scene):
     description = scene("a.dae", collada())
     assert corners(description) == [(0, 0, 0), (5, 0, 2)]
     assert [m.base_color for m in description.materials] == [pytest.approx((0.8, 0.2, 0.1))]
@@ -97,7 +97,7 @@ def test_collada_with_all_that_it_has(scene):
     assert lights["bulb"].intensity == pytest.approx([2 * math.pi] * 3)
 
 
-def test_collada_cameras_have_what_they_say(scene):
+def test_collada_camera_values(scene):
     """Cameras of Collada files have the file's values, even those that assimp ignores.
 
     These are the orthographic size, the near plane and Blender's lens shift.
@@ -120,14 +120,14 @@ def test_collada_cameras_have_what_they_say(scene):
 
 
 @pytest.mark.parametrize("odd", ["-0.7994", "1e9", "-1", "x"])
-def test_corners_that_are_no_indices_are_refused_before_assimp_looks_for_them(scene, odd):
+def test_non_numeric_collada_corners_are_rejected(scene, odd):
     with pytest.raises(
         SceneError, match=f"a.dae: a list of corners .<p>. contains '{odd}', which is not an index; export the file again"
     ):
         scene("a.dae", collada().replace("<p>0 1 2</p>", f"<p>0 1 {odd}</p>"))
 
 
-def test_collada_moves(scene):
+def test_collada_animation(scene):
     description = scene("a.dae", collada(), moment=Moment(12))
     assert corners(description) == [(2, 0, 0), (5, 0, 2)]
     assert [(clip.start, clip.end) for clip in description.clips] == [(0, 1)]
@@ -135,7 +135,7 @@ def test_collada_moves(scene):
     assert description.moves
 
 
-def test_blenders_collada_says_how_many_watts_its_lights_have(scene):
+def test_blender_collada_light_power(scene):
     own = {"red": 1, "green": 0.5, "blue": 0, "energy": 4 * math.pi, "spotsize": 60, "spotblend": 0}
     extra = "".join(f'<{name} sid="{name}" type="float">{value}</{name}>' for name, value in own.items())
     extra = f'<extra><technique profile="blender">{extra}</technique></extra>'
@@ -151,12 +151,12 @@ def test_blenders_collada_says_how_many_watts_its_lights_have(scene):
     assert next(light for light in found.lights if light.name == "day").intensity == pytest.approx([math.pi, math.pi / 2, 0])
 
 
-def test_collada_keeps_its_own_unit_and_stands_upright(scene):
+def test_collada_unit_and_up_axis(scene):
     description = scene("a.dae", collada("Z_UP", 0.01))
     assert corners(description) == [(0, 0, 0), (5, 2, 0)]
 
 
-def test_colladas_nodes_that_share_a_geometry_have_materials_and_places_of_their_own(scene):
+def test_collada_nodes_sharing_a_geometry(scene):
     """Nodes that share a geometry have their own materials and transforms, for files of every up axis.
 
     Positions equal, to 2e-6, what Blender reads from the same files.
@@ -179,7 +179,7 @@ def test_colladas_nodes_that_share_a_geometry_have_materials_and_places_of_their
     )  # Z up becomes Y up: (x, y, z) to (x, z, -y)
 
 
-def test_what_assimp_refuses_of_collada_is_read_as_far_as_may_be(scene):
+def test_collada_rejected_by_assimp_is_read_by_trimesh(scene):
     description = scene("a.dae", collada().replace('source="#times"', 'source="#gone"'))
     assert len(description.instances) == 2
     assert any("without its cameras, lights and animation" in w for w in description.warnings)
@@ -199,7 +199,7 @@ def test_ac3d(scene):
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-8-sig"])
-def test_text_in_utf16_and_behind_a_bom_is_read(scene, encoding):
+def test_utf16_and_bom_are_decoded(scene, encoding):
     text = (
         'AC3Db\nMATERIAL "m" rgb 1 1 1 amb 1 1 1 emis 0 0 0 spec 0 0 0 shi 0 trans 0\nOBJECT world\nkids 1\nOBJECT poly\n'
         "numvert 3\n0 0 0\n1 0 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\nrefs 3\n0 0 0\n1 1 0\n2 0 1\nkids 0\n"
@@ -237,7 +237,7 @@ def test_3ds(scene):
     assert description.lights[0].position == pytest.approx((0, 7, 0), abs=1e-5)
 
 
-def test_a_texture_is_looked_for_beside_the_file(scene, png):
+def test_texture_is_found_beside_the_file(scene, png):
     text = (
         'AC3Db\nMATERIAL "m" rgb 1 1 1 amb 1 1 1 emis 0 0 0 spec 0 0 0 shi 0 trans 0\nOBJECT world\nkids 1\nOBJECT poly\n'
         'texture "../pictures/wood.png"\nnumvert 3\n0 0 0\n1 0 0\n0 1 0\nnumsurf 1\nSURF 0x20\nmat 0\nrefs 3\n'
@@ -249,7 +249,7 @@ def test_a_texture_is_looked_for_beside_the_file(scene, png):
 
 
 @pytest.mark.parametrize("suffix", LONG_TAIL)
-def test_what_is_none_of_them_is_told_in_a_sentence(scene, suffix):
+def test_invalid_file_is_an_error_message(scene, suffix):
     for data in (b"", b"hello", bytes(range(256)) * 8):
         with pytest.raises(SceneError, match=rf"a\{suffix}: "):
             scene(f"a{suffix}", data)
@@ -269,7 +269,7 @@ def x3d(appearance, more=""):
     )
 
 
-def test_a_texture_of_x3d_is_moved_and_turned_as_its_transform_says(scene, png):
+def test_x3d_texture_transform(scene, png):
     """An X3D TextureTransform maps coordinates by Tc' = S R T Tc (ISO/IEC 19775-1, 18.4.8)."""
     said = '<ImageTexture url="t.png"/><TextureTransform scale="2 3" translation="0.1 0.2" rotation="0.5"/>'
     found = scene("a.x3d", x3d(said), {"t.png": png(200, 100, 50)})
@@ -282,12 +282,12 @@ def test_a_texture_of_x3d_is_moved_and_turned_as_its_transform_says(scene, png):
     np.testing.assert_allclose((u, 1 - v), (2, 3) * (turn @ (s + 0.1, t + 0.2)), atol=1e-6)
 
 
-def test_viewpoints_of_x3d_are_named(scene):
+def test_x3d_viewpoints_cause_a_warning(scene):
     found = scene("a.x3d", x3d("", '<Viewpoint position="0 0 5"/>'))
     assert any("1 viewpoints, which are X3D's cameras" in w for w in found.warnings)
 
 
-def test_an_smd_file_is_not_its_own_list_of_animations(scene):
+def test_smd_file_is_not_read_as_animation_list(scene):
     frames = "\n".join(f"time {t}\n0 {t} 0 0 0 0 0" for t in range(3))
     corner = "\n".join(f"0 {x} {y} 0 0 0 1 {x} {y}" for x, y in ((0, 0), (1, 0), (0, 1)))
     found = scene("a.smd", f'version 1\nnodes\n0 "root" -1\nend\nskeleton\n{frames}\nend\ntriangles\nm.bmp\n{corner}\nend\n')
@@ -298,7 +298,7 @@ def warned(description, sentence):
     return any(sentence in warning for warning in description.warnings)
 
 
-def test_what_the_importer_skips_is_named_with_a_count(scene):
+def test_content_skipped_by_assimp_is_counted(scene):
     tcb = chunk(0xB020, struct.pack("<HIIH", 0x8, 0, 0, 1), struct.pack("<IHf3f", 0, 1, 0.5, 0, 0, 0))
     points = chunk(0x4110, struct.pack("<H9f", 3, 0, 0, 0, 1, 0, 0, 0, 1, 0))
     faces = chunk(0x4120, struct.pack("<H4H", 1, 0, 1, 2, 0))
@@ -308,7 +308,7 @@ def test_what_the_importer_skips_is_named_with_a_count(scene):
     assert warned(found, "importer message: 3DS: Skipping TCB animation info")
 
 
-def test_what_of_a_material_is_not_asked_for_is_named_with_a_count(scene):
+def test_unread_material_properties_are_counted(scene):
     lambert = (
         "</diffuse><reflectivity><float>0.5</float></reflectivity><index_of_refraction><float>2</float></index_of_refraction>"
     )
@@ -319,12 +319,12 @@ def test_what_of_a_material_is_not_asked_for_is_named_with_a_count(scene):
     assert not warned(scene("b.dae", collada()), "properties of materials")
 
 
-def test_lights_that_do_not_fade_by_the_square_are_named(scene):
+def test_nonquadratic_light_falloff_causes_a_warning(scene):
     text = collada().replace("<quadratic_attenuation>0.5", "<linear_attenuation>1</linear_attenuation><quadratic_attenuation>0")
     assert warned(scene("a.dae", text), "1 light falloffs other than inverse square")
 
 
-def test_animations_that_stand_beside_a_model_are_named(scene):
+def test_separate_animation_files_cause_a_warning(scene):
     mesh = (
         'MD5Version 10\ncommandline ""\n\nnumJoints 1\nnumMeshes 1\n\njoints {\n\t"origin" -1 ( 0 0 0 ) ( 0 0 0 )\n}\n\nmesh {\n'
         '\tshader "m"\n\tnumverts 3\n\tvert 0 ( 0 0 ) 0 1\n\tvert 1 ( 1 0 ) 1 1\n\tvert 2 ( 0 1 ) 2 1\n\tnumtris 1\n'
@@ -334,14 +334,14 @@ def test_animations_that_stand_beside_a_model_are_named(scene):
     assert warned(scene("a.md5mesh", mesh, {"walk.md5anim": b"MD5Version 10"}), "1 frames, of which only the first is shown")
 
 
-def test_an_empty_file_is_said_to_be_empty_whatever_was_read_before(scene):
+def test_empty_file_is_reported_after_other_files(scene):
     with pytest.raises(SceneError, match="damaged"):
         scene("a.3ds", b"hello")
     with pytest.raises(SceneError, match=r"b\.x: is empty"):
         scene("b.x", b"")
 
 
-def test_an_importer_may_not_allocate_without_bound():
+def test_importer_memory_is_limited():
     before = resource.getrlimit(resource.RLIMIT_AS)
     with limited_memory(256 << 20):
         with pytest.raises(MemoryError):

@@ -54,7 +54,7 @@ def _unlit(color, name="front") -> Material:
 
 @pytest.mark.parametrize("order", list(permutations(range(2))))
 @pytest.mark.parametrize(("eye", "color"), [((0.3, 0.2, 4.0), RED), ((0.3, 0.2, -4.0), BLUE), ((1.0, 0.5, 9.0), RED)])
-def test_of_faces_back_to_back_the_one_that_faces_the_viewer_is_seen(order, eye, color):
+def test_coincident_faces_show_the_front_facing_one(order, eye, color):
     faces = [(_unlit(RED), _turned(0.0)), (_unlit(BLUE, "back"), _turned(0.0))]
     np.testing.assert_allclose(_seen([faces[k] for k in order], eye), color, atol=1e-6)
 
@@ -62,7 +62,7 @@ def test_of_faces_back_to_back_the_one_that_faces_the_viewer_is_seen(order, eye,
 @pytest.mark.parametrize("order", list(permutations(range(2))))
 @pytest.mark.parametrize("scale", [1.0, 3.7])
 @pytest.mark.parametrize(("eye", "color"), [((0.3, 0.2, 4.0), RED), ((3.0, 0.5, -1.5), BLUE)])
-def test_of_faces_back_to_back_cut_differently_the_one_that_faces_the_viewer_is_seen(order, scale, eye, color):
+def test_coincident_faces_with_different_tessellation(order, scale, eye, color):
     """If two coincident faces have opposite normals, the one that faces the camera is visible.
 
     This holds however the faces are split into triangles, and for any transform.
@@ -89,7 +89,7 @@ def test_of_faces_back_to_back_cut_differently_the_one_that_faces_the_viewer_is_
     np.testing.assert_allclose(picture.mean(axis=(0, 1)), color, atol=1e-6)
 
 
-def test_faces_of_one_look_or_of_different_spaces_stay_where_they_are():
+def test_equal_looking_faces_are_not_separated():
     corners = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)] * 2, np.float32)
     triangles = np.array([(0, 1, 2), (3, 5, 4)], np.int32)
     alike, unlike = np.array([0, 0], np.int32), np.array([0, 1], np.int32)
@@ -115,7 +115,7 @@ def test_faces_of_one_look_or_of_different_spaces_stay_where_they_are():
     ],
 )
 @pytest.mark.parametrize("layers", [1, 5])
-def test_behind_a_decal_that_lets_all_through_the_wall_is_seen(at, gap, layers):
+def test_wall_is_visible_behind_a_clear_decal(at, gap, layers):
     decal = Material(opacity=0.0, alpha_mode="blend", double_sided=True)
     decals = [(decal, _turned(gap * (k + 1))) for k in range(layers)]
     quads = [(_unlit(GREEN), _turned(0.0)), *decals, (_unlit(RED), _turned(-3.0))]
@@ -144,7 +144,7 @@ def _oblique(z: float, at: tuple[float, float, float]) -> np.ndarray:
 @pytest.mark.parametrize("at", [(0.0, 0.0, 0.0), (50.0, 30.0, 40.0), (1000.0, 50.0, 1000.0)])
 @pytest.mark.parametrize("moves", [False, True])
 @pytest.mark.parametrize("wall_first", [False, True])
-def test_behind_decals_in_the_plane_of_a_wall_the_wall_is_seen(at, moves, wall_first):
+def test_wall_is_visible_behind_coplanar_clear_decals(at, moves, wall_first):
     clear = Material(opacity=0.0, alpha_mode="blend", double_sided=True)
     materials = [_unlit(GREEN), _unlit(RED), clear]
     wall = [(_grid(1, 1.0, 0, 0), 0.0, False), (_grid(1, 3.0, 0, 1), -0.01, False)]
@@ -170,7 +170,7 @@ def test_behind_decals_in_the_plane_of_a_wall_the_wall_is_seen(at, moves, wall_f
     ],
     ordinary=("2 moving", "3 moving", "5 still"),
 )
-def test_layers_in_one_plane_let_their_product_through_to_the_camera_and_to_lights(opacities, moves):
+def test_coplanar_layers_transmit_their_product(opacities, moves):
     """Coplanar layers transmit the product of their (1 - opacity).
 
     This holds for rays to the camera and for shadow rays to a small light above the floor.
@@ -198,7 +198,7 @@ def test_layers_in_one_plane_let_their_product_through_to_the_camera_and_to_ligh
     assert picture(True, above) / picture(False, above) == pytest.approx(expected, abs=6 * error + 1e-4)
 
 
-def test_scattered_rays_meet_the_wall_behind_a_decal_in_its_plane():
+def test_scattered_rays_hit_the_wall_behind_a_coplanar_decal():
     """A floor below an emissive ceiling receives all of the ceiling's light, and none from behind it.
 
     In the plane of the ceiling is a clear decal, through which scattered rays hit the ceiling.

@@ -75,7 +75,7 @@ BROKEN_GLTF = {
 
 
 @pytest.mark.parametrize("case", BROKEN_GLTF)
-def test_broken_gltf_is_told_what_is_wrong(scene, png, case):
+def test_broken_gltf_error_names_the_fault(scene, png, case):
     g = full_gltf(png)
     edit(*BROKEN_GLTF[case])(g.root)
     try:
@@ -87,14 +87,14 @@ def test_broken_gltf_is_told_what_is_wrong(scene, png, case):
     assert not any("Error" in sentence for sentence in sentences)  # raised by a reader's own check, not by the general handler
 
 
-def test_positions_that_are_not_finite(scene):
+def test_nonfinite_positions(scene):
     g = Gltf()
     g.mesh(np.array([(0, 0, 0), (1, np.nan, 0), (0, 1, 0)], np.float32))
     with pytest.raises(SceneError, match="not finite"):
         scene("a.glb", g.glb())
 
 
-def test_indices_beyond_the_vertices(scene):
+def test_indices_out_of_range(scene):
     g = Gltf()
     g.mesh(indices=np.array([0, 1, 7], np.uint16))
     with pytest.raises(
@@ -104,12 +104,12 @@ def test_indices_beyond_the_vertices(scene):
 
 
 @pytest.mark.parametrize("keep", [0, 3, 4, 11, 19, 30, 200])
-def test_a_cut_glb_is_told_so(scene, png, keep):
+def test_truncated_glb_is_an_error(scene, png, keep):
     with pytest.raises(SceneError, match=r"a\.glb"):
         scene("a.glb", full_gltf(png).glb()[:keep])
 
 
-def test_a_glb_without_its_last_byte_shows_what_is_there(scene, png):
+def test_glb_without_its_last_byte_is_read_partly(scene, png):
     warnings = scene("a.glb", full_gltf(png).glb()[:-1]).warnings
     assert any("its header says" in warning for warning in warnings)
 
@@ -134,17 +134,17 @@ def test_a_glb_without_its_last_byte_shows_what_is_there(scene, png):
         ("a.obj", bytes(range(256))),
     ],
 )
-def test_what_is_no_scene(scene, name, data):
+def test_non_scene_data_is_an_error(scene, name, data):
     with pytest.raises(SceneError, match=name):
         scene(name, data)
 
 
-def test_an_stl_with_a_name_in_another_encoding(scene):
+def test_stl_name_in_another_encoding(scene):
     facet = b"facet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n"
     assert len(scene("a.stl", b"solid W\xfcrfel\n" + facet + b"endsolid W\xfcrfel\n").meshes) == 1
 
 
-def test_a_missing_scene_file(tmp_path):
+def test_missing_scene_file_is_an_error(tmp_path):
     with pytest.raises(SceneError, match=r"gone\.glb: is not among the scene's files"):
         read(tmp_path, "gone.glb")
 
@@ -164,7 +164,7 @@ def secret(tmp_path):
 @pytest.mark.parametrize(
     "form", ["../secret.bin", "{absolute}", "file://{absolute}", "..\\secret.bin", "%2e%2e/secret.bin", "x/../../secret.bin"]
 )
-def test_a_buffer_outside_is_never_opened(secret, form):
+def test_buffer_outside_the_folder_is_not_opened(secret, form):
     folder, outside = secret
     g = Gltf()
     g.mesh(np.eye(3, dtype=np.float32))
@@ -173,7 +173,7 @@ def test_a_buffer_outside_is_never_opened(secret, form):
         read(folder, "a.gltf")
 
 
-def test_a_link_that_leads_out_is_never_followed(secret):
+def test_symlink_out_of_the_folder_is_not_followed(secret):
     folder, outside = secret
     g = Gltf()
     g.mesh(np.eye(3, dtype=np.float32))
@@ -188,38 +188,38 @@ def test_a_link_that_leads_out_is_never_followed(secret):
             files.read(name)
 
 
-def test_a_main_file_outside_is_never_opened(secret):
+def test_main_file_outside_the_folder_is_not_opened(secret):
     folder, outside = secret
     outside.with_suffix(".obj").write_text(TRIANGLE_OBJ)
     with pytest.raises(SceneError, match="leads out"):
         read(folder, "../secret.obj")
 
 
-def test_a_pipe_is_no_file(tmp_path):
+def test_pipe_is_rejected(tmp_path):
     os.mkfifo(tmp_path / "a.obj")
     with pytest.raises(SceneError, match="not among"):
         read(tmp_path, "a.obj")
 
 
-def test_a_directory_is_no_file(scene):
+def test_directory_is_rejected(scene):
     with pytest.raises(SceneError, match="not among"):
         scene("s.yaml", "shapes: [{type: mesh, file: d.obj}]", {"d.obj/x.txt": b""})
 
 
-def test_an_absurd_data_uri_is_refused(monkeypatch):
+def test_oversized_data_uri_is_rejected(monkeypatch):
     monkeypatch.setattr("renderer.scene.files.MAX_DATA_URI_BYTES", 1 << 20)
     with pytest.raises(SceneError, match="MiB"):
         data_uri("data:;base64," + "A" * (2 << 20), "a.gltf: images[0]")
 
 
-def test_a_large_file_is_refused_unread(tmp_path, monkeypatch):
+def test_oversized_file_is_rejected_unread(tmp_path, monkeypatch):
     monkeypatch.setattr("renderer.scene.files.MAX_FILE_BYTES", 10)
     (tmp_path / "a.obj").write_text(TRIANGLE_OBJ)
     with pytest.raises(SceneError, match="at most"):
         read(tmp_path, "a.obj")
 
 
-def test_images_that_together_are_too_large_are_left_out(scene, png, monkeypatch):
+def test_images_beyond_the_total_size_are_omitted(scene, png, monkeypatch):
     monkeypatch.setattr("renderer.scene.textures.MAX_IMAGE_BYTES", 20)
     text = "textures: {a: {image: a.png}, b: {image: b.png}}\nmaterials: {m: {texture: a}, n: {texture: b}}\n"
     text += "shapes: [{type: quad}]"
@@ -228,7 +228,7 @@ def test_images_that_together_are_too_large_are_left_out(scene, png, monkeypatch
     assert any("b.png" in w for w in description.warnings)
 
 
-def test_an_environment_that_is_missing_or_no_image(scene):
+def test_missing_or_invalid_environment(scene):
     for others, said in (({}, "not among"), ({"sky.hdr": b"no"}, "cannot be read")):
         with pytest.raises(SceneError, match=said):
             scene("a.obj", TRIANGLE_OBJ, others, environment="sky.hdr")
@@ -261,7 +261,7 @@ def compiled_or_told(description):
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
 @pytest.mark.parametrize("kind", ["glb", "gltf", "obj", "yaml", "ply"])
-def test_damaged_bytes_give_a_scene_or_a_sentence(tmp_path, png, kind, data):
+def test_damaged_scene_is_read_or_rejected(tmp_path, png, kind, data):
     samples = {
         "glb": full_gltf(png).glb(),
         "gltf": full_gltf(png).gltf(),
@@ -281,7 +281,7 @@ def test_damaged_bytes_give_a_scene_or_a_sentence(tmp_path, png, kind, data):
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.data())
-def test_a_gltf_with_any_value_anywhere_gives_a_scene_or_a_sentence(tmp_path, png, data):
+def test_gltf_with_arbitrary_values_is_read_or_rejected(tmp_path, png, data):
     g = full_gltf(png)
     root = json.loads(g.gltf())
     for _ in range(data.draw(st.integers(1, 3))):
@@ -304,7 +304,7 @@ def test_a_gltf_with_any_value_anywhere_gives_a_scene_or_a_sentence(tmp_path, pn
     compiled_or_told(description)
 
 
-def test_names_that_no_text_can_hold_are_mended_or_refused(scene):
+def test_lone_surrogates_in_names_are_replaced_or_rejected(scene):
     """Names with half of a surrogate pair, which JSON and YAML allow, are replaced or refused.
 
     Such names can neither be stored nor sent, since they have no UTF-8 encoding.
@@ -324,7 +324,7 @@ def test_names_that_no_text_can_hold_are_mended_or_refused(scene):
             scene("a.yaml", text)
 
 
-def test_a_texture_moved_beyond_what_numbers_hold_is_shown_somehow(scene, png):
+def test_huge_texture_offset_is_read(scene, png):
     g = full_gltf(png)
     places = {"scale": [1e300, -1e300], "offset": [1e300, 0], "rotation": 1e300}
     g.root["materials"][0]["normalTexture"]["extensions"]["KHR_texture_transform"] = places

@@ -64,7 +64,7 @@ def test_pbrt(scene, bomb):
         scene("a.pbrt", world(inside), others)
 
 
-def test_pbrts_instances_of_what_has_many_parts_are_counted_before_they_are_placed(scene, monkeypatch):
+def test_pbrt_instances_are_counted_before_placing(scene, monkeypatch):
     monkeypatch.setattr(shapes, "_MOST_INSTANCES", 2000)
     text = 'ObjectBegin "a"\n' + TRI * 300 + "ObjectEnd\n" + 'ObjectInstance "a"\n'
     assert len(scene("a.pbrt", world(text)).instances) == 300
@@ -72,7 +72,7 @@ def test_pbrts_instances_of_what_has_many_parts_are_counted_before_they_are_plac
         scene("a.pbrt", world(text + 'ObjectInstance "a"\n' * 6))
 
 
-def test_pbrts_levels_are_as_many_as_fit(scene, monkeypatch):
+def test_pbrt_subdivision_levels_are_limited(scene, monkeypatch):
     monkeypatch.setattr(expansion_limits, "_MOST", 50_000)
     monkeypatch.setattr(expansion_limits, "_MOST_OF_ONE", 20_000)
     description = scene("a.pbrt", world(LOOP * 6))
@@ -81,7 +81,7 @@ def test_pbrts_levels_are_as_many_as_fit(scene, monkeypatch):
     assert any("times in place of 1000000000, to limit its size" in warning for warning in description.warnings)
 
 
-def test_pbrts_round_shapes_that_are_alike_are_made_once_and_very_many_coarser(scene):
+def test_pbrt_quadrics_are_cached_and_coarsened(scene):
     parts = "".join(f'Shape "sphere" "float radius" {1 + i / 999} "float zmax" 0.5\n' * 2 for i in range(80))
     description = scene("a.pbrt", world(parts))
     assert len(description.meshes) == 80
@@ -132,14 +132,14 @@ def bare(**arrays):
 
 
 @pytest.mark.parametrize("arrays", [{"positions": 1 << 26}, {"indices": 3 << 24}])
-def test_gltf_arrays_without_data_are_small(scene, arrays):
+def test_gltf_accessors_without_data_are_limited(scene, arrays):
     with pytest.raises(SceneError, match="4 million vertices or indices have no data"):
         scene("a.glb", bare(**arrays).glb())
     assert len(scene("b.glb", bare(positions=30).glb()).meshes[0].positions) == 30
     assert MAX_BARE >= 1 << 22
 
 
-def test_gltf_instances_are_counted_before_they_are_read(scene):
+def test_gltf_instances_are_counted_before_reading(scene):
     g = Gltf()
     node = g.mesh()
     g.root["accessors"].append({"componentType": 5126, "type": "VEC3", "count": 60_000_000})
@@ -163,7 +163,7 @@ def usda(body):
 
 
 @pytest.mark.parametrize("arc", ["references", "inherits", "payload", "instanceable = true\nreferences"])
-def test_usd_arcs_that_double_are_counted_before_they_are_composed(tmp_path, arc):
+def test_doubling_usd_references_are_counted_before_composition(tmp_path, arc):
     def prim(name, level):
         return f'def "{name}" (\n{arc} = </L{level}>\n) {{\n}}\n'
 
@@ -175,7 +175,7 @@ def test_usd_arcs_that_double_are_counted_before_they_are_composed(tmp_path, arc
 
 
 @pytest.mark.long
-def test_a_usd_polygon_of_very_many_corners_is_cut_soon(tmp_path):
+def test_usd_polygon_with_many_corners_is_triangulated_quickly(tmp_path):
     count = 6000
     turn = np.linspace(0, 2 * np.pi, count, endpoint=False)
     far = np.where(np.arange(count) % 2, 1.0, 0.6)
@@ -242,7 +242,7 @@ XML = {
 
 
 @pytest.mark.parametrize("bomb", XML)
-def test_xml_that_assimp_would_follow(scene, bomb):
+def test_expanding_xml_references(scene, bomb):
     name, text, says = XML[bomb]
     with pytest.raises(SceneError, match=says):
         scene(name, text)
@@ -261,7 +261,7 @@ COUNTS = {
 
 
 @pytest.mark.parametrize("format", COUNTS)
-def test_counts_that_nothing_stands_behind(scene, format):
+def test_counts_without_data(scene, format):
     try:
         assert len(scene(*COUNTS[format]).meshes[0].positions) < 100
     except SceneError as error:

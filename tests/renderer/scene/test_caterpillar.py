@@ -45,7 +45,7 @@ def made():
 
 
 @pytest.mark.long
-def test_the_files_are_those_of_the_script(made):
+def test_files_match_their_generator(made):
     files = made["files"]()
     assert {path.name for path in FOLDER.iterdir()} == set(files)
     for name, new in files.items():
@@ -64,7 +64,7 @@ def test_the_files_are_those_of_the_script(made):
             assert kept.decode() == new, name
 
 
-def test_it_ends_where_it_begins(made):
+def test_animation_loops(made):
     """The frame after the last equals the first, so that the animation can loop."""
     period = made["FRAMES"] / made["FPS"]
     ends = np.array([0.0, period])
@@ -75,7 +75,7 @@ def test_it_ends_where_it_begins(made):
         assert turns == pytest.approx(round(turns), abs=1e-9)
 
 
-def test_a_skin_bends_a_body_travels_and_the_camera_goes_along():
+def test_skin_deforms_and_camera_follows():
     shot = Shot(FOLDER, "caterpillar.yaml")
     first, later = (shot.scene_at(Moment(frame)) for frame in (0.0, 30.0))
     assert first.warnings == []

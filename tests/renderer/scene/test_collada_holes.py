@@ -35,19 +35,19 @@ def document(points, holes, outline="0 1 2 3", semantic="VERTEX"):
         ([*SQUARE, (2, 0), (2, 2), (1, 1)], ["0 4 5 6"], 14),
     ],
 )
-def test_holes_are_cut(scene, points, holes, area):
+def test_holes_are_cut_out(scene, points, holes, area):
     description = scene("a.dae", document(points, holes))
     found = sum(np.linalg.norm(face_normals(m.positions, m.triangles), axis=1).sum() / 2 for m in description.meshes)
     assert found == pytest.approx(area * np.sqrt(1 + 0.5**2 + 0.25**2), rel=1e-5)
 
 
-def test_holes_that_cannot_be_cut_are_counted(scene):
+def test_uncuttable_holes_are_counted(scene):
     description = scene("a.dae", document(SQUARE + HOLES[0], ["4 5 99"]))
     assert any("1 holes of polygons could not be cut" in w for w in description.warnings)
 
 
 @pytest.mark.parametrize(("old", "new"), [('offset="0"', 'offset="-"'), ("4 5 6 7", "4 5 x 7")])
-def test_words_in_place_of_whole_numbers_get_a_sentence(scene, old, new):
+def test_non_numeric_indices_are_an_error_message(scene, old, new):
     text = document(SQUARE + HOLES[0], ["4 5 6 7"])
     try:
         scene("a.dae", text.replace(old, new))

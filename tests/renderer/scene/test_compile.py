@@ -48,7 +48,7 @@ def ellipsoid():
 
 
 @pytest.mark.parametrize("mirror", [1, -1])
-def test_normals_stay_square_to_the_surface_when_it_is_stretched_sheared_and_mirrored(mirror):
+def test_normals_under_stretching_shearing_and_mirroring(mirror):
     transform = rotation_y(30) @ np.diag([3.0, mirror * 0.5, 1.0, 1.0])
     transform[0, 1] += 0.4
     transform[:3, 3] = 7, 8, 9
@@ -63,19 +63,19 @@ def test_normals_stay_square_to_the_surface_when_it_is_stretched_sheared_and_mir
     assert ((np.cross(b - a, c - a) * geometry.normal[geometry.triangle[:, 0]]).sum(axis=1) > 0).all()
 
 
-def test_flat_normals_are_made_where_there_are_none():
+def test_missing_normals_become_flat():
     geometry = flatten(described(Mesh("m", ANGLED, ONE)))
     expected = np.cross(ANGLED[1] - ANGLED[0], ANGLED[2] - ANGLED[0])
     np.testing.assert_allclose(geometry.normal, np.tile(expected / np.linalg.norm(expected), (3, 1)), rtol=1e-6)
 
 
-def test_zero_normals_are_replaced_by_those_of_the_faces_around():
+def test_zero_normals_are_replaced():
     normals = np.array([(0, 0, 0), (0, 0, 5), (np.nan, 0, 0)], np.float32)
     mesh = Mesh("m", np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32), ONE, normals)
     np.testing.assert_array_equal(flatten(described(mesh)).normal, [(0, 0, 1)] * 3)
 
 
-def test_triangles_without_area_are_dropped_and_the_rest_kept():
+def test_triangles_without_area_are_dropped():
     positions = np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0), (2, 0, 0)], np.float32)
     triangles = np.array([(0, 1, 1), (0, 1, 3), (0, 1, 2)], np.int32)
     geometry = flatten(described(Mesh("m", positions, triangles)))
@@ -83,12 +83,12 @@ def test_triangles_without_area_are_dropped_and_the_rest_kept():
     np.testing.assert_array_equal(geometry.position[geometry.triangle], positions[[(0, 1, 2)]])
 
 
-def test_a_scene_of_nothing_but_such_triangles_is_an_error():
+def test_scene_of_zero_area_triangles_is_an_error():
     with pytest.raises(SceneError, match="no triangle with an area"):
         compile_scene(described(Mesh("m", ANGLED, ONE), transforms=[np.diag([0.0, 1, 1, 1]) * 0 + np.diag([0, 0, 0, 1.0])]))
 
 
-def test_too_many_triangles_are_refused_before_they_are_made(monkeypatch):
+def test_too_many_triangles_are_rejected_early(monkeypatch):
     monkeypatch.setattr("renderer.scene.geometry.MAX_TRIANGLES", 10)
     description = described(shapes.quad("q"))
     description.instances *= 6
@@ -96,7 +96,7 @@ def test_too_many_triangles_are_refused_before_they_are_made(monkeypatch):
         compile_scene(description)
 
 
-def test_a_transform_beyond_float32_is_an_error():
+def test_transform_beyond_float32_range_is_an_error():
     with pytest.raises(SceneError, match="too large for 32-bit numbers"):
         compile_scene(described(Mesh("far", ANGLED, ONE), transforms=[np.diag([1e30, 1e30, 1e30, 1.0])]))
 
@@ -130,7 +130,7 @@ def test_lights_are_chosen_by_power():
     assert scene.light_cdf[-1] == 1
 
 
-def test_textured_emission_counts_by_its_mean_over_each_triangle():
+def test_textured_emission_is_averaged_per_triangle():
     """The triangles of an emissive square are sampled in proportion to the mean of their texels.
 
     The square is split along a diagonal, and its right half is black.
@@ -149,7 +149,7 @@ def test_textured_emission_counts_by_its_mean_over_each_triangle():
     np.testing.assert_allclose(chance, 0.99 * powers / 3 + 0.01 / 3, rtol=0.06)  # the mean is estimated from 64 points
 
 
-def test_an_hdr_image_shines_undimmed_and_colours_at_most_all():
+def test_hdr_emission_is_unclipped_and_colors_are_clipped():
     pixels = np.zeros((1, 2, 3), np.float32)
     pixels[0, 0], pixels[0, 1] = (8, 4, 0), (0.5, 0.5, 0.5)
     description = described(shapes.quad("a"))
@@ -174,7 +174,7 @@ def test_one_image_in_several_textures_is_packed_once():
     assert scene.texture.tolist() == [[0, 3, 2, 0, 0, 1, 0, -1, 0, 0], [0, 3, 2, 2, 2, 1, 0, -1, 0, 0]]
 
 
-def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
+def test_environment_cdfs_weight_excess_radiance_by_solid_angle():
     pixels = np.random.default_rng(2).random((8, 16, 3), np.float32)
     pixels[3] = 0
     description = described(shapes.quad("a"), images=[Image("sky", pixels)])
@@ -199,7 +199,7 @@ def test_environment_tables_are_cdfs_of_what_exceeds_the_mean_and_solid_angle():
 
 
 @pytest.mark.long
-def test_what_the_tables_leave_out_bsdf_sampling_finds():
+def test_bsdf_sampling_covers_radiance_below_the_mean():
     """Sampling only the environment's luminance above its mean by tables, and the rest by BSDF sampling, yields the same picture.
 
     It is compared with a picture whose tables contain all luminance.
@@ -231,7 +231,7 @@ def test_what_the_tables_leave_out_bsdf_sampling_finds():
         assert noise[0] < 0.9 * noise[1]
 
 
-def test_the_choice_between_sky_and_lamps_follows_power_yet_starves_neither():
+def test_environment_choice_follows_power_within_limits():
     half = np.zeros((2, 1, 3), np.float32)
     half[0] = 2  # bright above, black below: mean 1, mean square 2, so half of its power is contrast
     chances = []
@@ -249,7 +249,7 @@ def test_the_choice_between_sky_and_lamps_follows_power_yet_starves_neither():
 
 
 @pytest.mark.parametrize(("emission", "studio"), [(0.02, True), (10.0, False)])
-def test_a_model_with_weak_lights_gets_the_studios_and_says_so(emission, studio):
+def test_model_with_weak_lights_gets_studio_lighting(emission, studio):
     description = described(shapes.quad("panel"), studio_for_accents=True)
     description.materials = [Material(emission=(emission,) * 3)]
     scene = compile_scene(description)
@@ -257,7 +257,7 @@ def test_a_model_with_weak_lights_gets_the_studios_and_says_so(emission, studio)
     assert bool(description.warnings) == studio
 
 
-def test_every_array_is_read_only_and_the_same_twice():
+def test_arrays_are_read_only_and_reproducible():
     description = described(ellipsoid(), environment=Environment())
     first, second = compile_scene(description), compile_scene(description)
     for a, b in zip(flat(first).values(), flat(second).values(), strict=True):
@@ -282,20 +282,20 @@ def test_the_scene_does_not_depend_on_the_number_of_threads():
         assert all(flat(scene)[name].tobytes() == array.tobytes() for scene in scenes[1:]), name
 
 
-def test_a_normal_of_no_length_becomes_that_of_the_faces_around_it():
+def test_zero_normal_becomes_the_mean_face_normal():
     normals = np.array([(0, 0, 2), (0, 0, 0), (np.nan, 0, 0)], np.float32)
     geometry = flatten(described(Mesh("m", np.array([(0, 0, 0), (1, 0, 0), (0, 1, 0)], np.float32), ONE, normals)))
     np.testing.assert_array_equal(geometry.normal, [(0, 0, 1)] * 3)
 
 
-def test_progress_is_told_in_order():
+def test_progress_steps_are_reported_in_order():
     told = []
     compile_scene(described(shapes.quad("a")), lambda step, fraction: told.append((step, fraction)))
     assert [f for _, f in told] == sorted(f for _, f in told)
     assert told[-1][1] == 1.0
 
 
-def test_the_summary_ends_with_a_camera_that_sees_everything():
+def test_summary_ends_with_the_auto_camera():
     description = described(shapes.cube("a"), clips=[Clip("spin", 0.0, 1.5)], warnings=["w"], defaults={"spp": 4})
     description.spheres = [Sphere((4, 0, 0), 1.5)]
     description.cameras = [Camera("front", View((0, 0, 9), (0, 0, 8.5), fov=30))]
@@ -310,7 +310,7 @@ def test_the_summary_ends_with_a_camera_that_sees_everything():
     assert summary["clips"] == [{"name": "spin", "start": 0.0, "end": 1.5}]
 
 
-def test_a_lens_stays_focused_when_its_target_moves_along_the_line_of_sight():
+def test_moving_the_orbit_target_keeps_the_focus():
     description = described(shapes.cube("a"))
     description.cameras = [Camera("lens", View((0, 0, 9), (0, 0, 8.5), aperture=0.1)), Camera("flat", View((0, 0, 9), (0, 0, 8)))]
     description.cameras[1].view = replace(description.cameras[1].view, projection="orthographic", height=3.0)
@@ -319,7 +319,7 @@ def test_a_lens_stays_focused_when_its_target_moves_along_the_line_of_sight():
     assert (flat.projection, flat.height, flat.focus) == ("orthographic", 3.0, None)
 
 
-def test_objects_and_materials_are_named_in_the_order_of_their_numbers():
+def test_object_and_material_names_are_in_number_order():
     description = described(shapes.cube("a"), shapes.quad("b"), shapes.quad("c"))
     description.materials = [Material("red"), Material("blue")]
     description.instances[0].name = description.instances[2].name = "table"
@@ -332,7 +332,7 @@ def test_objects_and_materials_are_named_in_the_order_of_their_numbers():
     assert compiled.sphere_object.tolist() == [2, 3]
 
 
-def test_a_files_own_camera_may_be_called_auto():
+def test_file_camera_may_be_named_auto():
     description = described(shapes.cube("a"))
     description.cameras = [Camera(AUTO_CAMERA, View((0, 0, 9), (0, 0, 0)))]
     names = [c["name"] for c in summarise(description, compile_scene(description))["cameras"]]
@@ -340,7 +340,7 @@ def test_a_files_own_camera_may_be_called_auto():
 
 
 @pytest.mark.parametrize("up", [(0, 1, 0), (0, 0, 1)])
-def test_the_frame_is_tight_and_holds_every_point(up):
+def test_auto_camera_frames_all_points_tightly(up):
     points = np.random.default_rng(9).normal(size=(500, 3)) * [5, 1, 2]
     view = frame(points, up)
     eye, target = np.array(view.eye), np.array(view.target)

@@ -29,7 +29,7 @@ def path(made, tmp_path):
     return tmp_path / "scene.rayfarm"
 
 
-def test_what_is_loaded_is_what_was_saved_to_the_bit(made, path):
+def test_loaded_scene_equals_the_saved_one(made, path):
     loaded = load(path)
     for name, array in flat(made).items():
         again = flat(loaded)[name]
@@ -40,7 +40,7 @@ def test_what_is_loaded_is_what_was_saved_to_the_bit(made, path):
     assert digest(render_frame(loaded, asked, 2)) == digest(render_frame(made, asked, 2))
 
 
-def test_the_same_scene_gives_the_same_bytes_and_no_other_file(made, path):
+def test_saving_is_reproducible_and_leaves_one_file(made, path):
     again = path.with_name("again")
     save(load(path), again)
     assert again.read_bytes() == path.read_bytes()
@@ -73,7 +73,7 @@ def test_the_file_is_a_safetensors_file(made, path):
     np.testing.assert_array_equal(arrays["position"], made.position)
 
 
-def test_a_file_cut_short_anywhere_is_refused(path):
+def test_truncated_file_is_rejected(path):
     data = path.read_bytes()
     header = 8 + int.from_bytes(data[:8], "little")
     for length in {0, 1, 7, 8, 9, 100, header - 1, header, header + 1, len(data) // 2, len(data) - 1}:
@@ -82,7 +82,7 @@ def test_a_file_cut_short_anywhere_is_refused(path):
             load(path)
 
 
-def test_a_file_that_is_too_long_is_refused(path):
+def test_file_with_extra_bytes_is_rejected(path):
     path.write_bytes(path.read_bytes() + b"\0")
     with pytest.raises(
         SceneError, match=r"scene\.rayfarm is damaged or not a compiled scene: it is longer than the sum of its arrays"
@@ -126,7 +126,7 @@ def test_a_wrong_header_is_refused(path, fault):
         load(path)
 
 
-def test_a_header_that_is_no_json_and_a_file_that_is_no_scene_are_refused(path):
+def test_invalid_header_and_non_scene_file_are_rejected(path):
     data = bytearray(path.read_bytes())
     data[8:20] = b"not json...."
     path.write_bytes(data)
@@ -138,13 +138,13 @@ def test_a_header_that_is_no_json_and_a_file_that_is_no_scene_are_refused(path):
             load(path)
 
 
-def test_a_file_that_is_not_there_is_the_systems_error(tmp_path):
+def test_missing_file_raises_os_error(tmp_path):
     with pytest.raises(FileNotFoundError):
         load(tmp_path / "nothing")
 
 
 @pytest.mark.parametrize("name", ["triangle", "triangle_light", "sphere_material", "sphere_light", "light_primitive"])
-def test_an_index_that_points_outside_is_refused(made, tmp_path, name):
+def test_index_out_of_range_is_rejected(made, tmp_path, name):
     """An index out of range is refused, since kernels do not check indices and would crash."""
     for value in (10**6, -2):
         array = getattr(made, name).copy()
@@ -155,7 +155,7 @@ def test_an_index_that_points_outside_is_refused(made, tmp_path, name):
 
 
 @pytest.mark.parametrize(("name", "column"), [("triangle", 3), ("part", PART_MATERIAL)])
-def test_a_part_that_is_not_there_is_refused(made, tmp_path, name, column):
+def test_missing_part_is_rejected(made, tmp_path, name, column):
     for value in (10**6, -1):
         array = getattr(made, name).copy()
         array[-1, column] = value
@@ -164,7 +164,7 @@ def test_a_part_that_is_not_there_is_refused(made, tmp_path, name, column):
             load(tmp_path / "bad")
 
 
-def test_a_part_that_shines_has_lights(made, tmp_path):
+def test_emissive_part_must_have_lights(made, tmp_path):
     part = made.part.copy()
     part[:, PART_SHINES] = 1
     save(made._replace(part=part, triangle_light=made.triangle_light[:0]), tmp_path / "bad")
@@ -172,7 +172,7 @@ def test_a_part_that_shines_has_lights(made, tmp_path):
         load(tmp_path / "bad")
 
 
-def test_a_bvh_that_points_outside_is_refused(made, tmp_path):
+def test_bvh_index_out_of_range_is_rejected(made, tmp_path):
     for field, row, value in (("node", 6, 10**6), ("node", 6, -(10**6)), ("packet", 9, 10**6), ("packet", 9, -1)):
         array = getattr(made.bvh, field).copy()
         array[0, row].view(np.int32)[0] = value
@@ -181,7 +181,7 @@ def test_a_bvh_that_points_outside_is_refused(made, tmp_path):
             load(tmp_path / "bad")
 
 
-def test_a_texture_beyond_the_texels_is_refused(tmp_path):
+def test_texture_beyond_the_texels_is_rejected(tmp_path):
     pixels = np.full((2, 2, 4), 255, np.uint8)
     from renderer.scene.compile import compile_scene
 
@@ -211,12 +211,12 @@ def test_a_texture_beyond_the_texels_is_refused(tmp_path):
         load(tmp_path / "bad")
 
 
-def test_arrays_that_disagree_are_refused_before_they_are_saved(made):
+def test_inconsistent_arrays_are_rejected_before_saving(made):
     with pytest.raises(SceneError, match="sphere_material"):
         seal(made._replace(sphere_material=np.zeros(7, np.int32)))
 
 
-def test_a_save_that_fails_leaves_the_old_file_and_no_other(made, path):
+def test_failed_save_keeps_the_old_file(made, path):
     before = path.read_bytes()
 
     class Broken:

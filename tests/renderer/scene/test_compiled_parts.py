@@ -38,7 +38,7 @@ def way(request, monkeypatch):
 
 
 @pytest.mark.usefixtures("way")
-def test_moments_are_what_was_saved_and_share_what_stands_still(tmp_path):
+def test_frames_round_trip_and_share_static_parts(tmp_path):
     kept, saver = ShotCache(), Saver(tmp_path)
     manifests, scenes = [], []
     for angle in (0.0, 20.0, 33.0):
@@ -58,7 +58,7 @@ def test_moments_are_what_was_saved_and_share_what_stands_still(tmp_path):
     assert sum(sizes[s] for s in shared) > 0.5 * of_zoo
 
 
-def test_a_moment_saved_alone_has_the_same_parts(tmp_path):
+def test_frame_saved_alone_has_the_same_parts(tmp_path):
     kept, saver = ShotCache(), Saver(tmp_path)
     names = []
     for angle in (0.0, 33.0):
@@ -67,7 +67,7 @@ def test_a_moment_saved_alone_has_the_same_parts(tmp_path):
     assert Saver(tmp_path).save(compile_scene(zoo(33.0), shot_cache=alone), alone.cuts).name == names[1] != names[0]
 
 
-def test_what_does_not_change_is_not_even_looked_at(tmp_path, monkeypatch):
+def test_unchanged_parts_are_not_written_again(tmp_path, monkeypatch):
     written = []
     known = parts_file._write_part
     monkeypatch.setattr(parts_file, "_write_part", lambda slices, folder: written.append(set(slices)) or known(slices, folder))
@@ -79,7 +79,7 @@ def test_what_does_not_change_is_not_even_looked_at(tmp_path, monkeypatch):
     assert sum("bvh.packet" in names for names in written) == 1  # that of the loose part
 
 
-def test_a_scene_of_which_nothing_moves_can_be_kept_so(tmp_path):
+def test_static_scene_can_be_saved_in_parts(tmp_path):
     kept = ShotCache()
     compiled = compile_scene(zoo(marked=False), shot_cache=kept)
     same(load(Saver(tmp_path).save(compiled, kept.cuts)), compiled)
@@ -107,7 +107,7 @@ def saved(folder):
         lambda m: m["arrays"]["triangle"]["pieces"].__setitem__(0, m["arrays"]["bvh.packet"]["pieces"][0]),
     ],
 )
-def test_a_manifest_that_is_wrong_is_an_error(tmp_path, spoil):
+def test_damaged_manifest_is_an_error(tmp_path, spoil):
     path = saved(tmp_path)
     manifest = json.loads(path.read_bytes())
     spoil(manifest)
@@ -117,7 +117,7 @@ def test_a_manifest_that_is_wrong_is_an_error(tmp_path, spoil):
 
 
 @pytest.mark.parametrize("cut", [0, PAGE, -1])
-def test_a_part_that_was_cut_is_an_error(tmp_path, cut):
+def test_truncated_part_is_an_error(tmp_path, cut):
     path = saved(tmp_path)
     part = tmp_path / max(parts_of(path), key=lambda part: part.size).sha256
     part.write_bytes(part.read_bytes()[:cut])
@@ -128,7 +128,7 @@ def test_a_part_that_was_cut_is_an_error(tmp_path, cut):
         load(path)
 
 
-def test_a_part_that_points_outside_is_an_error(tmp_path):
+def test_part_with_index_out_of_range_is_an_error(tmp_path):
     path = saved(tmp_path)
     part = tmp_path / max(parts_of(path), key=lambda part: part.size).sha256
     data = bytearray(part.read_bytes())

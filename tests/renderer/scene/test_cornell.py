@@ -26,7 +26,7 @@ def ours():
     return read(SCENES, "cornell-box.yaml")
 
 
-def test_shapes_stand_where_mitsubas_stand(ours, theirs):
+def test_shapes_match_mitsuba(ours, theirs):
     shapes = {
         name: shape for name, shape in theirs.items() if isinstance(shape, dict) and "to_world" in shape and name != "sensor"
     }
@@ -43,7 +43,7 @@ def test_shapes_stand_where_mitsubas_stand(ours, theirs):
         assert material.kind == "diffuse"
 
 
-def test_the_camera_is_mitsubas(ours, theirs):
+def test_camera_matches_mitsuba(ours, theirs):
     sensor = theirs["sensor"]
     view = ours.cameras[0].view
     assert view.fov == sensor["fov"]  # the field of view is along the shorter side; the picture is square
@@ -55,13 +55,13 @@ def test_the_camera_is_mitsubas(ours, theirs):
     assert ours.defaults["max_depth"] == theirs["integrator"]["max_depth"]
 
 
-def test_nothing_is_left_to_warn_of(ours):
+def test_scene_has_no_warnings(ours):
     assert ours.warnings == []
     assert ours.environment is None
 
 
 @pytest.mark.long
-def test_its_mean_is_mitsubas(ours):
+def test_mean_radiance_matches_mitsuba(ours):
     """The mean over R, G and B equals Mitsuba's, 0.1471 at depth 8.
 
     A wider pixel filter also sees beyond the walls, and would lower the mean by 1 %.

@@ -21,7 +21,7 @@ def texture_names(description):
 
 
 @pytest.mark.parametrize(("name", "encoding"), NAMES)
-def test_the_encoding_that_finds_the_file_is_taken_and_said(scene, png, name, encoding):
+def test_encoding_is_chosen_by_existing_files(scene, png, name, encoding):
     obj = f"mtllib m.mtl\n{QUAD}usemtl {name}\n{FACE}".encode(encoding)
     mtl = f"newmtl {name}\nmap_Kd {name}.png\n".encode(encoding)
     description = scene("m.obj", obj, {"m.mtl": mtl, f"{name}.png": png(255, 0, 0)})
@@ -31,7 +31,7 @@ def test_the_encoding_that_finds_the_file_is_taken_and_said(scene, png, name, en
 
 
 @pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32"])
-def test_unicode_with_a_bom_and_without(scene, png, encoding):
+def test_unicode_with_and_without_bom(scene, png, encoding):
     mark = "\ufeff" if encoding in ("utf-16-le",) else ""
     mtl = f"{mark}newmtl 木\r\nmap_Kd 木.png\r\n".encode(encoding)
     description = scene("m.obj", f"mtllib m.mtl\n{QUAD}usemtl 木\n{FACE}", {"m.mtl": mtl, "木.png": png(255, 0, 0)})
@@ -48,7 +48,7 @@ def test_different_bytes_stay_different_names(scene):
     assert any("2 names are not in UTF-8; they are read as Latin-1" in w for w in description.warnings)
 
 
-def test_a_library_in_another_encoding_than_its_file(scene):
+def test_mtl_in_another_encoding_than_the_obj(scene):
     for one, other in (("utf-8", "gb18030"), ("gb18030", "utf-8")):
         obj = f"mtllib m.mtl\n{QUAD}usemtl 木纹\n{FACE}".encode(one)
         description = scene("m.obj", obj, {"m.mtl": "newmtl 木纹\nKd 1 0 0\n".encode(other)})
@@ -56,14 +56,14 @@ def test_a_library_in_another_encoding_than_its_file(scene):
 
 
 @pytest.mark.parametrize(("said", "there"), [("NFC", "NFD"), ("NFD", "NFC")])
-def test_accents_are_one_character_or_two(scene, png, said, there):
+def test_composed_and_decomposed_accents_match(scene, png, said, there):
     said, there = unicodedata.normalize(said, "Café Straße"), unicodedata.normalize(there, "café STRASSE")
     mtl = f"newmtl a\nmap_Kd {said}.png\n"
     description = scene("m.obj", f"mtllib m.mtl\n{QUAD}usemtl a\n{FACE}", {"m.mtl": mtl, f"{there}.png": png(255, 0, 0)})
     assert texture_names(description) == [f"{there}.png"]
 
 
-def test_a_picture_of_a_ply_file_in_gbk(scene, png):
+def test_ply_texture_name_in_gbk(scene, png):
     head = "ply\nformat ascii 1.0\ncomment TextureFile 木纹.png\nelement vertex 3\nproperty float x\nproperty float y\n"
     head += "property float z\nproperty float s\nproperty float t\nelement face 1\n"
     head += "property list uchar int vertex_indices\nend_header\n"
@@ -71,7 +71,7 @@ def test_a_picture_of_a_ply_file_in_gbk(scene, png):
     assert texture_names(scene("a.ply", data, {"木纹.png": png(255, 0, 0)})) == ["木纹.png"]
 
 
-def test_a_picture_of_a_pbrt_file_in_shift_jis(scene, png):
+def test_pbrt_texture_name_in_shift_jis(scene, png):
     text = 'Camera "perspective"\nWorldBegin\nTexture "a" "spectrum" "imagemap" "string filename" "木目.png"\n'
     text += 'Material "diffuse" "texture reflectance" "a"\nShape "disk"\n'
     assert texture_names(scene("a.pbrt", b"\xef\xbb\xbf" + text.encode("utf-8"), {"木目.png": png(255, 0, 0)})) == ["木目.png"]
@@ -83,7 +83,7 @@ STL = "solid Tür\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nv
 
 @pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16", "latin-1"])
 @pytest.mark.parametrize("end", ["\n", "\r\n", "\r"])
-def test_stl_in_text(scene, encoding, end):
+def test_text_stl_in_several_encodings(scene, encoding, end):
     mesh = scene("a.stl", STL.replace("\n", end).encode(encoding)).meshes[0]
     assert mesh.positions[mesh.triangles].max() == 1.5
 
@@ -113,7 +113,7 @@ def test_decimal_commas_are_read_and_counted(scene, name, text):
         ("a.off", "OFF\n4 2 0\n0 0 0\n1.5 0 0\n0 1.5 0\ninf 0 0\n3 0 1 2\n3 0 1 3\n"),
     ],
 )
-def test_faces_that_need_a_vertex_which_is_not_finite_are_left_out(scene, name, text):
+def test_faces_with_nonfinite_vertices_are_omitted(scene, name, text):
     description = scene(name, text)
     assert len(description.meshes[0].triangles) == 1
     assert np.isfinite(description.meshes[0].positions).all()

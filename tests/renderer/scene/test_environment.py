@@ -22,7 +22,7 @@ TWO = np.array([[[1, 1, 1], [3, 3, 3]]], np.float32)
 
 
 @pytest.mark.parametrize(("environment", "left"), [(0.5, True), (TWO, False), (Environment(sky=Sky(35)), False)])
-def test_only_what_is_even_is_left_to_surfaces(environment, left):
+def test_only_constant_environments_skip_light_sampling(environment, left):
     made = scene([GRAY, LAMP], (FLOOR, ABOVE), environment=environment)
     assert made.environment_frame[3] > 0
     found = without_environment_sampling(made)
@@ -30,12 +30,12 @@ def test_only_what_is_even_is_left_to_surfaces(environment, left):
     np.testing.assert_array_equal(np.delete(found.environment_frame, 3), np.delete(made.environment_frame, 3))
 
 
-def test_where_shadow_rays_pass_what_others_meet_both_are_needed():
+def test_light_sampling_is_kept_with_shadeless_objects():
     made = scene([GRAY, replace(LAMP, lamp=True)], (FLOOR, ABOVE), environment=0.5)
     assert without_environment_sampling(made).environment_frame[3] == made.environment_frame[3] > 0
 
 
-def test_nothing_is_left_of_the_noise_where_nothing_stands_before_an_even_sky():
+def test_unoccluded_constant_sky_has_no_noise():
     """A picture of a ball in a constant sky has no noise: all samples are equal.
 
     Each sample traces three rays, two of them to the sky.

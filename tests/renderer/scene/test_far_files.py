@@ -70,7 +70,7 @@ def _shape(description: SceneDescription) -> dict[str, np.ndarray]:
 
 @grid("far", FARS, ordinary=(FARS[1],))
 @pytest.mark.parametrize("name", FILES)
-def test_a_file_far_from_the_origin_keeps_all_places(name, far, tmp_path):
+def test_far_file_keeps_relative_positions(name, far, tmp_path):
     near, away = _shape(_read(tmp_path, name, NEAR)), _shape(_read(tmp_path, name, far))
     assert len(near["corners"]) >= 3 * 14
     for what, values in near.items():
@@ -78,7 +78,7 @@ def test_a_file_far_from_the_origin_keeps_all_places(name, far, tmp_path):
 
 
 @grid("name", FILES)
-def test_the_picture_of_a_file_far_from_the_origin_is_that_of_its_twin(name, tmp_path):
+def test_far_file_renders_like_its_near_copy(name, tmp_path):
     pictures = []
     for place in (NEAR, FARS[0]):
         description = _read(tmp_path, name, place)

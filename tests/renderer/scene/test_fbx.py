@@ -35,7 +35,7 @@ def in_world(description, name):
     return np.concatenate(points), triangles
 
 
-def test_every_vertex_is_where_blender_has_it(kit):
+def test_fbx_vertices_match_blender(kit):
     compared = 0
     for objects, description in kit.values():
         for name, said in objects.items():
@@ -50,7 +50,7 @@ def test_every_vertex_is_where_blender_has_it(kit):
     assert compared == 3 * 7
 
 
-def test_normals_stand_on_the_side_that_polygons_face(kit):
+def test_fbx_normals_are_on_the_front_side(kit):
     for _, description in kit.values():
         for mesh in description.meshes:
             a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(float) for k in range(3))
@@ -60,7 +60,7 @@ def test_normals_stand_on_the_side_that_polygons_face(kit):
             assert (along > 0.2 * size)[size > 1e-6 * size.max()].all(), mesh.name  # ignores slivers from collinear corners
 
 
-def test_cameras_and_lights_are_blenders(kit):
+def test_fbx_cameras_and_lights_match_blender(kit):
     for objects, description in kit.values():
         for seen in description.cameras:
             matrix = np.array(objects[seen.name]["matrix"])
@@ -84,7 +84,7 @@ def test_cameras_and_lights_are_blenders(kit):
     assert (power["spot"].outer_cone, power["spot"].falloff) == (pytest.approx(25), "smooth")
 
 
-def test_an_area_light_gives_blenders_watts(kit):
+def test_fbx_area_light_power_matches_blender(kit):
     _, description = kit[0]
     instance = next(i for i in description.instances if i.name == "area")
     x, y = instance.transform[:3, 0], instance.transform[:3, 1]
@@ -97,7 +97,7 @@ def test_an_area_light_gives_blenders_watts(kit):
     assert np.pi * area * emission[0] == pytest.approx(300)
 
 
-def test_materials_are_blenders(kit):
+def test_fbx_materials_match_blender(kit):
     found = {m.name: m for m in kit[0][1].materials}
     assert found["red"].base_color == pytest.approx((0.8, 0.1, 0.05))
     assert (found["red"].roughness, found["red"].metallic) == pytest.approx((0.35, 0))
@@ -110,7 +110,7 @@ def test_materials_are_blenders(kit):
     assert image.pixels[-1, 0, 0] < 10 < 245 < image.pixels[-1, 1, 0]  # the image is inside the file, and upright
 
 
-def test_what_moves_is_known(kit):
+def test_fbx_moving_objects_are_detected(kit):
     _, description = kit[0]
     assert [(clip.start, clip.end) for clip in description.clips] == [(0, 0.5)]
     assert description.moves
@@ -119,7 +119,7 @@ def test_what_moves_is_known(kit):
     assert {m.name for m in description.meshes if m.deforms} == {"Grid", "Cylinder"}
 
 
-def test_a_shutter_that_opens_while_a_skin_bends():
+def test_fbx_skin_moves_while_the_shutter_is_open():
     over = Shot(KIT, "kit.fbx").over_shutter(Moment(5), {"shutter": 0.5})
     assert over.keys >= 2
     assert len(next(m for m in over.meshes if m.name == "Cylinder").keys) == over.keys
@@ -132,7 +132,7 @@ def test_units_and_axes(scene, unit, z_up, corner):
     assert np.abs(points - corner).sum(axis=1).min() < 1e-6
 
 
-def test_a_light_of_other_programs(scene):
+def test_light_power_of_other_exporters(scene):
     lamps = node(50, "fading", "Light", Lcl_Translation=(0, 300, 0)) + node(51, "even", "Light", Lcl_Translation=(0, 300, 0))
     lamps += light(60, Intensity=200.0, Color=(1.0, 0.5, 0.25), DecayType=2) + light(61, Intensity=100.0, DecayType=0)
     description = scene("a.fbx", fbx(lamps, [(60, 50), (50, 0), (61, 51), (51, 0)]))
@@ -143,7 +143,7 @@ def test_a_light_of_other_programs(scene):
     assert any("1 lights without falloff" in w for w in description.warnings)
 
 
-def test_blenders_textures_are_turned_as_its_mapping_nodes_say(scene, png):
+def test_blender_texture_transform_matches_its_mapping_node(scene, png):
     """Textures are rotated as by Blender's mapping nodes, although its exporter writes radians where FBX has degrees.
 
     Expected values are those of Blender's glTF exporter for the same node.
@@ -158,7 +158,7 @@ def test_blenders_textures_are_turned_as_its_mapping_nodes_say(scene, png):
     assert others[:2] == pytest.approx((2 * math.cos(turn), 2 * math.sin(turn)))
 
 
-def test_hidden_nodes_are_left_out_and_counted(scene):
+def test_hidden_nodes_are_omitted_and_counted(scene):
     objects = node(21, "off", Visibility=0.0) + node(22, "below")
     description = scene("a.fbx", fbx(objects, [(10, 21), (21, 0), (10, 22), (22, 21)]))
     assert {i.name for i in description.instances} == {"tri"}
@@ -166,12 +166,12 @@ def test_hidden_nodes_are_left_out_and_counted(scene):
 
 
 @pytest.mark.parametrize("data", [b"", b"Kaydara FBX Binary  \x00\x1a\x00", b"hello", b"; FBX 7.5.0 project file\nObjects: {"])
-def test_what_is_no_fbx_is_told_in_a_sentence(scene, data):
+def test_non_fbx_data_is_an_error_message(scene, data):
     with pytest.raises(SceneError, match=r"a\.fbx: "):
         scene("a.fbx", data)
 
 
-def test_damaged_files_are_scenes_or_sentences(tmp_path):
+def test_damaged_fbx_is_read_or_rejected(tmp_path):
     data = np.frombuffer((KIT / "kit.fbx").read_bytes(), np.uint8)
     rng = np.random.default_rng(5)
     told = 0
@@ -194,7 +194,7 @@ def test_damaged_files_are_scenes_or_sentences(tmp_path):
     assert 0 < told < 60
 
 
-def test_of_several_stacks_the_first_that_moves_is_shown_and_the_others_are_named(scene):
+def test_first_moving_animation_stack_is_used(scene):
     """Of several animation stacks the first with motion is used, as in Blender, and a warning names the others.
 
     Files of Mixamo and 3ds Max begin with a take in which nothing moves.
@@ -216,7 +216,7 @@ def test_of_several_stacks_the_first_that_moves_is_shown_and_the_others_are_name
     assert far("Take 001")[0] == 0
 
 
-def test_all_stacks_at_once(scene):
+def test_animation_stacks_are_combined(scene):
     """Stacks that move different nodes are combined, for exporters that write one take per object."""
     (first, links), (second, more) = stack(100, "walk", 240), stack(110, "turn", 120)
     more = [(a, 21 if b == 20 else b, *rest) for a, b, *rest in more]
@@ -250,7 +250,7 @@ def _moved(vector):
     return found
 
 
-def test_pivots_offsets_orders_and_geometric_transforms_are_as_autodesk_defines_them(scene):
+def test_fbx_pivots_and_transforms_match_autodesk(scene):
     """Pivots, offsets, rotation orders and geometric transforms follow Autodesk's definition, also with negative scales.
 
     From the FBX SDK's help, "Computing transformation matrices": T Roff Rp Rpre R Rpost^-1 Rp^-1 Soff Sp S Sp^-1, applied after

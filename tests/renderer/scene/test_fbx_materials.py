@@ -61,7 +61,7 @@ def test_arnolds_standard_surface(scene):
     assert not any("Material m" in warning for warning in description.warnings)
 
 
-def test_what_scatters_beneath_and_within_of_arnold(scene):
+def test_arnold_subsurface_and_transmission_scattering(scene):
     """Arnold's subsurface and transmission scattering have lengths in the file's unit, which is centimetres.
 
     Standard Surface splits the attenuation in glass into scattering and absorption.
@@ -98,7 +98,7 @@ def test_what_scatters_beneath_and_within_of_arnold(scene):
     assert (within.g, within.attenuation_distance) == (-0.5, math.inf)
 
 
-def test_depth_dispersion_film_and_a_coats_colour_of_arnold(scene):
+def test_arnold_depth_dispersion_film_and_coat_color(scene):
     """Arnold's transmission depth, dispersion (Abbe number), thin film and coat colour are read; lengths are in centimetres."""
     values = {
         "Maya|base": 1.0,
@@ -121,7 +121,7 @@ def test_depth_dispersion_film_and_a_coats_colour_of_arnold(scene):
 
 
 @pytest.mark.parametrize("is_textured", [False, True])
-def test_vertex_colours_tint_no_texture(scene, png, is_textured):
+def test_vertex_colors_are_ignored_with_a_texture(scene, png, is_textured):
     colors = """
 		LayerElementColor: 0 {
 			Version: 101
@@ -141,13 +141,13 @@ def test_vertex_colours_tint_no_texture(scene, png, is_textured):
 @pytest.mark.parametrize(
     ("factor", "color", "opacity"), [(1.0, 0.0, 1), (1.0, 0.75, 0.25), (0.75, 1.0, 0.25), (0.0, 1.0, 1), (1.0, 1.0, 1)]
 )
-def test_the_ways_to_say_how_transparent_a_phong_material_is(scene, factor, color, opacity):
+def test_phong_transparency_encodings(scene, factor, color, opacity):
     glassy = material(30, "p", TransparentColor=(color, color, color), TransparencyFactor=factor)
     found = scene("a.fbx", fbx(glassy, [(30, 20)])).materials[0]
     assert (found.opacity, found.alpha_mode) == (opacity, "opaque" if opacity == 1 else "blend")
 
 
-def test_a_texture_beside_the_file_and_one_that_is_missing(scene, png):
+def test_present_and_missing_textures(scene, png):
     objects = material(30, "p", DiffuseColor=(0.2, 0.4, 0.6)) + texture(40, "wood.png")
     links = [(30, 20), (40, 30, "DiffuseColor")]
     missing = scene("a.fbx", fbx(objects, links))
@@ -158,7 +158,7 @@ def test_a_texture_beside_the_file_and_one_that_is_missing(scene, png):
     assert not any("wood" in w for w in found.warnings)
 
 
-def test_textures_of_phongs_highlights_are_read_and_others_are_named(scene, png):
+def test_phong_specular_textures(scene, png):
     objects = material(30, "p", SpecularFactor=0.5, ReflectionFactor=0.2) + texture(40, "a.png") + texture(41, "b.png")
     links = [(30, 20), (40, 30, "SpecularColor"), (41, 30, "ReflectionFactor")]
     found = scene("a.fbx", fbx(objects, links), {"a.png": png(255, 0, 0), "b.png": png(0, 255, 0)})
@@ -170,7 +170,7 @@ def test_textures_of_phongs_highlights_are_read_and_others_are_named(scene, png)
     ]
 
 
-def test_textures_of_a_physical_materials_gloss_and_coat(scene, png):
+def test_glossiness_and_coat_textures(scene, png):
     values = {"3dsMax|ClassIDa": 0x3D6B1CEC, "3dsMax|ClassIDb": 0xDEADC001 - 2**32, "3dsMax|Parameters|roughness_inv": True}
     objects = material(30, "m", "unknown", **values) + "".join(texture(40 + i, f"{i}.png") for i in range(4))
     maps = ("roughness_map", "reflectivity_map", "coat_map", "bump_map")
@@ -187,7 +187,7 @@ def test_textures_of_a_physical_materials_gloss_and_coat(scene, png):
     assert shown.clearcoat == 1
 
 
-def test_blenders_highlights(scene):
+def test_blender_specular_level(scene):
     """Specular reflection of Blender's FBX files is read as Blender does.
 
     Its exporter writes half the specular level, of which 0.5 means 4 %, as plastics reflect.

@@ -39,7 +39,7 @@ def file_of(model, objects="", connections=""):
 
 
 @pytest.mark.parametrize("off", [[ACTIVE % 0], [ACTIVE % 1, LIMITS]])
-def test_rotation_order_and_pre_rotation_count_where_they_are_active(scene, off):
+def test_rotation_order_applies_only_if_active(scene, off):
     plain = world(scene("a.fbx", file_of([ROTATION])))[0]
     np.testing.assert_allclose(plain, turned(90, 45), atol=1e-6)
     left_out = world(scene("b.fbx", file_of([ROTATION, ORDER, PRE, *off])))[0]
@@ -83,7 +83,7 @@ def layers(curve, of_top=""):
 
 
 @pytest.mark.parametrize("curve", [None, 1])
-def test_layers_without_curves_hide_nothing(scene, curve):
+def test_animation_layers_without_curves_do_not_hide(scene, curve):
     description = scene("a.fbx", file_of(['P: "Visibility", "Visibility", "", "A",1'], *layers(curve)), moment=Moment(frame=12))
     assert len(description.instances) == 1
     assert world(description)[0][0][0] > 0  # the node is visible and moves
@@ -92,20 +92,20 @@ def test_layers_without_curves_hide_nothing(scene, curve):
 SHOWN = ['P: "Visibility", "Visibility", "", "A",1']
 
 
-def test_a_muted_layer_is_not_evaluated(scene):
+def test_muted_animation_layer_is_ignored(scene):
     """A muted top layer, which would hide the node, is ignored, while the base layer moves the node."""
     found = scene("a.fbx", file_of(SHOWN, *layers(0, '\nP: "Mute", "bool", "", "",1')), moment=Moment(frame=12))
     assert world(found)[0][0][0] > 0
 
 
 @pytest.mark.parametrize("state", ["", '\nP: "Solo", "bool", "", "",1'])
-def test_the_topmost_layer_says_whether_a_node_is_visible(scene, state):
+def test_topmost_animation_layer_determines_visibility(scene, state):
     with pytest.raises(SceneError, match="has no surface"):
         scene("a.fbx", file_of(SHOWN, *layers(0, state)), moment=Moment(frame=12))
 
 
 @pytest.mark.parametrize(("suffix", "format"), [(".tga", "TGA"), (".ppm", "PPM"), (".sgi", "SGI")])
-def test_a_picture_inside_is_read_by_its_own_name(scene, suffix, format):
+def test_embedded_image_keeps_its_name(scene, suffix, format):
     import base64
 
     out = io.BytesIO()

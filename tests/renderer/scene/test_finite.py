@@ -27,14 +27,14 @@ OBJ = "v 0 0 0\nv 1 0 0\nv 0 1 0\nvn 0 0 inf\nf 1//1 2//1 3//1\n"
 
 
 @pytest.mark.parametrize(("name", "text"), [("a.ply", PLY), ("a.obj", OBJ)])
-def test_normals_that_are_not_finite_are_left_out(tmp_path, name, text):
+def test_nonfinite_normals_are_omitted(tmp_path, name, text):
     (tmp_path / name).write_text(text)
     description = read(tmp_path, name)
     assert all(mesh.normals is None or np.isfinite(mesh.normals).all() for mesh in description.meshes)
     assert sum(len(description.meshes[each.mesh].triangles) for each in description.instances) == 1
 
 
-def test_normals_of_a_stage_that_are_not_finite_are_left_out(tmp_path):
+def test_nonfinite_usd_normals_are_omitted(tmp_path):
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
     mesh = UsdGeom.Mesh.Define(stage, "/m")
     mesh.CreatePointsAttr([(0, 0, 0), (1, 0, 0), (0, 1, 0)])

@@ -16,7 +16,7 @@ def recalled(kept, key, token=None, asked=None):
     return found, bool(made)
 
 
-def test_what_was_made_for_an_equal_key_is_given_again():
+def test_equal_key_returns_the_cached_value():
     kept = ShotCache()
     first, was_made = recalled(kept, [1, np.arange(3)])
     assert was_made
@@ -26,7 +26,7 @@ def test_what_was_made_for_an_equal_key_is_given_again():
     assert second is not first
 
 
-def test_a_token_answers_for_its_key():
+def test_equal_token_skips_the_key_comparison():
     kept, token, asked = ShotCache(), object(), []
     first, _ = recalled(kept, 1, token, asked)
     assert recalled(kept, 2, token, asked) == (first, False)  # the same token: the key is not compared
@@ -35,7 +35,7 @@ def test_a_token_answers_for_its_key():
     assert recalled(kept, 2, None, asked)[1]
 
 
-def test_what_a_moment_had_no_use_for_is_forgotten():
+def test_unused_entries_are_dropped():
     kept = ShotCache()
     first, _ = recalled(kept, 1)
     kept.begin_frame()
@@ -45,7 +45,7 @@ def test_what_a_moment_had_no_use_for_is_forgotten():
     assert recalled(kept, 1)[1]
 
 
-def test_room_keeps_what_is_made_of_the_same_things_while_its_end_grows_and_shrinks():
+def test_reused_array_keeps_its_first_rows():
     kept, head = ShotCache(), object()
     array, is_there = kept.array_for("a", 800, (2,), np.float32, (head, 5))
     assert not is_there
@@ -63,7 +63,7 @@ def test_room_keeps_what_is_made_of_the_same_things_while_its_end_grows_and_shri
         array[:] = 1
 
 
-def test_what_was_said_of_other_things_is_not_known():
+def test_changed_heads_are_detected():
     kept, head = ShotCache(), object()
     assert not kept.is_unchanged("checked", (head, 1))
     assert kept.is_unchanged("checked", (head, 1))

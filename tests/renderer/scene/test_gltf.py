@@ -14,7 +14,7 @@ SQUARE = np.array([(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], np.float32)
 
 
 @pytest.mark.parametrize("digits", [400, 5000])
-def test_a_number_that_no_float_holds_is_told(scene, digits):
+def test_number_beyond_float_range_is_an_error(scene, digits):
     g = Gltf()
     g.mesh()
     g.node(translation=[1, 2, 12345])
@@ -22,7 +22,7 @@ def test_a_number_that_no_float_holds_is_told(scene, digits):
     assert any("is not a list of 3 numbers" in warning and "nodes[1].translation" in warning for warning in warnings)
 
 
-def test_buffers_inside_beside_and_as_data_uri_are_the_same(scene):
+def test_embedded_external_and_data_uri_buffers(scene):
     g = Gltf()
     g.mesh(SQUARE, np.array([0, 1, 2, 0, 2, 3], np.uint16))
     inside = world(scene("a.glb", g.glb()))
@@ -31,7 +31,7 @@ def test_buffers_inside_beside_and_as_data_uri_are_the_same(scene):
 
 
 @pytest.mark.parametrize("dtype", [np.uint8, np.uint16, np.uint32])
-def test_indices_of_every_width(scene, dtype):
+def test_index_types(scene, dtype):
     g = Gltf()
     g.mesh(SQUARE, np.array([2, 3, 0], dtype))
     np.testing.assert_array_equal(world(scene("a.glb", g.glb()))[0], SQUARE[[2, 3, 0]])
@@ -41,7 +41,7 @@ def test_indices_of_every_width(scene, dtype):
     ("mode", "expected"),
     [(4, [(0, 1, 2)]), (5, [(0, 1, 2), (1, 3, 2), (2, 3, 4)]), (6, [(1, 2, 0), (2, 3, 0), (3, 4, 0)])],
 )
-def test_lists_strips_and_fans_with_and_without_indices(scene, mode, expected):
+def test_triangle_lists_strips_and_fans(scene, mode, expected):
     points = np.random.default_rng(3).random((5, 3), np.float32)
     g = Gltf()
     g.mesh(points, mode=mode)
@@ -68,7 +68,7 @@ def test_normalized_integers_and_strides(scene):
 
 
 @pytest.mark.parametrize("base", [True, False])
-def test_sparse_values_replace_some(scene, base):
+def test_sparse_accessor(scene, base):
     g = Gltf()
     g.mesh(SQUARE, np.array([0, 1, 2, 0, 2, 3], np.uint16))
     accessor = g.root["accessors"][0]
@@ -124,7 +124,7 @@ def test_metallic_roughness_with_textures_and_wraps(scene, png):
     assert description.warnings == []  # the scene is emissive, so it needs no sky, and everything in it is rendered
 
 
-def test_a_primitive_without_material_has_the_specifications_default(scene):
+def test_default_material_of_primitives(scene):
     g = Gltf()
     g.mesh()
     description = scene("a.glb", g.glb())
@@ -132,7 +132,7 @@ def test_a_primitive_without_material_has_the_specifications_default(scene):
     assert (material.base_color, material.metallic, material.roughness) == ((1, 1, 1), 1, 1)
 
 
-def test_each_texture_has_its_uv_set_and_transform(scene, png):
+def test_texture_uv_sets_and_transforms(scene, png):
     g = Gltf()
     texture = g.texture({"bufferView": g.view(png(1, 2, 3)), "mimeType": "image/png"})
     quarter = {"offset": [0.5, 0.25], "scale": [2, 3], "rotation": np.pi / 2, "texCoord": 1}
@@ -151,7 +151,7 @@ def test_each_texture_has_its_uv_set_and_transform(scene, png):
     np.testing.assert_allclose(uvs @ matrix[:, :2].T + matrix[:, 2], [(0.5, 0.25), (0.5, -1.75), (3.5, 0.25)], atol=1e-6)
 
 
-def test_alpha_as_the_material_says(scene):
+def test_alpha_modes(scene):
     g = Gltf()
     g.material(alphaMode="MASK", alphaCutoff=0.75, pbrMetallicRoughness={"baseColorFactor": [1, 1, 1, 0.5]})
     g.material(alphaMode="BLEND")
@@ -163,7 +163,7 @@ def test_alpha_as_the_material_says(scene):
 
 @pytest.mark.parametrize("width", [3, 4])
 @pytest.mark.parametrize("dtype", [np.float32, np.uint8, np.uint16])
-def test_vertex_colours_of_every_type(scene, dtype, width):
+def test_vertex_color_types(scene, dtype, width):
     values = np.array([(0, 0.2, 0.4, 0.6), (0.8, 1, 0.2, 0.4), (1, 0, 1, 0)])[:, :width]
     g = Gltf()
     g.mesh(COLOR_0=values.astype(dtype) if dtype == np.float32 else np.rint(values * np.iinfo(dtype).max).astype(dtype))
@@ -173,7 +173,7 @@ def test_vertex_colours_of_every_type(scene, dtype, width):
     assert width == 4 or (colors[:, 3] == 1).all()
 
 
-def test_tangents_come_along(scene):
+def test_tangents_are_read(scene):
     g = Gltf()
     tangents = np.tile(np.array([1, 0, 0, -1], np.float32), (3, 1))
     g.mesh(NORMAL=np.tile(np.array([0, 0, 1], np.float32), (3, 1)), TANGENT=tangents)
@@ -211,7 +211,7 @@ def test_a_map_of_specular_and_glossiness_gives_colour_and_roughness(scene):
     assert (rough.wrap_s, material.roughness) == ("clamp", 1)
 
 
-def test_what_is_not_rendered_is_named(scene):
+def test_unsupported_extensions_are_named(scene):
     g = Gltf()
     g.material(name="pane", normalTexture={"index": g.texture({"uri": "bumps.png"})}, occlusionTexture={"index": 0})
     g.mesh(material=0)
@@ -224,7 +224,7 @@ def test_what_is_not_rendered_is_named(scene):
     assert len(description.warnings) == 4
 
 
-def test_a_required_extension_that_is_not_known_is_an_error(scene):
+def test_unknown_required_extension_is_an_error(scene):
     g = Gltf()
     g.mesh()
     g.root["extensionsRequired"] = ["KHR_texture_other"]
@@ -232,7 +232,7 @@ def test_a_required_extension_that_is_not_known_is_an_error(scene):
         scene("a.glb", g.glb())
 
 
-def test_a_character_of_vrm_is_a_glb_by_another_name(scene):
+def test_vrm_is_read_as_glb(scene):
     g = Gltf()
     g.mesh()
     g.root["extensionsRequired"] = g.root["extensionsUsed"] = ["VRMC_vrm", "VRMC_materials_mtoon"]
@@ -259,7 +259,7 @@ def test_draco_is_decoded(scene):
     np.testing.assert_allclose(world(scene("a.glb", g.glb())), points[faces], atol=1e-4)
 
 
-def test_a_missing_texture_is_a_warning_and_the_base_colour_stays(scene):
+def test_missing_texture_keeps_the_base_color(scene):
     g = Gltf()
     texture = g.texture({"uri": "textures/gone.png"})
     g.material(name="wood", pbrMetallicRoughness={"baseColorFactor": [0.5, 0.4, 0.3, 1], "baseColorTexture": {"index": texture}})
@@ -271,7 +271,7 @@ def test_a_missing_texture_is_a_warning_and_the_base_colour_stays(scene):
 
 
 @pytest.mark.parametrize(("by", "slots", "warned"), [((2,), (0,), False), ((3, 1), (1, 0), False), ((0, 2, 3), (0, 1, 0), True)])
-def test_a_material_may_lie_by_any_two_sets_of_uvs(scene, png, by, slots, warned):
+def test_material_may_use_any_two_uv_sets(scene, png, by, slots, warned):
     """A material may use any two UV sets, not only the first; an occlusion texture's set does not count.
 
     gltf-transform writes palettes with UV sets after those that a mesh already has.

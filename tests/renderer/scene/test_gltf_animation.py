@@ -51,7 +51,7 @@ def arm():
 
 
 @pytest.mark.parametrize("seconds", [0, 0.25, 0.75, 1.0, 1.25, 3.0])
-def test_a_hierarchy_of_rigid_bodies_is_where_its_channels_say(scene, seconds):
+def test_animated_hierarchy_transforms(scene, seconds):
     description = scene("arm.glb", arm().glb(), moment=at(seconds))
     own = matrix((0, 2, 0), scale=[2.0 if seconds >= 1 else 1.0] * 3)
     hand = matrix((0, 0, 4 * np.clip(seconds - 0.5, 0, 1)))
@@ -66,7 +66,7 @@ def test_a_hierarchy_of_rigid_bodies_is_where_its_channels_say(scene, seconds):
     assert not [w for w in description.warnings if "light" not in w]
 
 
-def test_a_still_is_the_beginning_and_frames_are_24_a_second_unless_told(scene):
+def test_default_moment_and_frame_rate(scene):
     still = scene("arm.glb", arm().glb())
     assert np.array_equal(world(still), world(scene("arm.glb", arm().glb(), moment=Moment(0))))
     a, b = (scene("arm.glb", arm().glb(), moment=m) for m in (Moment(18), Moment(9, fps=12)))
@@ -74,7 +74,7 @@ def test_a_still_is_the_beginning_and_frames_are_24_a_second_unless_told(scene):
     assert not np.array_equal(world(a), world(still))
 
 
-def test_frames_in_any_order_from_one_shot_are_those_read_alone(scene, tmp_path):
+def test_shot_frames_do_not_depend_on_order(scene, tmp_path):
     alone = [scene("arm.glb", arm().glb(), moment=at(s)) for s in (0.75, 0.25, 1.5)]
     shot = Shot(tmp_path, "arm.glb")
     for s, expected in zip((0.75, 0.25, 1.5), alone, strict=True):
@@ -110,7 +110,7 @@ def bones(sets=1):
 
 @pytest.mark.parametrize("sets", [1, 2, 3, 6])
 @pytest.mark.parametrize("seconds", [0, 0.5, 1.25])
-def test_skins_move_with_their_joints(scene, sets, seconds):
+def test_animated_skins(scene, sets, seconds):
     g, points, joints, weights, bind = bones(sets)
     first = matrix((0, 1, 0), 60 * seconds, (1, 0, 0))
     moved = np.array([first, first @ matrix((2, 0, 3 * seconds))]) @ bind
@@ -124,7 +124,7 @@ def test_skins_move_with_their_joints(scene, sets, seconds):
 
 
 @pytest.mark.parametrize("seconds", [0, 0.25, 0.5, 1, 1.5, 2])
-def test_morph_weights_follow_a_cubic(scene, seconds):
+def test_cubic_morph_weights(scene, seconds):
     g = Gltf()
     g.mesh()
     ways = np.float32([[(1, 0, 0), (0, 2, 0), (0, 0, 3)], [(0, 0, 1)] * 3])
@@ -157,7 +157,7 @@ def two_clips():
     ("asked", "place", "size"),
     [(None, (1, 0, 0), 1), ("walk", (1, 0, 0), 1), ("jump", (0, 2, 0), 1), ("1", (0, 2, 0), 1), ("all", (0, 2, 0), 3)],
 )
-def test_a_clip_is_chosen_by_its_name_or_number(scene, asked, place, size):
+def test_clip_is_selected_by_name_or_number(scene, asked, place, size):
     description = scene("two.glb", two_clips().glb(), moment=at(1, asked))
     np.testing.assert_allclose(description.instances[0].transform, matrix(place, scale=[size] * 3), atol=1e-6)
     assert description.clips == [Clip("walk", 0, 1), Clip("jump", 0.5, 2), Clip("grow", 0, 1)]
@@ -167,7 +167,7 @@ def test_a_clip_is_chosen_by_its_name_or_number(scene, asked, place, size):
 @pytest.mark.parametrize(
     ("asked", "places"), [(None, (1, 2)), ("all", (1, 2)), ("0", (1, 2)), ("walk", (1, 0)), ("1", (1, 0)), ("fly", (0, 2))]
 )
-def test_clips_of_which_each_moves_something_else_are_shown_together(scene, asked, places):
+def test_clips_with_disjoint_targets_are_combined(scene, asked, places):
     """Animation clips that move different nodes are combined, since Blender's exporter writes one clip per object's action."""
     g = Gltf()
     g.mesh()
@@ -181,7 +181,7 @@ def test_clips_of_which_each_moves_something_else_are_shown_together(scene, aske
     assert not any("clip" in warning for warning in description.warnings)
 
 
-def test_an_unknown_clip_is_told_which_there_are(scene):
+def test_unknown_clip_error_lists_the_clips(scene):
     with pytest.raises(SceneError, match=r"two\.glb: has no clip 'swim'; its clips are 0: walk, 1: jump, 2: grow"):
         scene("two.glb", two_clips().glb(), moment=at(1, "swim"))
     g = Gltf()
@@ -192,7 +192,7 @@ def test_an_unknown_clip_is_told_which_there_are(scene):
         scene("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", moment=at(0, "walk"))
 
 
-def test_pointers_reach_materials_textures_lights_cameras_and_single_weights(scene, png):
+def test_animation_pointers(scene, png):
     description = scene("all.glb", moving_gltf(png).glb(), moment=at(0.5))
     assert not [w for w in description.warnings if "anim" in w]
     material = description.materials[0]
@@ -213,7 +213,7 @@ def test_pointers_reach_materials_textures_lights_cameras_and_single_weights(sce
     np.testing.assert_allclose(morphed, 1.5 * rest, rtol=1e-6)  # the morph target equals the base shape
 
 
-def test_visibility_switches_at_its_keys(scene):
+def test_animated_visibility(scene):
     g = Gltf()
     g.mesh()
     g.mesh()
@@ -228,7 +228,7 @@ def test_visibility_switches_at_its_keys(scene):
         scene("v.glb", g.glb(), moment=at(0.5))
 
 
-def test_what_cannot_move_is_named_in_one_warning(scene):
+def test_unsupported_channels_share_one_warning(scene):
     g = Gltf()
     g.material(name="a")
     g.mesh(material=0)
@@ -245,7 +245,7 @@ def test_what_cannot_move_is_named_in_one_warning(scene):
     assert told == [f"Animated properties that are missing or not supported stand still: {named}, /nodes/1/translation."]
 
 
-def test_what_is_damaged_is_said(scene):
+def test_damaged_animations_cause_warnings(scene):
     def spoiled(change):
         g = arm()
         change(g, g.root["animations"][0]["samplers"][1])

@@ -20,13 +20,13 @@ def morphing(default, **node):
     return g
 
 
-def test_targets_move_by_their_weights(scene):
+def test_morph_targets_by_weights(scene):
     mesh = scene("a.glb", morphing([0.5, 0.25]).glb()).meshes[0]
     np.testing.assert_allclose(mesh.positions, TRIANGLE + np.float32([(0.5, 0, 0.25), (0, 1, 0.25), (0, 0, 1.75)]))
     np.testing.assert_allclose(mesh.normals, 1.5 * UP)
 
 
-def test_a_nodes_weights_go_before_the_meshs(scene):
+def test_node_weights_override_mesh_weights(scene):
     g = morphing([0.5, 0.25], weights=[0, 1])
     g.node(mesh=0)
     g.node(mesh=0)
@@ -50,7 +50,7 @@ def bony(joints, weights, matrices=None):
     return g
 
 
-def test_vertices_follow_their_joints_and_not_their_node(scene):
+def test_skinned_vertices_ignore_the_node_transform(scene):
     g = bony([(0, 1, 0, 0)] * 3, [(1, 0, 0, 0), (0, 1, 0, 0), (0.5, 0.5, 0, 0)])
     description = scene("a.glb", g.glb())
     np.testing.assert_allclose(world(description)[0], [(10, 0, 0), (0, 2, 0), (4, 0.5, 0)], atol=1e-6)
@@ -58,7 +58,7 @@ def test_vertices_follow_their_joints_and_not_their_node(scene):
     np.testing.assert_allclose(normals / np.linalg.norm(normals, axis=1, keepdims=True), UP, atol=1e-6)
 
 
-def test_bind_matrices_come_first(scene):
+def test_inverse_bind_matrices_are_applied_first(scene):
     bind = np.tile(np.eye(4), (2, 1, 1))
     bind[1, :3, 3] = (1, 0, 0)
     g = bony([(1, 0, 0, 0)] * 3, [(1, 0, 0, 0)] * 3, bind)
@@ -70,7 +70,7 @@ def test_weights_need_not_sum_to_one(scene):
     np.testing.assert_allclose(world(scene("a.glb", g.glb()))[0], [(10, 0, 0), (0, 2, 0), (0, 1, 0)], atol=1e-6)
 
 
-def test_copies_without_end_are_refused(scene, monkeypatch):
+def test_too_many_instances_are_rejected(scene, monkeypatch):
     monkeypatch.setattr("renderer.scene.readers.gltf.meshes.MAX_VERTICES", 5)
     g = bony([(0, 0, 0, 0)] * 3, [(1, 0, 0, 0)] * 3)
     g.node(mesh=0, skin=0)
@@ -78,7 +78,7 @@ def test_copies_without_end_are_refused(scene, monkeypatch):
         scene("a.glb", g.glb())
 
 
-def test_what_is_wrong_is_said(scene):
+def test_faults_are_reported(scene):
     g = bony([(2, 0, 0, 0)] * 3, [(1, 0, 0, 0)] * 3)
     description = scene("a.glb", g.glb())
     assert len(description.instances) == 1

@@ -99,7 +99,7 @@ COLOURS = {"specular_color_texture", "sheen_color_texture", "diffuse_transmissio
 
 
 @pytest.mark.parametrize(("name", "fields", "expected"), EXTENSIONS)
-def test_every_field_of_an_extension(scene, png, name, fields, expected):
+def test_extension_fields(scene, png, name, fields, expected):
     g = Gltf()
     for i in range(3):
         g.texture({"bufferView": g.view(png(10 * i, 0, 0)), "mimeType": "image/png"})
@@ -126,7 +126,7 @@ def test_every_field_of_an_extension(scene, png, name, fields, expected):
     assert [w for w in description.warnings if "no light" not in w] == []
 
 
-def test_unlit_leaves_all_but_colour_and_alpha_aside(scene):
+def test_unlit_uses_color_and_alpha_only(scene):
     g = Gltf()
     color = {"baseColorFactor": [0.5, 0.25, 0.125, 0.75]}
     g.material(pbrMetallicRoughness=color, emissiveFactor=[1, 1, 1], alphaMode="BLEND", extensions={"KHR_materials_unlit": {}})
@@ -138,7 +138,7 @@ def test_unlit_leaves_all_but_colour_and_alpha_aside(scene):
 
 @pytest.mark.parametrize("volume", [None, {"thicknessFactor": 0}, {"thicknessFactor": 0.1}])
 @pytest.mark.parametrize("shape", ["closed", "open", "closed by another"])
-def test_light_refracts_in_what_is_filled_or_closed(scene, volume, shape):
+def test_volumes_and_closed_meshes_refract(scene, volume, shape):
     g = Gltf()
     extensions = {"KHR_materials_transmission": {"transmissionFactor": 1}}
     if volume is not None:
@@ -155,7 +155,7 @@ def test_light_refracts_in_what_is_filled_or_closed(scene, volume, shape):
     assert not description.materials[0].thin  # the pane has a material of its own
 
 
-def test_one_material_is_solid_on_one_mesh_and_a_pane_on_another(scene):
+def test_material_is_solid_or_thin_by_mesh(scene):
     g = Gltf()
     g.material(extensions={"KHR_materials_transmission": {"transmissionFactor": 1}})
     g.mesh(TETRAHEDRON, FACES, material=0)

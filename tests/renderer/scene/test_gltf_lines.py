@@ -25,7 +25,7 @@ def mesh_of_lines(scene, mode, thickness=0.1, **options):
 
 
 @pytest.mark.parametrize(("mode", "length"), [(1, 1.0), (2, 2 + 2**0.5), (3, 2.0)])
-def test_lines_are_tubes(scene, mode, length):
+def test_lines_become_tubes(scene, mode, length):
     mesh = mesh_of_lines(scene, mode)
     side = 2 * 0.05 * np.sin(np.pi / 8)
     ends = 8 * 0.05**2 * np.sin(np.pi / 4) / 2
@@ -35,7 +35,7 @@ def test_lines_are_tubes(scene, mode, length):
     assert (np.einsum("tc,tc->t", faces, mesh.normals[mesh.triangles].mean(axis=1)) > 0).all()
 
 
-def test_points_are_balls_with_their_colours(scene):
+def test_points_become_colored_spheres(scene):
     mesh = mesh_of_lines(scene, 0, colors=True)
     middles = mesh.positions.reshape(4, -1, 3).mean(axis=1)
     np.testing.assert_allclose(middles, CORNERS, atol=1e-6)
@@ -43,7 +43,7 @@ def test_points_are_balls_with_their_colours(scene):
     assert mesh.colors.reshape(4, -1, 4)[:, 0, :3].tolist() == [[1, 0, 0], [0, 1, 0], [0, 0, 1], [1, 1, 1]]
 
 
-def test_without_a_thickness_a_note_says_how(scene):
+def test_missing_thickness_causes_a_note(scene):
     g = Gltf()
     g.mesh()
     g.mesh(CORNERS, mode=3)
@@ -51,7 +51,7 @@ def test_without_a_thickness_a_note_says_how(scene):
     assert any("{type: mesh, file: m.glb, thickness: 0.01}" in w for w in description.warnings)
 
 
-def test_what_has_no_lines_takes_no_thickness(scene):
+def test_thickness_is_rejected_for_other_formats(scene):
     text = json.dumps({"shapes": [{"type": "mesh", "file": "a.obj", "thickness": 1}]})
     with pytest.raises(SceneError, match="has no points or lines"):
         scene("s.yaml", text, {"a.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"})

@@ -7,7 +7,7 @@ from renderer.scene.compile import compile_scene
 from tests.renderer.scene.builders import TRIANGLE, Gltf, world
 
 
-def test_nodes_multiply_down_the_tree_in_both_notations(scene):
+def test_node_transforms_in_both_notations(scene):
     g = Gltf()
     leaf = g.mesh()
     half = np.sqrt(0.5)
@@ -17,7 +17,7 @@ def test_nodes_multiply_down_the_tree_in_both_notations(scene):
     np.testing.assert_allclose(world(scene("a.glb", g.glb()))[0], [(11, 22, 33), (11, 24, 33), (8, 22, 33)], atol=1e-6)
 
 
-def test_a_mesh_on_two_nodes_is_kept_once(scene):
+def test_shared_mesh_is_stored_once(scene):
     g = Gltf()
     g.mesh()
     g.node(mesh=0, translation=[5, 0, 0])
@@ -26,14 +26,14 @@ def test_a_mesh_on_two_nodes_is_kept_once(scene):
     np.testing.assert_array_equal(world(description, 1)[0], TRIANGLE + np.float32([5, 0, 0]))
 
 
-def test_nodes_outside_of_the_scene_are_not_shown(scene):
+def test_nodes_outside_the_scene_are_ignored(scene):
     g = Gltf()
     g.mesh()
     g.node(top=False, mesh=0)
     assert len(scene("a.glb", g.glb()).instances) == 1
 
 
-def test_cameras_look_down_minus_z_of_their_node(scene):
+def test_camera_looks_along_minus_z(scene):
     g = Gltf()
     g.mesh()
     g.root["cameras"] = [
@@ -54,7 +54,7 @@ def test_cameras_look_down_minus_z_of_their_node(scene):
     assert (camera.view.near, flat.view.near) == (0.1, 0)
 
 
-def test_punctual_lights_in_watts_along_minus_z(scene):
+def test_punctual_lights_along_minus_z(scene):
     g = Gltf()
     g.mesh()
     spot = {"innerConeAngle": np.radians(20), "outerConeAngle": np.radians(30)}
@@ -83,7 +83,7 @@ def test_punctual_lights_in_watts_along_minus_z(scene):
     assert description.warnings == []
 
 
-def test_instances_of_the_gpu_extension(scene):
+def test_mesh_gpu_instancing(scene):
     g = Gltf()
     node = g.mesh()
     half = np.sqrt(0.5)
@@ -108,7 +108,7 @@ def test_objects_are_named_after_their_nodes(scene):
     assert [i.name for i in scene("a.glb", g.glb()).instances] == ["chair", "chair", "chair (2)", "table"]
 
 
-def test_what_a_file_hides_is_not_shown(scene):
+def test_hidden_nodes_are_not_shown(scene):
     g = Gltf()
     g.mesh()
     g.mesh()["extensions"] = {"KHR_node_visibility": {"visible": False}}
@@ -116,7 +116,7 @@ def test_what_a_file_hides_is_not_shown(scene):
 
 
 @pytest.mark.long
-def test_a_chain_of_many_nodes_is_read(scene):
+def test_deep_node_chain_is_read(scene):
     """A deep chain of nodes, each slightly offset from its parent, is read; only a node with two parents or a cycle is damage."""
     g = Gltf()
     g.mesh()

@@ -44,7 +44,7 @@ def packed(name="EXT_meshopt_compression", filter=None):
 
 
 @pytest.mark.parametrize("name", ["EXT_meshopt_compression", "KHR_meshopt_compression"])
-def test_meshopt_gives_what_was_packed(scene, name):
+def test_meshopt_round_trip(scene, name):
     mesh = scene("a.glb", packed(name).glb()).meshes[0]
     found = np.sort(mesh.positions[mesh.triangles].reshape(60, -1), axis=1)
     wanted = np.sort(POINTS[TRIANGLES].reshape(60, -1), axis=1)  # corners of a triangle may be rotated
@@ -61,7 +61,7 @@ def test_meshopt_gives_what_was_packed(scene, name):
         ("byteLength", 20, "is damaged"),
     ],
 )
-def test_damaged_packing_is_told(scene, key, value, says):
+def test_damaged_meshopt_is_an_error(scene, key, value, says):
     made = packed()
     made.root["bufferViews"][0]["extensions"]["EXT_meshopt_compression"][key] = value
     with pytest.raises(SceneError, match=rf"a\.glb: .*{says}"):

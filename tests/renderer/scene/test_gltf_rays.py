@@ -11,7 +11,7 @@ from renderer.scene.compile import compile_scene
 from tests.renderer.scene.builders import Gltf
 
 
-def test_rays_pass_the_node_by_and_not_the_mesh(scene):
+def test_ray_visibility_applies_per_node(scene):
     g = Gltf()
     g.mesh()
     g.node(mesh=0, extensions={RAYS: {"camera": False}})
@@ -28,7 +28,7 @@ def test_rays_pass_the_node_by_and_not_the_mesh(scene):
     assert [bool(f & SHADELESS) for f in flags] == [False, False, True]
 
 
-def test_it_is_written_on_the_nodes_of_a_name(scene, tmp_path):
+def test_ray_visibility_is_written_by_node_name(scene, tmp_path):
     g = Gltf()
     g.mesh()
     g.node(mesh=0, name="hidden")
@@ -48,7 +48,7 @@ def test_it_is_written_on_the_nodes_of_a_name(scene, tmp_path):
     np.testing.assert_array_equal(found.meshes[0].positions, scene("a.glb", g.glb()).meshes[0].positions)
 
 
-def test_extras_name_light_groups(scene, tmp_path):
+def test_light_groups_in_extras(scene, tmp_path):
     """Light groups are read from the extras of materials, lights and nodes; a node's takes precedence."""
     lights = "KHR_lights_punctual"
     g = Gltf()
@@ -70,7 +70,7 @@ def test_extras_name_light_groups(scene, tmp_path):
     assert any("light_group that is not a name" in each for each in found.warnings)
 
 
-def test_light_groups_of_blender_get_names_that_we_accept():
+def test_blender_light_group_names_are_sanitized():
     layer = SimpleNamespace(lightgroups=[SimpleNamespace(name=n) for n in ("Key.001", "rest", "Fenster süd", "Key.001")])
     assert layer_groups(layer) == "Key_001,Fenster süd"
     assert layer_groups(SimpleNamespace()) == ""

@@ -39,7 +39,7 @@ def single(multiple, g=0.0):
 
 
 @pytest.mark.parametrize("name", ["volume_scatter", "scatter"])
-def test_what_the_volume_attenuates_is_scattered_and_absorbed(look, name):
+def test_volume_attenuation_is_split_into_scattering_and_absorption(look, name):
     said = {"multiscatterColor": MULTIPLE} if name == "volume_scatter" else {"multiscatterColorFactor": [1.0, 0.625, 0.0]}
     said |= {"scatterAnisotropy": 0.5, "scatterStrengthFactor": 0.8}
     found = look(transmission={"transmissionFactor": 1}, volume=VOLUME, **{name: said})
@@ -50,7 +50,7 @@ def test_what_the_volume_attenuates_is_scattered_and_absorbed(look, name):
     assert (found.g, found.attenuation_distance, found.subsurface) == (0.5, math.inf, 0)
 
 
-def test_where_light_goes_in_diffusely_it_is_subsurface_scattering(look):
+def test_diffuse_transmission_becomes_subsurface_scattering(look):
     through = {"diffuseTransmissionFactor": 0.5, "diffuseTransmissionColorFactor": [1, 0.5, 1]}
     scatter = {"multiscatterColor": MULTIPLE, "scatterAnisotropy": 0.2}
     found = look(diffuse_transmission=through, volume=VOLUME, volume_scatter=scatter)
@@ -60,7 +60,7 @@ def test_where_light_goes_in_diffusely_it_is_subsurface_scattering(look):
     assert (found.sigma_s, found.attenuation_distance) == ((0, 0, 0), math.inf)
 
 
-def test_a_sheet_scatters_to_both_sides(look):
+def test_thin_sheet_scatters_to_both_sides(look):
     """A sheet without a volume scatters the light that it does not transmit clearly: (1 + g) / 2 of it forwards, the rest back.
 
     Energy is conserved.
@@ -75,12 +75,12 @@ def test_a_sheet_scatters_to_both_sides(look):
     assert look(transmission={"transmissionFactor": 0.8}, scatter={}).transmission == 0.8
 
 
-def test_without_a_volume_nothing_scatters(look):
+def test_no_scattering_without_a_volume(look):
     found = look(transmission={"transmissionFactor": 1}, volume_scatter={"multiscatterColor": MULTIPLE})
     assert (found.sigma_s, found.sigma_a) == ((0, 0, 0), (0, 0, 0))
 
 
-def test_what_blenders_files_say(look):
+def test_blender_scattering_extensions(look):
     found = look(
         RAYFARM_materials_medium={"sigmaA": [1, 2, 3], "sigmaS": [4, 5, 6], "g": -0.5, "isInterface": True},
         RAYFARM_materials_subsurface={
@@ -93,7 +93,7 @@ def test_what_blenders_files_say(look):
     assert (found.subsurface, found.subsurface_radius, found.subsurface_anisotropy) == (0.75, (0.3, 0.2, 0.1), 0.999)
 
 
-def test_what_is_in_a_medium_of_blenders_is_not_absorbed_a_second_time(look):
+def test_blender_medium_is_attenuated_once(look):
     """A material in a medium of Blender's is attenuated only once.
 
     Blender's exporter writes the colour of the same nodes also as attenuation, which is ignored.

@@ -37,7 +37,7 @@ def across(theta, phi):
 
 
 @pytest.mark.parametrize("header", HEADERS)
-def test_every_standard_is_read(header):
+def test_every_ies_standard_is_read(header):
     web = ies([0.0, 45.0, 90.0], [0.0], lambda theta, phi: 100 - theta, header=header)
     np.testing.assert_allclose(candela_of(read_ies(web, "lamp.ies"), [0, 30, 45, 90], 123.0), [100, 70, 55, 10], rtol=1e-5)
 
@@ -52,14 +52,14 @@ def test_every_standard_is_read(header):
         (dimming, np.arange(0, 360, 5.0)),  # files may omit the last plane, which equals the first
     ],
 )
-def test_symmetry_stands_for_what_is_not_told(web, planes):
+def test_symmetric_profiles_are_completed(web, planes):
     photometry = read_ies(ies(POLAR, planes, web), "lamp.ies")
     for phi in (0, 40, 95, 200, 355):
         theta = np.r_[1, POLAR[1:-1], 179]  # all planes coincide at the poles
         np.testing.assert_allclose(candela_of(photometry, theta, phi), web(theta, phi), rtol=1e-5)
 
 
-def test_between_angles_it_is_bilinear_whatever_their_steps():
+def test_bilinear_interpolation_between_angles():
     vertical, planes = np.array([0.0, 2.5, 10, 20, 47.5, 90]), np.array([0.0, 30, 40, 180])
     table = np.random.default_rng(1).uniform(10, 500, (len(planes), len(vertical)))
     photometry = read_ies(ies(vertical, planes, table), "lamp.ies")
@@ -69,7 +69,7 @@ def test_between_angles_it_is_bilinear_whatever_their_steps():
         np.testing.assert_allclose(candela_of(photometry, theta, phi), np.interp(theta, vertical, own), rtol=1e-4)
 
 
-def test_beyond_its_angles_it_is_dark():
+def test_intensity_is_zero_beyond_the_angles():
     photometry = read_ies(ies([0.0, 30.0, 60.0], [0.0], lambda theta, phi: 100 + 0 * theta), "lamp.ies")
     np.testing.assert_allclose(candela_of(photometry, [0, 59.9, 60.1, 120], 0), [100, 100, 0, 0])
     above = read_ies(ies([90.0, 135.0, 180.0], [0.0], lambda theta, phi: 100 + 0 * theta), "lamp.ies")
@@ -77,7 +77,7 @@ def test_beyond_its_angles_it_is_dark():
 
 
 @pytest.mark.parametrize("planes", [[0.0], [0.0, 22.5, 45, 67.5, 90], list(np.arange(0, 361, 15.0))])
-def test_lumens_are_those_of_an_independent_quadrature(planes):
+def test_lumens_match_an_independent_quadrature(planes):
     vertical = np.array([0.0, 5, 10, 15, 25, 35, 45, 55, 65, 75, 85, 90])
     photometry = read_ies(ies(vertical, planes, lambda theta, phi: 1000 * np.cos(np.radians(theta)) ** 3), "lamp.ies")
     nodes, weights = np.polynomial.legendre.leggauss(40)
@@ -90,13 +90,13 @@ def test_lumens_are_those_of_an_independent_quadrature(planes):
     assert flux_of(photometry.emission)[1] == pytest.approx(whole, rel=1e-5)
 
 
-def test_factors_multiply_and_the_newest_standard_has_one_less():
+def test_factors_by_standard():
     for header, expected in ((HEADERS[2], 100 * 2 * 0.9 * 0.8), (HEADERS[4], 100 * 2 * 0.9)):
         web = ies([0.0, 90.0], [0.0], lambda theta, phi: 100 + 0 * theta, header=header, multiplier=2, ballast=(0.9, 0.8))
         np.testing.assert_allclose(candela_of(read_ies(web, "lamp.ies"), [10], 0), expected, rtol=1e-5)
 
 
-def test_what_is_tilted_is_upright():
+def test_tilt_data_are_read_for_the_upright_position():
     tilt = "TILT=INCLUDE\n1\n3\n0 45 90\n1.0 0.9 0.8\n"
     photometry = read_ies(ies([0.0, 90.0], [0.0], lambda theta, phi: 100 + 0 * theta, tilt=tilt), "lamp.ies")
     np.testing.assert_allclose(candela_of(photometry, [10], 0), 100, rtol=1e-6)
@@ -106,7 +106,7 @@ def test_what_is_tilted_is_upright():
 
 
 @pytest.mark.parametrize(("kind", "is_mirrored"), [("A", False), ("B", False), ("A", True), ("B", True)])
-def test_types_a_and_b_lie_about_their_axis(kind, is_mirrored):
+def test_types_a_and_b(kind, is_mirrored):
     """Horizontal angles are longitudes in type A and latitudes in type B.
 
     The poles of type A are above and below, those of type B left and right.
@@ -148,7 +148,7 @@ GOOD = ies([0.0, 45.0, 90.0], [0.0, 90.0], lambda theta, phi: 100 + 0 * theta).d
         (GOOD.replace("1 1000 1 3 2 1", "1 1000 1 3000000 3000000 1"), "at most"),
     ],
 )
-def test_a_bad_file_gets_a_sentence(text, said):
+def test_damaged_file_is_an_error_message(text, said):
     with pytest.raises(SceneError, match=r"lamp\.ies: ") as error:
         read_ies(text.encode(), "lamp.ies")
     assert said in str(error.value)
@@ -158,7 +158,7 @@ WORDS = ("0", "-1", "1e308", "nan", "inf", "3", "90", "1e-300", "", "x", "1e9", 
 
 
 @given(st.lists(st.tuples(st.integers(0, 60), st.sampled_from(WORDS)), min_size=1, max_size=3), st.sampled_from("ABC"))
-def test_whatever_stands_in_a_file_it_is_a_profile_or_a_sentence(changes, kind):
+def test_arbitrary_files_are_read_or_rejected(changes, kind):
     angles = np.arange(0, 91, 30.0)
     words = ies(angles, angles, lambda theta, phi: 100 + theta, kind=kind).decode().split(" ")
     for place, word in changes:
@@ -170,7 +170,7 @@ def test_whatever_stands_in_a_file_it_is_a_profile_or_a_sentence(changes, kind):
     assert np.isfinite(values).all() and values.min() >= 0
 
 
-def test_a_narrow_beam_keeps_its_shape():
+def test_narrow_beam_is_resampled_precisely():
     vertical = np.r_[np.arange(0, 10, 0.1), np.arange(10, 91, 5.0)]
     photometry = read_ies(ies(vertical, [0.0], lambda theta, phi: 1e5 * np.exp(-((theta / 2) ** 2))), "lamp.ies")
     theta = np.array([0.0, 0.55, 1.0, 2.0, 3.33])

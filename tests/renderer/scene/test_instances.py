@@ -29,7 +29,7 @@ def many(meshes, copies, materials=None, **more):
     )
 
 
-def test_few_copies_of_small_meshes_are_copied_and_many_are_kept_once():
+def test_small_meshes_are_instanced_if_there_are_many_copies():
     ball = icosphere(3)  # 1280 triangles
     assert plan_instancing(many([ball], 20)).groups == []
     sharing = plan_instancing(many([ball], 30))
@@ -39,13 +39,13 @@ def test_few_copies_of_small_meshes_are_copied_and_many_are_kept_once():
     assert plan_instancing(many([shapes.quad("q")], 5000)).groups == []
 
 
-def test_in_large_scenes_everything_repeated_is_kept_once(monkeypatch):
+def test_large_scenes_instance_every_repeated_mesh(monkeypatch):
     monkeypatch.setattr("renderer.scene.instances._LARGE", 1000)
     assert len(plan_instancing(many([icosphere(2)], 4)).groups) == 1
     assert plan_instancing(many([icosphere(2)], 3)).groups == []
 
 
-def test_meshes_that_always_stand_together_are_one_tree():
+def test_meshes_placed_together_share_one_tree():
     description = many([icosphere(3), icosphere(3, material=1), icosphere(3)], 30, [Material(), Material()])
     description.instances.append(Instance(2, moved(-50.0)))  # the third mesh also has an instance of its own
     groups = plan_instancing(description).groups
@@ -57,7 +57,7 @@ def test_meshes_that_always_stand_together_are_one_tree():
     assert sorted(np.bincount(compiled.part[compiled.triangle[:, 3], PART_MATERIAL])) == [1280, 2560]
 
 
-def test_what_shines_is_copied_into_the_world():
+def test_emitters_are_copied_into_world_space():
     description = many([icosphere(3)], 40, [Material(), Material(emission=(1.0, 0.0, 0.0))])
     for i in (3, 7):
         description.instances[i].material = 1
@@ -100,14 +100,14 @@ def test_instances_keep_their_names_and_materials_and_the_scene_its_bounds():
     assert 100 < np.linalg.norm(eye - [97.5, 0, 0]) < 500  # all instances are in view
 
 
-def test_repeated_triangles_count_once(monkeypatch):
+def test_instanced_triangles_count_once(monkeypatch):
     monkeypatch.setattr("renderer.scene.geometry.MAX_TRIANGLES", 2000)
     assert len(compile_scene(many([icosphere(3)], 1000)).to_world) == 1000
     with pytest.raises(SceneError, match="repeated meshes counted once"):
         compile_scene(many([icosphere(3), icosphere(3)], 1000))
 
 
-def test_an_instance_beyond_float32_is_an_error():
+def test_instance_beyond_float32_range_is_an_error():
     description = many([icosphere(3)], 40)
     description.instances[0].transform[0, 3] = 1e30
     with pytest.raises(SceneError, match="too large for 32-bit numbers"):

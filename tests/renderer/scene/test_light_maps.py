@@ -53,7 +53,7 @@ def four_colors(side=64):
 PICTURE = encode.encode(four_colors(), "exr")
 
 
-def test_a_scene_file_names_profiles_and_pictures(scene):
+def test_scene_file_profiles_and_images(scene):
     found = scene(
         "s.yaml",
         """
@@ -84,7 +84,7 @@ lights:
     assert found.warnings == []
 
 
-def test_a_light_that_turns_keeps_its_profile(scene):
+def test_rotating_light_keeps_its_profile(scene):
     text = "lights: [{type: point, position: [0, 2, 0], profile: a.ies, direction: {keys: [[0, [0, -1, 0]], [1, [1, 0, 0]]]}}]\n"
     for seconds, direction in ((0, (0, -1, 0)), (1, (1, 0, 0))):
         found = scene("s.yaml", text + QUAD, {"a.ies": PROFILE}, moment=Moment(frame=24.0 * seconds))
@@ -117,12 +117,12 @@ def test_a_light_that_turns_keeps_its_profile(scene):
         ),
     ],
 )
-def test_what_a_scene_file_gets_wrong_is_said(scene, light, said):
+def test_scene_file_light_errors(scene, light, said):
     with pytest.raises(SceneError, match=said):
         scene("s.yaml", f"lights: [{light}]\n" + QUAD, {"a.ies": PROFILE, "bad.ies": b"no", "slide.exr": PICTURE})
 
 
-def test_gltf_shapes_lights_by_profiles(scene):
+def test_gltf_light_profiles(scene):
     """Profiles of EXT_lights_ies have their zero angle at -Z, and horizontal angles from X to Y."""
     g = Gltf()
     g.mesh()
@@ -138,7 +138,7 @@ def test_gltf_shapes_lights_by_profiles(scene):
         np.testing.assert_allclose(sent(light, np.add((1, 2, 3), w)), expected, rtol=1e-3)
 
 
-def test_gltf_without_the_profile_says_so(scene):
+def test_gltf_missing_profile_causes_a_warning(scene):
     g = Gltf()
     g.mesh()
     g.root["extensions"] = {"EXT_lights_ies": {"lights": [{"uri": "lamp.ies"}]}}
@@ -148,7 +148,7 @@ def test_gltf_without_the_profile_says_so(scene):
 
 
 @pytest.mark.parametrize("kind", ["SphereLight", "DiskLight", "RectLight"])
-def test_usd_shapes_lights_by_profiles(tmp_path, kind):
+def test_usd_light_profiles(tmp_path, kind):
     """USD profiles scale radiance by direction as in hdEmbree: their axis is -Z, C0 is towards -X and C90 towards -Y."""
     (tmp_path / "lamp.ies").write_bytes(PROFILE)
     made = usd_files.stage(tmp_path / "a.usda", "Y", 1.0)
@@ -169,7 +169,7 @@ def test_usd_shapes_lights_by_profiles(tmp_path, kind):
         np.testing.assert_allclose(sent(found, np.add((1, 2, 3), w)), expected, rtol=2e-3)
 
 
-def test_usd_stretches_and_normalises_profiles(tmp_path):
+def test_usd_profile_scale_and_normalization(tmp_path):
     (tmp_path / "lamp.ies").write_bytes(ies(ANGLES, [0.0], lambda theta, phi: 1000 * np.cos(np.radians(theta / 2)) ** 2))
     made = usd_files.stage(tmp_path / "a.usda", "Y", 1.0)
     usd_files.cube(made, "/m")
@@ -206,7 +206,7 @@ POINTS = [(0.3, 0.2, 1), (-0.3, 0.2, 1), (0.3, -0.2, 1), (-0.3, -0.2, 1)]
 COLORS = [(0, 1, 0), (1, 0, 0), (1, 1, 1), (0, 0, 1)]  # pbrt's x is to the right for a viewer facing z
 
 
-def test_pbrt_projects_pictures(scene):
+def test_pbrt_projection_light(scene):
     """Images projected by pbrt's lights are upright for a viewer facing z; the intensity does not depend on the angle."""
     lamp = 'LightSource "projection" "string filename" "slide.exr" "float fov" 60 "float scale" 5\n'
     found = scene("s.pbrt", world(lamp + "".join(map(_near, POINTS))), {"slide.exr": PICTURE})
@@ -220,7 +220,7 @@ def test_pbrt_projects_pictures(scene):
     np.testing.assert_allclose(sent(powered.lights[0], _positions(powered)[0]), (0, 5 / whole, 0), rtol=1e-3, atol=1e-6)
 
 
-def test_pbrt_shines_by_goniometric_pictures(scene):
+def test_pbrt_goniometric_light(scene):
     """Goniometric images of pbrt's lights are equal-area squares centred on y, multiplied by the light's spectrum."""
     from renderer.scene.readers.pbrt.equal_area import to_square
 
@@ -239,7 +239,7 @@ def test_pbrt_shines_by_goniometric_pictures(scene):
     np.testing.assert_allclose(ratio, 1 / (4 * math.pi * pixels.mean()), rtol=1e-4)
 
 
-def test_mitsuba_projects_pictures(scene):
+def test_mitsuba_projector(scene):
     """Images projected by Mitsuba's lights are upright for a viewer facing z, with x to the left.
 
     A spot light's texture is rotated by 180 degrees.

@@ -51,7 +51,7 @@ def blue():
 
 
 @pytest.mark.parametrize("statements", ["Ka 1 1 1\nillum 2\nTf 1 1 1\nd 1.0\nTr 0\nKm 0\nsharpness 60", "Tf 0 0 0\nillum 4"])
-def test_statements_that_change_nothing_are_no_loss(scene, statements):
+def test_statements_without_effect_cause_no_warning(scene, statements):
     name, text, mtl = obj("".join(f"newmtl {each}\nKd .5 .5 .5\nNi 1.5\n{statements}\n" for each in "ab"))
     assert not [w for w in scene(name, text, {"a.mtl": mtl}).warnings if "light" not in w]
 
@@ -107,7 +107,7 @@ def test_values_of_gltf_files(scene, png, change, said):
     assert any(said in w for w in found.warnings), found.warnings
 
 
-def test_rounding_of_gltf_files_is_no_loss(scene):
+def test_rounding_in_gltf_causes_no_warning(scene):
     made = Gltf()
     look = {"baseColorFactor": [1.0000001, 1, 1, 1], "roughnessFactor": -1e-9}
     made.mesh(material=made.material(pbrMetallicRoughness=look))

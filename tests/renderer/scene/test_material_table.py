@@ -51,7 +51,7 @@ def test_no_two_parameters_share_a_column_or_a_slot():
     )  # emission texels have a scale, so this slot is filled separately
 
 
-def test_the_words_beneath_a_parameter_are_the_schemas():
+def test_parameter_descriptions_appear_in_the_schema():
     properties = json.loads((ROOT / "docs" / "scene-schema.json").read_text())["$defs"]["material"]["properties"]
     assert properties["thin"] == {"description": "A pane, which does not refract.", "type": "boolean"}
     assert properties["normal_scale"] == {"type": "number", "minimum": -100, "maximum": 100}
@@ -59,7 +59,7 @@ def test_the_words_beneath_a_parameter_are_the_schemas():
 
 
 @pytest.mark.parametrize("parameter", NUMBERS, ids=lambda p: p.name)
-def test_a_scene_file_sets_a_parameter_and_its_column_has_it(scene, parameter):
+def test_scene_file_parameter_reaches_its_column(scene, parameter):
     value = other(parameter)
     written = [value] * COUNT[parameter.form] if parameter.form in COUNT else value
     needs = {"blinn_phong": {"specular_color": 0}, "conductor": {"eta": 1, "k": 1}}.get(parameter.kinds[0], {})
@@ -77,7 +77,7 @@ def test_a_scene_file_sets_a_parameter_and_its_column_has_it(scene, parameter):
 
 
 @pytest.mark.parametrize("parameter", [p for p in PARAMETERS if p.form == "texture"], ids=lambda p: p.name)
-def test_a_scene_file_sets_a_texture_and_its_slot_has_it(scene, png, parameter):
+def test_scene_file_texture_reaches_its_slot(scene, png, parameter):
     material = {"kind": parameter.kinds[-1], "emission": 1, parameter.in_file: "t"}
     document = {
         "materials": {"m": material},
@@ -92,7 +92,7 @@ def test_a_scene_file_sets_a_texture_and_its_slot_has_it(scene, png, parameter):
 
 
 @pytest.mark.parametrize("parameter", IN_GLTF, ids=lambda p: p.name)
-def test_gltf_sets_a_parameter(scene, png, parameter):
+def test_gltf_parameter_is_read(scene, png, parameter):
     *way, key = parameter.gltf.split(".")
     g = Gltf()
     expected = value = other(parameter) if parameter.form not in ("texture", "flag") else True
@@ -113,14 +113,14 @@ def test_gltf_sets_a_parameter(scene, png, parameter):
 
 
 @pytest.mark.parametrize("parameter", [p for p in PARAMETERS if p.mtl], ids=lambda p: p.name)
-def test_an_mtl_sets_a_parameter(scene, parameter):
+def test_mtl_parameter_is_read(scene, parameter):
     obj = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl m\nf 1 2 3\n"
     read = scene("a.obj", obj, {"m.mtl": f"newmtl m\nPr 0.3\n{parameter.mtl} {other(parameter)}\n"}).materials[0]
     assert getattr(read, parameter.name) == pytest.approx(other(parameter))
 
 
 @pytest.mark.parametrize("parameter", NUMBERS, ids=lambda p: p.name)
-def test_what_a_reader_lets_through_stops_at_the_packing(parameter):
+def test_packing_rejects_invalid_parameters(parameter):
     for wrong in (math.nan, parameter.low - 1, parameter.high + 1):
         if math.isinf(wrong):
             continue
@@ -129,7 +129,7 @@ def test_what_a_reader_lets_through_stops_at_the_packing(parameter):
             row(Material("odd", "metallic_roughness", **{parameter.name: value}))
 
 
-def test_other_faults_are_told_too():
+def test_packing_rejects_other_faults():
     for fields, sentence in (
         ({"kind": "velvet"}, "its kind is 'velvet'; known are diffuse, mirror"),
         ({"double_sided": 1}, "its double_sided is 1; it must be true or false"),

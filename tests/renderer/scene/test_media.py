@@ -22,20 +22,20 @@ def listed(*materials: Material, medium: Medium | None = None):
     return list_media(SceneDescription(materials=list(materials), medium=medium))
 
 
-def test_each_medium_is_listed_once_behind_the_worlds() -> None:
+def test_media_are_listed_once_after_the_world_medium() -> None:
     found = listed(Material(), Material(kind="interface", **FOG), Material(kind="glass"), Material(kind="glass", **FOG))
     assert found.material_medium.tolist() == [-1, 1, 0, 1]
     assert found.medium == pytest.approx(np.array([[0.0] * 8, [0.1, 0.1, 0.1, 1.0, 2.0, 3.0, 0.5, 0.0]]))
 
 
-def test_the_worlds_medium_is_the_first() -> None:
+def test_world_medium_is_first() -> None:
     found = listed(Material(kind="glass"), medium=Medium(**FOG))
     assert found.medium[0, 3:7].tolist() == [1.0, 2.0, 3.0, 0.5]
     assert found.material_medium.tolist() == [1]
     assert not found.medium[1].any()
 
 
-def test_where_nothing_scatters_glass_needs_no_medium() -> None:
+def test_absorbing_glass_alone_needs_no_medium() -> None:
     """Glass that only absorbs needs no medium: kernels without media handle absorption."""
     found = listed(Material(kind="glass", sigma_a=(1.0, 1.0, 1.0)), Material(kind="interface"))
     assert not found.medium.any()
@@ -52,12 +52,12 @@ def test_where_nothing_scatters_glass_needs_no_medium() -> None:
         (Material(kind="metallic_roughness", diffuse_transmission=0.5), False),
     ],
 )
-def test_an_inside_is_what_light_gets_into(material: Material, has: bool) -> None:
+def test_materials_with_an_interior(material: Material, has: bool) -> None:
     found = listed(Material(kind="interface", sigma_s=(9.0, 9.0, 9.0)), material)
     assert (found.material_medium[1] >= 0) == has
 
 
-def test_absorption_is_what_either_says() -> None:
+def test_absorption_from_sigma_or_attenuation() -> None:
     glass = Material(kind="glass", sigma_a=(0.1, 0.2, 0.3), attenuation_color=(0.5, 0.5, 0.5), attenuation_distance=2.0)
     packed = pack(SceneDescription(materials=[glass]))
     expected = np.array((0.1, 0.2, 0.3)) + np.log(2) / 2
@@ -65,14 +65,14 @@ def test_absorption_is_what_either_says() -> None:
     assert packed.material_flags[0] & rows.ABSORBING
 
 
-def test_too_many_media_are_said() -> None:
+def test_too_many_media_are_an_error() -> None:
     fogs = [Material(kind="interface", sigma_s=(1.0, 1.0, 1.0 + i)) for i in range(rows.MOST_MEDIA)]
     with pytest.raises(SceneError, match="1023 are supported"):
         listed(*fogs)
 
 
 @pytest.mark.parametrize("wrong", [{"sigma_a": (-1.0, 0.0, 0.0)}, {"sigma_s": (np.nan, 0.0, 0.0)}, {"g": 1.0}])
-def test_a_reader_that_gives_no_medium_is_told_so(wrong) -> None:
+def test_invalid_medium_is_an_error(wrong) -> None:
     with pytest.raises(SceneError, match="world's medium"):
         listed(medium=Medium(**wrong))
     with pytest.raises(SceneError, match="it must be"):
@@ -91,7 +91,7 @@ KERNEL_VARIANTS = {
 
 
 @pytest.mark.parametrize("name", KERNEL_VARIANTS)
-def test_only_scenes_with_media_get_kernels_with_media(name: str) -> None:
+def test_media_select_the_media_variant(name: str) -> None:
     more, variant = KERNEL_VARIANTS[name]
     scene = SceneDescription(
         materials=[more["material"]], medium=more.get("medium"), spheres=[Sphere((0, 0, 0), 1.0)], environment=Environment()
@@ -101,7 +101,7 @@ def test_only_scenes_with_media_get_kernels_with_media(name: str) -> None:
     assert variant_of(compiled, camera_moves=True) == ("moving-media" if variant == "media" else "moving")
 
 
-def test_a_scene_file_says_media(scene) -> None:
+def test_scene_file_media(scene) -> None:
     document = {
         "medium": {"sigma_s": 0.5, "sigma_a": [0.1, 0.2, 0.3], "g": -0.2},
         "materials": {"fog": {"kind": "interface", "sigma_s": [1, 2, 3], "g": 0.4}},
@@ -114,7 +114,7 @@ def test_a_scene_file_says_media(scene) -> None:
 
 
 @pytest.mark.parametrize("field", ["color", "emission", "opacity", "texture", "roughness", "subsurface"])
-def test_an_interface_has_nothing_but_its_medium(scene, field: str) -> None:
+def test_interface_rejects_surface_fields(scene, field: str) -> None:
     document = {
         "materials": {"fog": {"kind": "interface", field: 1 if field != "texture" else "t"}},
         "shapes": [{"type": "cube"}],
@@ -124,6 +124,6 @@ def test_an_interface_has_nothing_but_its_medium(scene, field: str) -> None:
 
 
 @pytest.mark.parametrize("wrong", [{"g": 1}, {"sigma_s": -1}, {"sigma_s": [1, 2]}, {"density": 1}])
-def test_what_is_wrong_in_a_medium_is_said_with_its_line(scene, wrong) -> None:
+def test_medium_errors_name_the_line(scene, wrong) -> None:
     with pytest.raises(SceneError, match=r"s\.yaml, line 1"):
         scene("s.yaml", json.dumps({"medium": wrong, "shapes": [{"type": "quad"}]}))

@@ -36,14 +36,14 @@ def same(one, other):
             np.testing.assert_array_equal(mine, theirs, name)
 
 
-def test_normals_are_made_of_many_as_of_each():
+def test_batched_normals_equal_single_ones():
     made = shapes(np.random.default_rng(5), bare=True)
     for mesh, together in zip(made, smoothed_together(made), strict=True):
         same(smoothed(mesh), together)
 
 
 @pytest.mark.parametrize("odd", [None, "a normal without a direction", "a place beyond all numbers"])
-def test_small_instances_are_placed_together_as_one_by_one(monkeypatch, odd):
+def test_batched_placing_equals_single_placing(monkeypatch, odd):
     rng = np.random.default_rng(6)
     description = SceneDescription(meshes=shapes(rng), materials=[Material(f"{i}") for i in range(4)])
     for i in range(3 * SHAPES):

@@ -45,7 +45,7 @@ def reflectance(n, k):
 
 
 @pytest.mark.parametrize("metal", MEASURED)
-def test_the_numbers_are_those_of_the_measurements(metal):
+def test_metal_indices_match_measurements(metal):
     table = np.array([row.split() for row in MEASURED[metal].split(",")], float)
     n, k = (np.interp(WAVELENGTHS, table[:, 0], table[:, c]) for c in (1, 2))
     eta, kappa = METALS[metal]
@@ -70,7 +70,7 @@ def test_the_numbers_are_those_of_the_measurements(metal):
         ("platinum", (0.673, 0.637, 0.585)),
     ],
 )
-def test_the_colours_are_the_known_ones(metal, known):
+def test_metal_colors_match_published_ones(metal, known):
     eta, k = METALS[metal]
     # Measured films differ by how they were made, most for titanium.
     np.testing.assert_allclose(
@@ -78,7 +78,7 @@ def test_the_colours_are_the_known_ones(metal, known):
     )
 
 
-def test_brass_is_yellow_and_tungsten_a_warm_grey():
+def test_colors_of_brass_and_tungsten():
     red, green, blue = reflectance(*(np.array(v) for v in METALS["brass"]))
     assert red > green > 1.7 * blue
     grey = reflectance(*(np.array(v) for v in METALS["tungsten"]))

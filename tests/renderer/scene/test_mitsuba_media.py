@@ -39,7 +39,7 @@ def named(found: SceneDescription, sentence: str) -> bool:
 
 
 @pytest.mark.parametrize(("bsdf", "kind"), [(GLASS, "glass"), ('<bsdf type="roughdielectric"/>', "glass"), (NULL, "interface")])
-def test_a_medium_fills_glass_and_what_is_no_surface(tmp_path: Path, bsdf: str, kind: str) -> None:
+def test_medium_fills_glass_and_interfaces(tmp_path: Path, bsdf: str, kind: str) -> None:
     found = scene_of(tmp_path, SMOKE + BALL.format(bsdf + within()) + BALL.format('<bsdf type="diffuse"/>' + within()))
     made, medium = of(found)
     assert made.kind == kind
@@ -49,7 +49,7 @@ def test_a_medium_fills_glass_and_what_is_no_surface(tmp_path: Path, bsdf: str, 
     assert not named(found, "medium|not taken over")
 
 
-def test_each_filling_is_a_material_of_its_own(tmp_path: Path) -> None:
+def test_each_medium_makes_its_own_material(tmp_path: Path) -> None:
     glass = '<ref id="g"/>'
     shared = BALL.format(glass + within()) + BALL.format(glass)
     found = scene_of(tmp_path, SMOKE + '<bsdf type="dielectric" id="g"/>' + shared)
@@ -71,7 +71,7 @@ def test_each_filling_is_a_material_of_its_own(tmp_path: Path) -> None:
         ('<rgb name="sigma_a" value="1 2 3"/><rgb name="sigma_s" value="4 5 6"/>', Medium((1, 2, 3), (4, 5, 6))),
     ],
 )
-def test_the_ways_to_say_a_medium(tmp_path: Path, inside: str, expected: Medium) -> None:
+def test_medium_notations(tmp_path: Path, inside: str, expected: Medium) -> None:
     filled = f'<medium type="homogeneous" name="interior">{inside}</medium>'
     found = scene_of(tmp_path, BALL.format(NULL + filled))
     assert close(of(found)[1], expected)
@@ -86,7 +86,7 @@ def test_substances_of_mitsuba_0_6(tmp_path: Path) -> None:
     assert close(of(found, 1)[1], Medium((0.032, 0.17, 0.48), (0.74, 0.88, 1.01)))
 
 
-def test_the_glass_of_a_bubble_is_filled_with_what_is_around_it(tmp_path: Path) -> None:
+def test_bubble_is_filled_with_the_exterior_medium(tmp_path: Path) -> None:
     bubble = '<bsdf type="dielectric"><string name="int_ior" value="air"/><string name="ext_ior" value="water"/></bsdf>'
     found = scene_of(tmp_path, SMOKE + BALL.format(bubble + within("exterior")))
     (made,) = found.materials
@@ -95,9 +95,7 @@ def test_the_glass_of_a_bubble_is_filled_with_what_is_around_it(tmp_path: Path) 
 
 
 @pytest.mark.parametrize(("radius", "is_world"), [(0.5, True), (9, False)])
-def test_the_sensors_medium_fills_the_world_unless_a_shape_around_it_is_filled_so(
-    tmp_path: Path, radius: float, is_world: bool
-) -> None:
+def test_sensor_medium_fills_the_world_unless_inside_a_shape(tmp_path: Path, radius: float, is_world: bool) -> None:
     sensor = '<sensor type="perspective"><ref id="smoke"/><transform name="to_world"><translate z="3"/></transform></sensor>'
     found = scene_of(tmp_path, SMOKE + sensor + BALL.format(f'<float name="radius" value="{radius}"/>{NULL}{within()}'))
     assert found.medium is None if not is_world else close(found.medium or Medium(), HELD)
@@ -126,11 +124,11 @@ def test_the_sensors_medium_fills_the_world_unless_a_shape_around_it_is_filled_s
         ),
     ],
 )
-def test_what_is_not_taken_over_is_named(tmp_path: Path, inside: str, sentence: str) -> None:
+def test_unsupported_content_is_named(tmp_path: Path, inside: str, sentence: str) -> None:
     assert named(scene_of(tmp_path, inside, "0.6.0" if "dipole" in inside else "3.0.0"), sentence)
 
 
-def test_a_light_of_no_surface_is_a_lamp_without_a_body(tmp_path: Path) -> None:
+def test_area_light_on_interface_is_a_lamp_without_a_body(tmp_path: Path) -> None:
     found = scene_of(tmp_path, SMOKE + BALL.format(NULL + '<emitter type="area"/>' + within()))
     made, medium = of(found)
     assert (made.kind, made.lamp, medium) == ("diffuse", True, Medium())
@@ -144,13 +142,13 @@ def test_a_light_of_no_surface_is_a_lamp_without_a_body(tmp_path: Path) -> None:
         ('<rgb name="sigma_a" value="0.1 0.2 0.4"/><float name="scale" value="3"/>', np.array([0.3, 0.6, 1.2])),
     ],
 )
-def test_hair_has_its_colour(tmp_path: Path, said: str, absorbed: np.ndarray) -> None:
+def test_hair_color(tmp_path: Path, said: str, absorbed: np.ndarray) -> None:
     made = of(scene_of(tmp_path, BALL.format(f'<bsdf type="hair">{said}</bsdf>')))[0]
     np.testing.assert_allclose(made.base_color, color_of(absorbed, 0.3))
     assert made.ior == pytest.approx(1.55 / 1.000277)
 
 
-def test_a_bump_map_becomes_slopes(tmp_path: Path) -> None:
+def test_bump_map_slopes(tmp_path: Path) -> None:
     """A bump map on a square 2 wide becomes slopes of its heights, which rise by 2 / 255 per texel of 1/64 of its width.
 
     The slopes are multiplied by the map's scale.

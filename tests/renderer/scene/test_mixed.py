@@ -12,7 +12,7 @@ RED, BLUE = Material(base_color=(0.8, 0.2, 0.1)), Material(base_color=(0.0, 0.2,
 METAL = Material(kind="conductor", eta=(0.2, 0.9, 1.1), k=(3.9, 2.4, 2.2), roughness=0.3)
 
 
-def test_paint_with_paint_with_nothing_and_with_itself():
+def test_diffuse_mixtures():
     both = mix_materials(RED, BLUE, 0.25)
     assert (both.kind, both.base_color) == ("diffuse", pytest.approx((0.6, 0.2, 0.2)))
     nothing = Material(opacity=0.0, alpha_mode="blend")
@@ -22,7 +22,7 @@ def test_paint_with_paint_with_nothing_and_with_itself():
     assert mix_materials(RED, METAL, 1.0) is METAL
 
 
-def test_metal_on_paint_reflects_its_share():
+def test_mixture_of_metal_and_diffuse():
     for made in (mix_materials(RED, METAL, 0.3), mix_materials(METAL, RED, 0.7)):
         assert (made.kind, made.metallic, made.roughness, made.specular) == ("metallic_roughness", 0.0, 0.3, pytest.approx(0.3))
         head_on = ((0.2 - 1) ** 2 + 3.9**2) / ((0.2 + 1) ** 2 + 3.9**2)
@@ -30,7 +30,7 @@ def test_metal_on_paint_reflects_its_share():
         assert 0.7 * 0.8 < made.base_color[0] < 0.8  # the paint's share is restored after the metal's reflection
 
 
-def test_two_glosses_are_one_only_where_they_are_alike():
+def test_mixture_of_two_glossy_layers_requires_equal_gloss():
     gloss = Material(kind="metallic_roughness", base_color=(0.7, 0.3, 0.2), roughness=0.4)
     same = mix_materials(gloss, replace(gloss, base_color=(0.1, 0.3, 0.2)), 0.5)
     assert (same.specular, same.base_color) == (1.0, pytest.approx((0.4, 0.3, 0.2)))
@@ -41,7 +41,7 @@ def test_two_glosses_are_one_only_where_they_are_alike():
     assert mix_materials(replace(RED, base_color_texture=1), METAL, 0.5).base_color_texture == 1
 
 
-def test_pbrts_mix(scene):
+def test_pbrt_mix_material(scene):
     parts = """MakeNamedMaterial "a" "string type" "diffuse" "rgb reflectance" [.8 .2 .1]
     MakeNamedMaterial "b" "string type" "conductor" "float roughness" 0.1
     MakeNamedMaterial "c" "string type" "dielectric" """

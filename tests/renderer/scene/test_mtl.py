@@ -41,13 +41,13 @@ def picture(pixels):
         ("-clamp on\t-s 1 1 1  1 wood.png", "1 wood.png", "clamp", (1, 0, 0, 0, 1, 0)),
     ],
 )
-def test_options_before_a_textures_name(material, png, statement, name, wrap, transform):
+def test_map_options(material, png, statement, name, wrap, transform):
     description, _ = material(f"map_Kd {statement}", {name: png(1, 2, 3)})
     assert description.images[0].name == name
     assert (description.textures[0].wrap_s, description.textures[0].transform) == (wrap, transform)
 
 
-def test_base_and_gain_move_linear_values(material):
+def test_map_base_and_gain(material):
     grey = picture([[[0, 0, 0], [127, 127, 127], [255, 255, 255]]])
     description, found = material("map_Pr -mm 0.2 0.4 r.png", {"r.png": grey})
     image = description.images[description.textures[found.metallic_roughness_texture].image]
@@ -59,7 +59,7 @@ def test_base_and_gain_move_linear_values(material):
     assert found.base_color_texture is not None
 
 
-def test_a_decal_shows_the_map_on_the_colour(material):
+def test_decal_blends_map_and_color(material):
     """A decal shows map_Kd where the decal map is 1 and Kd where it is 0, as specified; each map has its own options."""
     files = {"a.png": picture([[[250, 0, 0], [0, 250, 0]]]), "shape.png": picture([[[0, 0, 0], [200, 200, 200]]])}
     statements = "Kd 0.5 0.25 1\nmap_Kd -s 4 4 a.png\ndecal -clamp on -s 2 2 shape.png"
@@ -76,7 +76,7 @@ def test_a_decal_shows_the_map_on_the_colour(material):
     assert (above.wrap_s, above.transform) == ("clamp", (2, 0, 0, 0, 2, -1))
 
 
-def test_a_decal_with_opacity_and_one_without_a_map(material):
+def test_decal_with_opacity_and_without_map(material):
     files = {
         "a.png": picture([[[250, 0, 0]] * 2]),
         "shape.png": picture([[[9, 9, 9]]]),
@@ -92,14 +92,14 @@ def test_a_decal_with_opacity_and_one_without_a_map(material):
     assert any("its decal is left out, since there is no map_Kd" in w for w in description.warnings)
 
 
-def test_a_gain_beyond_all_light_ends_at_the_most(material):
+def test_huge_gain_is_clamped(material):
     sky = encode(np.ones((1, 2, 3), np.float32), "exr")
     description, found = material("map_Ke -mm 0 1e39 sky.exr", {"sky.exr": sky})
     image = description.images[description.textures[found.emission_texture].image]
     np.testing.assert_array_equal(image.pixels, np.float32(1e9))
 
 
-def test_scale_and_offset_mean_what_they_mean_in_obj(material, png):
+def test_map_scale_and_offset(material, png):
     description, _ = material("map_Kd -s 2 3 -o 0.25 0.5 wood.png", {"wood.png": png(1, 2, 3)})
     matrix = np.array(description.textures[0].transform).reshape(2, 3)
     u, v = 0.3, 0.7  # v runs upwards in the file; ours is 1 - v
@@ -116,7 +116,7 @@ def test_the_physical_extension(material, png):
     assert not description.images[description.textures[found.normal_texture].image].srgb
 
 
-def test_maps_of_roughness_and_metal_share_a_texture(material):
+def test_roughness_and_metal_maps_are_packed(material):
     rough, metal = picture([[[10, 0, 0], [20, 0, 0]]]), picture([[[30, 0, 0]], [[40, 0, 0]]])
     description, found = material("map_Pr r.png\nmap_Pm m.png", {"r.png": rough, "m.png": metal})
     image = description.images[description.textures[found.metallic_roughness_texture].image]
@@ -135,7 +135,7 @@ def test_opacity(material, statement, opacity):
     assert (found.opacity, found.alpha_mode) == (opacity, "blend" if opacity < 1 else "opaque")
 
 
-def test_a_map_of_opacity_goes_into_the_colours_alpha(material):
+def test_opacity_map_becomes_the_color_alpha(material):
     leaf, mask = picture([[[1, 2, 3], [4, 5, 6]]]), picture([[[0, 0, 0], [200, 200, 200]]])
     description, found = material("map_Kd leaf.png\nmap_d mask.png", {"leaf.png": leaf, "mask.png": mask})
     image = description.images[description.textures[found.base_color_texture].image]
@@ -148,7 +148,7 @@ def test_a_map_of_opacity_goes_into_the_colours_alpha(material):
     assert found.base_color == (0.5, 0.5, 0.5)
 
 
-def test_a_bump_map_is_taken_where_it_holds_normals(material, png):
+def test_bump_map_with_normals_is_used(material, png):
     flat = picture(np.full((2, 2, 3), (128, 127, 255)))
     description, found = material("map_Bump -bm 0.5 n.png", {"n.png": flat})
     assert (found.normal_scale, description.textures[found.normal_texture].image) == (0.5, 0)
@@ -158,7 +158,7 @@ def test_a_bump_map_is_taken_where_it_holds_normals(material, png):
 
 
 @pytest.mark.parametrize(("faces", "thin"), [(TETRAHEDRON, False), (TRIANGLE + "usemtl m\nf 1 2 3\n", True)])
-def test_glass_refracts_where_it_has_an_inside(material, faces, thin):
+def test_glass_is_thin_on_open_meshes(material, faces, thin):
     _, found = material("illum 4\nNi 1.45\nTf 0.5 0.9 0.5\nKd 0.2 0.2 0.2\nd 0.1", faces=faces)
     assert (found.kind, found.ior, found.base_color, found.thin) == ("glass", 1.45, (0.5, 0.9, 0.5), thin)
     assert found.alpha_mode == "opaque"
@@ -174,7 +174,7 @@ def test_highlights_of_phong(material):
     assert (metal.metallic, metal.base_color, metal.specular) == (1, (0.9, 0.7, 0.2), 1)
 
 
-def test_a_map_of_highlights_is_read_and_other_maps_are_named(material, png):
+def test_specular_map_is_read_and_others_are_named(material, png):
     files = {f"{name}.png": png(90, 40, 20) for name in ("s", "n", "d")}
     description, plastic = material("Kd 0.5 0 0\nKs 1 1 1\nNs 96\nmap_Ks s.png\nmap_Ns n.png\ndisp d.png\nmap_Ka s.png", files)
     texture = description.textures[plastic.specular_color_texture]
@@ -224,7 +224,7 @@ Tf 0.850000 0.850000 0.850000
 """
 
 
-def test_what_blender_writes_is_what_blender_reads_back(scene):
+def test_blender_mtl_round_trip(scene):
     """Materials written by Blender have the values that Blender reads back (tests/peers/values_kit.py)."""
     faces = TRIANGLE + "".join(f"usemtl {name}\nf 1 2 3\n" for name in ("half", "veil", "coated"))
     description = scene("a.obj", f"mtllib a.mtl\n{faces}", {"a.mtl": BLENDERS})
@@ -239,7 +239,7 @@ def test_what_blender_writes_is_what_blender_reads_back(scene):
     assert got == pytest.approx((0.5, 0.25, 0.8, 0.13, 0.85))
 
 
-def test_pictures_of_roughness_and_metal_as_blender_names_them(scene, png):
+def test_blender_roughness_and_metal_maps(scene, png):
     text = "# Blender 4.5.15 LTS MTL File: 'None'\nnewmtl m\nNs 250\nillum 3\nmap_Ns r.png\nmap_refl m.png\n"
     files = {"a.mtl": text, "r.png": png(64, 64, 64), "m.png": png(200, 200, 200)}
     description = scene("a.obj", f"mtllib a.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n", files)
@@ -251,7 +251,7 @@ def test_pictures_of_roughness_and_metal_as_blender_names_them(scene, png):
 
 
 @pytest.mark.parametrize("mark", ["<UDIM>", "%(UDIM)d", "<udim>", "<UVTILE>"])
-def test_tiles_lie_side_by_side(scene, png, mark):
+def test_udim_tiles_are_combined(scene, png, mark):
     names = ["u1_v1", "u2_v1", "u1_v2"] if mark == "<UVTILE>" else ["1001", "1002", "1011"]
     colors = [(255, 0, 0), (0, 255, 0), (0, 0, 255)]
     files = {f"tex/paint.{name}.png": png(*color) for name, color in zip(names, colors, strict=True)}
@@ -265,7 +265,7 @@ def test_tiles_lie_side_by_side(scene, png, mark):
     assert texture.transform == (0.5, 0, 0.5, 0, 0.5, 0.5)
 
 
-def test_tiles_that_are_missing_are_named(scene):
+def test_missing_tiles_are_named(scene):
     text = "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n"
     description = scene("a.obj", text, {"m.mtl": "newmtl a\nmap_Kd paint.<UDIM>.png\n"})
     assert any("paint.1001.png is not among the files" in w for w in description.warnings)

@@ -58,7 +58,7 @@ def mutated(root, rng):
 
 
 @grid("file", FILES, ordinary=("full",))
-def test_a_mutated_glb_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
+def test_mutated_glb_is_read_or_rejected(samples, tmp_path, png, file):
     root, binary = chunks(sample(samples, png, file))
     rng = np.random.default_rng(11)
     told = 0
@@ -95,7 +95,7 @@ def compiled_or_told(description):
 
 
 @grid("file", FILES, ordinary=("moving",))
-def test_a_glb_with_damaged_numbers_is_a_scene_or_a_sentence(samples, tmp_path, png, file):
+def test_glb_with_damaged_numbers_is_read_or_rejected(samples, tmp_path, png, file):
     root, binary = chunks(sample(samples, png, file))
     rng = np.random.default_rng(12)
     for _ in range(25):

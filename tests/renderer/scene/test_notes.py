@@ -40,7 +40,7 @@ def missing_texture():
         ("e.glb", missing_texture(), "its texture gone.png is not among the files"),
     ],
 )
-def test_what_is_said_of_a_surface_is_not_said_where_another_material_is_given(scene, png, file, data, note):
+def test_material_warnings_are_dropped_with_a_replaced_material(scene, png, file, data, note):
     others = {file: data, "skin.png": png(1, 2, 3), "c.mtl": "newmtl a\n", "d.mtl": "newmtl a\nKd bright\n"}
     own = scene("own.yaml", placed(file), others)
     assert [note in w for w in own.warnings] == [True]
@@ -53,12 +53,12 @@ def test_what_is_said_of_a_surface_is_not_said_where_another_material_is_given(s
     assert [note in w for w in scene("both.yaml", both, others).warnings] == [True]
 
 
-def test_what_is_said_of_a_shape_is_said_whatever_its_material(scene):
+def test_shape_warnings_are_kept_with_a_replaced_material(scene):
     description = scene("s.yaml", placed("a.obj", material="grey"), {"a.obj": TILE + "l 1 2\n"})
     assert [w for w in description.warnings if "have no surface" in w] == description.warnings != []
 
 
-def test_the_image_that_lights_a_scene_is_not_its_texture(scene, png, tmp_path):
+def test_environment_image_is_not_taken_for_a_texture(scene, png, tmp_path):
     for environment in ("sky.exr", "sky:30,120"):
         alone = scene("a.obj", TILE, SKY, environment=environment)
         assert alone.warnings == []
@@ -73,7 +73,7 @@ def test_the_image_that_lights_a_scene_is_not_its_texture(scene, png, tmp_path):
     assert [i.name for i in textured.images] == ["skin.png", "sky.exr"]
 
 
-def test_a_scene_that_is_given_an_environment_is_in_no_studio(scene):
+def test_given_environment_replaces_the_studio(scene):
     assert scene("a.obj", TILE).warnings == [NO_LIGHTS_WARNING]
     for environment in ("sky.exr", "sky:30,120"):
         assert scene("a.obj", TILE, SKY, environment=environment).warnings == []
@@ -86,7 +86,7 @@ def accents():
     return g.glb()
 
 
-def test_nor_is_a_model_whose_lamps_are_accents(scene):
+def test_model_with_accents_and_environment_gets_no_studio(scene):
     weak = scene("a.glb", accents())
     compile_scene(weak)
     assert weak.warnings == [WEAK_LIGHTS_WARNING]

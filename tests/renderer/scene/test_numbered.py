@@ -25,7 +25,7 @@ def drop(height, suffix):
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_the_frames_file_is_read(scene, tmp_path, suffix):
+def test_file_of_the_frame_is_read(scene, tmp_path, suffix):
     for number, height in ((1, 5), (2, 3), (10, 0)):
         (tmp_path / f"drop.{number:03d}.{suffix}").write_text(drop(height, suffix))
     shot = Shot(tmp_path, f"drop.###.{suffix}")
@@ -40,7 +40,7 @@ def test_the_frames_file_is_read(scene, tmp_path, suffix):
         shot.scene_at(Moment(3))
 
 
-def test_scene_files_name_them_for_meshes_and_textures(scene, png):
+def test_scene_file_patterns_for_meshes_and_textures(scene, png):
     files = {
         "sim/drop.01.obj": drop(5, "obj"),
         "sim/drop.02.obj": drop(3, "obj"),
@@ -61,13 +61,13 @@ def test_scene_files_name_them_for_meshes_and_textures(scene, png):
         scene("s.yaml", text, files, moment=Moment(3))
 
 
-def test_a_file_that_is_called_so_is_meant_itself(scene):
+def test_file_named_like_a_pattern_is_used_itself(scene):
     description = scene("a#.obj", drop(7, "obj"), {"a1.obj": drop(8, "obj")}, moment=Moment(1))
     assert (world(description)[0, :, 1] == 7).all()
     assert not description.moves
 
 
-def test_what_no_frame_asks_for_any_more_is_forgotten(scene, png, tmp_path):
+def test_data_of_earlier_frames_are_dropped(scene, png, tmp_path):
     files = {f"w{i}.png": png(i, 0, 0) for i in range(6)} | {"still.png": png(9, 9, 9)}
     text = """
     textures: {wall: {image: w#.png}, still: {image: still.png}}
@@ -85,7 +85,7 @@ def test_what_no_frame_asks_for_any_more_is_forgotten(scene, png, tmp_path):
     assert sorted(name for _, name in held) == ["still.png", "w4.png", "w5.png"]
 
 
-def test_while_the_shutter_is_open_meshes_go_from_file_to_file(tmp_path):
+def test_numbered_meshes_move_while_the_shutter_is_open(tmp_path):
     for number, height in ((1, 5), (2, 3), (3, 2)):
         (tmp_path / f"drop.{number}.obj").write_text(drop(height, "obj"))
     shot = Shot(tmp_path, "drop.#.obj")
@@ -98,7 +98,7 @@ def test_while_the_shutter_is_open_meshes_go_from_file_to_file(tmp_path):
     np.testing.assert_allclose([float(positions[0, 1]) for positions, _ in last.meshes[0].keys], [2.5, 2.0, 2.0])
 
 
-def test_meshes_that_are_cut_anew_are_not_blurred(tmp_path):
+def test_meshes_with_changed_topology_are_not_blurred(tmp_path):
     (tmp_path / "drop.1.obj").write_text(drop(5, "obj"))
     (tmp_path / "drop.2.obj").write_text(drop(3, "obj") + "v 0 0 9\nf 1 2 4\n")
     moving = Shot(tmp_path, "drop.#.obj").over_shutter(Moment(1), {"shutter": 0.5})

@@ -9,7 +9,7 @@ from renderer.scene.warning_list import MOST_WARNINGS
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"
 
 
-def test_polygons_are_cut_into_fans_and_negative_indices_count_back(scene):
+def test_polygon_fans_and_negative_indices(scene):
     description = scene("a.obj", "v 0 0 0\nv 2 0 0\nv 2 2 0\nv 1 3 0\nv 0 2 0\nf -5 -4 -3 -2 -1\n")
     mesh = description.meshes[0]
     corners = mesh.positions[mesh.triangles]
@@ -17,14 +17,14 @@ def test_polygons_are_cut_into_fans_and_negative_indices_count_back(scene):
     np.testing.assert_array_equal(corners, expected)
 
 
-def test_uvs_are_turned_to_the_upper_left_and_normals_kept(scene):
+def test_uvs_are_flipped_and_normals_kept(scene):
     text = TRIANGLE + "vt 0 0\nvt 1 0.25 0\nvt 0 1\nvn 0 0 2\nf 1/1/1 2/2/1 3/3/1\n"
     mesh = scene("a.obj", text).meshes[0]
     np.testing.assert_array_equal(mesh.uvs[mesh.triangles[0]], [(0, 1), (1, 0.75), (0, 0)])
     np.testing.assert_array_equal(mesh.normals, [(0, 0, 2)] * 3)
 
 
-def test_missing_normals_are_smooth_on_a_sphere_and_sharp_on_a_box(scene):
+def test_computed_normals_of_sphere_and_box(scene):
     turn = np.radians(np.arange(0, 360, 15))
     ring = "".join(f"v {np.cos(a)} {np.sin(a)} {z}\n" for z in (0, 1) for a in turn)
     faces = "".join(f"f {i + 1} {(i + 1) % 24 + 1} {(i + 1) % 24 + 25} {i + 25}\n" for i in range(24))
@@ -71,7 +71,7 @@ Ks 0.9 0.8 0.7
     assert (chrome.kind, chrome.base_color) == ("mirror", (0.9, 0.8, 0.7))
 
 
-def test_a_texture_that_is_missing_is_named(scene):
+def test_missing_texture_is_named(scene):
     mtl = "newmtl m\nKd 0.2 0.3 0.4\nmap_Kd textures/bark.jpg\n"
     description = scene("a.obj", f"mtllib a.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n", {"a.mtl": mtl})
     assert any("bark.jpg" in w for w in description.warnings)
@@ -79,19 +79,19 @@ def test_a_texture_that_is_missing_is_named(scene):
     assert description.materials[0].base_color_texture is None
 
 
-def test_a_missing_material_file_is_named(scene):
+def test_missing_material_file_is_named(scene):
     description = scene("a.obj", f"mtllib gone.mtl\n{TRIANGLE}usemtl m\nf 1 2 3\n")
     assert any("gone.mtl" in w for w in description.warnings)
 
 
-def test_the_one_image_beside_a_bare_obj_is_its_texture(scene, png):
+def test_single_image_beside_an_obj_is_its_texture(scene, png):
     text = TRIANGLE + "vt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
     description = scene("spot/a.obj", text, {"spot/a_texture.png": png(1, 2, 3)})
     assert description.materials[0].base_color_texture == 0
     assert any("a_texture.png" in w for w in description.warnings)
 
 
-def test_of_two_images_none_is_taken(scene, png):
+def test_two_images_beside_an_obj_are_ignored(scene, png):
     text = TRIANGLE + "vt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n"
     description = scene("a.obj", text, {"a.png": png(1, 2, 3), "b.png": png(1, 2, 3)})
     assert description.materials[0].base_color_texture is None
@@ -112,7 +112,7 @@ def test_of_two_images_none_is_taken(scene, png):
         ("", "no surface"),
     ],
 )
-def test_what_is_wrong_is_said(scene, text, said):
+def test_faults_are_reported(scene, text, said):
     with pytest.raises(SceneError) as caught:
         scene("a.obj", text)
     assert said in str(caught.value)
@@ -140,7 +140,7 @@ def test_numbers_in_every_notation(scene):
     np.testing.assert_array_equal(np.unique(mesh.positions[:, 0]), np.unique(np.float32([*map(float, words), 0])))
 
 
-def test_random_numbers_are_read_to_the_bit(scene):
+def test_random_numbers_are_parsed_exactly(scene):
     rng = np.random.default_rng(4)
     values = (rng.normal(size=(300, 3)) * 10.0 ** rng.integers(-8, 8, (300, 3))).astype(np.float32)
     text = "".join("v " + " ".join(repr(float(c)) for c in row) + "\n" for row in values)
@@ -149,7 +149,7 @@ def test_random_numbers_are_read_to_the_bit(scene):
     np.testing.assert_array_equal(mesh.positions[mesh.triangles], values[np.arange(298)[:, None] + np.arange(3)])
 
 
-def test_lines_that_go_on_comments_tabs_and_line_ends(scene):
+def test_line_continuations_comments_tabs_and_line_ends(scene):
     text = (
         "# v 9 9 9\r\nv\t0 0 0\r\nv 1 0 0 # here\r\nv 0 \\\r\n1 0\r\ncurv 1\r\n\r\nf 1//\\\n 2 \\\n\t3\r\nsomething else\r\nl 1 2"
     )
@@ -159,7 +159,7 @@ def test_lines_that_go_on_comments_tabs_and_line_ends(scene):
     assert any("2 lines, points or curves" in w for w in description.warnings)
 
 
-def test_faces_of_one_material_in_several_stretches_are_one_mesh(scene):
+def test_faces_of_one_material_form_one_mesh(scene):
     text = TRIANGLE + "f 1 2 3\nusemtl a\nf 1 2 3\nf 2 3 1\nusemtl b\nf 1 2 3\nusemtl a\nf 3 1 2\n"
     meshes = scene("a.obj", text).meshes
     assert [len(m.triangles) for m in meshes] == [1, 3, 1]
@@ -177,14 +177,14 @@ def test_colours_after_positions_are_vertex_colours(scene):
 
 
 @pytest.mark.parametrize("encoding", ["utf-16", "utf-16-be", "utf-8-sig"])
-def test_other_encodings_of_windows(scene, encoding):
+def test_windows_encodings(scene, encoding):
     mark = "\ufeff" if encoding == "utf-16-be" else ""
     description = scene("a.obj", f"{mark}# ö\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n".encode(encoding))
     assert len(description.meshes[0].triangles) == 1
 
 
 @pytest.mark.parametrize("normal", ["nan nan nan", "-1.#IND -1.#IND -1.#IND", "-nan(ind) 0 0", "inf 0 0"])
-def test_normals_that_are_no_numbers_are_none(scene, normal):
+def test_non_numeric_normals_are_ignored(scene, normal):
     description = scene("a.obj", f"v 0 0 0\nv 1 0 0\nv 0 1 0\nvn {normal}\nf 1//1 2//1 3//1\n")
     assert description.meshes[0].normals.tolist() == [[0, 0, 1]] * 3
     assert any(
@@ -199,13 +199,13 @@ def test_decimal_commas_and_fortrans_exponents(scene):
     assert mesh.positions.tolist() == [[0.5, 0, 0], [1.5, 0, 0], [0, 1.25, 0]]
 
 
-def test_positions_that_are_no_numbers_stay_errors_where_every_face_needs_them(scene):
+def test_non_numeric_positions_used_by_all_faces_are_errors(scene):
     with pytest.raises(SceneError, match="not finite"):
         scene("a.obj", "v 0 0 0\nv nan 0 0\nv 0 1 0\nf 1 2 3\n")
 
 
 @pytest.mark.parametrize(("smooth", "normals"), [("s off\n", 0), ("s 0\n", 0), ("s 1\n", 24), ("s off\nf 1 2 3\ns 1\n", 24)])
-def test_a_file_that_says_that_nothing_is_smooth_is_faceted(scene, smooth, normals):
+def test_smoothing_off_makes_flat_faces(scene, smooth, normals):
     turn = np.radians(np.arange(0, 360, 30))
     ring = "".join(f"v {np.cos(a)} {np.sin(a)} {z}\n" for z in (0, 1) for a in turn)
     faces = "".join(f"f {i + 1} {(i + 1) % 12 + 1} {(i + 1) % 12 + 13} {i + 13}\n" for i in range(12))
@@ -214,7 +214,7 @@ def test_a_file_that_says_that_nothing_is_smooth_is_faceted(scene, smooth, norma
     assert (mesh.normals is None) == (normals == 0)
 
 
-def test_many_materials_each_have_their_faces(scene):
+def test_faces_of_many_materials(scene):
     text = "mtllib a.mtl\n" + "".join(f"v {i} 0 0\nv {i} 1 0\nv {i} 0 1\nusemtl m{i % 20}\nf -3 -2 -1\n" for i in range(60))
     mtl = "".join(f"newmtl m{i}\nKd 0.{i:02d} 0 0\n" for i in range(20))
     description = scene("a.obj", text, {"a.mtl": mtl})
@@ -225,7 +225,7 @@ def test_many_materials_each_have_their_faces(scene):
         np.testing.assert_array_equal(mesh.normals, [(1, 0, 0)] * 9)
 
 
-def test_of_very_many_warnings_the_first_are_said(scene):
+def test_warnings_are_limited(scene):
     text = TRIANGLE + "mtllib a.mtl\n" + "".join(f"usemtl m{i}\nf 1 2 3\n" for i in range(MOST_WARNINGS + 50))
     warnings = scene("a.obj", text, {"a.mtl": "newmtl x\n"}).warnings
     assert f"defines m{MOST_WARNINGS - 1};" in warnings[MOST_WARNINGS - 1]
@@ -233,7 +233,7 @@ def test_of_very_many_warnings_the_first_are_said(scene):
     assert len(warnings) <= MOST_WARNINGS + 2
 
 
-def test_zbrush_paints_vertices_in_comments(scene):
+def test_zbrush_vertex_colors_in_comments(scene):
     """ZBrush's #MRGB comments give each vertex's mask, red, green and blue in hexadecimal, over any number of lines.
 
     The material's grey does not darken these colours.

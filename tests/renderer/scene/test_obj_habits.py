@@ -28,7 +28,7 @@ def bends(mesh):
 
 
 @pytest.mark.parametrize("sides", ["s 1", "s 7 # round"])
-def test_a_smoothing_group_is_smooth_over_any_edge_and_ends_at_others(scene, sides):
+def test_smoothing_group_is_smooth_within_and_sharp_at_borders(scene, sides):
     found = bends(scene("a.obj", column(8, sides)).meshes[0])
     np.testing.assert_allclose(found[:16], 22.5, atol=0.01)
     np.testing.assert_allclose(found[16:], 0, atol=0.05)
@@ -39,7 +39,7 @@ def test_faces_without_a_group_are_flat(scene, sides):
     np.testing.assert_allclose(bends(scene("a.obj", column(12, sides, "s 1")).meshes[0]), 0, atol=0.05)
 
 
-def test_edges_between_groups_are_sharp_and_objects_are_apart(scene):
+def test_edges_between_groups_and_objects_are_sharp(scene):
     fold = "v 0 0 0\nv 1 0 0\nv 1 1 0.3\nv 0 1 0.3\nv 0 -1 0.3\nv 1 -1 0.3\n"
     for between, is_smooth in (("s 1", True), ("s 2", False), ("o other", False), ("g other", True), ("usemtl other", True)):
         description = scene("a.obj", f"{fold}o one\ns 1\nf 1 2 3 4\n{between}\nf 5 6 2 1\n")
@@ -47,12 +47,12 @@ def test_edges_between_groups_are_sharp_and_objects_are_apart(scene):
         assert widest == pytest.approx(16.7 if is_smooth else 0, abs=0.05), between
 
 
-def test_files_without_groups_are_smooth_over_edges_that_bend_little(scene):
+def test_default_smoothing_by_crease_angle(scene):
     assert bends(scene("a.obj", column(12, "", "")).meshes[0])[:24].min() == pytest.approx(15, abs=0.05)
     assert bends(scene("a.obj", column(8, "", "")).meshes[0]).max() == pytest.approx(0, abs=0.05)
 
 
-def test_a_sphere_of_two_materials_has_no_seam(scene):
+def test_sphere_of_two_materials_has_no_seam(scene):
     count = 16
     turn = np.arange(count) * 2 * np.pi / count
     rings = [(np.cos(h), np.sin(h)) for h in np.radians((-67.5, -45, -22.5, 0, 22.5, 45, 67.5))]
@@ -84,7 +84,7 @@ def test_vertices_without_a_colour_are_white(scene):
 
 
 @pytest.mark.parametrize("most", [255, 65535])
-def test_colours_up_to_255_are_parts_of_it(scene, most):
+def test_integer_vertex_colors_are_scaled(scene, most):
     text = "".join(f"{line} {most} {most // 2} 0\n" for line in QUAD.splitlines()) + "f 1 2 3 4\n"
     description = scene("a.obj", text)
     np.testing.assert_allclose(description.meshes[0].colors[0], (1, 0.2122, 0, 1), atol=2e-3)
@@ -92,7 +92,7 @@ def test_colours_up_to_255_are_parts_of_it(scene, most):
 
 
 @pytest.mark.parametrize("face", ["f 1//1 2//1 3//1 4//1", "f 1/1 2/1 3/1 4/1", "f 1//-1 2//-1 3//-1 4//-1", "f 1/9/9 2 3 4/0/0"])
-def test_normals_and_uvs_that_are_not_there_are_left_out_and_counted(scene, face):
+def test_missing_normals_and_uvs_are_omitted_and_counted(scene, face):
     description = scene("a.obj", f"{QUAD}{face}\n")
     mesh = description.meshes[0]
     assert len(mesh.triangles) == 2
@@ -105,19 +105,19 @@ def test_normals_and_uvs_that_are_not_there_are_left_out_and_counted(scene, face
 
 
 @pytest.mark.parametrize("word", ["nan", "-nan(ind)", "1.#QNAN", "inf", "1e99"])
-def test_faces_are_left_out_where_they_need_a_vertex_that_is_not_finite(scene, word):
+def test_faces_with_nonfinite_vertices_are_dropped(scene, word):
     description = scene("a.obj", f"{QUAD}v {word} 0 0\nf 1 2 3 4\nf 1 2 5\n")
     assert len(description.meshes[0].triangles) == 2
     assert any("1 vertices have positions that are not finite; 1 faces" in w for w in description.warnings)
 
 
-def test_a_normal_that_is_not_finite_is_made(scene):
+def test_nonfinite_normal_is_recomputed(scene):
     description = scene("a.obj", f"{QUAD}vn 0 0 1\nvn nan 0 0\nf 1//1 2//1 3//2 4//1\n")
     np.testing.assert_allclose(description.meshes[0].normals, [(0, 0, 1)] * 4)
     assert any("1 corners of faces refer to normals" in w for w in description.warnings)
 
 
-def test_comments_end_faces_and_names(scene):
+def test_trailing_comments_are_removed(scene):
     mtl = "newmtl a # hello\nKd 1 0 0 # red\nnewmtl Material #25\nKd 0 1 0\nnewmtl Material #26\nKd 0 0 1\n"
     text = "mtllib m.mtl # the library\n" + QUAD + "usemtl a # red\nf 1 2 3 4 # a quad\n"
     text += "usemtl Material #25\nf 1 2 3\nusemtl Material #26\nf 1 3 \\\n4\n"
@@ -130,7 +130,7 @@ LOST = "mtllib lost.mtl\n"
 
 
 @pytest.mark.parametrize(("said", "there"), [(LOST, "a.mtl"), ("", "a.mtl"), (LOST, "A.MTL"), (LOST, "other.mtl")])
-def test_the_material_file_of_the_same_name_stands_in_for_a_missing_one(scene, said, there):
+def test_mtl_of_the_same_name_replaces_a_missing_one(scene, said, there):
     description = scene("a.obj", said + QUAD + "usemtl red\nf 1 2 3 4\n", {there: "newmtl red\nKd 1 0 0\n"})
     assert description.materials[0].base_color == (1, 0, 0)
     assert any(f"{there} is used instead" in w for w in description.warnings)
@@ -155,7 +155,7 @@ def test_several_libraries_in_one_statement_and_in_several(scene):
         ("-o 0,5 0,25 0 t.png", "t.png", (1, 0, 0.5, 0, 1, -0.25), "repeat"),
     ],
 )
-def test_options_stand_before_the_files_name_or_behind_it(scene, png, said, file, transform, wrap):
+def test_map_options_before_or_after_the_file_name(scene, png, said, file, transform, wrap):
     text = "mtllib m.mtl\n" + QUAD + "vt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl a\nf 1/1 2/2 3/3 4/4\n"
     description = scene("a.obj", text, {"m.mtl": f"newmtl a\nmap_Kd {said}\n", file: png(255, 0, 0)})
     assert description.materials[0].base_color == (1, 1, 1)  # without Kd the map is unscaled
@@ -163,7 +163,7 @@ def test_options_stand_before_the_files_name_or_behind_it(scene, png, said, file
     assert (texture.transform, texture.wrap_s) == (transform, wrap)
 
 
-def test_a_channel_of_a_map(scene, png):
+def test_map_channel_option(scene, png):
     text = "mtllib m.mtl\n" + QUAD + "vt 0 0\nusemtl a\nf 1/1 2/1 3/1 4/1\n"
     description = scene("a.obj", text, {"m.mtl": "newmtl a\nmap_Kd -imfchan g t.png\n", "t.png": png(255, 100, 0)})
     image = description.images[description.textures[description.materials[0].base_color_texture].image]

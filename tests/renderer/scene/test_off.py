@@ -44,7 +44,7 @@ def test_colours_of_faces(scene, red, blue):
     assert any("1 of 3 faces have no colour" in w for w in description.warnings)
 
 
-def test_what_is_left_out_is_named(scene):
+def test_omitted_content_is_named(scene):
     description = scene("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2 7\n")
     assert any("1 faces have colours from a colour map, which are left out" in w for w in description.warnings)
     for head in ("4OFF", "nOFF", "OFF BINARY"):
@@ -52,7 +52,7 @@ def test_what_is_left_out_is_named(scene):
             scene("b.off", f"{head}\n3 1 0\n0 0 0\n1 0 0\n0 1 0\n3 0 1 2\n")
 
 
-def test_points_without_faces_are_balls(scene):
+def test_points_without_faces_become_spheres(scene):
     description = scene("a.off", "COFF\n2 0 0\n0 0 0 255 0 0\n1 0 0 0 0 255\n")
     assert any("2 of 2 points are shown as spheres" in w for w in description.warnings)
     assert {tuple(c) for c in description.meshes[0].colors.tolist()} == {RED, (0, 0, 1, 1)}

@@ -68,7 +68,7 @@ FORMATS = {"a.obj": _obj, "a.ply": _ply, "a.off": _off, "a.stl": _stl, "a.rayfar
 
 @pytest.mark.parametrize("name", FORMATS)
 @pytest.mark.parametrize("far", FARS)
-def test_every_format_keeps_the_shape_of_what_is_far(name, far, tmp_path):
+def test_far_shapes_are_precise_in_every_format(name, far, tmp_path):
     def edges(points) -> np.ndarray:
         (tmp_path / name).write_text(FORMATS[name](points))
         compiled = compile_scene(read(tmp_path, name))
@@ -99,7 +99,7 @@ def _settings(place) -> RenderSettings:
 
 
 @pytest.mark.parametrize("far", FARS)
-def test_scene_camera_and_lights_moved_together_give_the_same_picture(far):
+def test_translated_scene_renders_the_same_picture(far):
     here, there = (render_frame(compile_scene(_scene(p)), _settings(p), 16) for p in ((0.0, 0.0, 0.0), far))
     near, away = (mean(sums, 24) for sums in (here, there))
     assert near.mean() > 0.01
@@ -113,7 +113,7 @@ def test_scene_camera_and_lights_moved_together_give_the_same_picture(far):
     np.testing.assert_allclose(exact_places, here[POSITION, 12, 16] / here[SAMPLES, 12, 16] * 2.0**-24, atol=1e-3)
 
 
-def test_bounds_cameras_and_paths_are_told_in_the_coordinates_of_the_file():
+def test_bounds_cameras_and_paths_use_file_coordinates():
     far = FARS[0]
     description = _scene(far)
     compiled = compile_scene(description)
@@ -124,7 +124,7 @@ def test_bounds_cameras_and_paths_are_told_in_the_coordinates_of_the_file():
     assert vertex.point is not None and np.abs(np.subtract(vertex.point, far)).max() < 3
 
 
-def test_a_scene_near_the_origin_keeps_its_coordinates_to_the_bit():
+def test_near_scene_keeps_its_coordinates_exactly():
     description = _scene((15.0, 3.0, -20.0))
     assert not origin_of(description).any()
     compiled = compile_scene(description)
@@ -134,7 +134,7 @@ def test_a_scene_near_the_origin_keeps_its_coordinates_to_the_bit():
     assert in_exact_type(points + 1e6).dtype == np.float64
 
 
-def test_a_stray_vertex_at_the_origin_does_not_cost_the_rest_its_digits():
+def test_stray_vertex_at_the_origin_does_not_reduce_precision():
     points = np.concatenate([np.zeros((3, 3)), STEPS + FARS[0]])
     triangles = np.array([(0, 1, 2), *_triangles()] + [(i + 3, i + 4, i + 6) for i in range(20)], np.int32)
     triangles[1 : len(_triangles()) + 1] += 3
@@ -144,7 +144,7 @@ def test_a_stray_vertex_at_the_origin_does_not_cost_the_rest_its_digits():
     assert np.abs(origin_of(description) - FARS[0]).max() < 2
 
 
-def test_what_moves_does_not_move_the_origin_of_a_shot():
+def test_origin_is_independent_of_moving_objects():
     first = _scene(FARS[0])
     place = np.array(first.instances[0].transform)
     place[0, 3] += 40.0

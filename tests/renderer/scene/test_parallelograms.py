@@ -15,7 +15,7 @@ EVERY = np.ones(1, bool)
 @pytest.mark.parametrize("first", range(3))
 @pytest.mark.parametrize("second", range(3))
 @pytest.mark.parametrize("halves", [((A, B, C), (A, C, D)), ((A, B, D), (B, C, D))])
-def test_two_halves_are_one_however_their_corners_are_numbered(halves, first, second):
+def test_triangle_pairs_form_a_parallelogram_in_any_order(halves, first, second):
     corners = np.array([np.roll(halves[0], first, 0), np.roll(halves[1], second, 0)])
     which, shape = pair(corners, EVERY)
     assert which.tolist() == [0]
@@ -36,7 +36,7 @@ def test_two_halves_are_one_however_their_corners_are_numbered(halves, first, se
         ([[A, B, NEARLY], [B, B + NEARLY - A, NEARLY]], True),  # a sliver
     ],
 )
-def test_what_is_no_parallelogram_stays_two_triangles(corners, alike):
+def test_other_triangle_pairs_are_not_joined(corners, alike):
     assert len(pair(np.array(corners), np.array([alike]))[0]) == 0
 
 
@@ -52,12 +52,12 @@ def test_each_triangle_is_in_one_pair_at_most():
     assert which.tolist() == [0, 2, 4]
 
 
-def test_none_of_none():
+def test_no_triangles_give_no_parallelograms():
     assert len(pair(np.zeros((0, 3, 3)), np.zeros(0, bool))[0]) == 0
     assert tabulate_parallelograms(np.zeros(0, np.int64), np.zeros((0, 4, 3)), 5).shape == (0, 16)
 
 
-def test_a_row_finds_a_point_by_the_reciprocal_edges():
+def test_row_contains_reciprocal_edges():
     row = tabulate_parallelograms(np.array([1]), np.array([[A, B, D, C]]), 3).astype(float)
     assert not row[[0, 2]].any()
     corner, edges, reciprocal = row[1, CORNER : CORNER + 3], row[1, EDGES : EDGES + 6], row[1, RECIPROCAL : RECIPROCAL + 6]
@@ -66,7 +66,7 @@ def test_a_row_finds_a_point_by_the_reciprocal_edges():
     assert 0 < row[1, CORNER_ERROR] < 1e-5
 
 
-def test_lamps_of_two_triangles_are_one_light_each():
+def test_lamp_of_two_triangles_is_one_light():
     lamps = square((0, 0, 2), (1, 0, 0), (0, -1, 0), 0), square((3, 0, 2), (1, 0, 0), (0, -0.5, 0), 0)
     made = scene([emitter(1.0)], lamps)
     assert len(made.light_primitive) == len(made.light_parallelogram) == 2
@@ -75,6 +75,6 @@ def test_lamps_of_two_triangles_are_one_light_each():
     assert (made.light_parallelogram[:, CORNER_ERROR] > 0).all()
 
 
-def test_the_guides_are_both_triangles():
+def test_guides_include_both_triangles():
     made = scene([emitter(1.0)], (square((0, 0, 2), (1, 0, 0), (0, -1, 0), 0),))
     assert sorted(made.guide.tolist()) == [0, 1]

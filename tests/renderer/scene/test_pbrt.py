@@ -41,7 +41,7 @@ def test_the_film_the_sampler_and_the_camera(pbrt):
     assert pbrt("Translate 1 0 0 " + BALL).spheres[0].center == (-1.0, 0.0, 0.0)
 
 
-def test_what_is_not_said_is_as_in_pbrt(pbrt):
+def test_pbrt_defaults(pbrt):
     found = pbrt(BALL, head='Camera "perspective" WorldBegin ')
     # pbrt's default Gaussian filter is as wide as a tent filter of two pixels.
     assert found.defaults == {"width": 1280, "height": 720, "spp": 16, "max_depth": 6, "transmission_depth": 0, "filter": "tent"}
@@ -68,16 +68,16 @@ def test_what_is_not_said_is_as_in_pbrt(pbrt):
         ('Sampler "sobol" "float blur" 4', "'blur' of sampler 'sobol' is ignored"),
     ],
 )
-def test_what_stands_before_the_world_is_named(pbrt, head, sentence):
+def test_unsupported_head_statements_are_named(pbrt, head, sentence):
     assert any(re.search(sentence, each) for each in pbrt(BALL, head=HEAD.replace("WorldBegin", f"{head} WorldBegin")).warnings)
 
 
-def test_attributes_speak_of_what_there_is(pbrt):
+def test_attribute_directive_errors(pbrt):
     with pytest.raises(SceneError, match="Attribute applies to shape, light, material, medium, texture"):
         pbrt(f'Attribute "shapes" "float radius" 2 {BALL}')
 
 
-def test_a_lens_and_a_window(pbrt):
+def test_lens_and_screen_window(pbrt):
     head = HEAD.replace('"float fov" [36.87]', '"float fov" 50 "float lensradius" 0.1 "float focaldistance" 3')
     view = pbrt(BALL, head=head).cameras[0].view
     assert (view.aperture, view.focus) == (pytest.approx(0.1), pytest.approx(3))
@@ -105,7 +105,7 @@ def test_transformations_and_blocks(pbrt):
     np.testing.assert_allclose(found.instances[0].transform[:3, :3], [[0, -2, 0], [2, 0, 0], [0, 0, 2]], atol=1e-12)
 
 
-def test_objects_are_shown_where_they_are_asked_for(pbrt):
+def test_object_instances(pbrt):
     found = pbrt(
         f"""ObjectBegin "pair" Translate 1 0 0 {SQUARE} {BALL} "float radius" 0.5 ObjectEnd
         ObjectInstance "pair"
@@ -121,7 +121,7 @@ def test_objects_are_shown_where_they_are_asked_for(pbrt):
     )
 
 
-def test_files_that_are_included(pbrt):
+def test_includes(pbrt):
     others = {
         "parts/m.pbrt": 'MakeNamedMaterial "red" "string type" "diffuse" "rgb reflectance" [.8 .1 .1]',
         "parts/g.pbrt.gz": gzip.compress(f'Material "diffuse" Translate 5 0 0 {BALL}'.encode()),
@@ -131,7 +131,7 @@ def test_files_that_are_included(pbrt):
     assert found.materials[found.spheres[1].material].base_color == (0.8, 0.1, 0.1)
 
 
-def test_what_attribute_says_of_all(pbrt):
+def test_attribute_defaults(pbrt):
     found = pbrt(
         f'Attribute "shape" "float radius" 3 Attribute "material" "rgb reflectance" [.2 .3 .4] Material "diffuse" {BALL}'
     )
@@ -139,7 +139,7 @@ def test_what_attribute_says_of_all(pbrt):
     assert found.materials[0].base_color == (0.2, 0.3, 0.4)
 
 
-def test_ply_files_packed_or_not(pbrt):
+def test_ply_and_gzipped_ply(pbrt):
     rows = "0 0 0 0 0\n1 0 0 1 0\n0 1 0 0 1\n3 0 1 2\n"
     header = "ply\nformat ascii 1.0\nelement vertex 3\n" + "".join(f"property float {n}\n" for n in "xyzuv")
     ply = (header + "element face 1\nproperty list uchar int vertex_indices\nend_header\n" + rows).encode()
@@ -151,7 +151,7 @@ def test_ply_files_packed_or_not(pbrt):
         assert mesh.normals is None
 
 
-def test_what_moves_while_the_shutter_is_open(tmp_path):
+def test_motion_while_the_shutter_is_open(tmp_path):
     inside = f"""ActiveTransform EndTime Translate 2 0 0 Rotate 90 0 0 1 ActiveTransform All {SQUARE}
         AttributeBegin Identity {SQUARE} AttributeEnd LightSource "infinite" """
     (tmp_path / "scene.pbrt").write_text(world(inside, "Scale -1 1 1 " + HEAD))
@@ -196,12 +196,12 @@ def test_what_moves_while_the_shutter_is_open(tmp_path):
         ('Shape "curve" "point3 P" [0 0 0 1 0 0 1 1 0 2 1 0] "float width" .1', "curves of type flat"),
     ],
 )
-def test_what_is_not_taken_over_is_named_with_its_line(pbrt, inside, sentence):
+def test_unsupported_content_is_named_with_its_line(pbrt, inside, sentence):
     inside = inside.replace('"measured"', '"measured"')
     assert any(re.search(sentence, warning) for warning in pbrt(inside).warnings)
 
 
-def test_of_what_no_shape_shows_nothing_is_said(pbrt):
+def test_unused_materials_cause_no_warning(pbrt):
     """Materials and textures that no shape uses, and that scene files often keep, cause no warning."""
     unused = 'Texture "t" "spectrum" "imagemap" "string filename" "gone.png" MakeNamedMaterial "m" "string type" "diffuse" '
     found = pbrt(unused + '"texture reflectance" "t"' + BALL)
@@ -250,12 +250,12 @@ def test_of_what_no_shape_shows_nothing_is_said(pbrt):
         ("", "has no surface"),
     ],
 )
-def test_what_is_no_scene_is_refused(pbrt, inside, sentence):
+def test_non_scene_file_is_rejected(pbrt, inside, sentence):
     with pytest.raises(SceneError, match=sentence):
         pbrt(inside)
 
 
-def test_a_file_without_a_world_is_refused(scene):
+def test_file_without_world_is_rejected(scene):
     with pytest.raises(SceneError, match="no WorldBegin"):
         scene("scene.pbrt", 'Film "rgb"')
     with pytest.raises(SceneError, match="line 1: Shape comes before WorldBegin; move it behind"):
@@ -266,7 +266,7 @@ def test_a_file_without_a_world_is_refused(scene):
         scene("scene.pbrt", world('Include "a.pbrt.gz"'), {"a.pbrt.gz": b"nothing packed"})
 
 
-def test_damaged_files_are_read_or_refused(tmp_path):
+def test_damaged_files_are_read_or_rejected(tmp_path):
     """Files with changed, dropped or doubled characters yield a scene or a SceneError."""
     inside = f"""AttributeBegin AreaLightSource "diffuse" "rgb L" [9 8 7] Translate 0 2 0 {SQUARE} AttributeEnd
         Texture "c" "spectrum" "checkerboard" "float uscale" 4 "rgb tex1" [.1 .2 .3] Material "diffuse" "texture reflectance" "c"
@@ -290,7 +290,7 @@ def test_damaged_files_are_read_or_refused(tmp_path):
     assert outcomes == {"read", "refused"}
 
 
-def test_what_would_never_end_ends(pbrt):
+def test_recursive_and_huge_input_terminates(pbrt):
     """Textures that refer to themselves, brackets in quotes, curves with very many points and repeated shapes all terminate."""
     squares = 'Texture "a" "spectrum" "checkerboard" '
     doubled = "".join('Texture "a" "spectrum" "mix" "texture tex1" "a" "texture tex2" "a" ' for _ in range(6))

@@ -17,7 +17,7 @@ COUNT = 60_000
 THICKNESS = 0.01
 
 
-def test_a_smooth_coat_that_takes_nothing_has_a_closed_form():
+def test_smooth_clear_coat_matches_closed_form():
     coat = coat_of(1.5, 0.0, 0.0, 1000)
     inner = internal_albedo(1.5)
     assert coat.reflected == pytest.approx(dielectric_albedo(1.5), rel=0.02)
@@ -28,7 +28,7 @@ def test_a_smooth_coat_that_takes_nothing_has_a_closed_form():
         )
 
 
-def test_a_thick_coat_takes_light_by_its_thickness():
+def test_thick_coat_attenuates_exponentially():
     """A coat of thickness t attenuates light by exp(-t / cosine) on its way in, and again on its way out.
 
     The index of the coat is nearly 1, so that no light is reflected back to the paint.
@@ -88,14 +88,14 @@ def walked(reflectance, ior, alpha):
 
 @pytest.mark.long
 @pytest.mark.parametrize(("ior", "alpha"), [(1.5, math.sqrt(0.1)), (1.5, math.sqrt(0.3)), (1.33, 0.1), (2.0, 0.55)])
-def test_paint_under_rough_varnish_is_as_dark_as_the_walk_makes_it(ior, alpha):
+def test_rough_coat_reflectance_matches_the_walk(ior, alpha):
     coat = coat_of(ior, round(alpha, 4), THICKNESS, 10)
     for value in (0.2, 0.9):
         ours = coated_albedo((value,) * 3, coat)[0] * (1 - coat.reflected)
         assert ours == pytest.approx(walked(value, ior, alpha), rel=0.015)
 
 
-def test_files_of_coats(scene):
+def test_coated_materials_in_files(scene):
     def made(words):
         return scene("scene.pbrt", world(f"Material {words} {BALL}", HEAD)).materials[0]
 

@@ -17,7 +17,7 @@ LOCUS = {2000: (0.5267, 0.4133), 2856: (0.4476, 0.4074), 4000: (0.3805, 0.3768),
 
 
 @pytest.mark.parametrize("kelvin", LOCUS)
-def test_black_bodies_have_their_colours(kelvin):
+def test_black_body_colors(kelvin):
     xyz = MATCHING @ planck(kelvin)
     np.testing.assert_allclose((xyz / xyz.sum())[:2], LOCUS[kelvin], atol=4e-4)
 
@@ -27,7 +27,7 @@ def test_daylight_is_white():
     np.testing.assert_allclose((xyz / xyz.sum())[:2], (0.3127, 0.3290), atol=3e-4)
 
 
-def test_the_observer_is_mitsubas():
+def test_observer_matches_mitsuba():
     mi = pytest.importorskip("mitsuba")
     mi.set_variant("scalar_rgb")
     theirs = np.array([[float(v) for v in mi.cie1931_xyz(float(w))] for w in WAVELENGTHS]).T
@@ -44,7 +44,7 @@ def tabulated(name):
 
 
 @pytest.mark.parametrize("metal", [name for name in METALS if name != "CuZn"])
-def test_named_metals_reflect_as_their_spectra(metal):
+def test_named_metals_match_their_spectra(metal):
     eta, k = tabulated(f"{metal}.eta.spd"), tabulated(f"{metal}.k.spd")
     np.testing.assert_allclose(METALS[metal], _matched(eta, k), atol=1e-4)
 
@@ -54,7 +54,7 @@ def test_named_metals_reflect_as_their_spectra(metal):
     ("metal", "known"),
     [("Cu", (0.955, 0.638, 0.538)), ("Ag", (0.972, 0.960, 0.915)), ("Al", (0.913, 0.922, 0.924)), ("Au", (1.0, 0.782, 0.344))],
 )
-def test_named_metals_have_their_known_colours(metal, known):
+def test_named_metal_colors(metal, known):
     np.testing.assert_allclose(head_on(*(np.array(v) for v in METALS[metal])), known, atol=0.003)
 
 
@@ -89,7 +89,7 @@ def test_power_and_illuminance(scene):
     assert sky.color == pytest.approx([6 / np.pi] * 3)
 
 
-def test_the_film_multiplies_all_light(scene):
+def test_film_exposure_scales_all_lights(scene):
     head = world("").replace('"rgb" ', '"rgb" "float iso" 200 ').replace('"float fov"', '"float shutterclose" 0.25 "float fov"')
     found = scene("a.pbrt", head + f'LightSource "point" LightSource "infinite" AreaLightSource "diffuse" {BALL}')
     assert found.lights[0].intensity == (0.5, 0.5, 0.5)
@@ -111,7 +111,7 @@ def test_colour_spaces(scene):
     np.testing.assert_allclose(wide.lights[0].intensity, np.linalg.solve(from_709, [0.6, 0.5, 0.4]), rtol=1e-3)
 
 
-def test_spectra_of_what_reflects(scene):
+def test_reflectance_spectra(scene):
     def color(words):
         return scene("a.pbrt", world(f'Material "diffuse" {words} {BALL}')).materials[0].base_color
 
@@ -121,12 +121,12 @@ def test_spectra_of_what_reflects(scene):
     assert max(g, b) < 0.15
 
 
-def test_glasses_have_their_index_and_disperse(scene):
+def test_glass_index_and_dispersion(scene):
     found = scene("a.pbrt", world(f'Material "dielectric" "spectrum eta" "glass-BK7" {BALL}')).materials[0]
     assert (found.ior, found.dispersion) == (pytest.approx(1.5168), pytest.approx(20 / 64.17))
 
 
-def test_what_a_coat_reflects_and_keeps():
+def test_coat_reflectance():
     # Hemispherical reflectance of glass of index 1.5: 0.0918 from outside, 0.596 from inside (Egan and Hilgeman 1973).
     outside = dielectric_albedo(1.5)
     assert outside == pytest.approx(0.0918, abs=2e-4)
@@ -138,7 +138,7 @@ def test_what_a_coat_reflects_and_keeps():
 
 
 @pytest.mark.parametrize(("kelvin", "xy"), [(5000, (0.3457, 0.3586)), (6504, (0.3127, 0.3291)), (10_000, (0.2788, 0.2920))])
-def test_daylight_that_is_balanced_is_white(kelvin, xy):
+def test_balanced_daylight_is_white(kelvin, xy):
     """A film balanced for daylight shows daylight as white; chromaticities of daylight from CIE 015:2018."""
     x, y = xy
     to_709 = np.array(
@@ -148,7 +148,7 @@ def test_daylight_that_is_balanced_is_white(kelvin, xy):
     np.testing.assert_allclose(balanced(kelvin, "srgb") @ light, (1, 1, 1), atol=4e-3)
 
 
-def test_a_film_balances_lights_and_the_sky(scene):
+def test_white_balance_applies_to_lights_and_sky(scene):
     head = HEAD.replace('"integer yresolution" [ 32 ]', '"integer yresolution" 32 "float whitebalance" 4500')
     found = scene("scene.pbrt", world('LightSource "point" "rgb I" [2 2 2] LightSource "infinite" "rgb L" [1 1 1] ' + BALL, head))
     expected = balanced(4500, "srgb").sum(axis=1)

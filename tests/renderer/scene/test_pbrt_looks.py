@@ -42,7 +42,7 @@ def area_and_way(mesh):
         ),
     ],
 )
-def test_the_area_of_shapes(pbrt, shape, area):
+def test_shape_areas(pbrt, shape, area):
     (mesh,) = pbrt(f"Shape {shape}").meshes
     found, outside = area_and_way(mesh)
     assert found == pytest.approx(area, rel=6e-2 if "curve" in shape else 2e-3)
@@ -52,13 +52,13 @@ def test_the_area_of_shapes(pbrt, shape, area):
         np.testing.assert_allclose(np.sort(turned.normals.sum(axis=0)), np.sort(-mesh.normals.sum(axis=0)), atol=1e-3)
 
 
-def test_what_is_cut_off_wholly_is_refused(pbrt):
+def test_empty_partial_quadric_is_rejected(pbrt):
     for shape in ('"sphere" "float zmin" 0.5 "float zmax" 0.5', '"disk" "float phimax" 0', '"cylinder" "float radius" -1'):
         with pytest.raises(SceneError, match="line 9: "):
             pbrt(f"Shape {shape}")
 
 
-def test_a_patch_that_is_bent_and_one_that_is_flat(pbrt):
+def test_bent_and_flat_bilinear_patches(pbrt):
     flat = pbrt('Shape "bilinearmesh" "point3 P" [0 0 0 2 0 0 0 1 0 2 1 0]').meshes[0]
     assert len(flat.triangles) == 2
     assert face_normals(flat.positions, flat.triangles)[:, 2].tolist() == [2, 2]
@@ -86,7 +86,7 @@ def test_loops_scheme_on_a_tetrahedron_and_a_plane():
     np.testing.assert_allclose(smooth[1], (1, 0, 0), atol=1e-12)  # a border is subdivided as a curve
 
 
-def test_normals_of_loops_scheme_are_on_pbrts_side(pbrt):
+def test_loop_normals_side_matches_pbrt(pbrt):
     """Normals of Loop subdivision are on pbrt's side.
 
     Tangents turn clockwise around a point where triangles run counter-clockwise.
@@ -98,7 +98,7 @@ def test_normals_of_loops_scheme_are_on_pbrts_side(pbrt):
     assert outside > 0  # triangles face along their normals
 
 
-def test_numbers_of_a_picture_are_its_first_channel(pbrt, png):
+def test_float_image_texture_uses_the_first_channel(pbrt, png):
     rough = '''Texture "t" "float" "imagemap" "string filename" "t.png" "string encoding" "linear"
     Material "conductor" "texture roughness" "t"'''
     found = pbrt(f"{rough} {BALL}", {"t.png": png(64, 255, 0)})
@@ -107,7 +107,7 @@ def test_numbers_of_a_picture_are_its_first_channel(pbrt, png):
     np.testing.assert_allclose(packed[0, 0], ((64 / 255) ** 0.25, (64 / 255) ** 0.25, 1), rtol=1e-5)
 
 
-def test_an_index_may_be_a_texture(pbrt):
+def test_textured_index_of_refraction(pbrt):
     """An index of refraction may be a texture: a constant texture's value is used, of others the mean, with a warning."""
     texture = 'Texture "e" "{}" "{}" {} Material "{}" "texture eta" "e" '
     glass = pbrt(texture.format("float", "constant", '"float value" 1.3', "dielectric") + BALL)
@@ -121,7 +121,7 @@ def test_an_index_may_be_a_texture(pbrt):
     assert any("eta of material 'dielectric' is a texture" in each for each in varies.warnings)
 
 
-def test_a_light_that_is_not_there_shines(pbrt):
+def test_invisible_area_light_still_emits(pbrt):
     """An area light on a shape of alpha 0, which pbrt makes invisible, still emits."""
     light = 'AreaLightSource "diffuse" "rgb L" [4 4 4]'
     made = pbrt(f'{light} Shape "sphere" "float alpha" 0')
@@ -131,7 +131,7 @@ def test_a_light_that_is_not_there_shines(pbrt):
     assert not pbrt(f'{BALL} Shape "disk" "float alpha" 0').instances
 
 
-def test_roughness_becomes_ours(pbrt):
+def test_roughness_conversion(pbrt):
     def made(words):
         return pbrt(f"Material {words} {BALL}").materials[0]
 
@@ -175,7 +175,7 @@ def looked_up(description, u, v):
 
 
 @pytest.mark.parametrize("inner", ['"rgb tex1" [.9 .2 .1]', '"texture tex1" "red"'])
-def test_a_checkerboards_squares_lie_where_pbrt_has_them(pbrt, inner):
+def test_checkerboard_matches_pbrt(pbrt, inner):
     found = pbrt(
         f"""Texture "half" "float" "constant" "float value" 0.5 Texture "both" "spectrum" "constant" "rgb value" [.9 .2 .1]
         Texture "red" "spectrum" "mix" "rgb tex1" [.9 .2 .1] "rgb tex2" [.9 .2 .1] "texture amount" "half"
@@ -187,7 +187,7 @@ def test_a_checkerboards_squares_lie_where_pbrt_has_them(pbrt, inner):
         np.testing.assert_allclose(looked_up(found, u, v), (0.9, 0.2, 0.1) if even else (0.1, 0.2, 0.9), atol=1e-6)
 
 
-def test_images_stand_upright_scaled_and_inverted(pbrt, png):
+def test_image_texture_orientation_scale_and_invert(pbrt, png):
     def shown(words):
         text = f'Texture "t" "spectrum" "imagemap" "string filename" "t.png" {words} '
         text += f'Material "diffuse" "texture reflectance" "t" {SQUARE}'
@@ -211,7 +211,7 @@ def test_holes(pbrt, png):
     assert pbrt(f'Shape "sphere" "float alpha" 0.25 {BALL}').materials[0].opacity == 0.25
 
 
-def test_directions_of_square_pictures():
+def test_equal_area_mapping():
     directions = np.random.default_rng(1).normal(size=(2000, 3))
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     u, v = to_square(directions)
@@ -227,7 +227,7 @@ def test_directions_of_square_pictures():
     assert counts.min() > 400  # quadrants have equal solid angles
 
 
-def test_a_picture_of_the_sky_is_turned_and_as_bright(pbrt):
+def test_sky_image_rotation_and_flux(pbrt):
     size = 64
     middles = (np.arange(size) + 0.5) / size * 2 - 1
     u, v = np.meshgrid(middles, middles)
@@ -251,7 +251,7 @@ def test_a_picture_of_the_sky_is_turned_and_as_bright(pbrt):
 LAID = 'Texture "t" "spectrum" "checkerboard" "string mapping" "{}" {} Material "diffuse" "texture reflectance" "t" '
 
 
-def test_a_planar_mapping_is_by_place_in_the_space_that_the_texture_was_named_in(pbrt):
+def test_planar_mapping_uses_texture_space(pbrt):
     words = LAID.format("planar", '"vector3 v1" [2 0 0] "vector3 v2" [0 3 0] "float udelta" .25')
     found = pbrt(f"AttributeBegin Translate 0 1 0 {words} AttributeEnd Translate 5 0 0 Scale 2 1 1 {words} {SQUARE}")
     (mesh,) = found.meshes
@@ -265,7 +265,7 @@ def test_a_planar_mapping_is_by_place_in_the_space_that_the_texture_was_named_in
 
 
 @pytest.mark.parametrize("kind", ["spherical", "cylindrical"])
-def test_round_mappings_go_on_across_the_line_where_they_begin(pbrt, kind):
+def test_round_mappings_are_continuous_across_the_seam(pbrt, kind):
     (mesh,) = pbrt(LAID.format(kind, "") + BALL).meshes
     off_the_axis = (np.hypot(*mesh.positions[:, :2].T) > 1e-3)[mesh.triangles].all(axis=1)
     corners = mesh.uvs1[mesh.triangles[off_the_axis]]
@@ -281,7 +281,7 @@ def test_round_mappings_go_on_across_the_line_where_they_begin(pbrt, kind):
     np.testing.assert_allclose(away * np.sin(2 * np.pi * turn), y, atol=1e-4)
 
 
-def test_what_is_made_of_textures_lies_as_they_do_and_several_ways_are_named(pbrt):
+def test_baked_texture_keeps_the_mapping(pbrt):
     made = LAID.format("spherical", "").partition("Material")[0]
     mixed = (
         made + 'Texture "m" "spectrum" "scale" "texture tex" "t" "texture scale" "f" Material "diffuse" "texture reflectance" "m"'

@@ -34,7 +34,7 @@ def filled(material):
 HALF_FOG = Medium((0.5, 1, 1.5), (2, 2.5, 3), 0.3)
 
 
-def test_a_medium_fills_glass_and_what_is_no_surface(pbrt):
+def test_medium_fills_glass_and_interfaces(pbrt):
     found = pbrt(FOG + INTO + GLASS + BALL + 'Material "interface"' + BALL + 'Material "diffuse"' + BALL)
     glass, interface, matt = (found.materials[each.material] for each in found.spheres)
     assert (glass.kind, filled(glass)) == ("glass", HALF_FOG)
@@ -44,21 +44,21 @@ def test_a_medium_fills_glass_and_what_is_no_surface(pbrt):
     assert not any("line" in warning for warning in found.warnings)
 
 
-def test_media_belong_to_blocks_and_the_same_on_both_sides_is_no_boundary(pbrt):
+def test_media_interfaces_and_equal_sides(pbrt):
     inside = FOG + 'MediumInterface "fog"' + GLASS + BALL + "AttributeBegin " + INTO + BALL + "AttributeEnd " + BALL
     found = pbrt(inside)
     assert [filled(found.materials[each.material]) for each in found.spheres] == [Medium(), HALF_FOG, Medium()]
     assert any("Glass without a MediumInterface is clear inside" in warning for warning in found.warnings)
 
 
-def test_a_light_of_no_surface_is_a_lamp_without_a_body(pbrt):
+def test_area_light_on_interface_is_a_lamp_without_a_body(pbrt):
     found = pbrt('Material "interface" AreaLightSource "diffuse" "rgb L" [1 2 3]' + BALL)
     (made,) = found.materials
     assert (made.kind, made.lamp, made.unseen) == ("diffuse", True, False)
     assert min(made.emission) > 0
 
 
-def test_a_hole_in_fog_is_a_boundary(pbrt):
+def test_empty_shape_in_fog_is_a_boundary(pbrt):
     found = pbrt('MediumInterface "" "fog" Material "interface"' + BALL, FOG + 'MediumInterface "" "fog"\n' + RIGHT)
     (hole,) = found.spheres
     assert found.materials[hole.material].kind == "interface"
@@ -67,13 +67,13 @@ def test_a_hole_in_fog_is_a_boundary(pbrt):
 
 
 @pytest.mark.parametrize(("radius", "is_world"), [(1, True), (100, False)])
-def test_the_cameras_medium_fills_the_world_unless_a_shape_around_it_is_filled_so(pbrt, radius, is_world):
+def test_camera_medium_fills_the_world_unless_inside_a_shape(pbrt, radius, is_world):
     fogged = FOG + 'MediumInterface "" "fog"\n' + RIGHT
     found = pbrt(f'MediumInterface "fog" "" Material "interface" Shape "sphere" "float radius" {radius}', fogged)
     assert (found.medium is not None) == is_world
 
 
-def test_named_substances_are_a_millimetres(pbrt):
+def test_named_substances_are_per_millimetre(pbrt):
     found = pbrt(
         'MakeNamedMedium "fog" "string type" "homogeneous" "string preset" "Wholemilk" "float scale" 10 ' + INTO + GLASS + BALL
     )
@@ -100,16 +100,16 @@ def test_named_substances_are_a_millimetres(pbrt):
         ('Material "subsurface" "string name" "Tar"' + BALL, "'Tar' is not a known substance: rendered as milk"),
     ],
 )
-def test_what_is_not_taken_over_is_named(pbrt, inside, sentence):
+def test_unsupported_content_is_named(pbrt, inside, sentence):
     assert any(re.search(sentence, warning) for warning in pbrt(inside).warnings)
 
 
-def test_a_medium_that_is_not_there_is_refused(pbrt):
+def test_undefined_medium_is_rejected(pbrt):
     with pytest.raises(SceneError, match="there is no medium 'mist'"):
         pbrt('MediumInterface "mist" ""' + GLASS + BALL)
 
 
-def test_subsurface_by_reflectance_looks_so_and_diffuses_as_far(pbrt):
+def test_subsurface_by_reflectance(pbrt):
     """A subsurface material has the given reflectance, and the diffusion length of its medium below a boundary of index 1.33."""
     found = pbrt(
         'Material "subsurface" "rgb reflectance" [0.8 0.5 0.2] "rgb mfp" [1 2 3] "float scale" 0.5 "float roughness" 0' + BALL
@@ -128,7 +128,7 @@ def test_subsurface_by_reflectance_looks_so_and_diffuses_as_far(pbrt):
         assert radius / math.sqrt(3 * (1 - walk)) == pytest.approx(path / math.sqrt(3 * (1 - albedo)), rel=1e-3)
 
 
-def test_subsurface_by_coefficients_has_the_reflectance_of_jensens_formula(pbrt):
+def test_subsurface_by_coefficients_matches_jensen(pbrt):
     """Subsurface coefficients yield the reflectance of equation 15 of Jensen et al. 2001.
 
     A half-space of albedo 1 reflects all light.
@@ -147,7 +147,7 @@ def test_subsurface_by_coefficients_has_the_reflectance_of_jensens_formula(pbrt)
     assert min(milk.base_color) > 0.75
 
 
-def test_hair_has_its_colour_and_its_spread(pbrt):
+def test_hair_color_and_roughness(pbrt):
     """Hair absorption is converted to colour by the polynomial of Chiang et al. 2016, pigments by d'Eon et al. 2011."""
     assert deviation(0.3) ** 2 == pytest.approx((0.726 * 0.3 + 0.812 * 0.09 + 3.7 * 0.3**20) ** 2)
     color = np.array([0.6, 0.3, 0.1])
@@ -182,7 +182,7 @@ Material "diffuse" "texture displacement" "rise"
 """
 
 
-def test_displacement_becomes_the_slopes_of_its_heights(scene):
+def test_displacement_slopes(scene):
     """A square 2 wide whose height rises by 0.5 * 2 / 255 per texel of 1/64 of its width gets the slopes of these heights."""
     found = scene("scene.pbrt", world(BUMPY + SQUARE + "Scale 4 4 4 " + SQUARE, RIGHT), {"h.png": heights()})
     first, second = (found.materials[found.meshes[i.mesh].material] for i in found.instances)
@@ -195,7 +195,7 @@ def test_displacement_becomes_the_slopes_of_its_heights(scene):
     assert first.normal_texture == second.normal_texture
 
 
-def test_a_normal_map_wins_over_displacement_and_an_even_height_does_nothing(scene, png):
+def test_normal_map_overrides_displacement(scene, png):
     inside = BUMPY.replace('"rise"\n', '"rise" "string normalmap" "n.png"\n') + SQUARE
     found = scene("scene.pbrt", world(inside, RIGHT), {"h.png": heights(), "n.png": png(128, 128, 255)})
     made = found.materials[found.meshes[0].material]
@@ -205,7 +205,7 @@ def test_a_normal_map_wins_over_displacement_and_an_even_height_does_nothing(sce
     assert even.materials[even.meshes[0].material].normal_texture is None
 
 
-def test_subsurface_of_a_named_substance_scatters_by_its_asymmetry(pbrt):
+def test_named_subsurface_uses_reduced_scattering(pbrt):
     """The scattering coefficient sigma_s of a named substance is multiplied by 1 - g, like coefficients given in the file."""
     named = pbrt('Material "subsurface" "string name" "Wholemilk" "float g" 0.5' + BALL).materials[0]
     scattered, absorbed = SUBSTANCES["Wholemilk"]
@@ -215,6 +215,6 @@ def test_subsurface_of_a_named_substance_scatters_by_its_asymmetry(pbrt):
     assert named.base_color == pytest.approx(same.base_color)
 
 
-def test_g_beside_a_reflectance_is_named(pbrt):
+def test_g_with_reflectance_causes_a_warning(pbrt):
     found = pbrt('Material "subsurface" "rgb reflectance" [0.8 0.5 0.2] "float g" 0.5' + BALL)
     assert any("'g' of material 'subsurface' is ignored, since its reflectance is given" in warning for warning in found.warnings)

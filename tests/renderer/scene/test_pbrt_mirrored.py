@@ -33,7 +33,7 @@ def bumps() -> bytes:
 
 
 @pytest.mark.long
-def test_a_mirrored_camera_shows_the_same_turned_about(scene):
+def test_mirrored_camera_flips_the_picture(scene):
     pictures = []
     for head in (HEAD, "Scale -1 1 1 " + HEAD):
         found = scene("scene.pbrt", world(INSIDE, head), {"bumps.png": bumps()})

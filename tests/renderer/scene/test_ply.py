@@ -18,7 +18,7 @@ def linear(byte):
     return ((byte / 255 + 0.055) / 1.055) ** 2.4
 
 
-def test_colours_of_vertices_are_linear_and_multiply_white(scene):
+def test_vertex_colors_are_linear(scene):
     rows = [f"{p} {c}" for p, c in zip(CORNERS, COLORS, strict=True)]
     text = HEAD + RGB + FACES + "end_header\n" + "\n".join([*rows, "3 0 1 2", "3 0 2 3"]) + "\n"
     description = scene("a.ply", text)
@@ -29,7 +29,7 @@ def test_colours_of_vertices_are_linear_and_multiply_white(scene):
     assert description.materials[mesh.material].base_color == (1, 1, 1)
 
 
-def test_faces_of_two_colours_share_no_vertex(scene):
+def test_face_colors_split_vertices(scene):
     text = HEAD + FACES + RGB + "end_header\n" + "\n".join([*CORNERS, "3 0 1 2 255 0 0", "3 0 2 3 0 0 128"]) + "\n"
     mesh = scene("a.ply", text).meshes[0]
     colors = mesh.colors[mesh.triangles]
@@ -39,14 +39,14 @@ def test_faces_of_two_colours_share_no_vertex(scene):
     np.testing.assert_allclose(mesh.normals, [(0, 0, 1)] * 6, atol=1e-6)
 
 
-def test_without_colours_there_are_none(scene):
+def test_missing_colors(scene):
     text = HEAD + FACES + "end_header\n" + "\n".join([*CORNERS, "3 0 1 2", "3 0 2 3"]) + "\n"
     description = scene("a.ply", text)
     assert description.meshes[0].colors is None
     assert description.materials[0].base_color == (0.8, 0.8, 0.8)
 
 
-def test_points_without_faces_are_balls_of_their_colours(scene):
+def test_points_become_spheres_of_their_color(scene):
     rows = [f"{p} {c}" for p, c in zip(CORNERS, COLORS, strict=True)]
     description = scene("a.ply", HEAD + RGB + "end_header\n" + "\n".join(rows) + "\n")
     (mesh,) = description.meshes
@@ -60,7 +60,7 @@ def test_points_without_faces_are_balls_of_their_colours(scene):
     assert any("4 of 4 points are shown as spheres of radius 1" in w for w in description.warnings)
 
 
-def test_many_points_are_shown_in_part(scene, monkeypatch):
+def test_many_points_are_subsampled(scene, monkeypatch):
     monkeypatch.setattr(points, "MOST_POINTS", 2)
     description = scene("a.ply", HEAD + "end_header\n" + "\n".join(CORNERS) + "\n")
     assert len(description.meshes[0].triangles) == 2 * 20
@@ -78,7 +78,7 @@ def in_bytes(vertex, rows, faces="", more=b"", order="<"):
     return head.encode() + rows.tobytes() + more
 
 
-def test_numbers_of_other_types_and_names_of_scanners(scene):
+def test_number_types_and_scanner_names(scene):
     names = ["diffuse_red", "diffuse_green", "diffuse_blue", "scalar_Intensity"]
     kind = [*((n, ">f8") for n in "xyz"), *((n, ">u1") for n in names[:3]), (names[3], ">f4")]
     rows = np.zeros(4, kind)
@@ -93,7 +93,7 @@ def test_numbers_of_other_types_and_names_of_scanners(scene):
     np.testing.assert_allclose(mesh.colors[0], (0, linear(128), 0, 1), atol=1e-6)
 
 
-def test_strips_of_triangles_turn_every_second_one(scene):
+def test_triangle_strips_alternate_winding(scene):
     rows = POINTS[[0, 1, 3, 2]].astype("<f4")
     strips = "element tristrips 1\nproperty list int int vertex_indices\n"
     data = in_bytes(WITH_NAMES.format("float"), rows, strips, struct.pack("<9i", 8, 0, 1, 2, 3, -1, 2, 1, 3))
@@ -103,7 +103,7 @@ def test_strips_of_triangles_turn_every_second_one(scene):
     np.testing.assert_array_equal(np.cross(b - a, c - a)[:, 2], [1, 1, 1])
 
 
-def test_coordinates_of_corners_and_the_picture_that_a_comment_names(scene, png):
+def test_corner_uvs_and_texture_in_a_comment(scene, png):
     rows = POINTS.astype("<f4")
     faces = "element face 2\nproperty list uchar int vertex_indices\nproperty list uchar float texcoord\n"
     uvs = [(0, 0, 1, 0, 1, 1), (0.5, 0, 1, 1, 0, 1)]
@@ -117,7 +117,7 @@ def test_coordinates_of_corners_and_the_picture_that_a_comment_names(scene, png)
     assert description.materials[mesh.material].base_color_texture is not None
 
 
-def test_a_survey_far_from_the_origin_keeps_its_shape(scene):
+def test_far_survey_keeps_its_shape(scene):
     far = np.add(POINTS, (4_500_000.25, 5_300_000.5, 100))
     text = HEAD + FACES + "end_header\n" + "\n".join(" ".join(f"{c:.3f}" for c in p) for p in far) + "\n3 0 1 2\n3 0 2 3\n"
     description = scene("a.ply", text)
@@ -126,7 +126,7 @@ def test_a_survey_far_from_the_origin_keeps_its_shape(scene):
     np.testing.assert_allclose(mesh.positions[0], far[0], atol=1e-6)
 
 
-def test_gaussians_are_points_of_their_colour(scene):
+def test_gaussians_become_colored_points(scene):
     rows = np.column_stack([POINTS, np.full((4, 3), [1.0, 0.0, -1.0])]).astype("<f4")
     head = WITH_NAMES.format("float") + "".join(f"property float f_dc_{k}\n" for k in range(3))
     colors = scene("a.ply", in_bytes(head, rows)).meshes[0].colors
@@ -138,7 +138,7 @@ WEDGES = "property list uchar float texcoord\nproperty {kind} texnumber\n"
 
 @pytest.mark.parametrize("kind", ["int", "uchar", "short"])
 @pytest.mark.parametrize("of_vertices", [False, True])
-def test_each_face_has_its_picture(scene, png, kind, of_vertices):
+def test_texture_per_face(scene, png, kind, of_vertices):
     head = "ply\nformat ascii 1.0\ncomment TextureFile a.png\ncomment TextureFile b.png\nelement vertex 8\n"
     head += "property float x\nproperty float y\nproperty float z\n"
     square = ("0 0 0", "1 0 0", "1 1 0", "0 1 0")
@@ -161,7 +161,7 @@ def test_each_face_has_its_picture(scene, png, kind, of_vertices):
     assert [m.uvs is not None for m in description.meshes] == [True, True]
 
 
-def test_further_numbers_in_rows_are_left_out_by_lines(scene):
+def test_surplus_numbers_in_rows_are_dropped(scene):
     head = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nelement face 2\n"
     head += "property list uchar int vertex_indices\nend_header\n"
     text = head + "0 0 0\n1 0 0\n1 1 0\n0 1 0\n3 0 1 2 9 9\n3 0 2 3 9\n"
@@ -171,7 +171,7 @@ def test_further_numbers_in_rows_are_left_out_by_lines(scene):
 
 
 @pytest.mark.parametrize(("first", "last"), [("\n", "\r\n"), ("\r\n", "\n"), ("\r\n", "\r\n"), ("\n", "\n"), ("\r", "\r")])
-def test_header_lines_end_as_they_like(scene, first, last):
+def test_header_line_ends(scene, first, last):
     lines = ["ply", "format binary_little_endian 1.0", "element vertex 3", *(f"property float {c}" for c in "xyz")]
     lines += ["element face 1", "property list uchar int vertex_indices"]
     head = first.join([*lines, "end_header"]) + last

@@ -22,14 +22,14 @@ def mixed(order="little", count="uchar", kind="int", faces=FACES):
 
 @pytest.mark.parametrize("order", ["little", "big"])
 @pytest.mark.parametrize("kind", ["int", "ushort"])
-def test_binary_faces_of_different_numbers_of_corners_are_cut_into_triangles(scene, order, kind):
+def test_mixed_binary_faces_are_triangulated(scene, order, kind):
     (mesh,) = scene("a.ply", mixed(order, kind=kind)).meshes
     found = {tuple(sorted(map(tuple, mesh.positions[t].tolist()))) for t in mesh.triangles}
     wanted = [(f[0], f[k], f[k + 1]) for f in FACES for k in range(1, len(f) - 1)]
     assert found == {tuple(sorted(map(tuple, POINTS[list(t)].tolist()))) for t in wanted}
 
 
-def test_damaged_mixed_faces_are_told(scene):
+def test_damaged_mixed_faces_are_an_error(scene):
     whole = mixed()
     for cut in (3, 10, 30):
         with pytest.raises(SceneError, match=r"^a\.ply"):

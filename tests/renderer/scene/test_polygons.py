@@ -33,7 +33,7 @@ def areas(points, cut):
 
 @pytest.mark.parametrize("name", SHAPES)
 @pytest.mark.parametrize("first", [0, 3])
-def test_areas_sum_to_the_polygons_from_any_corner_in_any_plane(name, first):
+def test_triangle_areas_sum_to_the_polygon(name, first):
     flat, area = SHAPES[name]
     turned = np.linalg.qr(np.random.default_rng(len(name)).normal(size=(3, 3)))[0]
     points = np.column_stack([np.roll(np.asarray(flat, float), first, axis=0), np.zeros(len(flat))]) @ turned
@@ -42,7 +42,7 @@ def test_areas_sum_to_the_polygons_from_any_corner_in_any_plane(name, first):
     assert areas(points, cut).sum() == pytest.approx(area, abs=1e-6)
 
 
-def test_random_stars_are_filled():
+def test_random_star_polygons():
     rng = np.random.default_rng(5)
     for _ in range(60):
         count = rng.integers(5, 40)
@@ -54,7 +54,7 @@ def test_random_stars_are_filled():
             assert areas(points, cut).sum() == pytest.approx(signed, abs=1e-9)
 
 
-def test_convex_polygons_are_fans_and_others_keep_their_place():
+def test_convex_polygons_become_fans():
     points = np.array([(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 3, 0), (0, 2, 0), (9, 9, 9), (0.5, 0.5, 0)], float)
     cut = triangulate(np.array([4, 2, 3, 5, 4]), np.array([0, 1, 2, 4, 0, 1, 0, 1, 2, 0, 1, 2, 3, 4, 6, 1, 0, 4]), points)
     assert cut.face.tolist() == [0, 0, 2, 3, 3, 3, 4, 4]
@@ -65,7 +65,7 @@ def test_convex_polygons_are_fans_and_others_keep_their_place():
     assert cut.unfilled == 0
 
 
-def test_a_concave_quad_is_cut_along_its_other_diagonal():
+def test_concave_quad_uses_the_other_diagonal():
     points = np.array([(0, 0, 0), (0.4, 0.4, 0), (1, 0, 0), (0, 1, 0)], float)[[0, 2, 1, 3]]
     for first in range(4):
         at = np.roll(points, first, axis=0)
@@ -85,7 +85,7 @@ def test_a_concave_quad_is_cut_along_its_other_diagonal():
     ],
 )
 @pytest.mark.parametrize("shape", ["star", "comb", "keyhole", "collinear"])
-def test_every_reader_fills_them(scene, name, text, shape):
+def test_every_reader_fills_concave_polygons(scene, name, text, shape):
     flat, area = SHAPES[shape]
     rows = [f"{x} {y} 0" for x, y in np.asarray(flat).tolist()]
     count = len(rows)

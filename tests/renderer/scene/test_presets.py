@@ -19,7 +19,7 @@ def tables(name):
 
 @pytest.mark.long
 @grid("name", PRESETS)
-def test_every_preset_exposes_a_scene_about_as_white_light_would(name):
+def test_preset_irradiance_is_near_white_light(name):
     found = tables(name)
     assert np.isfinite(found.radiance).all()
     assert found.radiance.min() >= 0
@@ -34,14 +34,14 @@ def onto_ground(image):
     return float((image[..., 0] * weight[:, None]).sum() / np.pi)
 
 
-def test_an_overcast_sky_lights_the_ground_as_an_even_one():
+def test_overcast_sky_irradiance():
     assert onto_ground(preset_image("overcast")) == pytest.approx(onto_ground(preset_image("even-white")), rel=1e-3)
     assert onto_ground(preset_image("even-white")) == pytest.approx(1, rel=1e-3)
     sky = preset_image("overcast")[..., 0]
     assert sky[0, 0] / sky[127, 0] == pytest.approx(3, rel=0.02)  # zenith to horizon
 
 
-def test_the_studio_s_key_stands_on_the_left_of_who_looks_from_the_front():
+def test_studio_key_light_is_on_the_left():
     image = preset_image("studio")[..., 0]
     y, x = np.unravel_index(image.argmax(), image.shape)
     phi, elevation = (x + 0.5) * np.pi / 256 - np.pi, np.pi / 2 - (y + 0.5) * np.pi / 256
@@ -50,6 +50,6 @@ def test_the_studio_s_key_stands_on_the_left_of_who_looks_from_the_front():
     assert np.sin(elevation) > 0.3
 
 
-def test_light_that_nobody_knows_is_refused_with_what_there_is():
+def test_unknown_preset_error_lists_the_presets():
     with pytest.raises(SceneError, match=r"candle.*studio"):
         light_by_name("candle", SceneDescription(name="scene"))

@@ -27,7 +27,7 @@ def scene(mesh: Mesh, *instances: Instance, material: Material | None = None) ->
     return SceneDescription(meshes=[mesh], instances=list(instances) or [Instance(0)], materials=[material or Material()])
 
 
-def test_instances_are_placed_and_normals_follow_their_scale() -> None:
+def test_preview_instances_and_normals() -> None:
     tilted = Mesh(
         "tilted",
         np.float32([[0, 0, 0], [1, 1, 0], [0, 0, 1]]),
@@ -43,7 +43,7 @@ def test_instances_are_placed_and_normals_follow_their_scale() -> None:
     np.testing.assert_array_equal(found.triangles, [[0, 1, 2], [3, 4, 5]])
 
 
-def test_many_triangles_are_decimated_and_cover_the_same_area() -> None:
+def test_decimation_preserves_the_area() -> None:
     found = preview(scene(sheet(300)), max_triangles=20_000)
     assert found is not None
     assert 5_000 < len(found.triangles) <= 20_000
@@ -53,7 +53,7 @@ def test_many_triangles_are_decimated_and_cover_the_same_area() -> None:
     assert found.positions.min() >= 0 and found.positions.max() <= 1
 
 
-def test_a_vertex_has_its_texels_colour_in_srgb() -> None:
+def test_preview_vertex_color_from_texture() -> None:
     pixels = np.zeros((1, 2, 4), np.uint8)
     pixels[0] = [[255, 0, 0, 255], [0, 128, 0, 255]]
     mesh = sheet(1)
@@ -65,7 +65,7 @@ def test_a_vertex_has_its_texels_colour_in_srgb() -> None:
     assert found.colors.tolist() == [[255, 0, 0, 255], [0, 128, 0, 255], [255, 0, 0, 255], [0, 128, 0, 255]]
 
 
-def test_what_emits_is_shown_unshaded_and_what_only_bounds_a_medium_is_not() -> None:
+def test_preview_of_emitters_and_interfaces() -> None:
     lamp = preview(scene(sheet(1), material=Material(emission=(5.0, 5.0, 5.0))))
     assert lamp is not None and lamp.colors.tolist() == [[255, 255, 255, 0]] * 4
     assert preview(scene(sheet(1), material=Material(kind="interface"))) is None
@@ -78,7 +78,7 @@ def test_spheres_are_round() -> None:
     np.testing.assert_allclose(np.linalg.norm(found.positions - [1, 2, 3], axis=1), 0.5)
 
 
-def test_a_mesh_survives_its_packet() -> None:
+def test_preview_mesh_packet_round_trip() -> None:
     """A mesh is restored from its packet: positions to 1/65535 of the bounds, also far from the origin; normals to 1/127."""
     random = np.random.default_rng(3)
     positions = 1e7 + random.uniform(-3, 3, (50, 3))

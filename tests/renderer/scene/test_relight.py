@@ -25,7 +25,7 @@ def compiled(folder, environment, out):
 
 
 @grid("text", [SCENE, NO_LIGHT], ids=["lamp", "nothing"])
-def test_a_scene_under_other_light_is_the_one_that_is_compiled_so(tmp_path, text):
+def test_relit_scene_equals_a_new_compilation(tmp_path, text):
     (tmp_path / "scene.yaml").write_text(text)
     base, manifest, power = compiled(tmp_path, None, tmp_path / "base")
     before = {part.sha256 for part in parts_of(manifest)}

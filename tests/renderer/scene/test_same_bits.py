@@ -69,7 +69,7 @@ def digest(folder):
 
 
 @pytest.mark.parametrize("kernels", ["Prescott", pytest.param("Haswell", marks=pytest.mark.long)])
-def test_other_processors_get_the_same_bits(tmp_path, kernels):
+def test_geometry_has_the_same_bits_on_other_processors(tmp_path, kernels):
     """Results are equal for OpenBLAS kernels with and without FMA."""
     ours = digest(tmp_path)
     loops = " ".join(name for name in __cpu_dispatch__ if __cpu_features__[name])

@@ -37,7 +37,7 @@ def test_sample(samples, file, triangles, textures):
     assert summarise(description, scene)["cameras"][-1]["name"] == "auto"
 
 
-def test_one_body_is_the_same_from_all_formats(samples):
+def test_body_is_equal_in_all_formats(samples):
     names = ("body.ply", "ascii.ply", "body.stl", "body.dae", "body.obj", "painted/painted.obj")
     bounds = [compile_scene(read((samples / name).parent, (samples / name).name)).bounds for name in names]
     np.testing.assert_allclose(bounds, bounds[:1] * len(bounds), rtol=1e-4)
@@ -59,12 +59,12 @@ def test_the_alpha_modes_of_the_sample(samples):
     assert found == {"bed": ("opaque", 0.5), "pane": ("blend", 0.5), "leaf": ("mask", 0.25)}
 
 
-def test_a_texture_whose_name_holds_a_space(samples):
+def test_texture_name_with_a_space(samples):
     description = read(samples / "painted", "painted.obj")
     assert description.images[0].name == "body uv.png"
 
 
-def test_a_zip_as_a_mac_makes_it(samples, tmp_path):
+def test_zip_made_by_macos(samples, tmp_path):
     with zipfile.ZipFile(samples / "mac.zip") as archive:
         archive.extractall(tmp_path)
         main, _ = pick_main(archive.namelist())
@@ -82,7 +82,7 @@ def test_an_hdr_environment(samples):
     assert not any("no light" in w for w in description.warnings)
 
 
-def test_a_glow_too_weak_to_see_by_gets_the_studio_as_well(scene):
+def test_weak_emission_gets_studio_lighting(scene):
     g = Gltf()
     g.mesh(material=g.material(emissiveFactor=[1e-3, 1e-3, 1e-3]))
     description = scene("ember.glb", g.glb())
@@ -90,7 +90,7 @@ def test_a_glow_too_weak_to_see_by_gets_the_studio_as_well(scene):
     assert any("own lights are weak" in w for w in description.warnings)
 
 
-def test_a_texture_that_a_collada_file_names_and_nobody_sent(samples, scene):
+def test_missing_collada_texture(samples, scene):
     text = (samples / "body.dae").read_text()
     image = '<library_images><image id="skin"><init_from>skinCM.tga</init_from></image></library_images>'
     surface = (

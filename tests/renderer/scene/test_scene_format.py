@@ -21,7 +21,7 @@ from tests.renderer.scene.builders import cup
 from tests.renderer.scene.ies_files import ies
 
 
-def test_all_settings_are_those_of_the_renderer(scene):
+def test_scene_file_settings_match_the_renderer(scene):
     settings = {
         "width": 64,
         "height": 32,
@@ -50,14 +50,14 @@ def schema():
     return json.loads((Path(__file__).parents[3] / "docs" / "scene-schema.json").read_text())
 
 
-def test_what_is_published_of_the_settings_is_what_they_are_declared():
+def test_published_settings_table_matches_the_declarations():
     """The published settings table equals the declarations. To update it: python docs/settings_table.py."""
     made = runpy.run_path(str(Path(__file__).parents[3] / "docs" / "settings_table.py"))
     for path, text in ((made["SCHEMA"], made["schema_text"]()), (made["GUIDE"], made["guide_text"](made["GUIDE"].read_text()))):
         assert path.read_text() == text, f"{path.name} is not what docs/settings_table.py writes"
 
 
-def test_the_published_schema_is_the_one_that_files_are_checked_against():
+def test_published_schema_matches_the_checked_one():
     def bare(part):
         if isinstance(part, dict):
             return {key: bare(value) for key, value in part.items() if key != "description" or not isinstance(value, str)}
@@ -71,7 +71,7 @@ def test_the_schema_is_a_json_schema():
     jsonschema.Draft202012Validator.check_schema(checked_schema())
 
 
-def test_the_schemas_choices_are_the_renderers():
+def test_schema_choices_match_the_renderer():
     assert schema()["$defs"]["texture_layer"]["properties"]["blend"]["enum"] == list(OPERATIONS)
     material = schema()["$defs"]["material"]["properties"]
     assert material["metal"]["enum"] == list(METALS)
@@ -84,7 +84,7 @@ def examples():
 
 
 @pytest.mark.parametrize("number", range(len(examples())))
-def test_every_example_of_the_documentation_is_a_scene(scene, png, number):
+def test_documented_examples_are_valid_scenes(scene, png, number):
     example = examples()[number]
     if example.startswith("transform:"):
         example = "shapes:\n- type: cube\n  " + example.replace("\n", "\n  ")
@@ -118,14 +118,14 @@ def test_the_documentation_names_every_field_of_the_schema():
 
 
 @pytest.mark.parametrize("name", ["cornell-box", "spheres", "still-life"])
-def test_our_example_scenes_read_without_a_warning(name):
+def test_example_scenes_have_no_warnings(name):
     folder = Path(__file__).parents[3] / "scenes"
     assert (folder / f"{name}.yaml").stat().st_size < 300_000
     assert read(folder, f"{name}.yaml").warnings == []
 
 
 @pytest.mark.parametrize("script", ["make.py", "lineage.py"])
-def test_the_made_scenes_are_those_of_the_script(script, monkeypatch):
+def test_generated_scenes_match_their_script(script, monkeypatch):
     folder = Path(__file__).parents[3] / "scenes"
     monkeypatch.syspath_prepend(str(folder))
     made = runpy.run_path(str(folder / script))
@@ -133,7 +133,7 @@ def test_the_made_scenes_are_those_of_the_script(script, monkeypatch):
         assert (folder / name).read_text() == made["text_of"](scene(), comment, script)
 
 
-def test_the_village_is_that_of_its_script(monkeypatch):
+def test_village_matches_its_script(monkeypatch):
     folder = Path(__file__).parents[3] / "scenes"
     monkeypatch.syspath_prepend(str(folder))
     made = runpy.run_path(str(folder / "christmas.py"))["files"]()
@@ -147,7 +147,7 @@ def test_the_village_is_that_of_its_script(monkeypatch):
 
 
 @pytest.mark.long
-def test_the_village_is_small_whole_and_instanced():
+def test_village_is_small_and_instanced():
     """The village has no warnings, is below 300 kB, and its hundred trees share one mesh."""
     folder = Path(__file__).parents[3] / "scenes" / "christmas"
     assert sum(path.stat().st_size for path in folder.iterdir()) < 300_000

@@ -21,7 +21,7 @@ def moving(description):
     return moved, {i.name for i in description.instances if description.meshes[i.mesh].deforms}
 
 
-def test_of_a_gltf_file_what_its_channels_reach_moves(scene):
+def test_gltf_channels_determine_moving_parts(scene):
     g = Gltf()
     for name in ("floor", "arm", "finger", "face", "lamp", "blinker", "idle", "skinned", "statue"):
         g.mesh(TRIANGLE + len(g.root["nodes"]), material=len(g.root["nodes"]))
@@ -54,7 +54,7 @@ def test_of_a_gltf_file_what_its_channels_reach_moves(scene):
     assert moving(description) == ({"arm", "finger", "lamp", "blinker"}, {"face", "skinned"})
 
 
-def test_of_a_scene_file_what_its_keys_reach_moves(scene):
+def test_scene_file_keys_determine_moving_parts(scene):
     turning = "{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 90]]}}}"
     description = scene(
         "a.yaml",
@@ -114,7 +114,7 @@ def zoo(angle=20.0, marked=True):
     )
 
 
-def test_what_moves_is_kept_apart():
+def test_moving_parts_are_separated():
     sharing = plan_instancing(zoo())
     assert sharing.copied == [0]
     assert [group.meshes for group in sharing.groups] == [[1]]
@@ -124,7 +124,7 @@ def test_what_moves_is_kept_apart():
 
 
 @pytest.mark.parametrize("angle", [0.0, 33.0])
-def test_kept_apart_it_is_the_same_scene(angle):
+def test_separated_scene_has_the_same_hits(angle):
     apart, whole = zoo(angle), zoo(angle, marked=False)
     ours, theirs = compile_scene(apart), compile_scene(whole)
     rng = np.random.default_rng(1)
@@ -156,7 +156,7 @@ def test_kept_apart_it_is_the_same_scene(angle):
     np.testing.assert_allclose(mine["bounds"], other["bounds"], rtol=0.05)
 
 
-def test_what_stands_still_has_the_same_bits_at_every_moment():
+def test_static_parts_have_equal_bits_in_all_frames():
     one, other = (flat(compile_scene(zoo(angle))) for angle in (0.0, 33.0))
     # Offsets of parts do not depend on the moment: the loose part is the last, and only its tree may change in size.
     assert {name for name in one if one[name].shape != other[name].shape} <= {"bvh.node", "bvh.packet", "light_node"}
@@ -169,7 +169,7 @@ def test_what_stands_still_has_the_same_bits_at_every_moment():
     assert not changed & {"part", "uv", "material", "sphere_object", "triangle"}
 
 
-def test_a_still_scene_is_one_tree():
+def test_static_scene_is_one_tree():
     compiled = compile_scene(zoo(marked=False))
     assert compiled.bvh.instance_root[0] < len(compiled.bvh.node)
     assert (compiled.part[:, 1] >= -1).all()

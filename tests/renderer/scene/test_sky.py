@@ -66,7 +66,7 @@ def lit(sky, rotation=0.0, mesh=FLOOR, material=WHITE):
 
 
 @pytest.mark.long
-def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
+def test_noon_sun_exceeds_the_sky():
     """At noon the sun gives several times the sky's light.
 
     On clear days the diffuse share of light on a horizontal plane is 1/10 to 1/4, and the total about 3/4 of pi.
@@ -78,7 +78,7 @@ def test_at_noon_the_sun_gives_several_times_what_the_sky_gives():
 
 
 @pytest.mark.long
-def test_the_ground_lights_the_air_above_it_and_light_is_never_made(coarse):
+def test_ground_brightens_the_sky_and_energy_is_conserved(coarse):
     """Snow brightens the sky, and the light that leaves the air downwards stays below the sun's input."""
     for height in (5, 60):
         dark, snow = (onto_ground(image_of_sky(Sky(height, ground_albedo=gray(a)))) for a in (0.0, 1.0))
@@ -88,7 +88,7 @@ def test_the_ground_lights_the_air_above_it_and_light_is_never_made(coarse):
 
 
 @pytest.mark.long
-def test_light_fades_as_the_sun_sinks(coarse):
+def test_irradiance_decreases_with_sun_elevation(coarse):
     heights = [90, 50, 20, 5, 0, -1, -6, -10]
     sky = [luminance(onto_ground(image_of_sky(Sky(h)))) for h in heights]
     sun = [luminance(facing(sun_of_sky(Sky(h)))) for h in heights]
@@ -111,7 +111,7 @@ def test_colours():
 
 
 @pytest.mark.long
-def test_below_the_horizon_is_the_ground_that_sun_and_sky_light():
+def test_ground_radiance_below_the_horizon():
     sky = Sky(30, ground_albedo=(0.5, 0.25, 0.1))
     image = image_of_sky(sky)
     received = onto_ground(image) + facing(sun_of_sky(sky)) * 0.5
@@ -120,7 +120,7 @@ def test_below_the_horizon_is_the_ground_that_sun_and_sky_light():
 
 
 @pytest.mark.long
-def test_dust_makes_a_glow_around_the_sun_and_no_air_no_sky():
+def test_dust_glow_and_sky_without_air():
     clear, hazy = image_of_sky(Sky(40, 0, dust=0)), image_of_sky(Sky(40, 0, dust=4))
     near, far = (slice(130, 150), slice(500, 524)), (slice(130, 150), slice(0, 24))
     assert hazy[near].mean() / hazy[far].mean() > 3 * clear[near].mean() / clear[far].mean()
@@ -130,7 +130,7 @@ def test_dust_makes_a_glow_around_the_sun_and_no_air_no_sky():
 
 
 @grid(("azimuth", "column"), [(0, 512), (90, 768), (-90, 256), (180, 0), (450, 768)], ordinary=(90,))
-def test_the_sky_is_brightest_at_its_sun_and_alike_on_both_sides_of_it(azimuth, column):
+def test_sky_is_brightest_and_symmetric_at_the_sun(azimuth, column):
     image = image_of_sky(Sky(20, azimuth))
     _, brightest = np.unravel_index(image[:256, :, 1].argmax(), (256, 1024))
     assert min(abs(brightest - column), 1024 - abs(brightest - column)) <= 1
@@ -142,7 +142,7 @@ def test_the_sky_is_brightest_at_its_sun_and_alike_on_both_sides_of_it(azimuth, 
 
 
 @pytest.mark.long
-def test_the_wrap_is_a_column_as_any_other():
+def test_sky_is_continuous_at_the_seam():
     image = image_of_sky(Sky(10, 90.0 + 180 / 1024))[
         :256, :, 1
     ]  # the sun is in a texel's centre, the image's edge on the opposite side
@@ -152,14 +152,14 @@ def test_the_wrap_is_a_column_as_any_other():
 
 
 @pytest.mark.long
-def test_a_finer_grid_gives_the_same_sky(monkeypatch):
+def test_finer_grid_gives_the_same_sky(monkeypatch):
     coarse = image_of_sky(Sky(10))[:256]
     monkeypatch.setattr("renderer.scene.sky._ELEVATIONS", 160)
     monkeypatch.setattr("renderer.scene.sky._AZIMUTHS", 80)
     np.testing.assert_allclose(image_of_sky(Sky(10))[:256], coarse, rtol=0.02, atol=1e-3 * coarse.mean())
 
 
-def test_a_smaller_sun_is_brighter():
+def test_smaller_sun_has_higher_radiance():
     wide, small = sun_of_sky(Sky(30, sun_size=4.0)), sun_of_sky(Sky(30, sun_size=0.5))
     np.testing.assert_allclose(facing(wide), facing(small), rtol=1e-9)
     assert small.radiance[0] > 60 * wide.radiance[0]
@@ -167,14 +167,14 @@ def test_a_smaller_sun_is_brighter():
 
 
 @pytest.mark.parametrize("rotation", [0.0, 50.0])
-def test_the_floor_receives_what_sun_and_sky_send(rotation):
+def test_floor_irradiance_from_sun_and_sky(rotation):
     sky = Sky(35, 70)
     expected = onto_ground(image_of_sky(sky)) + facing(sun_of_sky(sky)) * math.sin(math.radians(35))
     sums = render_frame(lit(sky, rotation), settings((0, 2, -1), (0, 0, 0), 0.01, max_depth=2), 64)
     assert_mean(sums, float(expected.mean()) / math.pi, slack=1e-3)
 
 
-def test_the_sun_is_seen_as_a_disk_where_it_stands_and_in_mirrors():
+def test_sun_disk_is_visible_directly_and_in_mirrors():
     sky = Sky(35, 70, sun_size=2.0)
     radiance = sun_of_sky(sky).radiance
     towards = sun_of_sky(sky).direction
@@ -195,7 +195,7 @@ def test_the_sun_is_seen_as_a_disk_where_it_stands_and_in_mirrors():
     np.testing.assert_allclose(picture, np.broadcast_to(radiance, picture.shape), rtol=0.05)
 
 
-def test_strength_and_replacement_reach_the_sun():
+def test_environment_settings_apply_to_the_sun():
     made = lit(Sky(35))
     view = settings((0, 2, -1), (0, 0, 0), 0.01, max_depth=2)
     once, thrice = (mean(render_frame(with_environment_changed(made, None, s), view, 16), 24).mean() for s in (1.0, 3.0))
@@ -205,7 +205,7 @@ def test_strength_and_replacement_reach_the_sun():
 
 
 @pytest.mark.parametrize("turn", [35.0, -170.0])
-def test_turning_it_later_is_turning_it_in_the_file(turn):
+def test_rotation_setting_equals_rotation_in_the_file(turn):
     later, before = (
         with_environment_changed(lit(Sky(35, 40), rotation=20.0), None, 1.0, turn),
         lit(Sky(35, 40), rotation=20.0 + turn),
@@ -214,7 +214,7 @@ def test_turning_it_later_is_turning_it_in_the_file(turn):
     np.testing.assert_array_equal(later.environment, before.environment)
 
 
-def test_strings():
+def test_sky_strings_are_parsed():
     sky = parse_sky("sky:30.5,120").sky
     assert (sky.sun_elevation, sky.sun_azimuth) == (30.5, 120)
     assert parse_sky("sky:-3").sky == Sky(-3)
@@ -233,7 +233,7 @@ def test_numbers_out_of_range_are_named(change):
         tabulate_environment(SceneDescription(environment=Environment(sky=replace(Sky(), **change))))
 
 
-def test_a_sky_lights_a_file_in_place_of_its_own_environment(tmp_path):
+def test_sky_replaces_the_files_environment(tmp_path):
     (tmp_path / "a.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     description = read(tmp_path, "a.obj", "sky:20")
     assert description.environment == Environment(sky=Sky(20))

@@ -17,7 +17,7 @@ def stl(triangles=SQUARE, words=(0, 0), head=b"made by formula", said=None):
     return head.ljust(80, b"\0") + struct.pack("<I", len(triangles) if said is None else said) + rows
 
 
-def test_corners_at_one_place_are_one_vertex_and_z_is_up(scene):
+def test_stl_vertices_are_merged_and_z_is_up(scene):
     description = scene("a.stl", stl())
     (mesh,) = description.meshes
     assert len(mesh.positions) == 4
@@ -27,11 +27,11 @@ def test_corners_at_one_place_are_one_vertex_and_z_is_up(scene):
 
 
 @pytest.mark.parametrize("head", [b"solid but in bytes", b"COLOR=\x80\x80\x80\xff"])
-def test_a_header_of_any_words_and_bytes_after_the_last_triangle(scene, head):
+def test_stl_header_text_and_trailing_bytes(scene, head):
     assert len(scene("a.stl", stl(head=head) + b"and more").meshes[0].triangles) == 2
 
 
-def test_a_file_that_is_cut_is_told_so(scene):
+def test_truncated_file_is_an_error(scene):
     with pytest.raises(SceneError, match="has 2 of 3 triangles"):
         scene("a.stl", stl(said=3))
 
@@ -50,7 +50,7 @@ def test_colours_of_triangles(scene, head, words, colors):
     assert description.materials[mesh.material].base_color == (1, 1, 1)
 
 
-def test_words_that_are_no_colours_are_none(scene):
+def test_other_attribute_bytes_are_no_colors(scene):
     found = scene("a.stl", stl(words=(7, 0x8001)))
     assert found.meshes[0].colors is None
     assert any(

@@ -29,11 +29,11 @@ def _has_floor(folder: Path, text: str, floor: str | None) -> bool:
     ("text", "floor", "expected"),
     [(_BALL, None, False), (_BALL, "auto", True), (_LIT, "auto", False), (_LIT, "on", True)],
 )
-def test_a_floor_is_added_where_it_is_asked_for(tmp_path: Path, text: str, floor: str | None, expected: bool) -> None:
+def test_floor_is_added_on_request(tmp_path: Path, text: str, floor: str | None, expected: bool) -> None:
     assert _has_floor(tmp_path, text, floor) is expected
 
 
-def test_the_floor_changes_no_figure_of_the_scene(tmp_path: Path) -> None:
+def test_floor_does_not_change_the_summary(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text("v 0 1 0\nv 1 1 0\nv 0 2 0\nv 0 1 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n")
     plain, floored = (read(tmp_path, "m.obj", floor=floor) for floor in (None, "on"))
     shown, drawn = preview(plain), preview(floored)
@@ -44,7 +44,7 @@ def test_the_floor_changes_no_figure_of_the_scene(tmp_path: Path) -> None:
         assert after[name] == before[name]
 
 
-def test_the_floor_lies_just_below_and_stays_while_things_move(tmp_path: Path) -> None:
+def test_floor_stays_below_a_moving_scene(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text(_BALL)
     found = read(tmp_path, "s.yaml", floor="auto")
     floor = found.instances[-1]
@@ -53,7 +53,7 @@ def test_the_floor_lies_just_below_and_stays_while_things_move(tmp_path: Path) -
     assert bounds_of(found)[1, 0] > 50
 
 
-def test_the_far_floor_is_as_bright_as_the_horizon_and_darker_below_the_model(tmp_path: Path) -> None:
+def test_far_floor_matches_the_horizon(tmp_path: Path) -> None:
     (tmp_path / "s.yaml").write_text("shapes: [{type: sphere, center: [0, 1, 0], radius: 1}]\n")
     compiled = compile_scene(read(tmp_path, "s.yaml", floor="auto"))
 

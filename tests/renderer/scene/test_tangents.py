@@ -22,7 +22,7 @@ def bitangent(normal, tangent):
 
 @pytest.mark.parametrize("turn", [0, 37, 90, 200])
 @pytest.mark.parametrize("mirror", [1, -1])
-def test_a_squares_tangents_are_its_images_right_and_up(turn, mirror):
+def test_tangents_follow_the_image_axes(turn, mirror):
     """For rotated and mirrored images the tangent points towards increasing u, the bitangent towards decreasing v."""
     c, s = np.cos(np.radians(turn)), np.sin(np.radians(turn))
     uv = ((UPRIGHT * [mirror, 1]) @ np.array([[c, s], [-s, c]])).astype(np.float32)
@@ -34,7 +34,7 @@ def test_a_squares_tangents_are_its_images_right_and_up(turn, mirror):
     assert (tangent[:, 3] == mirror).all()
 
 
-def test_tangents_are_unit_and_square_to_normals_of_any_mesh():
+def test_tangents_are_unit_and_perpendicular():
     rng = np.random.default_rng(0)
     normal = rng.standard_normal((50, 3))
     normal = (normal / np.linalg.norm(normal, axis=1, keepdims=True)).astype(np.float32)
@@ -46,7 +46,7 @@ def test_tangents_are_unit_and_square_to_normals_of_any_mesh():
         assert set(np.unique(tangent[:, 3])) <= {-1.0, 1.0}
 
 
-def test_vertices_between_an_image_and_its_mirror_image_are_split():
+def test_vertices_at_a_mirror_seam_are_split():
     """Vertices at a mirror seam between a square's halves are split, since each half has its own tangent."""
     position = np.array([(-1, 0, 0), (0, 0, 0), (1, 0, 0), (-1, 1, 0), (0, 1, 0), (1, 1, 0)], np.float32)
     uv = np.array([(1, 1), (0, 1), (1, 1), (1, 0), (0, 0), (1, 0)], np.float32)
@@ -68,7 +68,7 @@ def bumpy(transform, **more):
 
 
 @pytest.mark.parametrize("mirror", [1, -1])
-def test_a_files_tangents_go_through_transforms_as_computed_ones_do(mirror):
+def test_file_tangents_transform_like_computed_ones(mirror):
     transform = rotation_y(30) @ np.diag([mirror * 2.0, 3.0, 1.0, 1.0])
     given = flatten(bumpy(transform, tangents=np.array([(1, 0, 0, 1)] * 4, np.float32)))
     computed = flatten(bumpy(transform))
@@ -77,7 +77,7 @@ def test_a_files_tangents_go_through_transforms_as_computed_ones_do(mirror):
     np.testing.assert_allclose(up, np.tile(transform[:3, 1] / np.linalg.norm(transform[:3, 1]), (4, 1)), atol=1e-6)
 
 
-def test_tangents_are_made_only_where_a_material_needs_them():
+def test_tangents_are_computed_only_if_needed():
     description = bumpy(np.eye(4))
     description.materials.append(Material())
     description.instances.append(Instance(0, np.eye(4), material=1))
@@ -90,7 +90,7 @@ def test_tangents_are_made_only_where_a_material_needs_them():
     assert flatten(description).tangent.shape == (4, 4)
 
 
-def test_tangents_follow_the_normal_maps_set_of_uvs():
+def test_tangents_use_the_normal_maps_uv_set():
     description = bumpy(np.eye(4), uvs1=UPRIGHT[:, ::-1].copy())
     first = flatten(description).tangent
     description.textures[0] = replace(description.textures[0], uv_set=1)

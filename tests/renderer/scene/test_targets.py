@@ -52,7 +52,7 @@ def opened(mesh: Mesh, below: float) -> Mesh:
     return replace(mesh, triangles=mesh.triangles[(mesh.positions[mesh.triangles][:, :, 1] > below).any(axis=1)])
 
 
-def test_a_lamp_in_a_glass_ball_is_aimed_at_as_it_appears_and_as_the_ball():
+def test_lamp_in_glass_ball_has_two_targets():
     found = targets(described(spheres=(Sphere(PLACE, 0.5, GLASS), Sphere(PLACE, 0.1, LAMP))))
     np.testing.assert_allclose(found[:, TARGET_CENTER : TARGET_CENTER + 3], [PLACE, PLACE])
     np.testing.assert_allclose(found[:, TARGET_RADIUS], [1.05 * 1.5 * 0.1, 0.5], rtol=1e-6)  # magnified by the index 1.5
@@ -60,35 +60,35 @@ def test_a_lamp_in_a_glass_ball_is_aimed_at_as_it_appears_and_as_the_ball():
     np.testing.assert_allclose(found[:, TARGET_GUARD2], 0.25, rtol=3e-3)
 
 
-def test_a_hollow_bulb_does_not_magnify():
+def test_hollow_bulb_target_is_not_magnified():
     found = targets(described((shell(0.05),), (Sphere(PLACE, 0.1, LAMP),)))
     np.testing.assert_allclose(found[:, TARGET_RADIUS], [1.05 * 0.1, 0.5], rtol=1e-5)
 
 
-def test_fine_glass_is_judged_by_a_part_of_its_triangles(monkeypatch):
+def test_fine_glass_is_sampled(monkeypatch):
     monkeypatch.setattr("renderer.scene.targets._MOST_TRIANGLES", 300)  # of 2,560
     found = targets(described((shell(0.05),), (Sphere((0.0, 1.0, 0.1), 0.1, LAMP),)))
     np.testing.assert_allclose(found[:, TARGET_RADIUS], [1.05 * 0.1, 0.5], rtol=1e-5)
 
 
-def test_a_bulb_may_be_open_below_and_a_bowl_may_not():
+def test_bulb_may_be_open_below_but_bowl_does_not_enclose():
     lamp = (Sphere(PLACE, 0.1, LAMP),)
     assert len(targets(described((opened(shell(0.05), 0.7),), lamp))) == 2
     assert len(targets(described((opened(icosphere(3, GLASS, 0.5, PLACE), 1.2),), lamp))) == 0
 
 
-def test_a_lamp_that_nearly_fills_its_glass_gives_one_target():
+def test_lamp_filling_its_glass_has_one_target():
     found = targets(described(spheres=(Sphere(PLACE, 0.5, GLASS), Sphere(PLACE, 0.4, LAMP))))
     np.testing.assert_allclose(found[:, TARGET_RADIUS], [0.5])
 
 
-def test_lamps_in_one_glass_are_aimed_at_together():
+def test_lamps_in_one_glass_share_a_target():
     lamps = tuple(Sphere((0.1 * k, 1.0, 0.0), 0.02, LAMP) for k in (-1, 0, 1))
     found = targets(described(spheres=(Sphere(PLACE, 0.5, GLASS), *lamps)))
     np.testing.assert_allclose(found[:, TARGET_RADIUS], [1.05 * 1.5 * 0.12, 0.5], rtol=1e-5)
 
 
-def test_the_whole_of_a_moving_bulb_is_aimed_at():
+def test_target_covers_the_motion_of_a_bulb():
     ball = Sphere(PLACE, 0.5, GLASS, keys=tuple(((x, 1.0, 0.0), 0.5) for x in (-1.0, 1.0)), moves=True)
     lamp = Sphere(PLACE, 0.4, LAMP, keys=tuple(((x, 1.0, 0.0), 0.4) for x in (-1.0, 1.0)), moves=True)
     found = targets(described(spheres=(ball, lamp)))
@@ -104,12 +104,12 @@ def test_the_whole_of_a_moving_bulb_is_aimed_at():
         (Sphere(PLACE, 0.1, WHITE), {}),
     ],
 )
-def test_other_lamps_are_not_aimed_at(lamp, glass):
+def test_unenclosed_lamps_are_no_targets(lamp, glass):
     assert len(targets(described(spheres=(Sphere(PLACE, 0.5, GLASS), lamp), **glass))) == 0
 
 
 @pytest.mark.parametrize("kind", ["a lamp", "a sky", "a light without a body"])
-def test_a_lamp_of_little_light_is_not_worth_aiming(kind):
+def test_weak_lamp_is_no_target(kind):
     description = described(spheres=(Sphere(PLACE, 0.5, GLASS), Sphere(PLACE, 0.1, FAINT)))
     assert len(targets(description)) == 2
     if kind == "a lamp":
@@ -121,7 +121,7 @@ def test_a_lamp_of_little_light_is_not_worth_aiming(kind):
     assert len(targets(description)) == 0
 
 
-def test_an_instance_of_glass_is_where_its_transform_puts_it():
+def test_instanced_glass_is_transformed():
     description = described((icosphere(3, GLASS, 0.25),), (Sphere(PLACE, 0.1, LAMP),))
     assert len(targets(description)) == 0
     place = np.diag([2.0, 2.0, 2.0, 1.0])
@@ -130,14 +130,14 @@ def test_an_instance_of_glass_is_where_its_transform_puts_it():
     np.testing.assert_allclose(targets(description)[:, TARGET_RADIUS], [1.05 * 1.5 * 0.1, 0.5], rtol=1e-5)
 
 
-def test_marked_bodies_are_aimed_at():
+def test_marked_bodies_are_targets():
     description = described((icosphere(2, GLASS, 0.5, PLACE),), (Sphere((2.0, 1.0, 0.0), 0.3, WHITE, guide=True),))
     description.instances[1] = Instance(1, guide=True)
     found = targets(description)
     np.testing.assert_allclose(found[:, TARGET_CENTER : TARGET_CENTER + 4], [[2, 1, 0, 0.3], [*PLACE, 0.5]], atol=1e-6)
 
 
-def test_the_strongest_are_kept():
+def test_strongest_targets_are_kept():
     pairs = [(Sphere((x, 1.0, 0.0), 0.3, GLASS), Sphere((x, 1.0, 0.0), 0.2 + 0.001 * x, LAMP)) for x in range(20)]
     found = targets(described(spheres=tuple(sphere for pair in pairs for sphere in pair)))
     assert len(found) == MAX_TARGETS

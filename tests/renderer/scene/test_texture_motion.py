@@ -47,7 +47,7 @@ def sliding_glb() -> bytes:
 
 @pytest.mark.long
 @grid("name", ["sheet.yaml", "sheet.glb"], ordinary=("sheet.glb",))
-def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
+def test_moving_texture_transforms_are_read(tmp_path: Path, name: str) -> None:
     (tmp_path / name).write_bytes(SLIDING_YAML.encode() if name.endswith("yaml") else sliding_glb())
     shot = Shot(tmp_path, name)
     moving = shot.over_shutter(Moment(12.0), {"shutter": 1.0})
@@ -61,7 +61,7 @@ def test_files_say_how_textures_slide(tmp_path: Path, name: str) -> None:
     assert abs(found - known).mean() < 0.01 < 0.02 < abs(still - known).mean()
 
 
-def test_textures_that_lie_alike_for_a_moment_slide_by_themselves() -> None:
+def test_momentarily_equal_textures_stay_separate() -> None:
     """Textures that are identical at one time but move differently stay separate.
 
     Readers merge textures that are identical.

@@ -44,7 +44,7 @@ def solid(number=1, triangles='<triangle v1="0" v2="1" v3="2"/>', **said):
     return f'<object id="{number}" {words}>{MESH.format(triangles)}</object>'
 
 
-def test_components_stand_where_their_transforms_put_them(scene):
+def test_component_transforms(scene):
     group = '<object id="2"><components><component objectid="1" transform="0 1 0 -1 0 0 0 0 1 5 0 0"/></components></object>'
     place = '<item objectid="2" transform="1 0 0 0 1 0 0 0 1 0 0 100"/><item objectid="1"/>'
     description = scene("a.3mf", package(model(solid() + group, place)))
@@ -77,7 +77,7 @@ def test_colours_of_corners(scene):
     assert mesh.colors[mesh.triangles[1], :3].tolist() == [[0, 1, 0]] * 3
 
 
-def test_a_texture_of_the_package(scene, png):
+def test_package_texture(scene, png):
     textures = (
         '<m:texture2d id="5" path="/3D/Textures/wood.png" contenttype="image/png" tilestyleu="clamp"/>'
         '<m:texture2dgroup id="9" texid="5"><m:tex2coord u="0" v="1"/><m:tex2coord u="1" v="1"/><m:tex2coord u="0" v="0"/>'
@@ -93,14 +93,14 @@ def test_a_texture_of_the_package(scene, png):
     assert any("wood.png is not among the files" in w for w in missing.warnings)
 
 
-def test_an_object_of_another_part(scene):
+def test_object_in_another_model_part(scene):
     other = '<object id="2"><components><component objectid="4" p:path="/3D/Objects/part.model"/></components></object>'
     part = model(solid(4), "")
     data = package(model(other, '<item objectid="2"/>'), **{"3D__Objects__part.model": part})
     assert [len(m.triangles) for m in scene("a.3mf", data).meshes] == [1]
 
 
-def test_a_slicers_filaments_colour_its_objects_and_their_parts(scene):
+def test_slicer_filament_colors(scene):
     """Filament colours of slicers (Bambu Studio, Orca) apply to objects and their parts; brush painting causes a warning."""
     parts = '<component objectid="1"/><component objectid="3"/>'
     objects = solid() + solid(3, '<triangle v1="0" v2="1" v3="2" paint_color="8"/>')
@@ -133,12 +133,12 @@ def test_a_slicers_filaments_colour_its_objects_and_their_parts(scene):
         (solid(1, '<triangle v1="0" v2="1"/>'), '<item objectid="1"/>', "is damaged"),
     ],
 )
-def test_damage_is_told(scene, resources, build, says):
+def test_damage_is_an_error_message(scene, resources, build, says):
     with pytest.raises(SceneError, match=f"a.3mf: .*{says}"):
         scene("a.3mf", package(model(resources, build)))
 
 
-def test_what_is_no_package_is_told(scene):
+def test_non_package_is_an_error_message(scene):
     for data in (b"", b"PK\x03\x04" + bytes(40), package("<model")):
         with pytest.raises(SceneError, match=r"a\.3mf: "):
             scene("a.3mf", data)
@@ -146,7 +146,7 @@ def test_what_is_no_package_is_told(scene):
         scene("a.3mf", package('<!DOCTYPE m [<!ENTITY a "b">]><model/>'))
 
 
-def test_damaged_packages_are_scenes_or_sentences(tmp_path):
+def test_damaged_packages_are_read_or_rejected(tmp_path):
     data = np.frombuffer(package(model(solid(), '<item objectid="1"/>')), np.uint8)
     rng = np.random.default_rng(3)
     for _ in range(150):
@@ -167,7 +167,7 @@ def rows(count, odd=""):
     return f"<mesh><vertices>\n{points.replace('<vertex ', '<vertex' + odd, 1)}\n</vertices><triangles>{faces}</triangles></mesh>"
 
 
-def test_rows_that_look_alike_are_taken_at_once_and_are_the_same(scene):
+def test_uniform_rows_are_parsed_quickly_and_equally(scene):
     base = '<basematerials id="5"><base name="a" displaycolor="#FF0000"/><base name="b" displaycolor="#00FF00"/></basematerials>'
     found = []
     for odd in (" ", "  "):
@@ -196,7 +196,7 @@ def test_rows_that_look_alike_are_taken_at_once_and_are_the_same(scene):
         (b"", None),
     ],
 )
-def test_rows_that_differ_are_left_to_the_parser(text, names):
+def test_irregular_rows_are_left_to_the_xml_parser(text, names):
     slim, found = cut_out(b"<mesh><vertices>" + text + b"</vertices></mesh>")
     assert ([*found[0].columns] if found else None) == names
     assert (text in slim) == (names is None)
@@ -210,7 +210,7 @@ def test_rows_that_differ_are_left_to_the_parser(text, names):
         MESH.format("").replace("<vertices>", '<vertices count="4">').join(('<object id="9">', "</object>")),
     ],
 )
-def test_rows_belong_where_they_stand_whatever_lists_there_are_before(scene, before):
+def test_cut_out_lists_are_assigned_to_their_objects(scene, before):
     (mesh,) = scene("a.3mf", package(model(before + solid(), '<item objectid="1"/>'))).meshes
     assert (len(mesh.positions), len(mesh.triangles)) == (3, 1)
 
@@ -232,14 +232,14 @@ def boxes(first, second):
         ("support_enforcer", "1 support enforcers"),
     ],
 )
-def test_parts_that_are_not_printed_are_left_out_and_counted(scene, subtype, said):
+def test_unprinted_parts_are_omitted_and_counted(scene, subtype, said):
     description = scene("a.3mf", boxes("normal_part", subtype))
     assert [i.name for i in description.instances] == ["body"]
     assert any(said in w for w in description.warnings)
 
 
 @pytest.mark.parametrize("kind", ["NegativeVolume", "ParameterModifier", "SupportBlocker", "SupportEnforcer"])
-def test_volumes_that_are_not_printed_are_left_out_and_counted(scene, kind):
+def test_unprinted_volumes_are_omitted_and_counted(scene, kind):
     config = '<config><object id="1"><volume firstid="0" lastid="0"><metadata key="volume_type" value="ModelPart"/></volume>'
     config += f'<volume firstid="1" lastid="2"><metadata key="volume_type" value="{kind}"/></volume></object></config>'
     rows = '<triangle v1="0" v2="1" v3="2"/><triangle v1="0" v2="1" v3="3"/><triangle v1="0" v2="2" v3="3"/>'
@@ -249,7 +249,7 @@ def test_volumes_that_are_not_printed_are_left_out_and_counted(scene, kind):
     assert any("parts that are not printed are left out: 1 " in w for w in description.warnings)
 
 
-def test_objects_of_other_types_and_curas_meshes_are_left_out(scene):
+def test_unprinted_objects_are_omitted(scene):
     blocker = solid(3).replace(
         "<mesh>", '<metadatagroup><metadata name="cura:anti_overhang_mesh">True</metadata></metadatagroup><mesh>'
     )
@@ -259,7 +259,7 @@ def test_objects_of_other_types_and_curas_meshes_are_left_out(scene):
     assert any("1 objects of the type other, 1 support blockers" in w for w in description.warnings)
 
 
-def test_an_object_of_two_materials_has_no_seam(scene):
+def test_object_of_two_materials_has_no_seam(scene):
     bases = '<basematerials id="7"><base name="a" displaycolor="#FF0000"/><base name="b" displaycolor="#00FF00"/></basematerials>'
     mesh = '<mesh><vertices><vertex x="0" y="0" z="0"/><vertex x="1" y="0" z="0"/><vertex x="0.5" y="1" z="0.2"/>'
     mesh += '<vertex x="0.5" y="-1" z="0.2"/></vertices><triangles><triangle v1="0" v2="1" v3="2" pid="7" p1="0"/>'

@@ -25,7 +25,7 @@ def _obj(up: str, at: float = 0.0) -> str:
 
 
 @pytest.mark.parametrize("up", ["y", "z"])
-def test_a_model_stands_on_its_bottom(tmp_path: Path, up: str) -> None:
+def test_up_axis_is_guessed_from_a_flat_bottom(tmp_path: Path, up: str) -> None:
     (tmp_path / "m.obj").write_text(_obj(up))
     found = read(tmp_path, "m.obj")
     assert found.up_axis == up
@@ -33,7 +33,7 @@ def test_a_model_stands_on_its_bottom(tmp_path: Path, up: str) -> None:
     assert [w.code for w in found.warnings if getattr(w, "code", "") == "up-axis-guessed"] == ["up-axis-guessed"] * (up == "z")
 
 
-def test_a_model_that_stands_nowhere_is_read_by_custom(tmp_path: Path) -> None:
+def test_up_axis_defaults_to_the_format_convention(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(_obj("z", at=-1.0))  # the base is below the origin
     assert read(tmp_path, "m.obj").up_axis == "y"
 
@@ -53,7 +53,7 @@ def test_stl_files_have_z_up_unless_the_model_stands_on_y(tmp_path: Path) -> Non
         assert bounds_of(found).tolist() == [[-1, 0, -1], [1, 3, 1]]
 
 
-def test_every_axis_can_be_asked_for(tmp_path: Path) -> None:
+def test_requested_up_axis_is_used(tmp_path: Path) -> None:
     assert tuple(ROTATIONS) == UP_AXES
     (tmp_path / "m.obj").write_text("v 1 0 0\nv 0 2 0\nv 0 0 3\nf 1 2 3\n")
     for up in UP_AXES:
@@ -67,7 +67,7 @@ def test_every_axis_can_be_asked_for(tmp_path: Path) -> None:
         assert not any("up axis" in warning for warning in found.warnings)
 
 
-def test_an_axis_is_refused_where_the_file_states_one_and_where_there_is_none(tmp_path: Path) -> None:
+def test_up_axis_is_rejected_for_other_formats(tmp_path: Path) -> None:
     (tmp_path / "m.obj").write_text(_obj("y"))
     with pytest.raises(SceneError, match="'w' is no axis"):
         read(tmp_path, "m.obj", up="w")

@@ -9,7 +9,7 @@ from tests.renderer.scene.usd_files import CUBE, SQUARE, TYPES, bind, cube, mate
 
 
 @pytest.mark.parametrize(("suffix", "up", "unit"), [("usda", "Y", 1.0), ("usdc", "Z", 0.01), ("usd", "Z", 2.54)])
-def test_every_mesh_lies_within_the_bounds_that_usd_gives_it(tmp_path, suffix, up, unit):
+def test_usd_meshes_match_usd_bounds(tmp_path, suffix, up, unit):
     made = stage(tmp_path / f"a.{suffix}", up, unit)
     rng = np.random.default_rng(3)
     path = ""
@@ -36,7 +36,7 @@ def test_every_mesh_lies_within_the_bounds_that_usd_gives_it(tmp_path, suffix, u
         assert nearest.max() < 1e-4 * unit * 10
 
 
-def test_faces_of_any_size_keep_their_area_and_their_outside(tmp_path):
+def test_polygon_faces_keep_area_and_orientation(tmp_path):
     made = stage(tmp_path / "a.usda")
     arrow = [(0, 0, 0), (2, 0, 0), (2, 2, 0), (1, 0.5, 0), (0, 2, 0)]  # concave
     dart = [(5, 0, 0), (6, 0.2, 0), (5.1, 0.1, 0), (5.2, 1, 0)]
@@ -73,7 +73,7 @@ VALUES = {
 
 
 @pytest.mark.parametrize("interpolation", VALUES)
-def test_primvars_of_every_interpolation_arrive_at_their_corners(tmp_path, png, interpolation):
+def test_primvar_interpolations(tmp_path, png, interpolation):
     made = stage(tmp_path / "a.usda")
     strip = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (0, 1, 0), (1, 1, 0), (2, 1, 0)]
     corners = [0, 1, 4, 3, 1, 2, 5, 4]
@@ -98,7 +98,7 @@ def test_primvars_of_every_interpolation_arrive_at_their_corners(tmp_path, png, 
     assert len(found.triangles) == 4
 
 
-def test_subsets_of_faces_have_materials_of_their_own(tmp_path):
+def test_face_subsets_have_own_materials(tmp_path):
     made = stage(tmp_path / "a.usda")
     box = cube(made, "/m")
     for name, faces in (("a", [0, 1]), ("b", [2])):
@@ -111,7 +111,7 @@ def test_subsets_of_faces_have_materials_of_their_own(tmp_path):
     assert len({i.name for i in found.instances}) == 1
 
 
-def test_what_is_hidden_or_a_guide_is_not_drawn(tmp_path):
+def test_hidden_and_guide_prims_are_omitted(tmp_path):
     made = stage(tmp_path / "a.usda")
     for name, purpose in (("seen", "render"), ("guide", "guide"), ("proxy", "proxy")):
         UsdGeom.Imageable(cube(made, f"/{name}")).CreatePurposeAttr(purpose)
@@ -140,7 +140,7 @@ def test_instances_of_one_prototype_share_its_mesh(tmp_path):
     assert [i.transform[:3, 3].tolist() for i in found.instances] == [[0, 2, 0], [1, 2, 0], [2, 2, 0]]
 
 
-def test_shapes_of_the_same_size_and_references_within_a_file_share_one_mesh(tmp_path):
+def test_equal_shapes_and_references_share_a_mesh(tmp_path):
     made = stage(tmp_path / "a.usda")
     made.DefinePrim("/a", "Cylinder")
     for k in range(3):
@@ -152,7 +152,7 @@ def test_shapes_of_the_same_size_and_references_within_a_file_share_one_mesh(tmp
     assert not any("among the files" in w for w in found.warnings)
 
 
-def test_a_point_instancer_puts_its_prototypes_where_usd_says(tmp_path):
+def test_point_instancer_transforms(tmp_path):
     made = stage(tmp_path / "a.usda", "Z", 0.1)
     rng = np.random.default_rng(5)
     instancer = UsdGeom.PointInstancer.Define(made, "/i")
@@ -176,7 +176,7 @@ def test_a_point_instancer_puts_its_prototypes_where_usd_says(tmp_path):
 
 
 @pytest.mark.parametrize("word", ["def", "over", "class"])
-def test_prototypes_that_nothing_but_their_instancer_shows(word, tmp_path):
+def test_prototypes_are_shown_by_their_instancer_only(word, tmp_path):
     (tmp_path / "a.usda").write_text(
         f"""#usda 1.0
 (
@@ -198,7 +198,7 @@ def PointInstancer "i" {{
     assert sorted(instance.transform[0, 3] for instance in found.instances) == [0, 3]
 
 
-def test_a_camera_sees_what_usd_says_it_sees(tmp_path):
+def test_usd_camera_matches_usd_core(tmp_path):
     made = stage(tmp_path / "a.usda", "Z", 0.01)
     cube(made, "/m")
     lens = UsdGeom.Camera.Define(made, "/lens")
@@ -236,7 +236,7 @@ def test_a_camera_sees_what_usd_says_it_sees(tmp_path):
     assert (view.shift_x, view.shift_y) == pytest.approx(tuple(middle), abs=1e-6)
 
 
-def test_shapes_without_points_have_the_extents_that_usd_computes(tmp_path):
+def test_analytic_shapes_have_usd_extents(tmp_path):
     made = stage(tmp_path / "a.usda")
     for kind in ("Cube", "Cylinder", "Cone", "Capsule", "Plane", "Sphere"):
         for axis in "XYZ":
@@ -260,7 +260,7 @@ def test_shapes_without_points_have_the_extents_that_usd_computes(tmp_path):
             assert (np.cross(b - a, c - a) * a).sum() > 0
 
 
-def test_what_is_not_read_is_said_once_with_how_many(tmp_path):
+def test_unsupported_prims_share_one_counted_warning(tmp_path):
     made = stage(tmp_path / "a.usda")
     cube(made, "/m")
     for k in range(5):
@@ -272,7 +272,7 @@ def test_what_is_not_read_is_said_once_with_how_many(tmp_path):
     assert any(w.startswith("Meshes with damaged faces are left out (1): /broken") for w in warnings)
 
 
-def test_without_usd_core_a_sentence_says_what_to_install(tmp_path, monkeypatch):
+def test_missing_usd_core_error_names_the_package(tmp_path, monkeypatch):
     import sys
 
     made = stage(tmp_path / "a.usda")
@@ -283,7 +283,7 @@ def test_without_usd_core_a_sentence_says_what_to_install(tmp_path, monkeypatch)
         read(tmp_path / "a.usda")
 
 
-def test_variants_are_offered_and_chosen(tmp_path):
+def test_usd_variants_are_listed_and_selected(tmp_path):
     made = stage(tmp_path / "a.usda")
     root = UsdGeom.Xform.Define(made, "/root").GetPrim()
     made.SetDefaultPrim(root)
@@ -301,7 +301,7 @@ def test_variants_are_offered_and_chosen(tmp_path):
     assert world(chosen).max() == 5
 
 
-def test_a_damaged_file_gets_a_sentence_without_a_path_of_this_machine(tmp_path):
+def test_damaged_usd_error_has_no_machine_path(tmp_path):
     texts = [b'#usda 1.0\ndef Mesh "a" { what', b'#usda 1.0\ndef Mesh "a" { \xff\x86 }']
     for suffix, data in (*(("usda", text) for text in texts), ("usdc", b"PXR-USDC" + bytes(200)), ("usdz", b"PK")):
         (tmp_path / f"a.{suffix}").write_bytes(data)
@@ -310,7 +310,7 @@ def test_a_damaged_file_gets_a_sentence_without_a_path_of_this_machine(tmp_path)
         assert str(tmp_path) not in str(told.value)
 
 
-def test_a_mesh_whose_faces_are_of_no_type_is_left_out(tmp_path):
+def test_mesh_with_untyped_faces_is_omitted(tmp_path):
     text = '#usda 1.0\ndef Mesh "m" {{ point3f[] points = [(0, 0, 0), (1, 0, 0), (0, 1, 0)]\n{}\n{}\n}}\n'
     counts, corners = "int[] faceVertexCounts = [3]", "int[] faceVertexIndices = [0, 1, 2]"
     for odd in ((counts.replace("int", "inp"), corners), (counts, corners.replace("int[]", "inp[]"))):
@@ -319,7 +319,7 @@ def test_a_mesh_whose_faces_are_of_no_type_is_left_out(tmp_path):
             read(tmp_path / "a.usda")
 
 
-def test_the_render_settings_camera_comes_first_and_cuts_away_what_is_near(tmp_path):
+def test_render_settings_camera_and_near_clipping(tmp_path):
     made = stage(tmp_path / "a.usda", "Y", 0.01)
     for name in ("one", "other"):
         UsdGeom.Camera.Define(made, f"/{name}").CreateClippingRangeAttr(Gf.Vec2f(50, 1000))
@@ -335,7 +335,7 @@ def test_the_render_settings_camera_comes_first_and_cuts_away_what_is_near(tmp_p
     assert any("exposure of cameras is left out" in w and w.endswith("(1): other.") for w in found.warnings)
 
 
-def test_of_levels_of_detail_the_default_is_drawn(tmp_path):
+def test_default_level_of_detail_is_used(tmp_path):
     made = stage(tmp_path / "a.usda")
     top = UsdGeom.Xform.Define(made, "/tree").GetPrim()
     top.ApplyAPI("LODRootAPI")
@@ -348,7 +348,7 @@ def test_of_levels_of_detail_the_default_is_drawn(tmp_path):
     assert any("Only the default level of detail is drawn" in w for w in found.warnings)
 
 
-def test_what_instancers_say_of_each_instance_is_named(tmp_path):
+def test_per_instance_primvars_cause_a_warning(tmp_path):
     made = stage(tmp_path / "a.usda")
     many = UsdGeom.PointInstancer.Define(made, "/many")
     cube(made, "/many/box")
@@ -361,7 +361,7 @@ def test_what_instancers_say_of_each_instance_is_named(tmp_path):
     assert any("Primvars of point instancers (displayColor) are left out" in w for w in read(tmp_path / "a.usda").warnings)
 
 
-def test_materials_for_previews_alone_are_shown_and_unknown_kinds_named(tmp_path):
+def test_preview_materials_and_unknown_shaders(tmp_path):
     made = stage(tmp_path / "a.usda")
     red, _ = material(made, "/red", diffuseColor=(TYPES.Color3f, Gf.Vec3f(1, 0, 0)))
     UsdShade.MaterialBindingAPI.Apply(cube(made, "/m").GetPrim()).Bind(red, materialPurpose="preview")
@@ -372,7 +372,7 @@ def test_materials_for_previews_alone_are_shown_and_unknown_kinds_named(tmp_path
     assert any("Prims of the unknown type PxrRectLight are left out" in w for w in found.warnings)
 
 
-def test_what_is_hidden_from_renders_is_not_drawn_and_physics_are_named(tmp_path):
+def test_render_visibility_and_physics(tmp_path):
     made = stage(tmp_path / "a.usda")
     cube(made, "/shown")
     hidden = cube(made, "/hidden")

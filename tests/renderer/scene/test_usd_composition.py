@@ -25,7 +25,7 @@ def written(folder, **files):
     return folder / "main.usda"
 
 
-def test_sublayers_references_and_payloads_of_files_in_folders_come_together(tmp_path):
+def test_sublayers_references_and_payloads_are_composed(tmp_path):
     main = written(
         tmp_path,
         main='#usda 1.0\n(subLayers = [@./layers/over.usda@])\ndef "a" (references = @parts/ref.usda@) {}\n'
@@ -40,7 +40,7 @@ def test_sublayers_references_and_payloads_of_files_in_folders_come_together(tmp
     assert [np.ptp(world(found, k)) for k in range(3)] == pytest.approx([0.06, 0.02, 0.02])  # a unit is 1 cm by default
 
 
-def test_sublayers_that_are_the_layer_itself_or_named_twice_are_left_out(tmp_path):
+def test_recursive_and_repeated_sublayers_are_omitted(tmp_path):
     """A sublayer that is the layer itself, or is listed twice, is dropped.
 
     A path in another folder resolves to a file of the same name next to the layer.
@@ -59,7 +59,7 @@ def test_sublayers_that_are_the_layer_itself_or_named_twice_are_left_out(tmp_pat
     assert "anon:" not in sentences
 
 
-def test_references_that_lead_nowhere_are_named_by_their_file(tmp_path):
+def test_dangling_references_are_named(tmp_path):
     beside = stage(tmp_path / "b.usda")
     mesh(beside, "/square")
     beside.GetRootLayer().Save()
@@ -72,7 +72,7 @@ def test_references_that_lead_nowhere_are_named_by_their_file(tmp_path):
     assert "0x" not in said
 
 
-def test_a_file_that_is_missing_is_named_and_the_rest_is_shown(tmp_path):
+def test_missing_layer_is_named(tmp_path):
     main = written(tmp_path, main='def Cube "m" {}\ndef "a" (references = [@sub/chair.usda@, @gone/lamp.usd@</x>]) {}')
     warnings = read(main).warnings
     assert "main.usda: its layer sub/chair.usda is not among the files; add it. Rendered without it until then." in warnings
@@ -83,7 +83,7 @@ SECRET = '#usda 1.0\n(defaultPrim = "m")\ndef Sphere "m" { double radius = 77 }\
 
 
 @pytest.mark.parametrize("way", ["absolute", "upwards", "link", "expression", "arguments", "clips", "asset"])
-def test_nothing_outside_of_the_folder_is_read(tmp_path, way):
+def test_layers_outside_the_folder_are_not_read(tmp_path, way):
     folder = tmp_path / "scene"
     folder.mkdir()
     secret = tmp_path / "secret.usda"
@@ -116,7 +116,7 @@ def test_nothing_outside_of_the_folder_is_read(tmp_path, way):
     assert not any(str(tmp_path) in w for w in found.warnings)
 
 
-def test_no_address_is_ever_asked(tmp_path):
+def test_urls_are_never_requested(tmp_path):
     asked = []
 
     class Listening(BaseHTTPRequestHandler):
@@ -136,7 +136,7 @@ def test_no_address_is_ever_asked(tmp_path):
     assert asked == []
 
 
-def test_references_in_a_circle_and_to_nothing_are_said(tmp_path):
+def test_cyclic_and_empty_references_are_reported(tmp_path):
     main = written(
         tmp_path,
         main='def Cube "m" {}\ndef "a" (references = [@b.usda@</b>, </nowhere>]) {}',
@@ -145,7 +145,7 @@ def test_references_in_a_circle_and_to_nothing_are_said(tmp_path):
     assert any(w.startswith("References that lead nowhere are left out") for w in read(main).warnings)
 
 
-def test_a_package_holds_its_layers_and_its_pictures(tmp_path, png):
+def test_usdz_layers_and_images(tmp_path, png):
     source = tmp_path / "source"
     source.mkdir()
     made = stage(source / "root.usdc")
@@ -165,7 +165,7 @@ def test_a_package_holds_its_layers_and_its_pictures(tmp_path, png):
         assert found.materials[found.meshes[0].material].base_color_texture == 0
 
 
-def test_a_package_that_is_compressed_or_holds_no_layer_gets_a_sentence(tmp_path):
+def test_compressed_or_empty_usdz_is_an_error_message(tmp_path):
     for name, data, said in (("a.txt", b"x", "does not begin with a USD layer"), ("a.usda", b"#usda 1.0\n", "")):
         with zipfile.ZipFile(tmp_path / "p.usdz", "w", zipfile.ZIP_DEFLATED) as package:
             package.writestr(name, data * 500)
@@ -173,7 +173,7 @@ def test_a_package_that_is_compressed_or_holds_no_layer_gets_a_sentence(tmp_path
             read(tmp_path / "p.usdz")
 
 
-def test_textures_in_tiles_lie_side_by_side(tmp_path, png):
+def test_usd_udim_tiles_are_combined(tmp_path, png):
     made = stage(tmp_path / "a.usda")
     square = mesh(made, "/m")
     UsdGeom.PrimvarsAPI(square).CreatePrimvar("st", TYPES.TexCoord2fArray, "vertex").Set([(0, 0), (2, 0), (2, 2), (0, 2)])
@@ -196,7 +196,7 @@ def test_textures_in_tiles_lie_side_by_side(tmp_path, png):
     assert at(1.5, 1.1) == at(0.5, 1.9) == [0, 0, 0]
 
 
-def test_a_mesh_of_a_scene_of_ours_may_be_usd(tmp_path):
+def test_scene_file_may_refer_to_usd(tmp_path):
     made = stage(tmp_path / "m.usda", "Z", 0.01)
     cube(made, "/m").AddTranslateOp().Set(Gf.Vec3d(0, 0, 100))
     made.GetRootLayer().Save()
@@ -206,7 +206,7 @@ def test_a_mesh_of_a_scene_of_ours_may_be_usd(tmp_path):
 
 
 @pytest.mark.parametrize("arc", ["subLayers", "references"])
-def test_a_layer_plays_at_the_times_that_its_offset_says(tmp_path, arc):
+def test_layer_time_offsets(tmp_path, arc):
     made = stage(tmp_path / "moving.usda")
     ball = UsdGeom.Sphere.Define(made, "/a")
     move = ball.AddTranslateOp()

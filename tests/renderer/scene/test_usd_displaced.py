@@ -47,7 +47,7 @@ def materialx(made, file, scale):
 
 
 @pytest.mark.parametrize("look", [preview, materialx])
-def test_heights_become_slopes(shaded, heights, look):  # noqa: F811
+def test_heights_are_converted_to_slopes(shaded, heights, look):  # noqa: F811
     found, made = shaded(lambda stage: look(stage, heights, 0.5))
     mesh = found.meshes[0]
     order = np.argsort(mesh.uvs[:, 0])
@@ -59,7 +59,7 @@ def test_heights_become_slopes(shaded, heights, look):  # noqa: F811
     assert any("Displacement is shown as bumps" in warning for warning in found.warnings)
 
 
-def test_an_output_that_says_nothing_is_not_named(shaded):  # noqa: F811
+def test_displacement_without_value_causes_no_warning(shaded):  # noqa: F811
     """A displacement output without a value, which exporters always connect, causes no warning."""
 
     def make(stage):
@@ -72,6 +72,6 @@ def test_an_output_that_says_nothing_is_not_named(shaded):  # noqa: F811
     assert not any("isplacement" in warning for warning in found.warnings)
 
 
-def test_what_is_the_same_height_all_over_is_named(shaded):  # noqa: F811
+def test_constant_displacement_causes_a_warning(shaded):  # noqa: F811
     found, _ = shaded(lambda stage: material(stage, "/look", displacement=(F, 0.25))[0])
     assert any("Displacement is not supported and left out" in warning for warning in found.warnings)

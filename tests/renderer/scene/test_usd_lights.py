@@ -40,7 +40,7 @@ def area(found, number=1):
     return np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2
 
 
-def test_intensity_exposure_colour_and_temperature_multiply(lit):
+def test_intensity_exposure_color_and_temperature(lit):
     color = np.array((1, 0.5, 0.25))
     options = {"intensity": 3.0, "exposure": 2.0, "color": Gf.Vec3f(*color), "enableColorTemperature": True}
     found = lit("RectLight", colorTemperature=3200.0, **options)
@@ -57,7 +57,7 @@ def test_intensity_exposure_colour_and_temperature_multiply(lit):
         ("SphereLight", {"radius": 0.5}, 4 * np.pi * 0.25 * 24 ** (2 / 3)),
     ],
 )
-def test_a_light_that_is_normalised_sends_the_same_whatever_its_size(lit, kind, inputs, size):
+def test_normalized_light_power_is_independent_of_size(lit, kind, inputs, size):
     place = Gf.Matrix4d().SetScale(Gf.Vec3d(2, 4, 3))
     found = lit(kind, "Z", 0.01, place, normalize=True, intensity=10.0, **inputs)
     assert shining(found).emission[0] == pytest.approx(10 / size)
@@ -65,7 +65,7 @@ def test_a_light_that_is_normalised_sends_the_same_whatever_its_size(lit, kind, 
         assert area(found) == pytest.approx(size * 1e-4, rel=2e-4)
 
 
-def test_flat_lights_shine_along_minus_z_alone(lit):
+def test_flat_lights_emit_along_minus_z(lit):
     for kind in ("RectLight", "DiskLight"):
         a, b, c = world(lit(kind), 1)[0]
         assert np.cross(b - a, c - a)[2] < 0
@@ -76,7 +76,7 @@ def test_flat_lights_shine_along_minus_z_alone(lit):
     np.testing.assert_allclose(first, (0.5, 0.5, 0))
 
 
-def test_a_distant_light_spreads_its_radiance_over_its_angle(lit):
+def test_distant_light_angle(lit):
     found = lit("DistantLight", place=Gf.Matrix4d().SetRotate(Gf.Rotation(Gf.Vec3d(1, 0, 0), -90)), angle=2.0, intensity=1000.0)
     (light,) = found.lights
     assert light.intensity[0] == pytest.approx(1000 * np.pi * np.sin(np.radians(1)) ** 2)
@@ -86,7 +86,7 @@ def test_a_distant_light_spreads_its_radiance_over_its_angle(lit):
     assert lit("DistantLight", angle=0.0, intensity=7.0).lights[0].intensity[0] == pytest.approx(7)
 
 
-def test_a_sphere_with_a_cone_is_a_spot_of_the_same_radiance(lit):
+def test_sphere_light_with_cone_becomes_a_spot(lit):
     options = {"shaping__cone__angle": 30.0, "shaping__cone__softness": 0.4}
     found = lit("SphereLight", "Y", 0.1, radius=2.0, intensity=5.0, **options)
     (light,) = found.lights
@@ -96,7 +96,7 @@ def test_a_sphere_with_a_cone_is_a_spot_of_the_same_radiance(lit):
     assert light.intensity[0] == pytest.approx(5 * np.pi * 0.2**2)
 
 
-def test_lights_are_seen_unless_they_say_otherwise(lit):
+def test_lights_are_visible_by_default(lit):
     for kind in ("SphereLight", "RectLight", "DiskLight"):
         shown = lit(kind).materials[-1]
         assert not shown.lamp
@@ -106,7 +106,7 @@ def test_lights_are_seen_unless_they_say_otherwise(lit):
         assert (light.lamp, light.unseen) == (not value, not value)
 
 
-def test_a_sphere_is_a_ball_and_a_point_sends_as_much(lit):
+def test_sphere_light_and_point_treated_sphere(lit):
     found = lit("SphereLight", "Y", 0.1, radius=2.0, intensity=5.0)
     assert found.spheres[0].radius == pytest.approx(0.2)
     assert found.materials[found.spheres[0].material].emission[0] == 5
@@ -119,7 +119,7 @@ def test_a_sphere_is_a_ball_and_a_point_sends_as_much(lit):
 @pytest.mark.parametrize(
     ("kind", "up", "turn"), [("DomeLight", "Y", 0), ("DomeLight", "Y", 90), ("DomeLight_1", "Z", 0), ("DomeLight", "Z", 0)]
 )
-def test_the_sky_is_where_openexr_has_it(tmp_path, kind, up, turn):
+def test_dome_light_orientation(tmp_path, kind, up, turn):
     made = stage(tmp_path / "a.usda", up)
     cube(made, "/m")
     dome = getattr(UsdLux, kind).Define(made, "/sky")
@@ -153,7 +153,7 @@ def test_the_sky_is_where_openexr_has_it(tmp_path, kind, up, turn):
     assert np.dot(turned, wanted) > np.cos(np.radians(3))
 
 
-def test_a_point_that_is_normalised_sends_the_same_whatever_its_radius(lit):
+def test_normalized_point_light_intensity(lit):
     """A normalised point light has the same intensity for any radius.
 
     Its watts are pi times its intensity, of which each direction gets 1/4.
@@ -163,7 +163,7 @@ def test_a_point_that_is_normalised_sends_the_same_whatever_its_radius(lit):
         assert point.intensity[0] == pytest.approx(2.0)
 
 
-def test_blenders_lights_are_those_that_blender_reads_back(lit, tmp_path):
+def test_blender_lights_round_trip(lit, tmp_path):
     """Blender's lights have the values that Blender reads back.
 
     Its exporter enables a colour temperature without one, and writes 1/4 of a sun's strength and half its angle.
@@ -177,7 +177,7 @@ def test_blenders_lights_are_those_that_blender_reads_back(lit, tmp_path):
     assert (sun.intensity, sun.angle) == (pytest.approx((2.0, 2.0, 2.0)), 2.5)
 
 
-def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in_metres(lit, tmp_path):
+def test_blender_lights_in_centimetres(lit, tmp_path):
     """Lights of a stage written by Blender in centimetres are as bright as in metres.
 
     Blender scales the whole stage, but normalises by sizes in metres.
@@ -193,7 +193,7 @@ def test_lights_of_a_stage_that_blender_wrote_in_centimetres_are_as_bright_as_in
     assert shining(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
 
 
-def test_what_carries_a_lamp_of_blenders_makes_it_no_larger(lit, tmp_path):
+def test_parent_scale_does_not_enlarge_blender_lamps(lit, tmp_path):
     """Scales of parents do not enlarge the radius of lamps in Blender's stages, as in Cycles; in other stages they do."""
     place = Gf.Matrix4d().SetScale(3.0)
     assert lit("SphereLight", place=place, radius=0.1, intensity=3.0, normalize=True).spheres[0].radius == pytest.approx(0.3)
@@ -210,7 +210,7 @@ def test_what_carries_a_lamp_of_blenders_makes_it_no_larger(lit, tmp_path):
     ("independent", (0.5, 1, 2), (6.5, 4, 3.5)), ("noMaterialResponse", (0.5, 1, 2), (6, 3, 1.5)),
 ])  # fmt: skip
 @pytest.mark.parametrize("normalized", [False, True])
-def test_a_mesh_that_is_a_light_shines(tmp_path, mode, glow, expected, normalized):
+def test_mesh_light_emission(tmp_path, mode, glow, expected, normalized):
     made = stage(tmp_path / "a.usda", unit=0.1)
     square = mesh(made, "/m")
     square.AddScaleOp().Set(Gf.Vec3f(2, 2, 2))
@@ -240,7 +240,7 @@ LEFT_OUT = {  # light inputs without support, and their warnings
 
 
 @pytest.mark.parametrize("name", LEFT_OUT)
-def test_what_of_a_light_cannot_be_drawn_is_named(tmp_path, name):
+def test_unsupported_light_features_are_named(tmp_path, name):
     made = stage(tmp_path / "a.usda")
     value, expected = LEFT_OUT[name]
     prim = UsdLux.SphereLight.Define(made, "/light").GetPrim()
@@ -255,7 +255,7 @@ def test_what_of_a_light_cannot_be_drawn_is_named(tmp_path, name):
     assert [w for w in found if "/light" in w and expected and expected in w] if expected else not found
 
 
-def test_lights_of_a_renderers_own_are_named(tmp_path):
+def test_renderer_specific_lights_are_named(tmp_path):
     made = stage(tmp_path / "a.usda")
     cube(made, "/m")
     UsdLux.PluginLight.Define(made, "/light")

@@ -46,7 +46,7 @@ def image(output="rgb", **inputs):
     return lambda made: texture(made, f"/look/{output}{len(inputs)}", "t.png", output, **inputs)
 
 
-def test_the_numbers_of_a_preview_surface_are_taken_as_they_are(shaded):
+def test_preview_surface_constants(shaded):
     _, found = shaded(
         preview(
             diffuseColor=(C, (0.1, 0.2, 0.3)),
@@ -63,7 +63,7 @@ def test_the_numbers_of_a_preview_surface_are_taken_as_they_are(shaded):
     np.testing.assert_allclose((*got, *found.emission), (0.1, 0.2, 0.3, 0.35, 0.6, 1.8, 0.7, 0.15, 2, 3, 4), atol=1e-6)
 
 
-def test_what_is_not_said_has_the_specifications_default(shaded):
+def test_preview_surface_defaults(shaded):
     _, found = shaded(preview())
     got = (*found.base_color, found.roughness, found.metallic, found.ior, found.clearcoat, found.opacity, found.transmission)
     np.testing.assert_allclose(got, (0.18, 0.18, 0.18, 0.5, 0, 1.5, 0, 1, 0), atol=1e-6)
@@ -77,13 +77,13 @@ def test_what_is_not_said_has_the_specifications_default(shaded):
         ({"opacity": (F, 0.25), "opacityThreshold": (F, 0.4)}, ("mask", 0.25, 0.0)),
     ],
 )
-def test_opacity_is_transmission_presence_or_a_cut(shaded, inputs, expected):
+def test_preview_surface_opacity_modes(shaded, inputs, expected):
     _, found = shaded(preview(**inputs))
     assert (found.alpha_mode, found.opacity, found.transmission) == expected
     assert found.thin == (found.transmission > 0)  # a square is open, so it is a pane
 
 
-def test_a_specular_workflow_reflects_what_it_says(shaded):
+def test_specular_workflow_reflectance(shaded):
     _, found = shaded(preview(useSpecularWorkflow=(TYPES.Int, 1), specularColor=(C, (0.5, 0.3, 0.1)), metallic=(F, 1.0)))
     own = ((found.ior - 1) / (found.ior + 1)) ** 2
     np.testing.assert_allclose(np.multiply(found.specular_color, own), (0.5, 0.3, 0.1), rtol=1e-5)
@@ -102,7 +102,7 @@ def seen(description, number, channel=0):
     return linear(code) if picture.srgb and channel < 3 else code / 255
 
 
-def test_textures_are_looked_up_by_channel_space_scale_and_bias(shaded):
+def test_texture_channel_color_space_scale_and_bias(shaded):
     found, look = shaded(
         preview(
             diffuseColor=(C, image(scale=(TYPES.Float4, (0.5, 0.25, 1, 1)))),
@@ -120,7 +120,7 @@ def test_textures_are_looked_up_by_channel_space_scale_and_bias(shaded):
     assert found.textures[look.clearcoat_texture].wrap_s == "clamp"
 
 
-def test_a_normal_map_keeps_its_strength_and_its_up(shaded):
+def test_normal_map_strength_and_orientation(shaded):
     plain = {"scale": (TYPES.Float4, (2, 2, 2, 1)), "bias": (TYPES.Float4, (-1, -1, -1, 0))}
     found, look = shaded(preview(normal=(TYPES.Normal3f, image(**plain))))
     assert look.normal_scale == 1
@@ -130,7 +130,7 @@ def test_a_normal_map_keeps_its_strength_and_its_up(shaded):
     assert seen(found, look.normal_texture, 1) == 155 / 255
 
 
-def test_a_transform_moves_the_texture_as_usd_moves_its_coordinates(shaded):
+def test_usd_transform_2d(shaded):
     scale, angle, move = np.array((2.0, 3.0)), 30.0, np.array((0.1, 0.2))
 
     def make(made):
@@ -154,13 +154,13 @@ def test_a_transform_moves_the_texture_as_usd_moves_its_coordinates(shaded):
         np.testing.assert_allclose((a * s + b * (1 - t) + c, d * s + e * (1 - t) + f), (x, 1 - y), atol=1e-6)
 
 
-def test_a_missing_texture_is_named(shaded):
+def test_missing_texture_causes_a_warning(shaded):
     found, _ = shaded(lambda made: preview(diffuseColor=(C, texture(made, "/look/t", "./deep/gone.png")))(made))
     assert any("its texture gone.png is not among the files; add it" in w for w in found.warnings)
 
 
 @pytest.mark.parametrize("name", ["displayColor", "tint"])
-def test_colours_of_vertices_are_read_where_the_material_reads_them(shaded, name):
+def test_primvar_reader_uses_vertex_colors(shaded, name):
     def make(made):
         square = UsdGeom.Mesh.Get(made, "/m")
         primvar = UsdGeom.PrimvarsAPI(square).CreatePrimvar(name, TYPES.Color3fArray, "vertex")
@@ -179,9 +179,7 @@ def test_colours_of_vertices_are_read_where_the_material_reads_them(shaded, name
     ("given", "color", "rough"),
     [(None, (0.2, 0.4, 0.6), 0.9), ("constant", (1, 0.5, 0.25), 0.3)],
 )
-def test_a_primvar_that_is_missing_has_the_readers_fallback_and_one_that_is_constant_drives_any_input(
-    shaded, given, color, rough
-):
+def test_missing_and_constant_primvars(shaded, given, color, rough):
     def reader(made, kind, type_name, name, fallback):
         found = UsdShade.Shader.Define(made, f"/look/{name}")
         found.CreateIdAttr(f"UsdPrimvarReader_{kind}")
@@ -203,7 +201,7 @@ def test_a_primvar_that_is_missing_has_the_readers_fallback_and_one_that_is_cons
 
 
 @pytest.mark.parametrize("file", [None, "nothing.png"])
-def test_a_texture_without_a_picture_gives_its_fallback_by_channel(shaded, file):
+def test_texture_without_image_uses_its_fallback(shaded, file):
     def make(made):
         outputs = [texture(made, f"/look/{o}", file or "", o, fallback=(TYPES.Float4, (0.1, 0.7, 0.3, 1))) for o in ("rgb", "g")]
         return material(made, "/look", diffuseColor=(C, outputs[0]), roughness=(F, outputs[1]))[0]
@@ -213,7 +211,7 @@ def test_a_texture_without_a_picture_gives_its_fallback_by_channel(shaded, file)
 
 
 @pytest.mark.parametrize("surface", ["standard_surface", "open_pbr_surface"])
-def test_the_depth_of_glass_is_in_units_of_the_stage(tmp_path, surface):
+def test_transmission_depth_in_stage_units(tmp_path, surface):
     made = stage(tmp_path / "a.usda", "Y", 0.01)
     weight = "transmission" if surface == "standard_surface" else "transmission_weight"
     inputs = {weight: (F, 1.0), "transmission_depth": (F, 10.0), "transmission_color": (C, (1, 0.5, 0.5))}
@@ -223,7 +221,7 @@ def test_the_depth_of_glass_is_in_units_of_the_stage(tmp_path, surface):
     assert found.materials[found.meshes[0].material].attenuation_distance == pytest.approx(0.1)
 
 
-def test_a_standard_surface_of_materialx_says_what_ours_can(shaded):
+def test_materialx_standard_surface(shaded):
     def make(made):
         picture = UsdShade.Shader.Define(made, "/look/picture")
         picture.CreateIdAttr("ND_image_color3")
@@ -260,7 +258,7 @@ def test_a_standard_surface_of_materialx_says_what_ours_can(shaded):
     )
 
 
-def test_a_surface_of_another_renderer_is_drawn_in_the_display_colour(shaded):
+def test_unknown_surface_uses_the_display_color(shaded):
     def make(made):
         UsdGeom.Mesh.Get(made, "/m").CreateDisplayColorAttr([(0.1, 0.2, 0.3)])
         return material(made, "/look", "arnold_standard", "arnold")[0]
@@ -270,7 +268,7 @@ def test_a_surface_of_another_renderer_is_drawn_in_the_display_colour(shaded):
     assert any("unknown surface shader" in w and "look" in w for w in found.warnings)
 
 
-def test_omniverses_material_where_there_is_no_other(shaded, png, tmp_path):
+def test_omnipbr_without_other_surface(shaded, png, tmp_path):
     (tmp_path / "orm.png").write_bytes(png(255, 128, 64))
 
     def make(made):
@@ -305,7 +303,7 @@ def test_omniverses_material_where_there_is_no_other(shaded, png, tmp_path):
     assert not description.warnings or not any("display colour" in w for w in description.warnings)
 
 
-def test_arnolds_surface_and_karmas_are_read_where_they_are_alone(shaded):
+def test_arnold_and_karma_surfaces(shaded):
     """Surfaces of Arnold (Maya; images are named by strings) and Karma (Houdini) are read if a material has no other surface."""
 
     def arnold(made):
@@ -329,7 +327,7 @@ def test_arnolds_surface_and_karmas_are_read_where_they_are_alone(shaded):
     assert found.base_color == pytest.approx((0.1, 0.7, 0.2))
 
 
-def test_houdinis_colours_stand_in_for_display_colours(tmp_path):
+def test_houdini_color_primvar(tmp_path):
     made = stage(tmp_path / "a.usda")
     colors = UsdGeom.PrimvarsAPI(mesh(made, "/m")).CreatePrimvar("Cd", TYPES.Color3fArray, "vertex")
     colors.Set([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 0)])
@@ -345,7 +343,7 @@ def test_houdinis_colours_stand_in_for_display_colours(tmp_path):
         (("proxy", "default"), ["m1"], r"purpose proxy are not drawn, although .* \(1\): /m0"),
     ],
 )
-def test_proxies_are_drawn_where_there_is_nothing_else(purposes, shown, said, tmp_path):
+def test_proxies_are_shown_without_other_geometry(purposes, shown, said, tmp_path):
     made = stage(tmp_path / "a.usda")
     for i, purpose in enumerate(purposes):
         mesh(made, f"/m{i}").CreatePurposeAttr(purpose)
@@ -355,7 +353,7 @@ def test_proxies_are_drawn_where_there_is_nothing_else(purposes, shown, said, tm
     assert any(re.search(said, w) for w in found.warnings if "prox" in w) == bool(said)
 
 
-def test_a_preview_surface_that_blender_wrote_has_its_alpha_and_its_highlights(shaded, tmp_path):
+def test_blender_preview_surface(shaded, tmp_path):
     """Preview surfaces that Blender wrote are read as in Blender: opacity is alpha, which also hides highlights.
 
     The input `specular`, which only Blender writes, is read too.

@@ -56,7 +56,7 @@ ARITHMETIC = {  # operation on an image and constants, and its result for red, g
 
 
 @pytest.mark.parametrize("name", ARITHMETIC)
-def test_what_is_calculated_of_a_picture_and_numbers_is_what_materialx_says(looks, name):
+def test_arithmetic_on_image_and_constants(looks, name):
     inputs, expected = ARITHMETIC[name]
     first = {"mix": "fg", "invert": "in", "remap": "in"}.get(name, "in1")
     found, look = looks(
@@ -106,7 +106,7 @@ BETWEEN = {
 
 
 @pytest.mark.parametrize("name", BETWEEN)
-def test_what_is_calculated_of_two_pictures_is_one_picture(looks, pictures, name):
+def test_arithmetic_on_two_images_is_baked(looks, pictures, name):
     one, other, shown = pictures
     first, second, expected = BETWEEN[name]
     found, look = looks(
@@ -127,7 +127,7 @@ def test_what_is_calculated_of_two_pictures_is_one_picture(looks, pictures, name
     assert not any("MaterialX" in w for w in found.warnings)
 
 
-def test_a_picture_mixes_two_others(looks, pictures):
+def test_image_as_mix_weight(looks, pictures):
     """The mix weight is an image's first channel, which is data and therefore not decoded."""
     one, other, shown = pictures
 
@@ -143,7 +143,7 @@ def test_a_picture_mixes_two_others(looks, pictures):
     np.testing.assert_allclose(got, share * one + (1 - share) * other, atol=0.006)
 
 
-def test_pictures_that_repeat_differently_are_laid_on_one_another(looks, pictures):
+def test_images_with_different_tiling_are_baked(looks, pictures):
     one, other, shown = pictures
 
     def tiled(made):
@@ -159,7 +159,7 @@ def test_pictures_that_repeat_differently_are_laid_on_one_another(looks, picture
     np.testing.assert_allclose(got[:, ::2], np.tile(other, (1, 2, 1))[:, ::2] * coarse, atol=0.008)
 
 
-def test_pictures_that_lie_in_different_ways_are_not_mixed_and_that_is_named(looks, pictures):
+def test_images_with_incompatible_mappings_cause_a_warning(looks, pictures):
     _, _, shown = pictures
 
     def turned(made):
@@ -182,7 +182,7 @@ ALONE = {  # nodes that cannot be written as a factor and an addend of an image
 
 
 @pytest.mark.parametrize("name", ALONE)
-def test_what_bends_a_picture_is_worked_out_texel_by_texel(looks, pictures, name):
+def test_nonlinear_functions_are_baked(looks, pictures, name):
     one, _, shown = pictures
     first, inputs, expected = ALONE[name]
     found, look = looks(
@@ -194,7 +194,7 @@ def test_what_bends_a_picture_is_worked_out_texel_by_texel(looks, pictures, name
 
 
 @pytest.mark.parametrize("first", ["in1", "in2"])
-def test_a_picture_is_multiplied_by_the_colours_of_vertices(shaded, first):  # noqa: F811
+def test_image_times_vertex_color(shaded, first):  # noqa: F811
     def build(made):
         colors = UsdGeom.PrimvarsAPI(made.GetPrimAtPath("/m")).CreatePrimvar("displayColor", TYPES.Color3fArray, "vertex")
         colors.Set([(1, 0, 0), (0, 1, 0), (0, 0, 1), (1, 1, 1)])
@@ -211,7 +211,7 @@ def test_a_picture_is_multiplied_by_the_colours_of_vertices(shaded, first):  # n
     assert not any("Primvars" in w for w in found.warnings)
 
 
-def test_channels_of_two_pictures_are_put_together(looks, pictures):
+def test_channels_of_two_images_are_combined(looks, pictures):
     one, other, shown = pictures
 
     def channel(made, name, index):
@@ -230,7 +230,7 @@ def test_channels_of_two_pictures_are_put_together(looks, pictures):
     np.testing.assert_allclose(values_of(found, look.base_color_texture), want, atol=0.006)
 
 
-def test_numbers_alone_are_calculated_too(looks):
+def test_arithmetic_on_constants(looks):
     _, look = looks(
         base_color=(C, lambda made: node(made, "m", "mix_color3", fg=(C, (1, 0, 0)), bg=(C, (0, 0, 1)), mix=(F, 0.25))),
         specular_roughness=(F, lambda made: node(made, "p", "power_float", F, in1=(F, 0.5), in2=(F, 2.0))),
@@ -238,13 +238,13 @@ def test_numbers_alone_are_calculated_too(looks):
     np.testing.assert_allclose((*look.base_color, look.roughness), (0.25, 0, 0.75, 0.25), atol=1e-6)
 
 
-def test_a_picture_is_shown_without_the_nodes_that_are_not_known_and_they_are_named(looks):
+def test_unknown_nodes_are_skipped_and_named(looks):
     found, look = looks(base_color=(C, lambda made: node(made, "c", "colorcorrect_color3", **{"in": (C, picture(made))})))
     assert seen(found, look.base_color_texture) == linear(200)
     assert any("skipped" in w and "ND_colorcorrect_color3" in w for w in found.warnings)
 
 
-def test_a_normal_map_has_the_scale_of_its_node(looks):
+def test_normal_map_node_scale(looks):
     def bumps(made):
         return node(made, "n", "normalmap", V3, **{"in": (V3, picture(made))}, scale=(F, 0.3))
 
@@ -281,7 +281,7 @@ PLACES = {
 
 
 @pytest.mark.parametrize("name", PLACES)
-def test_nodes_move_texture_coordinates_as_materialx_defines_them(looks, name):
+def test_texture_coordinate_nodes(looks, name):
     inputs, expected = PLACES[name]
     kind = name.split()[0]
     coordinates = {"place2d": "texcoord", "rotate2d": "in"}.get(kind.split("_")[0], "in1")
@@ -297,7 +297,7 @@ def test_nodes_move_texture_coordinates_as_materialx_defines_them(looks, name):
     np.testing.assert_allclose((u, 1 - v), expected(st), atol=1e-6)
 
 
-def test_tiles_are_moved_by_their_offset(looks):
+def test_tiled_image_offset(looks):
     def tiled(made):
         return node(made, "t", "tiledimage_color3", file=(ASSET, "t.png"), uvtiling=(V2, (2, 3)), uvoffset=(V2, (0.25, 0.5)))
 
@@ -307,12 +307,12 @@ def test_tiles_are_moved_by_their_offset(looks):
     np.testing.assert_allclose((u, 1 - v), (2 * 0.3 - 0.25, 3 * 0.9 - 0.5), atol=1e-6)
 
 
-def test_opacity_is_a_colour(looks):
+def test_color_opacity(looks):
     _, look = looks(opacity=(C, (0.25,) * 3))
     assert (look.opacity, look.alpha_mode) == (0.25, "blend")
 
 
-def test_a_coats_colour_tints_all_beneath_it_and_what_else_it_has_is_named(looks):
+def test_coat_color_tints_the_base(looks):
     found, look = looks(
         base_color=(C, (0.5, 0.5, 0.5)), coat=(F, 0.5), coat_color=(C, (1, 0.2, 0)), coat_IOR=(F, 2.0), diffuse_roughness=(F, 0.3)
     )
@@ -321,7 +321,7 @@ def test_a_coats_colour_tints_all_beneath_it_and_what_else_it_has_is_named(looks
         assert any(f"The input {what} of MaterialX surfaces is left out (1): look" in w for w in found.warnings)
 
 
-def test_textures_of_highlights_and_sheen_are_read_and_others_named(looks):
+def test_specular_and_sheen_textures(looks):
     found, look = looks(
         specular_color=(C, picture), sheen=(F, 0.5), sheen_color=(C, picture), specular_anisotropy=(F, picture), base=(F, picture)
     )
@@ -331,7 +331,7 @@ def test_textures_of_highlights_and_sheen_are_read_and_others_named(looks):
         assert any(f"Textures of the input {what} of MaterialX surfaces are left out" in w for w in found.warnings)
 
 
-def test_light_beneath_a_surface_gives_it_its_colour(looks):
+def test_subsurface_color(looks):
     _, look = looks(subsurface=(F, 1.0), subsurface_color=(C, (0.6, 0.3, 0.2)))
     np.testing.assert_allclose(look.base_color, (0.6, 0.3, 0.2), atol=1e-6)
 
@@ -355,13 +355,13 @@ def test_gltf_pbr_in_materialx(looks):
     )
 
 
-def test_open_pbrs_film_has_its_weight(looks):
+def test_open_pbr_film_weight(looks):
     _, look = looks(OPEN_PBR, thin_film_weight=(F, 0.3), thin_film_thickness=(F, 0.4))
     assert (look.iridescence, look.iridescence_thickness) == (pytest.approx(0.3), pytest.approx((400, 400)))
 
 
 @pytest.mark.parametrize("kind", ["mix_color3", "multiply_color3", "clamp_color3", "remap_color3", "combine3_color3"])
-def test_nodes_whose_inputs_are_words_are_left_out_and_named(looks, kind):
+def test_nodes_with_string_inputs_are_omitted_and_named(looks, kind):
     words = dict.fromkeys(("in", "in1", "in2", "fg", "bg", "mix", "low", "inlow"), (TYPES.String, "word"))
     found, look = looks(base_color=(C, lambda made: node(made, "odd", kind, **words)))
     assert np.isfinite(look.base_color).all()
@@ -370,7 +370,7 @@ def test_nodes_whose_inputs_are_words_are_left_out_and_named(looks, kind):
 
 
 @pytest.mark.parametrize("kind", ["place2d_vector2", "multiply_vector2", "rotate2d_vector2"])
-def test_coordinates_that_are_words_lie_as_the_mesh_has_them(looks, kind):
+def test_string_coordinates_use_the_mesh_uvs(looks, kind):
     def moved(made):
         words = dict.fromkeys(("pivot", "scale", "rotate", "in2", "amount"), (TYPES.String, "word"))
         return picture(made, texcoord=(V2, node(made, "odd", kind, V2, **words)))

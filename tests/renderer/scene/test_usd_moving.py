@@ -10,7 +10,7 @@ from renderer.scene.load import Shot
 from tests.renderer.scene.usd_files import cube, read, stage, world
 
 
-def test_frames_count_from_the_stages_start_in_its_own_rate(tmp_path):
+def test_frames_start_at_the_stage_start(tmp_path):
     made = stage(tmp_path / "a.usda")
     made.SetStartTimeCode(101)
     made.SetEndTimeCode(141)
@@ -64,7 +64,7 @@ def test_frames_count_from_the_stages_start_in_its_own_rate(tmp_path):
         read(tmp_path / "a.usda", Moment(clip="walk"))
 
 
-def test_splines_are_animation(tmp_path):
+def test_splines_are_evaluated(tmp_path):
     """Spline keys, which are not time samples, are animation too."""
     from pxr import Ts
 
@@ -136,7 +136,7 @@ def arm(path):
     return made
 
 
-def test_skeletons_and_blend_shapes_bend_meshes_as_usd_bakes_them(tmp_path):
+def test_skeletons_and_blend_shapes_match_usd_baking(tmp_path):
     made = arm(tmp_path / "a.usda")
     shot = Shot(tmp_path, "a.usda")
     scenes = {frame: shot.scene_at(Moment(frame)) for frame in (0, 4, 10)}
@@ -156,7 +156,7 @@ def test_skeletons_and_blend_shapes_bend_meshes_as_usd_bakes_them(tmp_path):
 
 
 @pytest.mark.parametrize("hidden", ["purpose", "visibility"])
-def test_a_skeleton_that_is_not_shown_still_says_where_its_meshes_stand(tmp_path, hidden):
+def test_hidden_skeleton_places_its_meshes(tmp_path, hidden):
     made = arm(tmp_path / "a.usda")
     shown = world(read(tmp_path / "a.usda"), 0)
     for prim in made.Traverse():
@@ -169,13 +169,13 @@ def test_a_skeleton_that_is_not_shown_still_says_where_its_meshes_stand(tmp_path
     np.testing.assert_array_equal(world(read(tmp_path / "a.usda"), 0), shown)
 
 
-def test_a_skin_moves_while_the_shutter_is_open(tmp_path):
+def test_skin_moves_while_the_shutter_is_open(tmp_path):
     arm(tmp_path / "a.usda")
     moving = Shot(tmp_path, "a.usda").over_shutter(Moment(3), {"shutter": 0.5})
     assert all(len(moving.meshes[i.mesh].keys) == moving.keys > 0 for i in moving.instances)
 
 
-def test_what_stands_still_is_read_once(tmp_path):
+def test_static_prims_are_read_once(tmp_path):
     made = stage(tmp_path / "a.usda")
     place = cube(made, "/m").AddTranslateOp()
     for time in (0, 5):
@@ -186,7 +186,7 @@ def test_what_stands_still_is_read_once(tmp_path):
     assert one.meshes[0].positions is other.meshes[0].positions
 
 
-def test_what_of_shutters_and_blend_shapes_is_not_taken_over_is_named(tmp_path):
+def test_unsupported_shutters_and_blend_shapes_are_named(tmp_path):
     made = arm(tmp_path / "a.usda")
     UsdSkel.BlendShape.Get(made, "/root/shapes/wide").CreateNormalOffsetsAttr([(0, 0, 1)] * 8)
     camera = UsdGeom.Camera.Define(made, "/root/eye")

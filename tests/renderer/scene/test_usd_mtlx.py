@@ -37,7 +37,7 @@ def shown(tmp_path, png):
     return make
 
 
-def test_a_stage_shows_materials_of_a_document(shown):
+def test_materialx_document_materials(shown):
     found, look = shown(MTLX % "")
     got = [seen(found, look.base_color_texture, k) * look.base_color[k] for k in range(3)]
     np.testing.assert_allclose(got, [0.5 * linear(c) for c in (200, 100, 50)], atol=0.004)
@@ -49,7 +49,7 @@ def test_a_stage_shows_materials_of_a_document(shown):
     assert not found.warnings or not any("MaterialX" in w or "layer" in w for w in found.warnings)
 
 
-def test_documents_include_others_and_what_is_missing_is_named(shown, tmp_path):
+def test_included_and_missing_documents(shown, tmp_path):
     (tmp_path / "inner.mtlx").write_text(INNER)
     found, look = shown(MTLX % (INCLUDE.format("inner.mtlx") + INCLUDE.format("gone.mtlx")), "Inner")
     np.testing.assert_allclose(look.base_color, (0.1, 0.2, 0.3), rtol=1e-5)
@@ -65,19 +65,19 @@ def test_documents_include_others_and_what_is_missing_is_named(shown, tmp_path):
         MTLX.replace('value="0.5"', 'value="half"') % INCLUDE.format("looks.mtlx"),
     ],
 )
-def test_damaged_documents_are_named_and_the_rest_is_shown(shown, document):
+def test_damaged_documents_are_named(shown, document):
     found, _ = shown(document)
     assert len(found.meshes) == 1
     assert found.warnings
 
 
-def test_a_node_of_itself_ends(shown):
+def test_recursive_node_terminates(shown):
     found, look = shown(MTLX.replace('nodename="picture"', 'nodename="product"') % "")
     assert len(found.meshes) == 1
     assert look.base_color_texture is None
 
 
-def test_what_is_worked_out_of_pictures_is_so_once_for_all_frames(shown, tmp_path):
+def test_baked_images_are_cached_between_frames(shown, tmp_path):
     shown(MTLX.replace("<multiply", "<power").replace("</multiply", "</power") % "")
     made = Usd.Stage.Open(str(tmp_path / "a.usda"))
     lift = UsdGeom.Xformable(made.GetPrimAtPath("/m")).AddTranslateOp()
@@ -94,7 +94,7 @@ def test_what_is_worked_out_of_pictures_is_so_once_for_all_frames(shown, tmp_pat
     assert pictures[0].pixels is pictures[1].pixels
 
 
-def test_a_documents_displacement_is_followed(shown):
+def test_document_displacement(shown):
     document = """<materialx version="1.39"><standard_surface name="s" type="surfaceshader"/>
 <image name="h" type="float"><input name="file" type="filename" value="maps/t.png"/></image>
 <displacement name="d" type="displacementshader"><input name="displacement" type="float" nodename="h"/>

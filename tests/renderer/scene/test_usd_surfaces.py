@@ -19,7 +19,7 @@ def cage(points=CUBE, counts=(4,) * 6, corners=QUADS, sharp=NONE):
     return Cage(np.array(points, float), Faces(np.array(counts), np.array(corners)), *sharp)
 
 
-def test_one_level_of_a_cube_is_as_catmull_and_clark_computed_it():
+def test_catmull_clark_level_of_a_cube():
     finer, _, parent = refined(cage(), [])
     np.testing.assert_allclose(np.abs(finer.points[:8]), 5 / 9)
     np.testing.assert_allclose(sorted(np.abs(finer.points[8])), (0, 0.75, 0.75))
@@ -27,7 +27,7 @@ def test_one_level_of_a_cube_is_as_catmull_and_clark_computed_it():
     assert np.bincount(parent).tolist() == [4] * 6
 
 
-def test_the_limit_is_where_many_levels_lead():
+def test_limit_equals_many_levels():
     rng = np.random.default_rng(2)
     edges = np.array([(0, 1), (1, 2), (2, 3), (3, 0)])
     start = cage(CUBE + rng.normal(size=CUBE.shape) * 0.2, sharp=(edges, np.full(4, 10.0), np.array([6]), np.array([10.0])))
@@ -45,7 +45,7 @@ EIGHT = np.array([(0, 2, 4), (2, 1, 4), (1, 3, 4), (3, 0, 4), (2, 0, 5), (1, 2, 
 
 
 @pytest.mark.parametrize("is_smooth, share", [(False, 0.5), (True, 0.94)])
-def test_smooth_triangles_draw_edges_towards_their_middles(is_smooth, share):
+def test_smooth_triangle_subdivision_rule(is_smooth, share):
     made = Usd.Stage.CreateInMemory()
     one = mesh(made, "/m", OCTAHEDRON, [3] * 8, EIGHT.tolist(), scheme="catmullClark")
     one.CreateTriangleSubdivisionRuleAttr("smooth" if is_smooth else "catmullClark")
@@ -58,7 +58,7 @@ def test_smooth_triangles_draw_edges_towards_their_middles(is_smooth, share):
     np.testing.assert_allclose(np.sort(found.positions, axis=0), np.sort(deep, axis=0), atol=1e-6)
 
 
-def test_one_level_of_an_octahedron_is_as_loop_computed_it():
+def test_loop_level_of_an_octahedron():
     finer, _, parent = refined(replace(cage(OCTAHEDRON, (3,) * 8, EIGHT), is_loop=True), [])
     # At valence 4 each neighbour has weight (5/8 - (3/8)^2) / 4, and neighbours sum to 0; an edge point is 3/8 of both ends and
     # 1/8 of both opposite vertices.
@@ -69,7 +69,7 @@ def test_one_level_of_an_octahedron_is_as_loop_computed_it():
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c) > 0).all()
 
 
-def test_the_limit_after_loop_is_where_many_levels_lead():
+def test_loop_limit_equals_many_levels():
     rng = np.random.default_rng(3)
     edges = np.array([(0, 2), (2, 1), (1, 3), (3, 0)])
     for sharp in ((edges, np.full(4, 10.0), np.array([4]), np.array([10.0])), NONE):
@@ -81,7 +81,7 @@ def test_the_limit_after_loop_is_where_many_levels_lead():
         assert 1e-6 < np.abs(fine.points[:6] - limit(start)).max() < 0.01
 
 
-def test_loops_surfaces_are_refined_with_their_uvs_and_what_are_no_triangles_is_named(tmp_path):
+def test_loop_meshes_with_uvs_and_non_triangles(tmp_path):
     made = stage(tmp_path / "a.usda")
     points = [(x + 0.2 * np.sin(2 * y), y + 0.1 * x * x, 0) for y in range(4) for x in range(4)]
     corners = [4 * y + x + v for y in range(3) for x in range(3) for v in (0, 1, 5, 0, 5, 4)]
@@ -103,7 +103,7 @@ def test_loops_surfaces_are_refined_with_their_uvs_and_what_are_no_triangles_is_
     assert [w for w in description.warnings if "Loop" in w and "/quad" in w and "/m" not in w]
 
 
-def test_creases_that_are_half_sharp_are_refined_until_they_are_not():
+def test_semi_sharp_creases_are_refined():
     sharp = np.array([(0, 1), (1, 2), (2, 3), (3, 0)]), np.full(4, 2.5), np.zeros(0, np.int64), np.zeros(0)
     one, deep = cage(sharp=sharp), cage(sharp=sharp)
     for _ in range(2):
@@ -113,7 +113,7 @@ def test_creases_that_are_half_sharp_are_refined_until_they_are_not():
     np.testing.assert_allclose(limit(one), limit(deep)[: len(one.points)], atol=1e-6)
 
 
-def test_creases_keep_edges_and_semi_sharp_ones_round_them_later():
+def test_crease_sharpness():
     edges = np.unique(
         np.sort(np.array([(QUADS[4 * f + k], QUADS[4 * f + (k + 1) % 4]) for f in range(6) for k in range(4)]), 1), axis=0
     )
@@ -130,7 +130,7 @@ def test_creases_keep_edges_and_semi_sharp_ones_round_them_later():
 
 
 @pytest.mark.parametrize("scheme", ["catmullClark", "none", None])
-def test_a_scheme_that_is_not_said_refines_what_has_no_normals(tmp_path, scheme):
+def test_default_subdivision_scheme(tmp_path, scheme):
     made = stage(tmp_path / "a.usda")
     for name in ("bare", "normals"):
         box = cube(made, f"/{name}", scheme=scheme or "none")
@@ -149,7 +149,7 @@ def test_a_scheme_that_is_not_said_refines_what_has_no_normals(tmp_path, scheme)
         assert (outward * unit).sum(axis=1).min() > 0.9
 
 
-def test_an_open_surface_keeps_its_corners_or_rounds_them(tmp_path):
+def test_boundary_corner_rules(tmp_path):
     made = stage(tmp_path / "a.usda")
     for name in ("edgeAndCorner", "edgeOnly"):
         mesh(made, f"/{name}", scheme="catmullClark").CreateInterpolateBoundaryAttr(name)
@@ -167,7 +167,7 @@ def de_boor(points, u):
 @pytest.mark.parametrize(("kind", "basis", "wrap"), [("linear", "bezier", "nonperiodic"), ("cubic", "bezier", "nonperiodic"),
                                                       ("cubic", "bspline", "nonperiodic"), ("cubic", "catmullRom", "pinned"),
                                                       ("cubic", "bspline", "periodic")])  # fmt: skip
-def test_curves_are_tubes_around_their_lines(tmp_path, kind, basis, wrap):
+def test_curves_become_tubes(tmp_path, kind, basis, wrap):
     made = stage(tmp_path / "a.usda")
     rng = np.random.default_rng(4)
     points = rng.normal(size=(2, 4, 3)).astype(np.float32)
@@ -195,7 +195,7 @@ def test_curves_are_tubes_around_their_lines(tmp_path, kind, basis, wrap):
     np.testing.assert_allclose(np.linalg.norm(found.normals, axis=1), 1, atol=1e-5)
 
 
-def test_widths_vary_along_curves_of_any_number_of_points_and_ribbons_are_named(tmp_path):
+def test_curve_widths_and_ribbons(tmp_path):
     made = stage(tmp_path / "a.usda")
     curves = UsdGeom.BasisCurves.Define(made, "/c")
     curves.CreateTypeAttr("cubic")
@@ -240,13 +240,13 @@ def refined_uvs(prim):
 
 
 @pytest.mark.parametrize("how", ["cornersOnly", "cornersPlus1", "cornersPlus2", "none"])
-def test_uvs_that_neighbours_share_are_refined_as_points_are(how):
+def test_shared_uvs_are_refined_like_points(how):
     made = Usd.Stage.CreateInMemory()
     points, uvs = refined_uvs(lattice(made, how))
     np.testing.assert_allclose(uvs, points, atol=1e-5)
 
 
-def test_uvs_have_borders_where_they_are_cut_and_may_be_linear():
+def test_uv_borders_and_linear_uvs():
     made = Usd.Stage.CreateInMemory()
     points, uvs = refined_uvs(lattice(made, "cornersPlus1", split=True))
     # Along the cut the border is a cubic B-spline of its points: at the second the limit is (a + 4 b + c) / 6.
@@ -259,7 +259,7 @@ def test_uvs_have_borders_where_they_are_cut_and_may_be_linear():
     assert np.abs(uvs - points).max() > 0.01
 
 
-def test_a_border_that_is_not_interpolated_has_no_faces():
+def test_uninterpolated_border_has_no_faces():
     made = Usd.Stage.CreateInMemory()
     prim = lattice(made, "all")
     inside, _ = refined_uvs(prim)
@@ -268,7 +268,7 @@ def test_a_border_that_is_not_interpolated_has_no_faces():
     assert np.ptp(kept[:, 0]) < np.ptp(inside[:, 0]) / 2
 
 
-def test_points_are_spheres_of_their_widths_and_colours(tmp_path):
+def test_points_become_spheres_by_width_and_color(tmp_path):
     made = stage(tmp_path / "a.usda", "Z", 0.5)
     points = UsdGeom.Points.Define(made, "/p")
     points.CreatePointsAttr([(0, 0, 0), (1, 2, 3), (4, 5, 6)])

@@ -9,7 +9,7 @@ from renderer.scene.load import read
 from tests.renderer.scene.builders import world
 
 
-def test_a_unit_that_is_stored_as_float_is_read(tmp_path):
+def test_unit_stored_as_float_is_read(tmp_path):
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usdc"))
     UsdGeom.Cube.Define(stage, "/m")
     UsdGeom.SetStageMetersPerUnit(stage, 0.5)
@@ -22,7 +22,7 @@ def test_a_unit_that_is_stored_as_float_is_read(tmp_path):
     assert "The stage's metersPerUnit is not stored as a double; 0.5 is used." in description.warnings
 
 
-def test_prims_with_values_of_other_types_are_left_out_and_counted(tmp_path):
+def test_prims_with_wrong_types_are_omitted_and_counted(tmp_path):
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
     UsdGeom.Cube.Define(stage, "/m")
     for name, kind, key in (("/c", "Camera", "focalLength"), ("/l", "SphereLight", "inputs:radius")):
@@ -36,7 +36,7 @@ def test_prims_with_values_of_other_types_are_left_out_and_counted(tmp_path):
 
 
 @pytest.mark.parametrize("joints", [["b", "a"], ["b"], ["a", "b", "c"]])
-def test_a_skin_with_joints_of_its_own_follows_them(tmp_path, joints):
+def test_skin_with_its_own_joint_list(tmp_path, joints):
     stage = Usd.Stage.CreateNew(str(tmp_path / "a.usda"))
     UsdGeom.SetStageMetersPerUnit(stage, 1.0)
     UsdSkel.Root.Define(stage, "/r")
@@ -67,7 +67,7 @@ def test_a_skin_with_joints_of_its_own_follows_them(tmp_path, joints):
     assert any("stand still (c)" in w for w in description.warnings) == ("c" in joints)
 
 
-def test_a_layer_above_the_folder_is_named_or_read_below_a_root(tmp_path):
+def test_layer_above_the_folder(tmp_path):
     inner = tmp_path / "scenes"
     inner.mkdir()
     (tmp_path / "x.usda").write_text('#usda 1.0\n(defaultPrim = "m")\ndef Cube "m" {}\n')

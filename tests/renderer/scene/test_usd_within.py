@@ -8,7 +8,7 @@ from tests.renderer.scene.test_usd_materialx import OPEN_PBR, STANDARD, C, F, lo
 from tests.renderer.scene.usd_files import TYPES
 
 
-def test_light_beneath_a_surface_scatters_as_far_as_it_is_said_to(looks):  # noqa: F811
+def test_subsurface_radius(looks):  # noqa: F811
     found, look = looks(
         base_color=(C, (0.2, 0.4, 0.6)),
         base=(F, 0.5),
@@ -26,7 +26,7 @@ def test_light_beneath_a_surface_scatters_as_far_as_it_is_said_to(looks):  # noq
     np.testing.assert_allclose(look.subsurface_radius, (2, 1, 0.5))
 
 
-def test_a_sheet_scatters_to_its_other_side(looks):  # noqa: F811
+def test_thin_sheet_transmits_scattered_light(looks):  # noqa: F811
     """A thin sheet scatters to its other side: all scattered light in Standard Surface, (1 + g) / 2 of it in OpenPBR."""
     color = (C, (0.5, 0.25, 1.0))
     _, look = looks(thin_walled=(TYPES.Bool, True), subsurface=(F, 0.5), subsurface_color=color, base_color=(C, (0.1,) * 3))
@@ -44,7 +44,7 @@ def test_a_sheet_scatters_to_its_other_side(looks):  # noqa: F811
 
 
 @pytest.mark.parametrize(("kind", "weight"), [(STANDARD, "transmission"), (OPEN_PBR, "transmission_weight")])
-def test_glass_is_filled_with_what_scatters(looks, kind, weight):  # noqa: F811
+def test_glass_with_scattering_interior(looks, kind, weight):  # noqa: F811
     """The attenuation of light in glass, given by a colour at a depth, is divided into scattering and absorption.
 
     If scattering exceeds attenuation in a channel, absorption is raised equally in all channels.

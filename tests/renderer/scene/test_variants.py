@@ -17,7 +17,7 @@ def colors(description):
     ("variant", "color"),
     [(None, (1, 0, 0)), ("beach", (0, 1, 0)), ("night", (0, 0, 1)), ("day", (0, 1, 0)), ("1", (0, 0, 1)), ("0", (0, 1, 0))],
 )
-def test_a_variant_is_chosen_by_its_name_or_number(scene, variant, color):
+def test_variant_is_selected_by_name_or_number(scene, variant, color):
     description = scene("shoe.glb", shoe().glb(), variant=variant)
     assert colors(description) == [color, (0, 0, 0)]
     assert summarise(description, compile_scene(description))["variants"] == ["beach", "night", "day"]
@@ -25,12 +25,12 @@ def test_a_variant_is_chosen_by_its_name_or_number(scene, variant, color):
 
 
 @pytest.mark.parametrize("variant", ["winter", "3", "-1", "²", "1" * 5000, ""])
-def test_an_unknown_variant_is_told_which_there_are(scene, variant):
+def test_unknown_variant_error_lists_the_variants(scene, variant):
     with pytest.raises(SceneError, match=r"shoe\.glb: has no variant .*; its variants are 0: beach, 1: night, 2: day"):
         scene("shoe.glb", shoe().glb(), variant=variant)
 
 
-def test_files_without_variants_say_so(scene):
+def test_variant_of_a_file_without_variants_is_an_error(scene):
     g = Gltf()
     g.mesh()
     with pytest.raises(SceneError, match=r"a\.glb: has no variants; leave the variant out"):
@@ -41,7 +41,7 @@ def test_files_without_variants_say_so(scene):
         scene("s.yaml", "shapes: [{type: quad}]", variant="0")
 
 
-def test_a_variant_without_a_name_has_a_number(scene):
+def test_unnamed_variant_is_selected_by_number(scene):
     g = shoe()
     g.root["extensions"][VARIANTS]["variants"][1] = {}
     description = scene("shoe.glb", g.glb(), variant="variant 1")
@@ -62,7 +62,7 @@ def test_a_variant_without_a_name_has_a_number(scene):
         ("x", "is not a list", "mappings"),
     ],
 )
-def test_damaged_mappings_are_told(scene, mappings, why, where):
+def test_damaged_variant_mappings_cause_warnings(scene, mappings, why, where):
     """With a damaged mapping the primitive keeps its own material, and one warning names the mapping."""
     warnings = scene("shoe.glb", shoe(mappings=mappings).glb(), variant="0").warnings
     (told,) = [warning for warning in warnings if "unusable" in warning]
@@ -70,7 +70,7 @@ def test_damaged_mappings_are_told(scene, mappings, why, where):
     assert told.endswith(f".{where}.")
 
 
-def test_a_scene_file_shows_two_variants_side_by_side(scene):
+def test_scene_file_with_two_variants(scene):
     shapes = [{"type": "mesh", "file": "shoe.glb", **chosen} for chosen in ({}, {"variant": "night"}, {"variant": 0})]
     description = scene("s.yaml", json.dumps({"shapes": shapes}), {"shoe.glb": shoe().glb()})
     assert colors(description)[::2] == [(1, 0, 0), (0, 0, 1), (0, 1, 0)]

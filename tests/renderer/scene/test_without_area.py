@@ -16,7 +16,7 @@ def line(material: int, deforms: bool) -> Mesh:
 
 @pytest.mark.parametrize("lamp", [False, True])
 @pytest.mark.parametrize("deforms", [False, True])
-def test_triangles_without_area_give_no_light_and_are_counted(lamp: bool, deforms: bool) -> None:
+def test_zero_area_emitters_are_counted_and_emit_nothing(lamp: bool, deforms: bool) -> None:
     meshes = [line(0, deforms), square((0, 0, -1), (1, 0, 0), (0, 1, 0), 0 if lamp else 1)]
     description = SceneDescription(
         meshes=meshes,

@@ -13,7 +13,7 @@ from tests.renderer.scene.builders import cup
 QUAD = "shapes:\n  - {type: quad}\n"
 
 
-def test_the_whole_format(scene, png):
+def test_whole_scene_format(scene, png):
     description = scene(
         "s.yaml",
         """
@@ -67,7 +67,7 @@ shapes:
     assert description.warnings == []
 
 
-def test_every_field_of_every_kind_of_material(scene, png):
+def test_material_fields_by_kind(scene, png):
     description = scene(
         "s.yaml",
         """
@@ -128,7 +128,7 @@ def test_a_sky(scene):
     assert scene("s.yaml", "environment: {sky: {}}\n" + QUAD).environment.sky == Sky()
 
 
-def test_light_by_name(scene):
+def test_environment_preset(scene):
     for name, preset in PRESETS.items():
         found = scene("s.yaml", f"environment: {{preset: {name}, strength: 2}}\n" + QUAD)
         sky = None if preset.sky is None else Sky(*preset.sky)
@@ -171,7 +171,7 @@ shapes: [{type: quad}]
     assert around.projection == "panorama"
 
 
-def test_polygons_with_uvs_flat_and_smooth(scene):
+def test_polygon_shapes_flat_and_smooth(scene):
     text = """
 shapes:
   - {type: faces, positions: [[0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 2, 0], [0, 1, 0]], faces: [[0, 1, 2, 3, 4]]}
@@ -204,18 +204,18 @@ shapes:
     assert names == ["pane [0]", "pane [1]", "cup/mesh 0", "cube 2"]
 
 
-def test_json_is_yaml_too(scene):
+def test_json_is_accepted(scene):
     assert len(scene("s.yaml", '{"shapes": [{"type": "quad"}], "name": "j"}').meshes) == 1
 
 
-def test_a_mesh_file_keeps_its_own_materials_unless_told(scene):
+def test_mesh_file_materials_may_be_replaced(scene):
     others = {"m.mtl": "newmtl red\nKd 1 0 0\n", "m.obj": "mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl red\nf 1 2 3\n"}
     text = "materials: {blue: {color: [0, 0, 1]}}\nshapes: [{type: mesh, file: m.obj}, {type: mesh, file: m.obj, material: blue}]"
     description = scene("s.yaml", text, others)
     assert [description.materials[m.material].base_color for m in description.meshes] == [(1, 0, 0), (0, 0, 1)]
 
 
-def test_a_mesh_file_that_is_shown_often_is_kept_once(scene, png):
+def test_repeated_mesh_file_is_stored_once(scene, png):
     others = {"a.png": png(1, 2, 3), "m.obj": "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nf 1/1 2/1 3/1\n"}
     shapes = ", ".join(f"{{type: mesh, file: m.obj, transform: [{{translate: [{i}, 0, 0]}}]}}" for i in range(5))
     description = scene("s.yaml", f"shapes: [{shapes}]", others)
@@ -227,7 +227,7 @@ def test_a_mesh_file_that_is_shown_often_is_kept_once(scene, png):
 @pytest.mark.parametrize(
     "shape", ["{type: quad}", "{type: disk}", "{type: cube}", "{type: lathe, profile: [[0, -1], [1, 0], [0, 1]]}"]
 )
-def test_shapes_face_out_with_normals_to_match(scene, shape):
+def test_builtin_shapes_face_outwards(scene, shape):
     geometry = flatten(scene("s.yaml", f"shapes: [{shape}]"))
     corners = geometry.position[geometry.triangle]
     face = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -238,7 +238,7 @@ def test_shapes_face_out_with_normals_to_match(scene, shape):
     np.testing.assert_allclose(np.linalg.norm(geometry.normal, axis=1), 1, rtol=1e-5)
 
 
-def test_shapes_have_the_areas_of_what_they_are(scene):
+def test_builtin_shape_areas(scene):
     for shape, area in (("quad", 4), ("cube", 24), ("disk", np.pi)):
         geometry = flatten(scene("s.yaml", f"shapes: [{{type: {shape}}}]"))
         corners = geometry.position[geometry.triangle].astype(np.float64)
@@ -330,7 +330,7 @@ def test_errors_name_line_and_field(scene, text, said):
     assert str(caught.value).startswith("s.yaml")
 
 
-def test_aliases_that_stand_for_billions_are_refused(scene):
+def test_expanding_aliases_are_rejected(scene):
     bomb = "a: &a [1, 1, 1, 1, 1, 1, 1, 1, 1, 1]\n"
     for here, before in zip("bcdefghi", "abcdefgh", strict=True):
         bomb += f"{here}: &{here} [{', '.join([f'*{before}'] * 10)}]\n"
@@ -339,11 +339,11 @@ def test_aliases_that_stand_for_billions_are_refused(scene):
 
 
 @pytest.mark.parametrize("bracket", ["[", "{a: ", "- "])
-def test_nesting_without_end_is_refused(scene, bracket):
+def test_deep_nesting_is_rejected(scene, bracket):
     with pytest.raises(SceneError, match="nested too deeply"):
         scene("s.yaml", bracket * 200_000)
 
 
-def test_an_alias_inside_itself_is_refused(scene):
+def test_recursive_alias_is_rejected(scene):
     with pytest.raises(SceneError, match="nested too deeply"):
         scene("s.yaml", "a: &a [*a]\n")

@@ -7,7 +7,7 @@ from renderer.errors import SceneError
 from renderer.scene.readers.yaml import geometry
 
 
-def test_groups_are_a_tree_of_transforms(scene):
+def test_nested_group_transforms(scene):
     description = scene(
         "s.yaml",
         """
@@ -39,7 +39,7 @@ shapes:
     np.testing.assert_allclose(place @ (0, 0, 0, 1), (100, 16, 0, 1), atol=1e-9)
 
 
-def test_groups_that_stand_for_billions_are_refused(scene):
+def test_expanding_groups_are_rejected(scene):
     text = "{type: cube}"
     for _ in range(5):
         text = f"{{type: group, shapes: [{text}], instances: [{', '.join(['[]'] * 100)}]}}"
@@ -47,7 +47,7 @@ def test_groups_that_stand_for_billions_are_refused(scene):
         scene("s.yaml", f"shapes: [{text}]")
 
 
-def test_a_mesh_files_parts_count_each(scene, monkeypatch):
+def test_mesh_file_parts_count_separately(scene, monkeypatch):
     monkeypatch.setattr(geometry, "MAX_PLACES", 30)
     triangles = "v 0 0 0\nv 1 0 0\nv 0 1 0\n" + "".join(f"usemtl {m}\nf 1 2 3\n" for m in "abcd")
     text = "shapes: [{{type: mesh, file: parts.obj, instances: [{}]}}]"
@@ -57,7 +57,7 @@ def test_a_mesh_files_parts_count_each(scene, monkeypatch):
 
 
 @pytest.mark.parametrize("shape", ["{type: cube}", "{type: sphere}"])
-def test_scales_that_multiply_beyond_numbers_are_refused(scene, shape):
+def test_overflowing_scales_are_rejected(scene, shape):
     text = shape
     for _ in range(10):
         text = f"{{type: group, transform: [{{scale: 1.0e+38}}], shapes: [{text}]}}"

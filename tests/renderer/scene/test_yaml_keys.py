@@ -42,7 +42,7 @@ def at(seconds):
     return Moment(10 * seconds)  # the file has 10 frames per second
 
 
-def test_everything_is_where_its_keys_say(scene):
+def test_keyed_values_are_interpolated(scene):
     shot = scene("s.yaml", SHOT, moment=at(0.5))
     assert shot.cameras[0].view.eye == (1, 1, 5)
     assert shot.cameras[0].view.fov == 40
@@ -62,19 +62,19 @@ def test_everything_is_where_its_keys_say(scene):
     assert not scene("s.yaml", SHOT, moment=at(1)).environment.sky.sun
 
 
-def test_frames_are_the_files_unless_told(scene):
+def test_frame_rate_of_the_file_is_the_default(scene):
     by_file, told = scene("s.yaml", SHOT, moment=Moment(5)), scene("s.yaml", SHOT, moment=Moment(10, fps=20))
     assert by_file.cameras[0].view == told.cameras[0].view
     assert scene("s.yaml", SHOT).cameras[0].view.eye == (0, 1, 5)
 
 
-def test_a_shot_is_read_anew_at_each_moment(scene, tmp_path):
+def test_shot_is_evaluated_at_each_moment(scene, tmp_path):
     scene("s.yaml", SHOT)
     shot = Shot(tmp_path, "s.yaml")
     assert [shot.scene_at(at(s)).cameras[0].view.eye[0] for s in (2, 0, 1)] == [4, 0, 2]
 
 
-def test_whole_structures_have_keys(scene):
+def test_keys_of_structured_values(scene):
     text = """
     cameras: [{keys: [[0, {eye: [0, 0, 5], target: [0, 0, 0]}], [1, {eye: [2, 0, 5], target: [1, 0, 0]}]]}]
     shapes:
@@ -91,7 +91,7 @@ def test_whole_structures_have_keys(scene):
     assert shot.spheres[0].center == (0, 2, 0)
 
 
-def test_mesh_files_move_by_their_own_clips(scene):
+def test_mesh_file_clips(scene):
     g = Gltf()
     g.mesh()
     times = g.array(np.float32([0, 1]))
@@ -114,7 +114,7 @@ def test_mesh_files_move_by_their_own_clips(scene):
         scene("s.yaml", text.replace("jump", "swim"), {"actor.glb": g.glb()})
 
 
-def test_what_has_no_keys_stands_still(scene):
+def test_scene_without_keys_is_static(scene):
     shot = scene("s.yaml", "materials: {keys: {color: 0.5}}\nshapes: [{type: quad, material: keys}]", moment=Moment(9))
     assert (shot.moves, shot.clips, shot.fps) == (False, [], 24)
     with pytest.raises(SceneError, match="has no clips, as glTF files do"):
@@ -153,12 +153,12 @@ def test_what_has_no_keys_stands_still(scene):
         ),
     ],
 )
-def test_what_cannot_be_is_told_with_its_line(scene, text, sentence):
+def test_invalid_keys_are_reported_with_line(scene, text, sentence):
     with pytest.raises(SceneError, match=sentence):
         scene("s.yaml", f"{text}\nshapes: [{{type: quad}}]", moment=Moment(1))
 
 
-def test_matrices_are_not_cut_through(scene):
+def test_matrix_keys_with_large_rotation_are_rejected(scene):
     one, other = np.eye(4).tolist(), rotation_y(90).tolist()
     text = f"shapes: [{{type: quad, transform: [{{matrix: {{keys: [[0, {one}], [1, {other}]]}}}}]}}]"
     with pytest.raises(
@@ -182,7 +182,7 @@ shapes: [{type: cube}]
 """
 
 
-def test_a_camera_goes_through_others_and_another_around(scene):
+def test_camera_path_and_turntable(scene):
     views = [[c.view for c in scene("s.yaml", WAYS, moment=Moment(24 * s)).cameras] for s in (0, 1, 2, 4, 9)]
     tour = [each[0] for each in views]
     assert tour[0] == views[0][1]
@@ -211,12 +211,12 @@ def test_a_camera_goes_through_others_and_another_around(scene):
         ("{eye: [0, 0, 9], target: [0, 0, 0], turntable: 0}", r"turntable: is 0; it must be at least"),
     ],
 )
-def test_what_is_no_way_is_told(scene, camera, sentence):
+def test_invalid_camera_move_is_an_error(scene, camera, sentence):
     with pytest.raises(SceneError, match=sentence):
         scene("s.yaml", f"cameras: [{{name: front, eye: [0, 0, 5], target: [0, 0, 0]}}, {camera}]\nshapes: [{{type: cube}}]")
 
 
-def test_cameras_of_two_projections_have_nothing_between_them(scene):
+def test_camera_path_needs_one_projection(scene):
     text = WAYS.replace("target: [1, 1, 0], fov: 40", "target: [1, 1, 0], projection: orthographic")
     with pytest.raises(
         SceneError, match=r"cameras\[0\]\.through: names cameras with different projections, which cannot be interpolated"
@@ -224,7 +224,7 @@ def test_cameras_of_two_projections_have_nothing_between_them(scene):
         scene("s.yaml", text)
 
 
-def test_what_moves_out_of_its_bounds_is_told_with_its_line_at_any_moment(tmp_path, monkeypatch):
+def test_keyed_value_out_of_range_is_reported_with_line(tmp_path, monkeypatch):
     text = "\n".join(
         [
             "shapes:",

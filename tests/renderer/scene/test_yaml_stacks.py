@@ -7,7 +7,7 @@ from renderer.errors import SceneError
 CHECKER = "textures: {t: {checker: {colors: [0, 1]}}}\nshapes: [{type: quad}]\n"
 
 
-def test_a_list_of_textures_is_a_stack(scene, png):
+def test_texture_list_becomes_layers(scene, png):
     description = scene(
         "s.yaml",
         """
@@ -39,7 +39,7 @@ shapes: [{type: quad}]
     assert any("gone.png is not among" in w for w in description.warnings)
 
 
-def test_a_mesh_files_stack_is_found_among_the_scenes_textures(scene, png):
+def test_layers_of_a_mesh_file_are_merged(scene, png):
     files = {
         "own.png": png(1, 1, 1),
         "a.png": png(2, 2, 2),

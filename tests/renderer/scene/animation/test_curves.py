@@ -23,16 +23,16 @@ def quaternion(degrees, axis=(0.0, 0.0, 1.0)):
     ("time", "value"),
     [(-5, [0, 10]), (1, [0, 10]), (1.5, [2, 10]), (1.75, [3, 10]), (2, [4, 10]), (2.5, [5, 15]), (4, [8, 30]), (9, [8, 30])],
 )
-def test_linear_goes_straight_from_key_to_key_and_stands_still_outside(time, value):
+def test_linear_interpolation_and_constant_extrapolation(time, value):
     assert Curve(TIMES, VALUES).values_at(time) == value
 
 
 @pytest.mark.parametrize(("time", "value"), [(0, 0), (1, 0), (1.999, 0), (2, 4), (3.9, 4), (4, 8), (7, 8)])
-def test_steps_hold_until_the_next_key(time, value):
+def test_step_interpolation_holds_values(time, value):
     assert Curve(TIMES, VALUES, is_step=True).values_at(time)[0] == value
 
 
-def test_cubics_follow_the_specification():
+def test_cubic_splines_match_the_specification():
     """Cubic splines equal glTF 2.0, C.5, evaluated in fractions:
 
     v(t) = (2t^3 - 3t^2 + 1) v + d (t^3 - 2t^2 + t) b + (-2t^3 + 3t^2) w + d (t^3 - t^2) a.
@@ -53,7 +53,7 @@ def test_cubics_follow_the_specification():
     assert curve.values_at(1.0)[0] == 1.75  # by hand at t = 1/2: 1/2 - 1/2 + 5/2 - 3/4
 
 
-def test_rotations_are_turned_by_even_steps_along_the_shorter_arc():
+def test_rotations_follow_the_shorter_arc_uniformly():
     curve = Curve(np.array([0.0, 1.0]), np.array([quaternion(0), quaternion(90)]), is_rotation=True)
     for share in (0.25, 0.5, 0.9):
         np.testing.assert_allclose(curve.values_at(share), quaternion(90 * share), atol=1e-15)
@@ -64,7 +64,7 @@ def test_rotations_are_turned_by_even_steps_along_the_shorter_arc():
     np.testing.assert_allclose(half * np.sign(half[3]), quaternion(-45), atol=1e-15)
 
 
-def test_rotations_that_hardly_differ_and_half_turns_stay_finite():
+def test_slerp_of_near_equal_and_opposite_rotations():
     for other in (0.0, 1e-12, 180.0, 359.9999999):
         values = slerp(quaternion(0), quaternion(other, (1.0, 0.0, 0.0)), 0.25)
         assert np.isfinite(values).all()
@@ -72,20 +72,20 @@ def test_rotations_that_hardly_differ_and_half_turns_stay_finite():
     assert slerp((0, 0, 0, 0), (0, 0, 0, 0), 0.5) == [0, 0, 0, 1]
 
 
-def test_at_a_key_there_is_that_keys_value_to_the_bit():
+def test_value_at_a_key_is_exact():
     values = np.array([quaternion(17.3), quaternion(62.1), quaternion(-11)]) * 1.0000001
     curve = Curve(TIMES, values, is_rotation=True)
     for time, value in zip(TIMES, values, strict=True):
         assert curve.values_at(float(time)) == value.tolist()
 
 
-def test_of_keys_at_one_time_the_last_counts_and_nothing_is_divided_by_nothing():
+def test_last_of_several_keys_at_one_time_is_used():
     curve = Curve(np.array([0.0, 1.0, 1.0, 2.0]), np.array([[0.0], [1.0], [5.0], [6.0]]))
     assert [curve.values_at(t)[0] for t in (0.5, 1.0, 1.5, 2.0)] == [0.5, 5.0, 5.5, 6.0]
     assert Curve(np.array([3.0]), np.array([[7.0]])).values_at(0.0) == [7.0]
 
 
-def test_smooth_goes_through_its_keys_rests_at_its_ends_and_never_overshoots():
+def test_smooth_curve_has_no_overshoot():
     times, values = np.array([0.0, 1.0, 2.0, 5.0, 6.0]), np.array([[0.0], [1.0], [1.0], [4.0], [2.0]])
     curve = smooth(times, values)
     assert [curve.values_at(float(t)) for t in times] == values.tolist()
@@ -102,14 +102,14 @@ def test_smooth_goes_through_its_keys_rests_at_its_ends_and_never_overshoots():
     )
 
 
-def test_a_slope_inside_is_the_weighted_harmonic_mean_of_both_sides():
+def test_inner_slopes_are_weighted_harmonic_means():
     # Slopes 1 and 4 over spans of 1 and 2: (w1 + w2) / (w1 / 1 + w2 / 4), w1 = 2 * 2 + 1, w2 = 2 + 2 * 1.
     curve = smooth(np.array([0.0, 1.0, 3.0]), np.array([[0.0], [1.0], [9.0]]))
     measured = (curve.values_at(1 + 1e-6)[0] - curve.values_at(1 - 1e-6)[0]) / 2e-6
     assert measured == pytest.approx((5 + 4) / (5 / 1 + 4 / 4), rel=1e-5)
 
 
-def test_a_bezier_bends_time():
+def test_bezier_easing_remaps_time():
     straight = (1 / 3, 1 / 3, 2 / 3, 2 / 3)
     for u in (0.1, 0.5, 0.77):
         assert eased(straight, u) == pytest.approx(u, abs=1e-12)
@@ -132,7 +132,7 @@ def exact(angle, cosine=False):
         return float(total)
 
 
-def test_sines_are_the_nearest_floats():
+def test_sines_are_correctly_rounded():
     rng = np.random.default_rng(5)
     angles = [0.0, 1e-9, -5e-9, 0.1, math.pi / 2, -math.pi, 3 * math.pi / 2, 710.0, *rng.uniform(-20, 20, 200)]
     for angle in map(float, angles):
@@ -143,7 +143,7 @@ def test_sines_are_the_nearest_floats():
         sin_cos(2e6)
 
 
-def test_angles_are_those_of_the_c_library_to_its_last_bits():
+def test_angles_match_the_c_library():
     rng = np.random.default_rng(5)
     for angle in [0.0, 1e-200, math.pi / 4, math.pi / 2, *rng.uniform(0, math.pi / 2, 500)]:
         assert angle_between(math.sin(angle), math.cos(angle)) == pytest.approx(angle, abs=5e-16)

@@ -6,7 +6,7 @@ from renderer.errors import SettingsError
 from renderer.scene.animation import Moment
 
 
-def test_frame_n_shows_the_time_n_over_fps():
+def test_frame_time_is_number_over_fps():
     assert Moment().seconds() == 0
     assert Moment(36).seconds() == 1.5
     assert Moment(36).seconds(own_fps=12) == 3
@@ -15,12 +15,12 @@ def test_frame_n_shows_the_time_n_over_fps():
 
 
 @pytest.mark.parametrize("frame", [-1, 0.3, float("nan"), float("inf"), 1e9])
-def test_frames_are_halves_from_0(frame):
+def test_invalid_frame_numbers_are_rejected(frame):
     with pytest.raises(SettingsError, match=r"frame is .*; it must be from 0 to 10000000 in steps of a half"):
         Moment(frame)
 
 
 @pytest.mark.parametrize("fps", [0, -24, float("nan"), 1e6])
-def test_fps_has_bounds(fps):
+def test_fps_out_of_range_is_rejected(fps):
     with pytest.raises(SettingsError, match=r"fps is .*; it must be from 0.001 to 10000"):
         Moment(0, fps)

@@ -7,7 +7,7 @@ from renderer.scene.animation.orbit import orbit
 from renderer.settings import View
 
 
-def test_a_quarter_turn_is_counter_clockwise_from_above():
+def test_quarter_turn_is_counter_clockwise():
     view = View((0, 2, 5), (0, 1, 0))
     quarter = orbit(view, 0.25)
     np.testing.assert_allclose(quarter.eye, (5, 2, 0), atol=1e-15)
@@ -15,13 +15,13 @@ def test_a_quarter_turn_is_counter_clockwise_from_above():
     np.testing.assert_allclose(orbit(view, 1.5).eye, (0, 2, -5), atol=1e-14)
 
 
-def test_whole_turns_end_where_they_began_to_the_bit():
+def test_full_turn_returns_exactly_to_the_start():
     view = View((3.3, 1.7, 5.1), (0.1, 1, 0.2), (0.1, 1, 0))
     assert orbit(view, 0) == orbit(view, 7) == view
 
 
 @pytest.mark.parametrize("axis", [(0, 0, 2), (1, 1, 0), (0, 1, 0)])
-def test_around_any_axis_distance_and_height_stay_and_the_camera_keeps_its_roll(axis):
+def test_orbit_keeps_distance_height_and_roll(axis):
     view = View((3, 2, 1), (1, 0, 1), (0.2, 1, 0.1))
     unit = np.array(axis) / np.linalg.norm(axis)
     for turns in (0.1, 0.6):
