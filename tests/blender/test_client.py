@@ -75,7 +75,7 @@ def server() -> Iterator[Answering]:
     thread.join()
 
 
-def test_a_wrong_token_is_said_and_where_to_mend_it(server: Answering) -> None:
+def test_wrong_token_error_names_the_preference(server: Answering) -> None:
     server.answers["GET /api/info"] = 401, {"detail": "This token lets nobody in."}
     with pytest.raises(FarmError, match=r"This token lets nobody in\. Check the token in the add-on's preferences"):
         Client(server.url, "secret").check()
@@ -85,7 +85,7 @@ def test_a_wrong_token_is_said_and_where_to_mend_it(server: Answering) -> None:
         Socket(Client(server.url, "secret"), "/live")
 
 
-def test_what_is_no_farm_is_said(server: Answering) -> None:
+def test_other_server_is_reported_as_no_farm(server: Answering) -> None:
     server.answers["GET /api/info"] = 200, b"<html>"
     with pytest.raises(FarmError, match="is no Rayfarm"):
         Client(server.url).check()
@@ -94,21 +94,21 @@ def test_what_is_no_farm_is_said(server: Answering) -> None:
             Client(url)
 
 
-def test_a_token_is_shown_to_nobody_else(server: Answering) -> None:
+def test_token_is_not_sent_to_redirect_targets(server: Answering) -> None:
     server.answers["GET /api/info"] = 302, {}
     with pytest.raises(FarmError):
         Client(server.url, "secret").check()
     assert len(server.asked) == 1
 
 
-def test_who_is_connected_is_told(server: Answering) -> None:
+def test_connection_check_reports_the_workers(server: Answering) -> None:
     server.answers["GET /api/info"] = 200, {"formats": []}
     server.answers["GET /api/workers"] = 200, [{"slots": 4}, {"slots": 8}]
     server.answers["GET /api/session"] = 200, {"name": "anna"}
     assert Client(server.url).check() == "Connected as anna: 2 workers, 12 slots."
 
 
-def test_what_the_farm_has_is_not_sent_again(server: Answering) -> None:
+def test_known_files_are_not_uploaded_again(server: Answering) -> None:
     uploads = Uploads(Client(server.url), digest_of)
     files: dict[str, Any] = {"scene.yaml": b"{}", "a.bin": b"a" * 1000, "b.bin": b"b" * 1000}
 
@@ -131,7 +131,7 @@ def test_what_the_farm_has_is_not_sent_again(server: Answering) -> None:
     assert b'name="base"' not in server.asked[-1][1]
 
 
-def test_a_scene_that_the_farm_forgot_is_sent_anew(server: Answering) -> None:
+def test_scene_unknown_to_the_farm_is_uploaded_again(server: Answering) -> None:
     uploads = Uploads(Client(server.url), digest_of)
     server.answers["POST /api/scenes"] = 201, {"id": "one"}
     uploads.send({"scene.yaml": b"{}", "a.bin": b"a"}, "scene.yaml", "t", lambda done, size: None)
@@ -142,7 +142,7 @@ def test_a_scene_that_the_farm_forgot_is_sent_anew(server: Answering) -> None:
     assert bodies == [False, True, False], "once by what was there, then all of it"
 
 
-def test_a_scene_that_somebody_deleted_is_sent_anew(server: Answering) -> None:
+def test_deleted_scene_is_uploaded_again(server: Answering) -> None:
     uploads = Uploads(Client(server.url), digest_of)
     said: list[str] = []
 
@@ -164,7 +164,7 @@ def test_a_scene_that_somebody_deleted_is_sent_anew(server: Answering) -> None:
         ready()
 
 
-def test_without_a_live_channel_the_job_is_asked_for(server: Answering) -> None:
+def test_job_is_polled_without_a_live_channel(server: Answering) -> None:
     """Without a live channel, as behind some proxies, the client polls the job, and reports the error message of a failed job."""
     job = {"id": "j", "state": "failed", "error": "it is too dark", "progress": 0.0, "frames": [{"number": 0}]}
     server.answers["POST /api/scenes"] = 201, {"id": "one"}
@@ -183,7 +183,7 @@ def test_without_a_live_channel_the_job_is_asked_for(server: Answering) -> None:
     assert said == {"spp": 4, "scene": "one", "environment": {"color": [0.5] * 3}, "name": "t"}
 
 
-def test_cancelled_while_the_farm_hangs(server: Answering) -> None:
+def test_cancel_works_while_the_farm_hangs(server: Answering) -> None:
     client = Client(server.url)
     server.answers["POST /api/scenes"] = 201, {"id": "one"}
     server.answers["GET /api/scenes/one"] = 200, {"status": "preparing", "step": "Reading"}

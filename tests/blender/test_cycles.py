@@ -78,7 +78,7 @@ def reported_settings(**changed: Any) -> list[str]:
     return found
 
 
-def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
+def test_default_scene_has_no_warnings() -> None:
     assert reported_settings() == []
     assert reported_settings(use_motion_blur=True, use_simplify=True) == []
 
@@ -108,12 +108,12 @@ def test_of_a_scene_as_blender_makes_it_nothing_is_said() -> None:
         ({"use_simplify": True, "use_distance_cull": True}, "Distance Culling"),
     ],
 )
-def test_what_changes_the_picture_is_named_once(changed: dict[str, Any], word: str) -> None:
+def test_unsupported_setting_causes_one_warning(changed: dict[str, Any], word: str) -> None:
     (sentence,) = reported_settings(**changed)
     assert word in sentence
 
 
-def test_bounces_are_limited_as_in_cycles() -> None:
+def test_bounce_limits_match_cycles() -> None:
     """Our depth limits are one more than Cycles' bounce limits, since Cycles lights the surface after the last bounce too."""
 
     def depths(**changed: Any) -> dict[str, int]:
@@ -130,11 +130,11 @@ def test_bounces_are_limited_as_in_cycles() -> None:
 
 
 @pytest.mark.parametrize("engine", ["BLENDER_EEVEE_NEXT", "BLENDER_WORKBENCH"])
-def test_of_other_engines_cycles_settings_mean_nothing(engine: str) -> None:
+def test_cycles_settings_are_ignored_for_other_engines(engine: str) -> None:
     assert reported_settings(engine=engine, film_exposure=2.0, use_fast_gi=True) == []
 
 
-def test_flags_of_many_objects_are_one_sentence() -> None:
+def test_flags_of_many_objects_share_one_warning() -> None:
     found, layer = scene(use_motion_blur=True)
     flags = cycles.Flags(found, layer)
     for i in range(8):
@@ -146,7 +146,7 @@ def test_flags_of_many_objects_are_one_sentence() -> None:
 
 
 @pytest.mark.long
-def test_no_setting_of_cycles_is_forgotten() -> None:
+def test_every_cycles_setting_is_classified() -> None:
     """Every setting of Cycles, including those of later Blenders, is supported, reported, or known to be irrelevant."""
     python = python_with_bpy()
     if python is None:

@@ -44,7 +44,7 @@ def displaced(heights: Node | None, method: str = "BUMP", **more: Any) -> tuple[
 
 
 @pytest.mark.parametrize(("space", "scale"), [("OBJECT", 2.0), ("WORLD", 1.0)])
-def test_heights_become_slopes(space: str, scale: float) -> None:
+def test_heights_are_converted_to_slopes(space: str, scale: float) -> None:
     said, warnings, scene = displaced(image_node(Image("rising", RISING, "Non-Color")), space=space)
     content = scene.images[said["normalTexture"].image].content
     assert isinstance(content, bytes)
@@ -54,7 +54,7 @@ def test_heights_become_slopes(space: str, scale: float) -> None:
     assert warnings == []
 
 
-def test_what_of_displacement_is_otherwise_is_named() -> None:
+def test_unsupported_displacement_causes_a_warning() -> None:
     picture = image_node(Image("rising", RISING, "Non-Color"))
     assert displaced(picture, "BOTH")[1] == ["Material m: its displacement is shown as bumps, without moving the surface."]
     noise = displaced(Node("TEX_NOISE", {"Vector": None}, ("Fac",)))
@@ -62,7 +62,7 @@ def test_what_of_displacement_is_otherwise_is_named() -> None:
     assert "normalTexture" not in noise[0]
 
 
-def test_how_long_a_surface_is_each_way() -> None:
+def test_surface_lengths_per_uv_unit() -> None:
     """The lengths of a surface per unit of u and per unit of v are 12 and 2.
 
     The surface is a rectangle of 6 by 2, rotated at random, whose UVs cover the left half of the unit square.

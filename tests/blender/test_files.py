@@ -42,7 +42,7 @@ def written(scene: Scene, folder) -> None:
         (folder / name).write_bytes(content)
 
 
-def test_places_and_names_arrive(tmp_path) -> None:
+def test_transforms_and_names_are_exported(tmp_path) -> None:
     scene = Scene(meshes={"leaf": mesh("leaf"), "stone": mesh("stone")}, materials={"green": Material("green")})
     places = [turned(40 * i, i, (1, 2, -0.5 * i - 1)) for i in range(12)]
     scene.nodes = [Node(f"leaf {i}", "leaf", ("green",), place, number=i) for i, place in enumerate(places)]
@@ -59,7 +59,7 @@ def test_places_and_names_arrive(tmp_path) -> None:
     assert f"{NAME}/stone" in number_objects(found).names
 
 
-def test_what_moves_is_where_it_was_at_each_key(tmp_path) -> None:
+def test_moving_objects_have_the_exported_keys(tmp_path) -> None:
     keys = [TRIANGLE + np.array((0, 0, z)) for z in (0.0, 0.3, 1.0)]
     shapes = tuple((key.astype(np.float32), None) for key in keys)
     soft = mesh("soft", shapes=shapes)
@@ -78,7 +78,7 @@ def test_what_moves_is_where_it_was_at_each_key(tmp_path) -> None:
     assert any(instance.keys for instance in moving.instances)
 
 
-def test_a_texture_lies_as_blender_has_it(tmp_path) -> None:
+def test_texture_mapping_matches_blender(tmp_path) -> None:
     """A texture with scale, rotation and shift has in our reader the UVs that a Mapping node of Blender computes.
 
     Blender computes p' = R (S p) + T with v upwards, while v points downwards in the written file.
@@ -101,7 +101,7 @@ def test_a_texture_lies_as_blender_has_it(tmp_path) -> None:
         np.testing.assert_allclose(rows @ (u, 1 - v, 1), (x, 1 - y), atol=1e-6)
 
 
-def test_decomposed_is_composed_again() -> None:
+def test_decomposed_matrix_is_recomposed() -> None:
     random = np.random.default_rng(3)
     for _ in range(20):
         q = random.normal(size=4)
@@ -137,7 +137,7 @@ def projected(shift: tuple[float, float]) -> np.ndarray:
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.1, -0.2)])
 @pytest.mark.parametrize("border", [None, (30, 20, 130, 90)])
-def test_a_pixel_looks_where_the_projection_says(shift, border) -> None:
+def test_pixel_direction_matches_the_projection_matrix(shift, border) -> None:
     size = 300, 200
     projection = projected(shift)
     shot = shot_of(np.eye(4), projection, size, Lens(near=0.1), border)
@@ -157,7 +157,7 @@ def test_a_pixel_looks_where_the_projection_says(shift, border) -> None:
         np.testing.assert_allclose(ours, wanted, atol=1e-7)
 
 
-def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
+def test_pass_indices_are_looked_up_by_farm_numbers(tmp_path) -> None:
     """Index passes have Blender's pass indices, which the add-on looks up by the farm's numbers of objects and materials.
 
     This holds also for objects with ray visibility flags, which have materials of their own on the farm.
@@ -183,7 +183,7 @@ def test_pass_indices_are_those_of_the_farms_numbers(tmp_path) -> None:
 @pytest.mark.parametrize(
     ("kind", "has_sun", "strength"), [("NISHITA", True, 4.9), ("HOSEK_WILKIE", False, 0.085), ("PREETHAM", False, 0.65)]
 )
-def test_a_sky_is_the_scene_files_own(kind: str, has_sun: bool, strength: float, tmp_path) -> None:
+def test_sky_is_stored_in_the_scene_file(kind: str, has_sun: bool, strength: float, tmp_path) -> None:
     """A sky of Blender is stored in the scene file, since a job's request cannot have a sun size.
 
     The expected strength is 49 times Blender's for a sky model that has a sun.

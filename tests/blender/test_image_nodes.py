@@ -40,7 +40,7 @@ def texels(node: Node, output: str | int = 0) -> np.ndarray:
     return found.image.texels[..., :3]
 
 
-def test_a_ramp_of_a_picture() -> None:
+def test_color_ramp_of_an_image() -> None:
     stops = ((0.2, (1.0, 0.0, 0.0)), (0.8, (0.0, 0.5, 1.0)))
     node = linked(spots(), Node("VALTORGB", {"Fac": 0.5}, ("Color", "Alpha"), color_ramp=ramp(*stops)), "Fac")
     grey = LINEAR @ (0.2126, 0.7152, 0.0722)
@@ -48,7 +48,7 @@ def test_a_ramp_of_a_picture() -> None:
     np.testing.assert_allclose(texels(node), wanted, atol=1e-3)
 
 
-def test_hue_saturation_and_value() -> None:
+def test_hue_saturation_value_node() -> None:
     numbers = {"Hue": 0.7, "Saturation": 1.2, "Value": 0.6, "Fac": 0.5, "Color": None}
     found = texels(linked(spots(), Node("HUE_SAT", numbers), "Color"))
     for color, made in zip(LINEAR.reshape(-1, 3), found.reshape(-1, 3), strict=True):
@@ -57,17 +57,17 @@ def test_hue_saturation_and_value() -> None:
         np.testing.assert_allclose(made, 0.5 * color + 0.5 * np.array(turned), atol=1e-5)
 
 
-def test_colours_go_to_hue_and_back() -> None:
+def test_rgb_to_hsv_round_trip() -> None:
     np.testing.assert_allclose(rgb(hsv(LINEAR)), LINEAR, atol=1e-6)
 
 
 @pytest.mark.parametrize("how", sorted(BLENDS))
-def test_no_share_of_a_blend_is_the_first(how: str) -> None:
+def test_blend_with_factor_zero_returns_the_first_input(how: str) -> None:
     zero = np.zeros((3, 4, 1), np.float32)
     np.testing.assert_allclose(BLENDS[how](zero, LINEAR, LINEAR[::-1]), LINEAR, atol=1e-6)
 
 
-def test_a_mix_and_arithmetic_behind_it() -> None:
+def test_mix_node_with_arithmetic_factor() -> None:
     """A Mix node is baked to the blend of its inputs: an image overlaid with a colour.
 
     The mix factor is the square of another image's green channel.
@@ -82,7 +82,7 @@ def test_a_mix_and_arithmetic_behind_it() -> None:
     np.testing.assert_allclose(texels(mix), wanted, atol=1e-5)
 
 
-def test_numbers_alone_are_a_number() -> None:
+def test_constant_inputs_yield_a_constant() -> None:
     node = Node("MATH", {"a": 3.0, "b": 4.0, "c": 0.5}, ("Value",), operation="MULTIPLY_ADD", use_clamp=False)
     found, scene = read(node, 0.5)
     assert found.image is None
@@ -90,14 +90,14 @@ def test_numbers_alone_are_a_number() -> None:
     assert scene.warnings == []
 
 
-def test_what_is_not_known_is_named() -> None:
+def test_unsupported_nodes_are_named() -> None:
     noise = Node("TEX_NOISE", {"Vector": None})
     found, scene = read(linked(noise, Node("GAMMA", {"Color": None, "Gamma": 2.0}), 0))
     assert found.image is None
     assert scene.warnings == ["Material paint: what makes its colour (Gamma) is not read; a plain value stands for it."]
 
 
-def test_pictures_that_lie_differently_are_not_mixed() -> None:
+def test_images_with_different_mappings_are_not_mixed() -> None:
     turned = spots()
     place = Node(
         "MAPPING",
@@ -112,7 +112,7 @@ def test_pictures_that_lie_differently_are_not_mixed() -> None:
     assert len(scene.warnings) == 1
 
 
-def test_a_blend_of_looks_is_painted() -> None:
+def test_blend_of_shaders_is_baked() -> None:
     found = Values(Scene(), "paint", set()).read(
         Blend(at(spots("Non-Color")), ConstantValue(0.2), ConstantValue([1.0, 0.0, 0.0])), [0.0] * 3, "colour"
     )
@@ -121,7 +121,7 @@ def test_a_blend_of_looks_is_painted() -> None:
     np.testing.assert_allclose(found.image.texels[..., 1], 0.2 - 0.2 * share, atol=1e-5)
 
 
-def test_heights_become_slopes() -> None:
+def test_heights_are_converted_to_slopes() -> None:
     """A height map is exported as a normal map with the slope of the heights.
 
     The heights rise by 1/8 per texel, a texel is half a unit wide, and the bump distance is 0.5: the slope is 1/8.
@@ -140,7 +140,7 @@ def test_heights_become_slopes() -> None:
     assert values.bumps(source_of(at(bump))[0], lambda uv_set: None) is None
 
 
-def test_a_colour_that_is_asked_for_a_number_is_its_luminance() -> None:
+def test_color_on_number_input_becomes_luminance() -> None:
     """A colour connected to a number input is converted to its luminance, not to its alpha or its green channel."""
     scene = Scene()
     found, _ = read(spots("Non-Color"), 1.0)
@@ -152,7 +152,7 @@ def test_a_colour_that_is_asked_for_a_number_is_its_luminance() -> None:
     np.testing.assert_allclose(alpha, SPOTS @ np.array([0.2126, 0.7152, 0.0722]), atol=2 / 255)
 
 
-def test_a_product_is_scaled_down_to_fit_into_a_picture() -> None:
+def test_product_above_one_is_scaled_down() -> None:
     found = Painter("paint", lambda _: TextureUse("")).paint(Product(at(spots("Non-Color")), ConstantValue(3.0)), "light")
     assert isinstance(found, tuple)
     most = found[0].scale_down()

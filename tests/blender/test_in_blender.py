@@ -65,7 +65,7 @@ def blender(folder: Path, url: str, tasks: str) -> Any:
 
 
 @pytest.mark.parametrize("end", ["pass", "raise SystemExit(3)", "raise ValueError('of a script')"])
-def test_a_script_ends_with_the_add_on_registered(tmp_path: Path, end: str) -> None:
+def test_script_exits_with_the_add_on_registered(tmp_path: Path, end: str) -> None:
     """A script that leaves the add-on registered still ends.
 
     Without the add-on's cleanup, its registered classes would keep Python from exiting.
@@ -96,7 +96,7 @@ def image(path: Path) -> np.ndarray:
 
 
 @pytest.mark.parametrize("task", ["lamps", "hidden", "artists", "surroundings", "cameras", "moving"])
-def test_the_pictures_of_cycles(task: str, pictures: tuple[Path, dict[str, list[str]]]) -> None:
+def test_pictures_match_cycles(task: str, pictures: tuple[Path, dict[str, list[str]]]) -> None:
     folder, names = pictures
     for name in names[task]:
         pictures_of = (image(folder / f"{name}-{engine}.exr") for engine in ("rayfarm", "cycles"))
@@ -144,7 +144,7 @@ def survey_table() -> list[tuple[str, str, str]]:
 
 
 @pytest.mark.parametrize(("name", "word", "_"), survey_table())
-def test_what_a_scene_asks_for_is_done_or_named(name: str, word: str, _: str, surveyed: Any) -> None:
+def test_add_on_supports_or_reports_each_feature(name: str, word: str, _: str, surveyed: Any) -> None:
     folder, said = surveyed
     if word:
         assert_said(word, said[name])
@@ -153,7 +153,7 @@ def test_what_a_scene_asks_for_is_done_or_named(name: str, word: str, _: str, su
 
 
 @pytest.mark.parametrize(("name", "_", "word"), survey_table())
-def test_what_a_blend_file_asks_for_is_done_or_named(
+def test_blend_reader_supports_or_reports_each_feature(
     name: str, _: str, word: str, surveyed: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder, _said = surveyed
@@ -169,7 +169,7 @@ def test_what_a_blend_file_asks_for_is_done_or_named(
     judged(name, ours, theirs)
 
 
-def test_things_that_some_rays_pass_by_have_their_indices(own_farm: Farm, tmp_path: Path) -> None:
+def test_objects_with_ray_visibility_have_pass_indices(own_farm: Farm, tmp_path: Path) -> None:
     blender(tmp_path, own_farm.url, "indices")
     ours, theirs = (layers(tmp_path / f"indices-{engine}.exr") for engine in ("rayfarm", "cycles"))
     for name, least in (("IndexOB.X", {1, 2, 3, 32, 40}), ("IndexMA.X", {11, 12, 22})):
@@ -184,7 +184,7 @@ def layers(path: Path) -> dict[str, np.ndarray]:
     return {name.partition(".")[2]: plane for name, plane in zip(picture.spec().channelnames, planes, strict=True)}
 
 
-def test_the_passes_of_cycles(own_farm: Farm, tmp_path: Path) -> None:
+def test_passes_match_cycles(own_farm: Farm, tmp_path: Path) -> None:
     blender(tmp_path, own_farm.url, "passes")
     ours, theirs = (layers(tmp_path / f"passes-{engine}.exr") for engine in ("rayfarm", "cycles"))
     assert set(ours) == {*theirs, *(f"Denoising Albedo.{c}" for c in "RGB")}
@@ -199,7 +199,7 @@ def test_the_passes_of_cycles(own_farm: Farm, tmp_path: Path) -> None:
     np.testing.assert_allclose(np.median(ours["Denoising Albedo.R"][red]), 0.7, atol=0.05)
 
 
-def test_only_what_changed_is_sent(own_farm: Farm, tmp_path: Path) -> None:
+def test_only_changes_are_uploaded(own_farm: Farm, tmp_path: Path) -> None:
     sent = blender(tmp_path, own_farm.url, "changes")["changes"]
     assert sent["all"] > 1_000_000
     assert sent["nothing"] == sent["camera"] == 0
@@ -207,7 +207,7 @@ def test_only_what_changed_is_sent(own_farm: Farm, tmp_path: Path) -> None:
     assert 0 < sent["one"] < 0.4 * sent["all"]
 
 
-def test_a_viewport_shows_what_f12_does(own_farm: Farm, tmp_path: Path) -> None:
+def test_viewport_matches_the_final_render(own_farm: Farm, tmp_path: Path) -> None:
     told = blender(tmp_path, own_farm.url, "viewport")["viewport"]
     seen = np.load(tmp_path / "viewport.npz")
     final = image(tmp_path / "viewport.exr")
@@ -219,13 +219,13 @@ def test_a_viewport_shows_what_f12_does(own_farm: Farm, tmp_path: Path) -> None:
     assert lifted < first / 50
 
 
-def test_a_million_triangles_are_read_in_a_second_of_one_core(own_farm: Farm, tmp_path: Path) -> None:
+def test_million_triangles_are_exported_within_a_second(own_farm: Farm, tmp_path: Path) -> None:
     told = blender(tmp_path, own_farm.url, "large")["large"]
     assert told["triangles"] == 1_000_000
     assert told["read"] + told["written"] < 2, told  # 0.35 on an idle machine
 
 
-def test_an_animation_is_a_picture_of_each_frame(own_farm: Farm, tmp_path: Path) -> None:
+def test_animation_renders_every_frame(own_farm: Farm, tmp_path: Path) -> None:
     frames = [image(tmp_path / name) for name in blender(tmp_path, own_farm.url, "animation")["animation"]]
     assert all(np.abs(a - b).mean() > 0.01 for a, b in pairwise(frames))
     with own_farm.client() as client:
@@ -233,7 +233,7 @@ def test_an_animation_is_a_picture_of_each_frame(own_farm: Farm, tmp_path: Path)
     assert {f"Blender, frame {number}" for number in (1, 2, 3)} <= names
 
 
-def test_a_cancelled_picture_is_a_cancelled_job(own_farm: Farm, tmp_path: Path) -> None:
+def test_cancelled_render_cancels_the_job(own_farm: Farm, tmp_path: Path) -> None:
     assert blender(tmp_path, own_farm.url, "cancelled")["cancelled"]["tiles"] > 0
     with own_farm.client() as client:
         job = next(job for job in client.jobs() if job.samples and job.spp == 1 << 16)
@@ -251,7 +251,7 @@ print(json.dumps([known.url, bpy.context.scene.render.engine, bpy.context.scene.
 """
 
 
-def test_blender_installs_the_archive_and_no_file_has_the_token(tmp_path: Path) -> None:
+def test_blender_installs_the_archive_without_storing_the_token(tmp_path: Path) -> None:
     python = python_with_bpy()
     if python is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
@@ -265,7 +265,7 @@ def test_blender_installs_the_archive_and_no_file_has_the_token(tmp_path: Path) 
     assert b"secret" not in (tmp_path / "kept.blend").read_bytes()
 
 
-def test_without_a_farm_there_is_a_sentence(tmp_path: Path) -> None:
+def test_unreachable_farm_is_an_error_message(tmp_path: Path) -> None:
     if python_with_bpy() is None:
         pytest.skip("no Python with bpy is here; `python3 farm.py peers` makes one")
     with socket.socket() as taken:

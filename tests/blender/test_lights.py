@@ -32,7 +32,7 @@ def lamp(kind: str, place: np.ndarray | None = None, seen: dict[str, bool] | Non
 
 
 @pytest.mark.parametrize("is_soft", [True, False])
-def test_a_point_is_a_ball_or_a_disk_that_faces(is_soft: bool) -> None:
+def test_point_light_becomes_sphere_or_facing_disk(is_soft: bool) -> None:
     scene = lamp("POINT", use_soft_falloff=is_soft)
     made = scene.lamp_materials["lamp"]
     assert made.get("facing", False) == is_soft
@@ -41,7 +41,7 @@ def test_a_point_is_a_ball_or_a_disk_that_faces(is_soft: bool) -> None:
     assert light.get("facing", False) == is_soft
 
 
-def test_the_power_of_a_square_metre() -> None:
+def test_unnormalized_power_is_per_square_metre() -> None:
     """If a light's "Normalize" option is off, its power is per square metre of the light."""
     area = lamp("AREA", normalize=False).lamp_materials["lamp"]["emission"][0]
     assert area == pytest.approx(10 / math.pi)
@@ -54,13 +54,13 @@ def test_the_power_of_a_square_metre() -> None:
     assert whole == pytest.approx(10 / (math.pi * 6.0 * 1.0))
 
 
-def test_a_sun_is_seen_by_whom_blender_says() -> None:
+def test_sun_visibility_matches_blender() -> None:
     assert lamp("SUN").lights[0]["seen"] == "always"
     assert lamp("SUN", seen={"visible_camera": False}).lights[0]["seen"] == "mirrored"
     assert "seen" not in lamp("SUN", angle=0.0).lights[0]
 
 
-def test_what_lamps_cannot_be_told_is_named() -> None:
+def test_unsupported_lamp_settings_are_named() -> None:
     scene = lamp("AREA", seen={"visible_glossy": False, "visible_transmission": False}, use_shadow=False)
     assert scene.warnings == [
         "Lamp lamp: casts shadows here, though not in Blender.",
@@ -68,7 +68,7 @@ def test_what_lamps_cannot_be_told_is_named() -> None:
     ]
 
 
-def test_numbers_behind_a_lamp_are_worked_out() -> None:
+def test_constant_lamp_nodes_are_evaluated() -> None:
     """Nodes connected to a lamp's colour and strength are evaluated: a black body, and a product.
 
     Without a Light Falloff node, the falloff is quadratic.
@@ -83,7 +83,7 @@ def test_numbers_behind_a_lamp_are_worked_out() -> None:
         assert found == (None if wanted is None else pytest.approx(wanted, rel=1e-6))
 
 
-def test_a_black_body_shines_as_blenders_lamps_do() -> None:
+def test_blackbody_color_matches_blender() -> None:
     assert blackbody(3000) == pytest.approx([1.7708, 0.8443, 0.2722])
     assert blackbody(100) == blackbody(800)
     assert blackbody(5600)[0] == pytest.approx(1.133, abs=0.005)

@@ -51,7 +51,7 @@ def material(node: Node) -> tuple[dict[str, Any], list[str]]:
     return scene.materials[Surfaces(scene, set()).add(source)].gltf, scene.warnings
 
 
-def test_a_mix_is_what_lies_between() -> None:
+def test_mix_of_shaders_interpolates_parameters() -> None:
     told, said = principled_constants(mixed(glossy(1.0, 0.0, 0.0, roughness=0.2), glossy(0.0, 0.0, 1.0, roughness=0.6), 0.25))
     assert told("Metallic") == 1.0
     assert told("Roughness") == pytest.approx(0.3)
@@ -60,7 +60,7 @@ def test_a_mix_is_what_lies_between() -> None:
 
 
 @pytest.mark.parametrize("is_first", [True, False])
-def test_a_mix_of_matt_and_metal_reflects_as_much(is_first: bool) -> None:
+def test_mix_of_diffuse_and_metal_keeps_the_reflectance(is_first: bool) -> None:
     matt, metal = diffuse(0.6, 0.0, 0.0), glossy(0.0, 0.9, 0.0, roughness=0.3)
     told, said = principled_constants(mixed(matt, metal, 0.25) if is_first else mixed(metal, matt, 0.75))
     assert told("Roughness") == 0.3
@@ -71,7 +71,7 @@ def test_a_mix_of_matt_and_metal_reflects_as_much(is_first: bool) -> None:
     assert said == []
 
 
-def test_a_mix_with_what_is_clear_is_alpha() -> None:
+def test_mix_with_transparent_becomes_alpha() -> None:
     for share, node in ((0.3, mixed(clear(), diffuse(0.2, 0.7, 0.2), 0.3)), (0.7, mixed(diffuse(0.2, 0.7, 0.2), clear(), 0.3))):
         told, _ = principled_constants(node)
         assert told("Alpha") == pytest.approx(share)
@@ -84,7 +84,7 @@ def test_a_mix_with_what_is_clear_is_alpha() -> None:
     assert told("Alpha") == pytest.approx(0.75)
 
 
-def test_a_reflection_by_fresnel_lies_on_what_is_matt() -> None:
+def test_fresnel_mix_becomes_specular_over_diffuse() -> None:
     node = mixed(
         diffuse(0.1, 0.3, 0.6), glossy(1.0, 1.0, 1.0, roughness=0.1), Node("FRESNEL", {"IOR": 1.6, "Normal": None}, ("Fac",))
     )
@@ -98,7 +98,7 @@ def test_a_reflection_by_fresnel_lies_on_what_is_matt() -> None:
     assert warnings == []
 
 
-def test_glass_that_casts_no_shadow_is_glass() -> None:
+def test_glass_with_transparent_shadow_rays_is_glass() -> None:
     """A glass shader that is mixed with a transparent one for shadow rays only is exported as plain glass."""
     glass = Node("BSDF_GLASS", {"Color": (1.0, 1.0, 1.0, 1.0), "Roughness": 0.0, "IOR": 1.5, "Normal": None}, OUT)
     ray = Node("LIGHT_PATH", {}, ("Is Camera Ray", "Is Shadow Ray"))
@@ -109,7 +109,7 @@ def test_glass_that_casts_no_shadow_is_glass() -> None:
     assert warnings == ["Material m: of shaders mixed by Light Path, all rays see the one for the camera."]
 
 
-def test_light_through_a_leaf() -> None:
+def test_translucent_becomes_diffuse_transmission() -> None:
     leaf = Node("BSDF_TRANSLUCENT", {"Color": (0.4, 0.7, 0.1, 1.0), "Normal": None}, OUT)
     found, _ = material(mixed(diffuse(0.2, 0.5, 0.1), leaf, 0.4))
     assert found["pbrMetallicRoughness"]["baseColorFactor"] == pytest.approx([0.2, 0.5, 0.1, 1.0])
@@ -118,7 +118,7 @@ def test_light_through_a_leaf() -> None:
     assert through["diffuseTransmissionColorFactor"] == pytest.approx([0.4, 0.7, 0.1])
 
 
-def test_what_shines_and_is_added() -> None:
+def test_added_emission_shader() -> None:
     add = Node("ADD_SHADER", {"a": None, "b": None}, ("Shader",))
     shining = Node("EMISSION", {"Color": (0.2, 0.4, 1.0, 1.0), "Strength": 3.0}, OUT)
     found, warnings = material(linked(shining, linked(diffuse(0.7, 0.7, 0.7), add, 0), 1))
@@ -128,7 +128,7 @@ def test_what_shines_and_is_added() -> None:
     assert warnings == []
 
 
-def test_a_glossy_shader_is_narrow_along_its_tangent() -> None:
+def test_glossy_anisotropy_matches_cycles() -> None:
     """A Glossy node's anisotropy is converted so that the two roughness values equal those of Cycles.
 
     Cycles' alpha is roughness^2 * (1 - anisotropy) along the tangent and roughness^2 / (1 - anisotropy) across it.
@@ -140,7 +140,7 @@ def test_a_glossy_shader_is_narrow_along_its_tangent() -> None:
         assert told("Anisotropic Rotation") == pytest.approx(turned)
 
 
-def test_a_conductor_is_what_it_reflects_at_normal_incidence() -> None:
+def test_conductor_keeps_reflectance_at_normal_incidence() -> None:
     numbers = {"IOR": (0.2, 0.9, 1.5), "Extinction": (3.9, 2.4, 1.9), "Roughness": 0.2}
     told, said = principled_constants(Node("BSDF_METALLIC", numbers, OUT, fresnel_type="PHYSICAL_CONDUCTOR"))
     wanted = [((n - 1) ** 2 + k * k) / ((n + 1) ** 2 + k * k) for n, k in zip(numbers["IOR"], numbers["Extinction"], strict=True)]
@@ -148,7 +148,7 @@ def test_a_conductor_is_what_it_reflects_at_normal_incidence() -> None:
     assert said == []
 
 
-def test_glass_takes_the_root_of_its_colour_at_each_of_two_surfaces() -> None:
+def test_glass_color_is_applied_as_a_root_per_surface() -> None:
     color = {"Base Color": (0.81, 0.64, 0.25, 1.0)}
     for weight, wanted in ((1.0, [0.9, 0.8, 0.5]), (0.0, [0.81, 0.64, 0.25])):
         told, said = principled_constants(Node("BSDF_PRINCIPLED", {**color, "Transmission Weight": weight}, OUT))
@@ -158,7 +158,7 @@ def test_glass_takes_the_root_of_its_colour_at_each_of_two_surfaces() -> None:
     assert said == ["transmitted light is tinted by its base color, darker than in Cycles"]
 
 
-def test_a_tinted_transparency_is_a_pane() -> None:
+def test_tinted_transparent_shader_becomes_a_pane() -> None:
     told, said = principled_constants(Node("BSDF_TRANSPARENT", {"Color": (0.8, 0.5, 0.3, 1.0)}, OUT))
     assert (told("Transmission Weight"), told("IOR"), told("Roughness")) == (1.0, 1.0, 0.0)
     assert told("Base Color") == [0.8, 0.5, 0.3]
@@ -175,5 +175,5 @@ def test_a_tinted_transparency_is_a_pane() -> None:
         ({"Base Color": (2.0, 1, 1, 1)}, "its base color is clipped at 1"),
     ],
 )
-def test_what_is_otherwise_than_in_cycles_is_named(values: dict[str, Any], sentence: str) -> None:
+def test_differences_from_cycles_cause_warnings(values: dict[str, Any], sentence: str) -> None:
     assert principled_constants(Node("BSDF_PRINCIPLED", values, OUT))[1] == [sentence]

@@ -64,13 +64,13 @@ def close(found: Medium | None, sigma_a: Any, sigma_s: Any, g: float) -> None:
         ),
     ],
 )
-def test_the_coefficients_of_a_volume(node: Node, sigma_a: Any, sigma_s: Any, g: float) -> None:
+def test_volume_coefficients(node: Node, sigma_a: Any, sigma_s: Any, g: float) -> None:
     found, told = read(node)
     close(found, sigma_a, sigma_s, g)
     assert told == []
 
 
-def test_volumes_that_are_added_and_mixed() -> None:
+def test_added_and_mixed_volumes() -> None:
     both = linked(absorption(), linked(scatter(), Node("ADD_SHADER", {"a": None, "b": None}, ("Shader",)), 0), 1)
     close(read(both)[0], (0.3, 1.5, 3), (1.6, 0.8, 0.4), 0.25)
     half = Node("MIX_SHADER", {"Fac": 0.25, "a": None, "b": None}, ("Shader",))
@@ -91,7 +91,7 @@ def test_volumes_that_are_added_and_mixed() -> None:
         (Node("SCRIPT", {}, VOLUME), "Script is left out of its volume"),
     ],
 )
-def test_what_of_a_volume_is_not_taken_over_is_named(node: Node, sentence: str) -> None:
+def test_unsupported_volume_settings_are_named(node: Node, sentence: str) -> None:
     assert any(sentence in each for each in read(node)[1])
 
 
@@ -116,7 +116,7 @@ def clear() -> Node:
 
 
 @pytest.mark.parametrize(("surface", "is_bare"), [(None, True), (clear(), True), (glass(), False)])
-def test_a_volume_fills_what_lets_light_in(surface: Node | None, is_bare: bool) -> None:
+def test_volume_fills_transmissive_surfaces(surface: Node | None, is_bare: bool) -> None:
     said, warnings = material(surface, scatter())
     assert said["extensions"][MEDIUM] == {
         "sigmaA": [0, 0, 0],
@@ -127,7 +127,7 @@ def test_a_volume_fills_what_lets_light_in(surface: Node | None, is_bare: bool) 
     assert warnings == []
 
 
-def test_a_volume_within_what_is_opaque_is_named() -> None:
+def test_volume_in_opaque_surface_causes_a_warning() -> None:
     said, warnings = material(glass(0.0), scatter())
     assert MEDIUM not in said["extensions"]
     assert warnings == ["Material m: its volume is left out, since its surface is opaque."]
@@ -142,7 +142,7 @@ def beneath(weight: float = 0.5, method: str = "RANDOM_WALK", **more: Any) -> No
     return Node("BSDF_PRINCIPLED", said, BSDF, subsurface_method=method)
 
 
-def test_a_radius_is_four_pi_mean_free_paths() -> None:
+def test_subsurface_radius_to_mean_free_path() -> None:
     said, warnings = material(beneath())
     found = said["extensions"][SUBSURFACE]
     assert found["subsurfaceRadius"] == pytest.approx([(1 - 0.3) * c * 0.5 / (4 * math.pi) for c in (1.0, 0.2, 0.1)])
@@ -151,7 +151,7 @@ def test_a_radius_is_four_pi_mean_free_paths() -> None:
     assert SUBSURFACE not in material(beneath(0.0))[0].get("extensions", {})
 
 
-def test_skins_radius_is_what_light_diffuses_by() -> None:
+def test_skin_radius_is_a_diffusion_length() -> None:
     """For the subsurface method Skin, the radius is exported as a diffusion length (Jensen et al. 2001).
 
     With the exported mean free path and the albedo that follows from it, a half-space has the given colour.
@@ -166,7 +166,7 @@ def test_skins_radius_is_what_light_diffuses_by() -> None:
         assert subsurface.albedo_of(color, 1.4) == pytest.approx(albedo)
 
 
-def test_the_node_of_subsurface_scattering_alone() -> None:
+def test_subsurface_scattering_node() -> None:
     said = {
         "Color": (0.8, 0.5, 0.2, 1.0),
         "Scale": 0.1,
@@ -201,14 +201,14 @@ def test_hair_has_its_colour() -> None:
     assert seen() == [0.1, 0.1, 0.1]
 
 
-def test_what_feeds_a_radius_is_named() -> None:
+def test_connected_radius_causes_a_warning() -> None:
     node = linked(Node("TEX_NOISE", {}, ("Color",)), beneath(), "Subsurface Radius")
     said, warnings = material(node)
     assert said["extensions"][SUBSURFACE]["subsurfaceRadius"][0] == pytest.approx((1 - 0.3) * 0.5 / (4 * math.pi))
     assert any("nodes of its subsurface radius are ignored" in each for each in warnings)
 
 
-def test_what_fills_the_world_hides_what_is_infinitely_far_away() -> None:
+def test_world_volume_hides_the_environment() -> None:
     output = Node("OUTPUT_WORLD", {"Surface": None, "Volume": None}, ())
     linked(scatter(0.1), output, "Volume")
     linked(Node("BACKGROUND", {"Color": (1.0, 1.0, 1.0, 1.0), "Strength": 1.0}, ("Background",)), output, "Surface")

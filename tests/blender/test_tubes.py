@@ -7,7 +7,7 @@ import numpy as np
 from blender.rayfarm_addon.scene.tubes import SIDES, tubes
 
 
-def test_a_strand_is_a_closed_ring_at_each_point_that_faces_out() -> None:
+def test_strand_has_an_outward_ring_at_each_point() -> None:
     points = np.array([(0, 0, 0), (0, 0, 1), (0.2, 0, 2), (5, 0, 0), (5, 1, 0.5)], np.float32)
     radii = np.array([0.1, 0.1, 0.05, 0.2, 0.0], np.float32)
     positions, normals, triangles = tubes(points, radii, np.array([0, 3, 5], np.int32))

@@ -20,7 +20,7 @@ LIGHT = np.random.default_rng(7).gamma(1.0, 2.0, (37, 53, 3)).astype(np.float32)
 
 
 @pytest.mark.parametrize("height", [1, 16, 37])
-def test_an_exr_of_the_farm_is_read_to_the_bit(height: int) -> None:
+def test_exr_from_the_farm_is_read_exactly(height: int) -> None:
     light = LIGHT[:height]
     depth = light[..., 0] * 100
     found = exr.read(encode(light, "exr", channels={"Depth.Z": depth}))
@@ -29,18 +29,18 @@ def test_an_exr_of_the_farm_is_read_to_the_bit(height: int) -> None:
     np.testing.assert_array_equal(found["Depth.Z"], depth)
 
 
-def test_an_exr_that_the_add_on_writes_is_read_by_the_farm() -> None:
+def test_exr_written_by_the_add_on_is_readable() -> None:
     np.testing.assert_array_equal(read_image(exr.write(LIGHT), "world.exr"), LIGHT)
 
 
 @pytest.mark.parametrize("damage", [b"", b"not a picture", None])
-def test_a_damaged_exr_is_said(damage: bytes | None) -> None:
+def test_damaged_exr_raises_value_error(damage: bytes | None) -> None:
     data = encode(LIGHT, "exr")[:-200] if damage is None else damage
     with pytest.raises(ValueError):
         exr.read(data)
 
 
-def test_words_are_light_again() -> None:
+def test_rgb9e5_words_are_decoded() -> None:
     words = rgbe9995.pack(LIGHT)
     np.testing.assert_array_equal(addon_rgbe9995.unpack(words), rgbe9995.unpack(words))
     shown = packets.rgba(addon_rgbe9995.unpack(words))
@@ -48,7 +48,7 @@ def test_words_are_light_again() -> None:
     np.testing.assert_array_equal(shown[0, :, :3], rgbe9995.unpack(words)[-1])
 
 
-def test_a_view_grows_tile_by_tile() -> None:
+def test_view_is_updated_tile_by_tile() -> None:
     planes = np.moveaxis(LIGHT, -1, 0)
     left, right = Tile(0, 0, 21, 37), Tile(21, 0, 32, 37)
     tiles = [ViewTile(left, planes[:, :, :21], 4, False), ViewTile(right, planes[:, :, 21:], 64, True)]
@@ -64,7 +64,7 @@ def test_a_view_grows_tile_by_tile() -> None:
     assert view.rgb.shape == (5, 7, 3)
 
 
-def test_a_form_is_as_long_as_it_says(tmp_path) -> None:
+def test_form_length_matches_content_length(tmp_path) -> None:
     (tmp_path / "b").write_bytes(b"y" * 700_000)
     parts = [Part("files", 'a "b".bin', b"x" * 10), Part("files", "b.bin", tmp_path / "b"), Part("files", "c", b"")]
     kind, size, pieces = body_of(parts, {"main": "a", "name": "Fräulein"})

@@ -63,7 +63,7 @@ def used_names() -> set[str]:
     return found
 
 
-def test_every_name_of_the_add_on_exists() -> None:
+def test_used_add_on_names_exist() -> None:
     names = sorted(used_names())
     assert {"cycles.depths_of", "lights.bounce_limit", "shader_mix.principled_look", "skies.photographed", "tubes"} <= set(names)
     command = [sys.executable, "-c", PROGRAM, str(ADDON), *names]

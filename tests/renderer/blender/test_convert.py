@@ -48,7 +48,7 @@ def scene(tmp_path: Path) -> Path:
     return folder
 
 
-def test_what_blender_wrote_is_the_scene(blender, scene, monkeypatch):
+def test_scene_written_by_blender_is_read(blender, scene, monkeypatch):
     monkeypatch.setenv(NAMED, blender(WORKS))
     found = find()
     assert found is not None
@@ -60,7 +60,7 @@ def test_what_blender_wrote_is_the_scene(blender, scene, monkeypatch):
         assert description.warnings[0] == "Material odd: is left out"
 
 
-def test_only_what_is_to_be_written_is_kept(blender, scene, tmp_path):
+def test_only_expected_output_files_are_kept(blender, scene, tmp_path):
     out = tmp_path / "out"
     out.mkdir()
     assert convert(inspect_blender(blender(WORKS)), scene, "a.blend", out, 1 << 30, 60) == "blender-scene.yaml"
@@ -80,12 +80,12 @@ def test_only_what_is_to_be_written_is_kept(blender, scene, tmp_path):
         ("sleep 60", "took longer than 2 seconds"),
     ],
 )
-def test_why_it_failed_is_said(blender, scene, tmp_path, script, says):
+def test_failure_reason_is_reported(blender, scene, tmp_path, script, says):
     with pytest.raises(SceneError, match=rf"^a\.blend: .*{says}"):
         convert(inspect_blender(blender(script)), scene, "a.blend", tmp_path, 1 << 30, 2 if "sleep" in script else 60)
 
 
-def test_without_blender_the_sentence_says_what_to_do(scene, monkeypatch, tmp_path):
+def test_missing_blender_error_names_a_remedy(scene, monkeypatch, tmp_path):
     monkeypatch.delenv(NAMED, raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.setattr(program, "environment_python", lambda: tmp_path / "none")
@@ -94,7 +94,7 @@ def test_without_blender_the_sentence_says_what_to_do(scene, monkeypatch, tmp_pa
         read(scene, "a.blend")
 
 
-def test_a_blender_that_cannot_be_used_says_why(blender, tmp_path):
+def test_unusable_blender_error_gives_the_reason(blender, tmp_path):
     with pytest.raises(BlenderError, match="There is no Blender at"):
         inspect_blender(str(tmp_path / "gone"))
     with pytest.raises(BlenderError, match=r"is Blender 3\.6\.1; \.blend files need 4\.2"):

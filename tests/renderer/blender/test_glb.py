@@ -24,7 +24,7 @@ class Meant:
     parts = ((0, np.array([0, 1, 2, 0, 2, 3], np.uint32)),)
 
 
-def test_a_stand_in_becomes_what_it_stands_for(tmp_path: Path) -> None:
+def test_stand_in_is_replaced_by_the_real_mesh(tmp_path: Path) -> None:
     g = Gltf()
     g.mesh()
     path = tmp_path / "a.glb"
@@ -44,7 +44,7 @@ def test_a_stand_in_becomes_what_it_stands_for(tmp_path: Path) -> None:
     np.testing.assert_allclose(found.meshes[0].normals, np.tile((0, 1, 0), (4, 1)))
 
 
-def test_what_is_no_glb_is_refused(tmp_path: Path) -> None:
+def test_non_glb_data_is_rejected(tmp_path: Path) -> None:
     (tmp_path / "a.glb").write_bytes(b"glXF" + bytes(40))
     with pytest.raises(ValueError, match=r"a\.glb is not a GLB"):
         Glb(tmp_path / "a.glb")
