@@ -10,7 +10,7 @@ from tests.benchmarks.bench_files import Found, read_one, scene_files, table
 from tests.renderer.scene.builders import Gltf, cup
 
 
-def test_files_are_counted_by_what_comes_of_them(tmp_path):
+def test_files_are_counted_by_outcome(tmp_path):
     bad = Gltf()
     bad.mesh()
     bad.mesh()
@@ -24,13 +24,13 @@ def test_files_are_counted_by_what_comes_of_them(tmp_path):
     assert table(found).splitlines()[2].startswith("| .glb | 3 | 2 | 1 | 1 | 0 | 0 | 0 |")
 
 
-def test_a_crash_is_counted():
+def test_crash_is_counted_as_an_outcome():
     rows = table([Found(Path("a.iqm"), "crashed", 1.0, "its importer crashed")]).splitlines()
     assert rows[-1].startswith("| all | 1 | 0 | 0 | 0 | 1 | 0 | 0 | 1.00 | 1.0 |")
 
 
 @pytest.mark.parametrize("error", [ValueError("odd"), SceneError("a.obj cannot be read (ValueError: odd).")])
-def test_errors_that_are_no_sentence_are_failures(monkeypatch, error):
+def test_unexpected_exceptions_count_as_failures(monkeypatch, error):
     def fail(_):
         raise error
 

@@ -18,7 +18,7 @@ from tests.benchmarks.faults.tally import BEGIN, END, Fault, into_page, read, ta
 from tests.helpers import ROOT, wait_until
 
 
-def test_the_table_tells_kinds_apart_and_adds_up(tmp_path: Path) -> None:
+def test_table_has_a_row_per_kind_and_a_correct_total(tmp_path: Path) -> None:
     faults = [
         Fault("a", "here", recovered_s=1.0, repeated=2, digest_is_right=True),
         Fault("a", "here", recovered_s=3.0, digest_is_right=False),
@@ -35,7 +35,7 @@ def test_the_table_tells_kinds_apart_and_adds_up(tmp_path: Path) -> None:
     ]
 
 
-def test_the_table_comes_between_its_marks(tmp_path: Path) -> None:
+def test_table_replaces_the_text_between_markers(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
     page.write_text(f"before\n{BEGIN}\nold\n{END}\nafter\n")
     into_page(page, "new")
@@ -46,7 +46,7 @@ def test_the_table_comes_between_its_marks(tmp_path: Path) -> None:
     assert BEGIN in (ROOT / "docs" / "reliability.md").read_text()
 
 
-def test_only_time_without_anything_to_do_uses_up_patience() -> None:
+def test_timeout_counts_idle_time_only() -> None:
     clock = [0.0]
 
     def after(seconds: float, patience: Patience) -> bool:
@@ -72,14 +72,14 @@ def test_only_time_without_anything_to_do_uses_up_patience() -> None:
     assert after(1.1, patience)  # the limit in wall time applies
 
 
-def test_the_time_of_a_process_that_computes_is_seen() -> None:
+def test_busy_process_time_is_measured() -> None:
     with subprocess.Popen([sys.executable, "-c", "while True: pass"]) as process:
         patience = Patience(1.0, lambda: [process.pid])
         wait_until(lambda: sum(patience._busy().values()) > 0.2, 60, "it computed, or waited to")
         process.kill()
 
 
-def test_what_comes_again_is_counted_once_and_what_was_forged_is_not(redis_url: str) -> None:
+def test_repeated_results_are_counted_and_forged_ones_are_not(redis_url: str) -> None:
     def answer(first: int) -> dict[bytes, bytes]:
         event = {"type": "batch", "job": "j", "frame": 0, "tile": [0, 0, 8, 8], "first": first, "count": 4}
         return {b"event": json.dumps(event).encode(), b"sums": b"x"}
@@ -97,7 +97,7 @@ def test_what_comes_again_is_counted_once_and_what_was_forged_is_not(redis_url: 
         store.delete(RESULTS)
 
 
-def test_every_kind_can_be_done_somewhere() -> None:
+def test_every_fault_kind_has_a_supported_ground() -> None:
     from tests.benchmarks import bench_faults
 
     assert len(KINDS) > 25

@@ -10,7 +10,7 @@ from tests.benchmarks.peers.targets import TABLE
 
 
 @pytest.mark.parametrize("name", [name for name in WRITERS if not name.endswith((".blend", ".glb"))])
-def test_a_format_holds_the_mesh(tmp_path, name):
+def test_written_mesh_is_read_back_unchanged(tmp_path, name):
     mesh = displaced_sphere(400)
     WRITERS[name](tmp_path / name, mesh)
     description = read(tmp_path, name)
@@ -24,6 +24,6 @@ def test_a_format_holds_the_mesh(tmp_path, name):
     np.testing.assert_allclose(np.sort(size), np.sort(np.ptp(mesh.positions, axis=0)) * unit, rtol=1e-4)
 
 
-def test_each_format_has_its_goals():
+def test_every_format_has_targets():
     wanted = {f"{name}, {what}" for name in WRITERS if name != "a.obj" for what in ("seconds", "bytes each")}
     assert set(TABLE["formats"].lines) == wanted

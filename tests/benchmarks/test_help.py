@@ -15,7 +15,7 @@ BENCHMARKS = sorted(path.stem for path in (ROOT / "tests" / "benchmarks").glob("
 
 
 @grid("name", BENCHMARKS)
-def test_a_benchmark_answers_help(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_benchmark_prints_help(name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     module = importlib.import_module(f"tests.benchmarks.{name}")
     monkeypatch.setattr(sys, "argv", [name, "--help"])
     with pytest.raises(SystemExit) as ended:
@@ -25,7 +25,7 @@ def test_a_benchmark_answers_help(name: str, monkeypatch: pytest.MonkeyPatch, ca
 
 
 @pytest.mark.parametrize(("option", "code"), [("--help", 0), ("--quick", 2)])
-def test_an_option_without_a_name_lists_the_benchmarks(option: str, code: int) -> None:
+def test_missing_benchmark_name_lists_the_benchmarks(option: str, code: int) -> None:
     command = [sys.executable, str(ROOT / "farm.py"), "bench", option]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=60, check=False)
     assert done.returncode == code, done.stderr

@@ -20,26 +20,26 @@ TEXT = b"v 1.5 2 3\nv 4 5 6\nf 1 2 3\n" * 20
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_a_way_damages_and_is_drawn_by_its_seed(way):
+def test_damage_changes_the_data_and_depends_on_the_seed_only(way):
     found = [WAYS[way](data, random.Random(seed)) for data in (TEXT, bytes(range(256))) for seed in range(8)]
     assert sum(each not in (TEXT, bytes(range(256))) for each in found) >= 12
     assert found == [WAYS[way](data, random.Random(seed)) for data in (TEXT, bytes(range(256))) for seed in range(8)]
 
 
-def test_files_of_a_byte_or_none_are_damaged_too():
+def test_tiny_and_empty_files_can_be_damaged():
     for seed in range(100):
         for data in (b"", b"x"):
             assert isinstance(damaged(data, random.Random(seed))[0], bytes)
 
 
-def test_a_number_of_a_campaign_is_drawn_by_itself():
+def test_each_campaign_number_is_drawn_independently():
     seeds = {"one": [Seed("a.obj", {"a.obj": TEXT, "b.mtl": b"newmtl a"})], "other": [Seed("c.ply", {"c.ply": TEXT})]}
     assert draw(7, 1, seeds) == draw(7, 1, seeds)
     assert len({draw(i, 1, seeds)[0] for i in range(20)}) == 2
     assert all(draw(i, 1, seeds)[0] == kind_of(i, 1, seeds) for i in range(20))
 
 
-def test_what_a_package_is_made_of_is_damaged_and_packed():
+def test_package_members_are_damaged_before_packing():
     seeds = {"a": [Seed("a.3mf", {"x": TEXT, "y": b"1"}, ("x",), is_package=True)]}
     drawn = [draw(i, 1, seeds) for i in range(20)]
     inside = [zipfile.ZipFile(io.BytesIO(files["a.3mf"])) for _, _, files, _ in drawn]
@@ -58,7 +58,7 @@ def lost(number, _):
 
 
 @pytest.mark.long
-def test_a_child_that_is_lost_loses_one_file():
+def test_lost_child_process_loses_one_file_only():
     found = {came.number: came.answer for came in read_all(range(10), lost, Bounds(1 << 30, 4.0), 2)}
     assert found == {number: None if number in (3, 5, 7) else {"twice": 2 * number} for number in range(10)}
 
@@ -74,14 +74,14 @@ def test_a_child_that_is_lost_loses_one_file():
         (lambda *_: signal.pause(), "too slow"),
     ],
 )
-def test_what_a_child_came_to_is_called_so(ends, outcome, tmp_path, monkeypatch, capfd):
+def test_child_outcome_is_classified(ends, outcome, tmp_path, monkeypatch, capfd):
     monkeypatch.setattr(bench_mutations, "read", ends)
     monkeypatch.setattr(bench_mutations, "SECONDS", 1.0 if outcome == "too slow" else 60.0)
     found = bench_mutations.outcome(tmp_path, "a.obj")
     assert found["outcome"] == outcome in OUTCOMES
 
 
-def test_the_table_adds_up(tmp_path):
+def test_table_totals_are_correct(tmp_path):
     found = {"a": Tally(), "b": Tally()}
     for i in range(5):
         found["a" if i % 2 else "b"].add(OUTCOMES[i], 0.5 * i, i << 20)

@@ -34,7 +34,7 @@ def run_bench(out: Path, *arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
 
 
-def test_rounds_are_taken_in_turn() -> None:
+def test_rounds_alternate_between_both_sides() -> None:
     order = []
 
     def side(name: str, seconds: float) -> object:
@@ -50,12 +50,12 @@ def test_rounds_are_taken_in_turn() -> None:
     assert run.cpu_ratio == 3.0
 
 
-def test_one_thread_may_be_judged_by_the_processors_time() -> None:
+def test_single_thread_rows_compare_processor_time() -> None:
     run = race(lambda _: Taken(9.0, 1.0), lambda _: Taken(1.0, 2.0), 1, clock="cpu")
     assert run.ratios == [2.0]
 
 
-def test_the_error_is_relative_and_forgets_fireflies() -> None:
+def test_error_is_relative_and_ignores_fireflies() -> None:
     truth = np.full((100, 100, 3), 2.0)
     picture = truth * 1.1
     expected = 0.04 / (4 + 0.04)
@@ -70,7 +70,7 @@ def line(row: str, name: str, value: float) -> Line:
     return ratio_line(row, name, [value], "", [value], [1.0])
 
 
-def test_the_report_says_what_falls_short() -> None:
+def test_report_lists_missed_targets() -> None:
     report = Report({}, quick=False)
     names = ["Cornell box", "textured mesh", "many lights"]
     report.lines = [line("error-time", name, value) for name, value in zip(names, (1.2, 2.0, 7.0), strict=True)]
@@ -89,7 +89,7 @@ def test_the_report_says_what_falls_short() -> None:
     assert "not measured: rays: Embree is away" in text
 
 
-def test_a_converged_picture_is_made_once(tmp_path: Path) -> None:
+def test_converged_picture_is_cached(tmp_path: Path) -> None:
     made = []
 
     def picture(spp: int, seed: int) -> np.ndarray:
@@ -114,7 +114,7 @@ def test_a_converged_picture_is_made_once(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("make", [displaced_sphere, torus])
 @pytest.mark.parametrize("count", [5_000, 70_000])
-def test_meshes_have_the_triangles_asked_for_and_normals_that_look_out(make, count) -> None:
+def test_generated_meshes_have_the_requested_size_and_outward_normals(make, count) -> None:
     mesh = make(count)
     assert len(mesh.triangles) == pytest.approx(count, rel=0.05)
     a, b, c = (mesh.positions[mesh.triangles[:, k]].astype(float) for k in range(3))
@@ -126,7 +126,7 @@ def test_meshes_have_the_triangles_asked_for_and_normals_that_look_out(make, cou
     assert np.allclose(np.linalg.norm(mesh.normals, axis=1), 1, atol=1e-5)
 
 
-def test_a_row_that_is_not_there_gets_a_sentence(
+def test_unknown_row_is_an_error_message(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "argv", ["bench_peers", f"--out={tmp_path}", "--rows=samples,speed"])
@@ -136,7 +136,9 @@ def test_a_row_that_is_not_there_gets_a_sentence(
     assert "there is no row speed; known are samples, error, cycles" in capsys.readouterr().err
 
 
-def test_some_lines_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_selected_lines_are_measured_alone(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
     """Only the selected lines are measured. A selection may be a name with commas, or a beginning that several lines share."""
     bench = importlib.import_module("tests.benchmarks.bench_peers")
     asked: list[str] = []
@@ -163,7 +165,7 @@ def test_some_lines_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsy
     assert "No line of these rows is called cornflakes." in capsys.readouterr().err
 
 
-def test_what_is_measured_together_is_asked_for_by_either_name() -> None:
+def test_lines_measured_together_are_selected_by_either_name() -> None:
     sizes = replace(QUICK, only=("a.glb, seconds",))
     assert sizes.wants("a.glb")
     assert not sizes.wants("a.ply")
@@ -172,7 +174,7 @@ def test_what_is_measured_together_is_asked_for_by_either_name() -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(3600)
-def test_every_row_works(tmp_path: Path) -> None:
+def test_every_row_runs_with_small_sizes(tmp_path: Path) -> None:
     """A run with small sizes and one round yields every line of the table; the measured figures are not checked."""
     if find_llvm() is None and not farm.may_install():
         pytest.skip("Mitsuba needs LLVM 16 or newer")
