@@ -21,7 +21,7 @@ def sums_of(h=4, w=6):
     return sums
 
 
-def test_values_are_means_and_plain_numbers():
+def test_aov_values():
     values = {name: aovs.values(sums_of(), 4, name) for name in aovs.AOVS}
     for name, plane in values.items():
         assert plane.dtype == np.float32
@@ -35,7 +35,7 @@ def test_values_are_means_and_plain_numbers():
     assert (values["error"] == 0).all()
 
 
-def test_every_plane_has_channels_of_its_own():
+def test_aov_channels_are_distinct():
     planes = {name: aovs.values(sums_of(), 4, name) for name in aovs.AOVS}
     layers = aovs.layers(planes)
     assert len(layers) == sum(3 if aovs.size(name) == 3 else 1 for name in aovs.AOVS)
@@ -43,7 +43,7 @@ def test_every_plane_has_channels_of_its_own():
     np.testing.assert_array_equal(layers["Position.X"], planes["position"][..., 0])
 
 
-def test_every_plane_can_be_looked_at():
+def test_every_aov_can_be_displayed():
     for name in aovs.AOVS:
         shown = aovs.visible(name, aovs.values(sums_of(), 4, name))
         assert (shown.dtype, shown.shape) == (np.uint8, (4, 6, 3))
@@ -54,7 +54,7 @@ def test_every_plane_can_be_looked_at():
     assert (np.diff(depth[1:]) < 0).all(), "near is light"
 
 
-def test_a_numbers_colour_is_the_same_in_every_picture():
+def test_id_color_is_the_same_in_every_picture():
     many = aovs.visible("object", np.arange(200, dtype=np.float32).reshape(10, 20))
     one = aovs.visible("object", np.full((1, 1), 57, np.float32))
     assert (many[2, 17] == one[0, 0]).all()
@@ -62,7 +62,7 @@ def test_a_numbers_colour_is_the_same_in_every_picture():
     assert len(np.unique(many.reshape(-1, 3), axis=0)) == 200
 
 
-def test_what_is_not_known_of_an_error_is_shown_as_the_greatest():
+def test_unknown_error_is_shown_as_maximum():
     plane = np.array([[0.0, 1.0, np.inf]], np.float32)
     shown = aovs.visible("error", plane).astype(int).sum(axis=-1)[0]
     assert shown[0] == 0

@@ -27,12 +27,12 @@ def rendered(side: str, kernel: str, names: list[str], **environment: str) -> No
     assert done.stdout.splitlines() == names
 
 
-def test_the_example_scene_is_one() -> None:
+def test_example_scene_is_valid() -> None:
     check(flat(example()))
 
 
 @pytest.mark.long
-def test_warming_up_the_media_kernels_reads_no_foreign_memory() -> None:
+def test_media_kernel_warm_up_stays_inside_its_arrays() -> None:
     rendered("behind", "pool", ["warm-up of media", "fog"])
 
 
@@ -48,12 +48,12 @@ def test_every_feature_stays_inside_its_arrays(side: str, kernel: str) -> None:
 @pytest.mark.long
 @pytest.mark.timeout(7200)  # compiles every kernel again
 @pytest.mark.parametrize("kernel", KERNELS)
-def test_no_index_is_outside_of_an_array(tmp_path: Path, kernel: str) -> None:
+def test_bounds_checked_kernels_find_no_fault(tmp_path: Path, kernel: str) -> None:
     rendered(CHECKED, kernel, list(FEATURES), RAYFARM_CACHE=str(tmp_path))
 
 
 @pytest.mark.long
-def test_bounds_are_checked(tmp_path: Path) -> None:
+def test_bounds_check_raises_index_error(tmp_path: Path) -> None:
     """With bounds checks an access outside an array raises; if it did not, the test above could never fail."""
     (tmp_path / "outside.py").write_text(
         "import numpy as np\nfrom renderer import jit, target\ntarget._Context.enable_boundscheck = True\n"
@@ -66,7 +66,7 @@ def test_bounds_are_checked(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_fence_stops_what_reads_beyond() -> None:
+def test_access_beyond_a_fence_crashes() -> None:
     """An access beyond a fence crashes the process; if it did not, the tests above could never fail."""
     program = "import numpy as np; from tests.renderer.fenced import fenced; a = fenced(np.ones(3), '{}'); "
     program += "print(np.lib.stride_tricks.as_strided(a[{}:], (2,), ({},)))"

@@ -28,7 +28,7 @@ def owned_by(user: int, mode: int = 0o700) -> os.stat_result:
     return os.stat_result((stat.S_IFDIR | mode, 0, 0, 1, user, 0, 0, 0, 0, 0))
 
 
-def test_what_is_another_users_or_writable_by_others_is_not_trusted() -> None:
+def test_foreign_or_writable_files_are_not_trusted() -> None:
     me = os.geteuid()
     for user, mode in ((me, 0o700), (me, 0o755), (0, 0o755), (0, 0o555)):
         assert reason_to_distrust(owned_by(user, mode)) == "", (user, mode)
@@ -37,13 +37,13 @@ def test_what_is_another_users_or_writable_by_others_is_not_trusted() -> None:
         assert f"{mode:04o}" in reason_to_distrust(owned_by(me, mode))
 
 
-def test_folders_are_made_for_this_user_alone(tmp_path: Path) -> None:
+def test_cache_folders_are_private(tmp_path: Path) -> None:
     make_private(tmp_path / "a" / "b")
     assert [stat.S_IMODE((tmp_path / name).stat().st_mode) for name in ("a", "a/b")] == [0o700, 0o700]
 
 
 @pytest.mark.parametrize("open_to_others", ["", "kernels", "kernels/00"])
-def test_a_folder_that_others_can_write_gives_way_to_a_private_one(
+def test_writable_cache_folder_is_replaced_by_a_private_one(
     open_to_others: str, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     home = tmp_path / "cache"
@@ -59,7 +59,7 @@ def test_a_folder_that_others_can_write_gives_way_to_a_private_one(
     assert "0777" in said
 
 
-def test_a_private_folder_that_is_another_s_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_private_folder_of_another_user_is_not_used(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     home = tmp_path / "cache"
     for folder in (home, home / f"private-{os.geteuid()}"):
         folder.mkdir(parents=True, exist_ok=True)
@@ -72,7 +72,7 @@ def test_a_private_folder_that_is_another_s_is_not_used(tmp_path: Path, monkeypa
     assert stat.S_IMODE(last.parent.stat().st_mode) == 0o700
 
 
-def test_a_kernel_that_others_may_have_written_is_compiled_anew(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_kernel_writable_by_others_is_recompiled(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     folder = tmp_path / "module"
     files = _Files(folder, "function", "stamp")
     files.save(KEY, "code")
@@ -90,7 +90,7 @@ def test_a_kernel_that_others_may_have_written_is_compiled_anew(tmp_path: Path, 
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a file away")
-def test_a_kernel_of_another_user_is_not_loaded(tmp_path: Path) -> None:
+def test_kernel_of_another_user_is_not_loaded(tmp_path: Path) -> None:
     files = _Files(tmp_path, "function", "stamp")
     files.save(KEY, "code")
     (path,) = tmp_path.glob("function*")
@@ -99,9 +99,7 @@ def test_a_kernel_of_another_user_is_not_loaded(tmp_path: Path) -> None:
     assert read_private(path) is None
 
 
-def test_kernels_in_a_folder_that_can_only_be_read_are_loaded_and_nothing_is_written(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_read_only_kernel_folder_is_used_without_writing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = tmp_path / "kernels"
     files = _Files(folder / "module", "function", "stamp")
     files.save(KEY, "code")

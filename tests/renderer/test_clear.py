@@ -57,11 +57,11 @@ def layers(count: int, **material: object) -> SceneDescription:
 
 @pytest.mark.parametrize("material", [GLASS, LAYERED], ids=["glass", "layered"])
 @grid("count", [3, 4, 6], ordinary=(6,))
-def test_panes_of_clear_glass_in_a_white_furnace_are_white(count: int, material: Material) -> None:
+def test_clear_panes_in_a_white_furnace(count: int, material: Material) -> None:
     assert mean(panes(count, material), 64) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
+def test_counted_transmissions_use_up_the_depth() -> None:
     """If every transmission counts as a bounce for max_depth, nested glass is dark: only reflections remain.
 
     With a max_depth of 64 it is as bright as its surroundings.
@@ -70,7 +70,7 @@ def test_where_all_transmission_counts_it_uses_up_the_depth() -> None:
     assert mean(panes(4, GLASS), 64, transmission_depth=0, max_depth=64) == pytest.approx(1.0, abs=5e-3)
 
 
-def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> None:
+def test_transmission_limit_is_exact() -> None:
     """The limit of transmissions is exact: four clear panes with an index of 1 need a limit of eight, two for each pane.
 
     Transmissions through clear panes do not count in max_depth; those through rough panes do.
@@ -87,7 +87,7 @@ def test_so_many_transmissions_as_the_limit_are_let_through_and_no_more() -> Non
 @pytest.mark.parametrize(
     "integrator", ["path", "direct", *(pytest.param(name, marks=pytest.mark.long) for name in ("whitted", "ao"))]
 )
-def test_layers_have_a_limit_that_the_camera_and_shadow_rays_share(integrator: str) -> None:
+def test_alpha_layer_limit_is_shared_with_shadow_rays(integrator: str) -> None:
     """The limit of transparent layers is shared by a path and its shadow rays.
 
     A path that passes 5 layers on its way to the wall leaves its shadow rays 5 of 10 on their way to the light.
@@ -101,14 +101,14 @@ def test_layers_have_a_limit_that_the_camera_and_shadow_rays_share(integrator: s
     assert mean(five, 16, transparency_depth=4, **asked) == 0.0
 
 
-def test_what_is_behind_so_many_layers_as_the_limit_is_seen() -> None:
+def test_surface_behind_the_limit_of_layers_is_visible() -> None:
     sky = replace(layers(5, alpha_mode="blend"), lights=[], environment=Environment(color=gray(1.0)))
     sky.instances.pop()  # removes the wall
     assert mean(sky, 4, transparency_depth=5) == pytest.approx(1.0, abs=1e-3)
     assert mean(sky, 4, transparency_depth=4) == 0.0
 
 
-def test_a_limit_of_layers_is_the_same_however_light_is_found() -> None:
+def test_layer_limit_is_equal_for_both_strategies() -> None:
     """With half-transparent layers before a white wall in white light, shadow rays and scattered rays have equal limits."""
     room = layers(3, alpha_mode="mask")
     room.materials[0] = replace(room.materials[0], opacity=0.5, alpha_mode="blend")
@@ -119,12 +119,12 @@ def test_a_limit_of_layers_is_the_same_however_light_is_found() -> None:
 
 
 @pytest.mark.parametrize("medium", [{}, pytest.param({"sigma_a": gray(1e-6)}, marks=pytest.mark.long)], ids=["empty", "medium"])
-def test_boundaries_of_media_are_no_layers(medium: dict[str, object]) -> None:
+def test_medium_boundaries_do_not_count_as_layers(medium: dict[str, object]) -> None:
     boxes = panes(4, Material(kind="interface", **medium))
     assert mean(boxes, 4, transparency_depth=1) == pytest.approx(1.0, abs=1e-3)
 
 
-def test_bounces_have_limits_by_kind() -> None:
+def test_bounce_limits_by_kind() -> None:
     """In a closed white sphere of radiance 1 each diffuse bounce adds a reflectance of 0.5, up to the limit of its kind."""
     light = Material(base_color=gray(0.5), emission=gray(1.0), double_sided=True)
     room = SceneDescription(spheres=[Sphere((0.0, 0.0, 0.0), 9.0, 0)], materials=[light])
@@ -138,7 +138,7 @@ def test_bounces_have_limits_by_kind() -> None:
         assert mean(room, 4, diffuse_depth=bounces, max_depth=4) == pytest.approx(1.875, rel=0.01)
 
 
-def test_max_depth_1_shows_what_emits_and_nothing_through_glass() -> None:
+def test_max_depth_1_shows_emission_but_not_through_glass() -> None:
     assert mean(panes(1, GLASS), 4, max_depth=1) == 0.0
 
 
@@ -146,11 +146,11 @@ def test_max_depth_1_shows_what_emits_and_nothing_through_glass() -> None:
     "material", [{"alpha_mode": "blend"}, {"alpha_mode": "mask", "alpha_cutoff": 0.5}], ids=["blend", "mask"]
 )
 @grid("count", [100, 300, 1000], ordinary=(300,))
-def test_layers_of_alpha_0_hide_nothing_from_the_camera_nor_from_lights(count: int, material: dict[str, object]) -> None:
+def test_clear_layers_transmit_camera_and_shadow_rays(count: int, material: dict[str, object]) -> None:
     assert mean(layers(count, **material), 4) == pytest.approx(LIT, rel=1e-3)
 
 
-def test_more_layers_than_there_are_random_numbers_hide_nothing() -> None:
+def test_more_layers_than_random_numbers() -> None:
     """A path that passes more than 65,536 surfaces reuses its random numbers and still transmits all light."""
     count = 70_000
     corners = np.array([(-3, -3), (3, -3), (3, 3), (-3, 3)])

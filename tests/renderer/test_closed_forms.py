@@ -22,7 +22,7 @@ FLOOR = square((0, 0, 0), (5, 0, 0), (0, 0, -5), 0)  # faces +y
 
 @pytest.mark.parametrize("shape", ["sphere", "box"])
 @pytest.mark.parametrize("segments", [1, 2, 5])
-def test_furnace_by_segments(shape, segments):
+def test_furnace_by_number_of_segments(shape, segments):
     shapes = {"spheres": (Sphere((0, 0, 0), 1.0),)} if shape == "sphere" else {"meshes": (box(0),)}
     furnace = scene([emitter(0.5, 0.5, double_sided=True)], **shapes)
     sums = render_frame(furnace, settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=segments), 64)
@@ -30,7 +30,7 @@ def test_furnace_by_segments(shape, segments):
 
 
 @pytest.mark.parametrize("albedo", [0.5, 0.9])
-def test_furnace_forever_so_that_roulette_is_unbiased(albedo):
+def test_furnace_of_unlimited_depth(albedo):
     furnace = scene([emitter(1 - albedo, albedo, double_sided=True)], spheres=(Sphere((0, 0, 0), 1.0),))
     sums = render_frame(furnace, settings((0.3, 0.2, 0.1), (1, 0, 0), 70, max_depth=400), 128)
     assert_mean(sums, 1.0, slack=1e-4)
@@ -52,7 +52,7 @@ def test_unit_square_light():
     assert_mean(sums, 0.752275 / math.pi, slack=1e-4)
 
 
-def test_square_light_shines_from_its_front_only():
+def test_square_light_is_one_sided():
     lit = scene([WHITE, emitter(1.0)], (FLOOR, square((0, 1, 0), (0.5, 0, 0), (0, 0, -0.5), 1)))
     assert mean_and_error(render_frame(lit, settings((0, 0.5, -2), (0, 0, 0), max_depth=3), 4))[0] == 0
 
@@ -82,13 +82,13 @@ def test_form_factors(arrangement, factor):
     assert_mean(sums, factor, slack=1e-4)
 
 
-def test_convex_lambertian_in_constant_light():
+def test_convex_diffuse_body_in_constant_light():
     lit = scene([Material(base_color=gray(0.6))], spheres=(Sphere((0, 0, 0), 1.0),), environment=2.0)
     sums = render_frame(lit, settings((0, 0, 3), (0, 0, 0), 20), 16)
     assert_mean(sums, 1.2, slack=1e-4)
 
 
-def test_a_sphere_as_large_as_the_earth_has_no_rings():
+def test_earth_sized_sphere_has_no_ring_artefacts():
     ground = scene([Material(base_color=gray(0.5))], spheres=(Sphere((0, -1e5, 0), 1e5),), environment=1.0)
     sums = render_frame(ground, settings((0, 1.5, 0), (0, 0.0, -20), 6, size=48), 64)
     for row in range(0, 48, 4):  # ring-shaped shadows would show as rows of the picture
@@ -122,7 +122,7 @@ def test_absorbing_slab(ior):
     assert_mean(sums, (1 - reflected) ** 2 * passed / (1 - (reflected * passed) ** 2), slack=1e-4)
 
 
-def test_white_that_is_let_through_or_back_is_invisible_in_constant_light():
+def test_half_transmitting_white_shell_in_constant_light():
     """A shell that reflects half of the light and transmits the other half is invisible in constant light."""
     shell = Material(kind="metallic_roughness", base_color=gray(1.0), specular=0.0, diffuse_transmission=0.5)
     lit = scene([shell], spheres=(Sphere((0, 0, 0), 1.0),), environment=1.0)
@@ -141,14 +141,14 @@ WHITES = {
 
 
 @pytest.mark.parametrize("name", WHITES)
-def test_white_in_a_white_furnace_is_invisible(name):
+def test_white_materials_in_a_white_furnace(name):
     """White materials on a sphere are invisible in constant light, at all angles and with light from both sides."""
     ball = scene([WHITES[name]], (), (Sphere((0, 0, 0), 1.0),), environment=1.0)
     sums = render_frame(ball, settings((0, 0, 8), (0, 0, 0), 14.6, max_depth=200), 48)
     assert_mean(sums, 1.0, slack=8e-3 if "glass" in name else 2e-3, tests=len(WHITES))
 
 
-def test_image_environment_on_lambert_is_its_cosine_integral():
+def test_image_environment_irradiance():
     rng = np.random.default_rng(5)
     sky = rng.gamma(0.3, 1.0, (8, 16, 1)).repeat(3, 2).astype(np.float32)
     up = scene([WHITE], (FLOOR,), environment=sky)
@@ -165,7 +165,7 @@ def test_image_environment_on_lambert_is_its_cosine_integral():
 
 
 @pytest.mark.parametrize("rotation", [0, 90])
-def test_environment_looks_where_the_description_says(rotation):
+def test_environment_orientation(rotation):
     sky = np.zeros((4, 8, 3), np.float32)
     sky[:, 5:7] = 1.0  # the columns around +x
     small = square((0, -50, 0), (0.1, 0, 0), (0, 0, -0.1), 0)
@@ -183,7 +183,7 @@ def test_environment_looks_where_the_description_says(rotation):
 
 
 @pytest.mark.parametrize("depth", [2, 5])
-def test_mirrors_multiply(depth):
+def test_mirror_reflectances_multiply(depth):
     """An oblique ray between two parallel mirrors hits them alternately, then leaves to the sky, dimmed by each reflection."""
     mirrors = tuple(square((0, y, 0), (s * 2, 0, 0), (0, 0, 2), 0) for y, s in ((1, 1), (-1, -1)))
     lit = scene([Material(kind="mirror", base_color=gray(0.8))], mirrors, environment=3.0)
@@ -192,7 +192,7 @@ def test_mirrors_multiply(depth):
     assert mean(sums, 24) == pytest.approx(3.0 * 0.8, rel=1e-5)
 
 
-def test_a_textured_light_shines_by_its_texels():
+def test_textured_light_irradiance():
     """The irradiance below a light with bilinear texels is the integral over its area: E = sum of L cos cos' / d^2 dA."""
     codes = np.random.default_rng(8).integers(0, 256, (4, 4, 4)).astype(np.uint8)
     light = square((0, 1, 0), (0.5, 0, 0), (0, 0, 0.5), 1)
@@ -223,7 +223,7 @@ def test_a_textured_light_shines_by_its_texels():
     np.testing.assert_allclose(mean(seen, 24).mean((0, 1)), direct, rtol=0.01)
 
 
-def test_cornell_box_has_the_mean_of_the_peers():
+def test_cornell_box_mean_matches_other_renderers():
     description = read(SCENES, "cornell-box.yaml")
     view = description.cameras[0].view
     sums = render_frame(compile_scene(description), RenderSettings(96, 96, view, max_depth=8, filter="box"), 192)

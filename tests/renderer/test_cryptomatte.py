@@ -117,7 +117,7 @@ def test_mattes_equal_the_coverage_by_brute_force(kind: str, tmp_path: Path) -> 
     assert (np.diff(np.stack([coverage for _, coverage in pairs]), axis=0) <= 0).all(), "ranks are in order of coverage"
 
 
-def test_more_ids_than_ranks_keep_those_with_most_samples() -> None:
+def test_ids_with_most_samples_are_kept() -> None:
     """Whatever the order in which the parts of the film were added."""
     scene, stats = compile_scene(described()), RenderStats()
     sums = render_frame(scene, SETTINGS, SPP, stats=stats)
@@ -148,7 +148,7 @@ def test_counts_do_not_depend_on_batches(size: int) -> None:
 
 @settings(max_examples=40, deadline=None)
 @given(st.integers(0, 1 << 30), st.integers(1, 12), st.integers(0, 9))
-def test_samples_are_counted_and_packed(seed: int, pixels: int, samples: int) -> None:
+def test_counts_round_trip(seed: int, pixels: int, samples: int) -> None:
     random = np.random.default_rng(seed)
     ids = random.choice(np.array([0, 1, 2, 7, 1 << 20, NOT_FINITE], np.uint32), (pixels, samples, 2))
     hits = count_samples(ids)
@@ -176,7 +176,7 @@ def test_samples_are_counted_and_packed(seed: int, pixels: int, samples: int) ->
     assert unpack_hits(pack_sums(sums), tile) is None
 
 
-def test_damaged_counts_are_found_out() -> None:
+def test_damaged_counts_are_rejected() -> None:
     tile, sums = Tile(0, 0, 2, 2), np.zeros((film_math.CHANNELS, 2, 2), np.int64)
     sums[SAMPLES] = 3
     key = np.array([1, 2, 1 << 32 | 1], np.uint64)
@@ -219,7 +219,7 @@ def test_ids_are_normal_floats(name: str) -> None:
     assert abs(value) >= np.finfo(np.float32).tiny
 
 
-def test_objects_of_one_name_are_one_matte() -> None:
+def test_objects_with_one_name_share_a_matte() -> None:
     hits = Hits(np.array([1, 2], np.uint64), np.array([3, 1]))
     found = layers(hits, np.array([[4]]), 2, {"objects": ["leaf", "leaf"]})
     assert found[0, 0, :2].view(np.uint32)[0] == hash_of("leaf")
@@ -228,6 +228,6 @@ def test_objects_of_one_name_are_one_matte() -> None:
     assert unnamed[0, 0, :1].view(np.uint32)[0] == hash_of("object 0")
 
 
-def test_a_card_does_not_make_mattes() -> None:
+def test_cards_do_not_support_mattes() -> None:
     assert is_for_cards(replace(SETTINGS, cryptomatte=0))
     assert not is_for_cards(SETTINGS)

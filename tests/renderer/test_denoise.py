@@ -62,7 +62,7 @@ def edges_of(albedo, normal):
 
 
 @pytest.mark.long
-def test_the_error_falls_everywhere_and_the_guides_keep_the_edges(pictures):
+def test_denoising_reduces_the_error_and_keeps_edges(pictures):
     (reference, albedo, normal), noisy = pictures
     edges = edges_of(albedo, normal)
     assert 0.05 < edges.mean() < 0.5
@@ -80,7 +80,7 @@ def test_the_error_falls_everywhere_and_the_guides_keep_the_edges(pictures):
 
 
 @pytest.mark.long
-def test_a_glance_has_less_error_too(pictures):
+def test_preview_denoising_reduces_the_error(pictures):
     reference, noisy = pictures[0][0], pictures[1]
     everywhere = np.ones(reference.shape[:2], bool)
     clean = [rmse(denoise.denoise_preview(*inputs), reference, everywhere) for inputs in noisy]
@@ -88,7 +88,7 @@ def test_a_glance_has_less_error_too(pictures):
     assert ratios.mean() + 3 * ratios.std(ddof=1) / np.sqrt(len(ratios)) < 0, ratios
 
 
-def test_the_inputs_stay_and_the_result_is_the_same_again(rendered):
+def test_denoising_is_deterministic_and_keeps_its_inputs(rendered):
     inputs = rendered(1, 16)
     copies = [image.copy() for image in inputs]
     first = denoise.denoise(*inputs, threads=1)
@@ -99,7 +99,7 @@ def test_the_inputs_stay_and_the_result_is_the_same_again(rendered):
 
 
 @pytest.mark.long
-def test_light_is_kept_in_high_dynamic_range(pictures):
+def test_denoising_keeps_high_dynamic_range(pictures):
     color, albedo, normal = pictures[1][0]
     bright = denoise.denoise(color * 1000, albedo, normal)
     usual = denoise.denoise(color, albedo, normal)
@@ -109,7 +109,7 @@ def test_light_is_kept_in_high_dynamic_range(pictures):
     assert not apply(denoise.denoise(black, black, black)).any(), "nothing that a screen shows"
 
 
-def test_a_missing_library_is_a_sentence(monkeypatch):
+def test_missing_denoiser_is_an_error_message(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyoidn", None)
     black = np.zeros((3, 5, 3), np.float32)
     with pytest.raises(SettingsError, match="pip install"):

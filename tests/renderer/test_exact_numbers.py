@@ -36,14 +36,14 @@ def bare(monkeypatch: pytest.MonkeyPatch) -> None:
             monkeypatch.setattr(module, name, refuse, raising=False)
 
 
-def test_a_luminance_is_added_up_in_order() -> None:
+def test_luminance_has_reproducible_bits() -> None:
     colors = np.random.default_rng(0).random((500, 3)) ** 5
     r, g, b = REC_709.tolist()
     assert luminance(colors).tolist() == [(x * r + y * g) + z * b for x, y, z in colors.tolist()]
 
 
 @pytest.mark.usefixtures("bare")
-def test_a_camera() -> None:
+def test_camera_has_reproducible_bits() -> None:
     frame = camera_frame(RenderSettings(640, 360, VIEW))
     (ex, ey, ez), (tx, ty, tz) = VIEW.eye, VIEW.target
     x, y, z = tx - ex, ty - ey, tz - ez
@@ -52,7 +52,7 @@ def test_a_camera() -> None:
     assert frame.forward == tuple(np.float32(v / length) for v in (x, y, z))
 
 
-def test_a_turned_environment(request: pytest.FixtureRequest) -> None:
+def test_rotated_environment_has_reproducible_bits(request: pytest.FixtureRequest) -> None:
     pixels = np.random.default_rng(1).random((6, 12, 3)).astype(np.float32)
     scene = compile_scene(
         SceneDescription(
@@ -68,7 +68,7 @@ def test_a_turned_environment(request: pytest.FixtureRequest) -> None:
     assert turned.environment_frame[1] == pytest.approx(0.5, abs=1e-7)
 
 
-def test_decoded_srgb_lies_far_from_where_its_rounding_turns() -> None:
+def test_decoded_srgb_is_far_from_rounding_boundaries() -> None:
     """No sRGB code decodes to a value near a float32 rounding boundary, so a pow with a relative error of 1e-12 suffices."""
     getcontext().prec = 40
     for code in range(1, 256):

@@ -52,7 +52,7 @@ def test_no_sum_can_overflow():
     assert int(SAMPLE_MAX) * 2**EXPONENT * MAX_SPP <= 2**62
 
 
-def test_mean_has_the_shapes_and_types_it_says():
+def test_mean_shapes_and_types():
     sums = film_of(np.full((4, 2, 3, 3), 0.25))
     sums[DEPTH] = 4 * 3 << EXPONENT
     assert mean(sums, EXPONENT).shape == (2, 3, 3)
@@ -67,7 +67,7 @@ def test_mean_is_zero_without_samples():
     assert (mean(np.zeros((CHANNELS, 2, 2), np.int64), EXPONENT) == 0).all()
 
 
-def test_mean_divides_by_the_samples_that_count():
+def test_mean_divides_by_finite_samples():
     sums = film_of(np.ones((4, 1, 2, 3)), 1, 2)
     sums[SAMPLES, 0, 1] = 2
     np.testing.assert_array_equal(mean(sums, EXPONENT)[0, :, 0], [1, 2])
@@ -107,7 +107,7 @@ def test_noise_of_a_black_picture_is_zero():
     assert noise(film_of(np.zeros((4, 2, 3, 3))), EXPONENT) == 0
 
 
-def test_the_halves_are_two_for_every_power_of_two():
+def test_halves_are_balanced_for_powers_of_two():
     assert [i for i in range(20) if in_half(i)] == [0, 2, 4, 5, 8, 9, 10, 11, 16, 17, 18, 19]
     for k in range(1, 12):
         assert sum(map(in_half, range(1 << k))) == 1 << (k - 1)

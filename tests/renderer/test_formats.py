@@ -13,21 +13,21 @@ from renderer.scene.files import SceneFiles
 from renderer.scene.readers.by_format import read_file
 
 
-def test_the_kind_that_says_most_wins_then_the_shallowest():
+def test_best_format_then_shallowest_path_is_chosen():
     assert pick_main(["a.obj", "deep/b.glb", "a.mtl", "t.png"])[0] == "deep/b.glb"
     assert pick_main(["deep/a.glb", "b.glb"])[0] == "b.glb"
     assert pick_main(["mesh.ply", "scene.yaml", "model.glb"])[0] == "scene.yaml"
     assert pick_main(["parts/a.usd", "parts/b.usdz", "main.usdc"])[0] == "main.usdc"
 
 
-def test_another_programs_file_is_answered_by_the_export_that_helps():
+def test_unsupported_file_error_suggests_an_export():
     for name, says in (("a.skp", "COLLADA"), ("deep/A.MAX", "glTF"), ("a.7z", "Unpack")):
         with pytest.raises(SceneError, match=f"{name} cannot be read here.*{says}"):
             pick_main(["readme.txt", name])
     assert pick_main(["a.blend", "a.glb"])[0] == "a.glb"
 
 
-def test_a_mac_zip_gives_the_model_and_names_its_rivals():
+def test_macos_zip_yields_the_model_and_names_alternatives():
     names = ["spot/spot_control_mesh.obj", "spot/spot_quadrangulated.obj", "spot/spot_triangulated.obj"]
     main, warnings = pick_main([*names, "__MACOSX/spot/._spot_triangulated.obj", "spot/spot_texture.png"])
     assert main == "spot/spot_triangulated.obj"
@@ -35,7 +35,7 @@ def test_a_mac_zip_gives_the_model_and_names_its_rivals():
     assert "__MACOSX" not in warnings[0]
 
 
-def test_several_scenes_are_named_and_what_one_is_made_of_is_not():
+def test_alternative_scenes_are_named_without_included_files():
     assert "b.fbx" in pick_main(["a.glb", "b.fbx"])[1][0]
     assert pick_main(["a.yaml", "b.obj", "c.glb"])[1] == []
     assert "b.xml" in pick_main(["a.pbrt", "b.xml", "c.ply"])[1][0]
@@ -43,7 +43,7 @@ def test_several_scenes_are_named_and_what_one_is_made_of_is_not():
 
 
 @pytest.mark.parametrize("names", [[], ["readme.txt", "t.png"], [".hidden.glb"], ["__MACOSX/a.glb"]])
-def test_no_scene_is_an_error_that_names_what_is_one(names):
+def test_missing_scene_error_lists_the_formats(names):
     with pytest.raises(SceneError, match=r"\.glb"):
         pick_main(names)
 
@@ -59,7 +59,7 @@ def test_every_format_has_its_reader(format):
     assert callable(import_module(f"renderer.scene.readers.{format.reader}").read)
 
 
-def test_a_reader_and_a_row_are_a_format(tmp_path, monkeypatch):
+def test_format_needs_only_a_reader_and_a_table_row(tmp_path, monkeypatch):
     reader = ModuleType("lines")
     reader.read = lambda files, name, description: description.warnings.append(files.read(name).decode())
     monkeypatch.setitem(sys.modules, "renderer.scene.readers.lines", reader)
@@ -71,7 +71,7 @@ def test_a_reader_and_a_row_are_a_format(tmp_path, monkeypatch):
         read_file(SceneFiles(tmp_path), "a.LINES", description, formats=MESH_FORMATS)
 
 
-def test_an_archive_within_an_archive_is_named_with_what_to_do() -> None:
+def test_nested_archive_error_names_a_remedy() -> None:
     with pytest.raises(SceneError, match=r"inner\.zip cannot be read here\. Unpack it, and give the folder or a \.zip of it\."):
         pick_main(["inner.zip", "readme.txt"])
     assert pick_main(["inner.zip", "room.obj"])[0] == "room.obj"

@@ -18,7 +18,7 @@ from renderer.frames import frame_name, frames_text, numbers_of, parse_frames
         ("2.5", [2.5]),
     ],
 )
-def test_frames_are_those_written_in_their_order(text, frames):
+def test_frame_ranges_are_parsed_in_order(text, frames):
     assert parse_frames(text) == frames
 
 
@@ -38,7 +38,7 @@ def test_frames_are_those_written_in_their_order(text, frames):
         (",".join(["0-49999"] * 1200), "more than 100000 frames"),  # without an early limit parsing this took half a minute
     ],
 )
-def test_what_is_no_range_is_told_so(text, sentence):
+def test_invalid_range_is_an_error(text, sentence):
     with pytest.raises(SettingsError, match=sentence):
         parse_frames(text)
 
@@ -54,16 +54,16 @@ def test_what_is_no_range_is_told_so(text, sentence):
         ("still.png", 7, "still.png"),
     ],
 )
-def test_a_files_name_has_the_frames_number(pattern, frame, name):
+def test_file_name_contains_the_frame_number(pattern, frame, name):
     assert frame_name(pattern, frame) == name
 
 
-def test_runs_are_told_as_ranges():
+def test_consecutive_frames_are_formatted_as_ranges():
     assert frames_text([4, 0, 1, 2, 7.5, 9, 10, 1000000]) == "0-2,4,7.5,9-10,1000000"
     assert parse_frames(frames_text([3, 4, 5, 9])) == [3, 4, 5, 9]
 
 
-def test_the_frames_that_have_files_are_found():
+def test_existing_frame_files_are_found():
     names = ["a.0003.obj", "a.0012.obj", "a.12345.obj", "a.12.obj", "a.00013.obj", "b.0001.obj", "a.0001.mtl"]
     assert numbers_of("a.####.obj", names) == [3, 12, 12345]
     assert numbers_of("a.#.obj", names) == [12, 12345]

@@ -58,7 +58,7 @@ def test_a_glowing_sphere(glowing, integrator, sampler, camera):
 @pytest.mark.parametrize("camera", CAMERAS)
 @pytest.mark.parametrize("sampler", SAMPLERS)
 @pytest.mark.parametrize("integrator", INTEGRATORS)
-def test_a_point_light_in_the_middle(lit, integrator, sampler, camera):
+def test_point_light_at_the_centre(lit, integrator, sampler, camera):
     sums = render_frame(lit, _settings(camera, sampler, integrator), 64)
     assert_mean(sums, LAMPLIGHT[integrator], slack=1e-4, tests=len(LAMPLIGHT) * len(CAMERAS) * len(SAMPLERS))
 

@@ -111,7 +111,7 @@ def _others(numbers, array):
     return whole, mixed, before[0] + array[0] * numbers[1]
 
 
-def test_sums_of_other_types_are_what_they_were() -> None:
+def test_integer_sums_are_not_fused() -> None:
     array = np.array([1.0, 2.0])
     assert _others((3, 4), array) == (13, -2.5, 20.0)
     assert array.tolist() == [4.0, 8.0]

@@ -51,7 +51,7 @@ def kept(monkeypatch):
     monkeypatch.setattr("renderer.scene.instances._MIN_SAVED_TRIANGLES", 0)
 
 
-def test_instances_and_copies_give_one_picture(monkeypatch):
+def test_instances_and_copies_render_equally(monkeypatch):
     """Pictures of instances and of copied meshes differ by noise only, in each pixel; ids and normals of sample 0 are equal."""
     films = []
     for seed, worth in ((1, 0), (2, 10**9), (1, 10**9)):
@@ -72,7 +72,7 @@ def test_instances_and_copies_give_one_picture(monkeypatch):
 
 
 @pytest.mark.parametrize("scale", [2.0**-10, 2.0**10])
-def test_a_power_of_two_in_size_changes_no_bit_of_the_picture(kept, scale):
+def test_power_of_two_scale_keeps_the_bits(kept, scale):
     """All thresholds and offsets are relative, so scaling the scene by a power of two changes no bit of the picture."""
     one, other = (render_frame(compile_scene(room(s)), view(s), 4) for s in (1.0, scale))
     for plane in (COLOR, ALBEDO, NORMAL, OBJECT, MATERIAL):
@@ -80,13 +80,13 @@ def test_a_power_of_two_in_size_changes_no_bit_of_the_picture(kept, scale):
 
 
 @grid("scale", [1e-3, 1e3])
-def test_a_thousandth_and_a_thousand_times_the_size_are_the_same_picture(kept, scale):
+def test_picture_does_not_depend_on_scale(kept, scale):
     one, other = (mean_and_error(render_frame(compile_scene(room(s)), view(s, seed), 64)) for seed, s in enumerate((1.0, scale)))
     assert abs(one[0] - other[0]) < limit(2) * np.hypot(one[1], other[1])
     assert other[1] < 0.01 * other[0]
 
 
-def test_a_coarse_smooth_ball_is_lit_as_a_sphere_to_its_terminator():
+def test_coarse_smooth_ball_has_no_terminator_artefacts():
     """A smooth ball of 320 triangles shows no facets at the shadow boundary and differs from a sphere only in its silhouette."""
     ball = icosphere(2)
     ball.normals = ball.positions

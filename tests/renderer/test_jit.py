@@ -8,7 +8,7 @@ import pytest
 from renderer import jit, machine_code
 
 
-def test_one_process_compiles_and_the_others_load_side_by_side(monkeypatch, tmp_path):
+def test_one_process_compiles_and_others_load_concurrently(monkeypatch, tmp_path):
     monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)
     together = threading.Barrier(2, timeout=30)
     order = []
@@ -30,7 +30,7 @@ def test_one_process_compiles_and_the_others_load_side_by_side(monkeypatch, tmp_
     assert not together.broken
 
 
-def test_the_list_of_a_kernels_files_grows(monkeypatch, tmp_path):
+def test_kernel_file_list_is_extended(monkeypatch, tmp_path):
     monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(jit, "_ready", set())
     for names in ({"b.code"}, {"a.code"}, set()):
@@ -41,14 +41,14 @@ def test_the_list_of_a_kernels_files_grows(monkeypatch, tmp_path):
     assert not jit.is_ready("another")
 
 
-def test_a_kernel_that_does_not_compile_is_not_taken_for_compiled(monkeypatch, tmp_path):
+def test_failed_compilation_is_not_recorded(monkeypatch, tmp_path):
     monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)
     with pytest.raises(ZeroDivisionError), jit.compiling("kernel"):
         _ = 1 / 0
     assert not list(tmp_path.glob("*.done"))
 
 
-def test_who_waits_in_vain_compiles_too(monkeypatch, tmp_path):
+def test_waiting_process_compiles_after_a_timeout(monkeypatch, tmp_path):
     monkeypatch.setattr(jit, "cache_folder", lambda: tmp_path)
     monkeypatch.setattr(jit, "COMPILE_PATIENCE_S", 0.3)
     entered = threading.Event()

@@ -47,13 +47,13 @@ def signed(archive: bytes) -> io.BytesIO:
     return io.BytesIO(hmac.new(b"token", archive, hashlib.sha256).digest() + archive)
 
 
-def test_what_was_packed_is_unpacked_and_nothing_else(folder: Path, tmp_path: Path) -> None:
+def test_kernel_file_round_trip(folder: Path, tmp_path: Path) -> None:
     assert unpack(packed(folder), "token", tmp_path / "other") == len(FILES)
     found = {p.relative_to(tmp_path / "other").as_posix(): p.read_bytes() for p in (tmp_path / "other").rglob("*") if p.is_file()}
     assert found == FILES
 
 
-def test_nothing_is_unpacked_that_is_not_signed_with_the_key(folder: Path, tmp_path: Path) -> None:
+def test_unsigned_kernel_file_is_not_unpacked(folder: Path, tmp_path: Path) -> None:
     good = packed(folder).getvalue()
     for at in (0, 31, 32, len(good) // 2, len(good) - 1):
         bad = bytearray(good)
@@ -69,7 +69,7 @@ def test_nothing_is_unpacked_that_is_not_signed_with_the_key(folder: Path, tmp_p
 
 
 @pytest.mark.parametrize("name", ["../outside.code", "/etc/passwd", "a/b/c.code", "a/evil.py", "a\\..\\b.code", "x.done/y"])
-def test_names_that_lead_elsewhere_are_refused(tmp_path: Path, name: str) -> None:
+def test_paths_in_kernel_files_are_rejected(tmp_path: Path, name: str) -> None:
     file = io.BytesIO()
     with zipfile.ZipFile(file, "w") as archive:
         archive.writestr(name, b"x")
@@ -77,13 +77,13 @@ def test_names_that_lead_elsewhere_are_refused(tmp_path: Path, name: str) -> Non
         unpack(signed(file.getvalue()), "token", tmp_path / "other")
 
 
-def test_bytes_that_are_no_archive_are_refused(tmp_path: Path) -> None:
+def test_non_archive_bytes_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(ArtefactError, match="damaged"):
         unpack(signed(b"no zip at all"), "token", tmp_path / "other")
 
 
 @pytest.mark.parametrize("variant", KERNEL_VARIANTS)
-def test_the_kernel_of_each_variant_is_shared(variant: str, tmp_path: Path) -> None:
+def test_every_variants_kernel_can_be_shared(variant: str, tmp_path: Path) -> None:
     kernel, folder = f"render_pool-{variant}", tmp_path / "0123456789abcdef"
     folder.mkdir()
     (folder / f"{kernel}.done").write_text("")

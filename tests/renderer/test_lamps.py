@@ -43,7 +43,7 @@ def planes(sums: Sums) -> np.ndarray:
         pytest.param({"integrator": "ao"}, marks=pytest.mark.long),
     ],
 )
-def test_the_camera_sees_what_is_behind(kernel: dict[str, object]) -> None:
+def test_camera_sees_behind_a_hidden_lamp(kernel: dict[str, object]) -> None:
     """The first-hit planes show the surface behind a lamp that is hidden from the camera, as if the lamp did not exist."""
     with_lamp = picture([WHITE, LAMP], FLOOR, BEFORE, spp=4, **kernel)
     without = picture(
@@ -55,7 +55,7 @@ def test_the_camera_sees_what_is_behind(kernel: dict[str, object]) -> None:
 
 
 @grid("kernel", [{}, PATH])
-def test_it_lights_as_a_body_does(kernel: dict[str, object]) -> None:
+def test_hidden_lamp_lights_like_a_visible_one(kernel: dict[str, object]) -> None:
     below = View((0.3, 2.0, 0.4), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=30.0)
     sums = picture([WHITE, emitter(4.0)], FLOOR, ABOVE, view=below, max_depth=2, spp=256)
     body, _ = mean_and_error(sums)
@@ -63,7 +63,7 @@ def test_it_lights_as_a_body_does(kernel: dict[str, object]) -> None:
 
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
-def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
+def test_mirror_shows_hidden_lamp_and_background(kernel: dict[str, object]) -> None:
     """A mirror shows a hidden lamp together with the light behind it, of another lamp or an emissive surface."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=10.0)
     wall = square((0, 5.0, 0), (3, 0, 0), (0, 0, 3), 3)
@@ -73,7 +73,7 @@ def test_mirrors_show_it_with_what_is_behind(kernel: dict[str, object]) -> None:
 
 
 @pytest.mark.long
-def test_nothing_lies_in_its_shade() -> None:
+def test_hidden_lamp_casts_no_shadow() -> None:
     """A hidden lamp casts no shadow: a floor below two lamps, one in front of the other, receives the light of both."""
     down = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=20.0)
 
@@ -87,7 +87,7 @@ def test_nothing_lies_in_its_shade() -> None:
         assert_mean(lit(4.0, 3.0, kernel=kernel), expected, slack=3 * max(part[1] for part in parts) / expected + 1e-4)
 
 
-def test_one_that_is_not_hidden_shows_before_what_is_behind() -> None:
+def test_visible_pass_through_lamp_adds_to_the_background() -> None:
     """The camera sees the sum of a visible pass-through lamp and what is behind it; the first hit is the object behind."""
     lamp = emitter(4.0, lamp=True)
     found = picture([emitter(1.0), lamp], FLOOR, BEFORE, spp=4, max_depth=1)
@@ -97,7 +97,7 @@ def test_one_that_is_not_hidden_shows_before_what_is_behind() -> None:
     np.testing.assert_allclose(planes(found), planes(hidden), rtol=1e-4, atol=100)  # the distance is the sum of two parts
 
 
-def test_a_body_that_is_not_seen_casts_its_shadow() -> None:
+def test_hidden_object_casts_a_shadow() -> None:
     """An object hidden from the camera casts its shadow and is visible in a mirror."""
     ball = Material(base_color=gray(0.0), unseen=True)
     blocker = square((0, 1.0, 0), (8, 0, 0), (0, 0, -8), 2)

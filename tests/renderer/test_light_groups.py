@@ -89,7 +89,7 @@ def test_the_groups_of_a_sample_add_up_to_its_colour(count: int) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", [*PLAIN, *FULL, "milk in glass"])
-def test_groups_add_up_and_leave_the_colour_as_it_is(name: str) -> None:
+def test_groups_sum_to_the_unchanged_color(name: str) -> None:
     scene, settings = _grouped(name), _settings(name)
     sums = render_frame(scene, settings, 4)
     assert sums.shape[0] == plane_count(4) == film.CHANNELS + 12
@@ -125,7 +125,7 @@ def test_both_backends_have_the_same_bits(name: str, monkeypatch: pytest.MonkeyP
 
 
 @pytest.mark.long
-def test_a_group_is_the_picture_of_its_lights_alone() -> None:
+def test_group_equals_rendering_with_its_lights_alone() -> None:
     """The mean of a group equals a rendering in which all other lights are switched off."""
     spp = 1024
 
@@ -177,7 +177,7 @@ shapes:
             read(tmp_path, "s.yaml")
 
 
-def test_the_setting_takes_names() -> None:
+def test_light_groups_setting_is_parsed() -> None:
     settings = replace(SETTINGS, light_groups=" key ,  Fenster süd,b_2-c ")
     assert settings.light_groups == "key,Fenster süd,b_2-c"
     assert settings.group_names == ("key", "Fenster süd", "b_2-c", "rest")
@@ -215,7 +215,7 @@ def test_groups_and_caustics_are_not_combined() -> None:
         replace(made("diffuse")[1], light_groups="key", caustics="on")
 
 
-def test_a_group_of_no_light_is_an_error_with_those_that_are() -> None:
+def test_unknown_group_error_lists_the_groups() -> None:
     check_light_groups("", [])
     check_light_groups("key,fill", ["fill", "key", "rim"])
     with pytest.raises(SettingsError, match="names kye, which no light of the scene has; it has key, rim"):

@@ -43,7 +43,7 @@ def cold(tmp_path: Any, monkeypatch: pytest.MonkeyPatch) -> None:
         function._reset_overloads()
 
 
-def test_only_the_kernel_is_machine_code(cold: None) -> None:
+def test_only_the_kernel_is_compiled_to_machine_code(cold: None) -> None:
     assert kernel(np.arange(4.0)) == 19.0
     libraries = {f.__name__: next(iter(f.overloads.values())).library for f in (_merged, _apart_from_all, _between, kernel)}
     codes = {name: library._compiled_object for name, library in libraries.items()}
@@ -52,7 +52,7 @@ def test_only_the_kernel_is_machine_code(cold: None) -> None:
     assert [name for name, library in libraries.items() if not library.is_inlinable] == ["_apart_from_all", "_between"]
 
 
-def test_what_was_kept_is_linked_too(cold: None) -> None:
+def test_cached_functions_are_linked(cold: None) -> None:
     """In a new process each cached function is loaded from its file once, and linked into newly compiled callers."""
     assert kernel(np.arange(4.0)) == 19.0
     kernel._cache.flush()
@@ -67,7 +67,7 @@ def caller(values):
     return 2.0 * kernel(values)
 
 
-def test_what_others_would_link_of_a_kernel_is_read_when_one_does(cold: None) -> None:
+def test_kernel_bitcode_is_loaded_when_linked(cold: None) -> None:
     assert kernel(np.arange(4.0)) == 19.0
     kernel._reset_overloads()
     assert kernel(np.arange(4.0)) == 19.0

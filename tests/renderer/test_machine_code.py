@@ -18,7 +18,7 @@ def files(tmp_path: Path) -> Any:
     return machine_code._Files(tmp_path, "path._render-1.py311", "stamp")
 
 
-def test_what_is_saved_is_loaded_under_its_own_key_alone(files: Any, tmp_path: Path) -> None:
+def test_saved_code_is_loaded_by_its_key_only(files: Any, tmp_path: Path) -> None:
     assert files.load(KEY) is None
     files.save(KEY, {"code": b"x"})
     assert files.load(KEY) == {"code": b"x"}
@@ -30,7 +30,7 @@ def test_what_is_saved_is_loaded_under_its_own_key_alone(files: Any, tmp_path: P
 
 
 @pytest.mark.parametrize("left", [b"", b"\x80\x05\x95", b"no pickle", b"cnowhere\nNothing\n.", b"crenderer.jit\nNothing\n."])
-def test_a_damaged_file_is_none(files: Any, tmp_path: Path, left: bytes) -> None:
+def test_damaged_cache_file_is_ignored(files: Any, tmp_path: Path, left: bytes) -> None:
     files.save(KEY, 1)
     (path,) = tmp_path.iterdir()
     path.write_bytes(left)
@@ -39,14 +39,14 @@ def test_a_damaged_file_is_none(files: Any, tmp_path: Path, left: bytes) -> None
     assert files.load(KEY) == 2
 
 
-def test_where_there_is_no_room_nothing_is_kept(tmp_path: Path) -> None:
+def test_unwritable_cache_folder_caches_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     files = machine_code._Files(tmp_path / "file" / "gone", "path._render-1.py311", "stamp")
     files.save(KEY, 1)
     assert files.load(KEY) is None
 
 
-def test_what_is_touched_is_noted(files: Any, tmp_path: Path) -> None:
+def test_accessed_files_are_collected(files: Any, tmp_path: Path) -> None:
     files.save(KEY, 1)
     with collect_cache_files() as paths:
         assert paths == set()
@@ -60,7 +60,7 @@ def test_what_is_touched_is_noted(files: Any, tmp_path: Path) -> None:
     assert not list(tmp_path.iterdir())
 
 
-def test_what_kernels_are_made_of_is_not_noted(tmp_path: Path) -> None:
+def test_files_of_inner_functions_are_not_collected(tmp_path: Path) -> None:
     files = machine_code._Files(tmp_path, "walk.walk-1.py311", "stamp", is_kernel=False)
     with collect_cache_files() as paths:
         files.save(KEY, 1)

@@ -71,7 +71,7 @@ def assert_colors(sums: Any, expected: tuple[float, ...], tests: int = 1, slack:
     )
 
 
-def test_what_is_absorbed_follows_beer() -> None:
+def test_absorption_follows_beers_law() -> None:
     """Absorption follows Beer's law exactly: without scattering nothing is random."""
     sigma = np.array((0.1, 0.7, 3.0))
     assert seen(described([interface(sigma_a=tuple(sigma))], meshes=(slab(1.5),))) == pytest.approx(
@@ -81,7 +81,7 @@ def test_what_is_absorbed_follows_beer() -> None:
     assert seen(described([both], BALL)) == pytest.approx(np.exp(-2 * sigma) * 0.5 ** (2 / 3), rel=3e-4)
 
 
-def test_media_in_media_each_take_their_part() -> None:
+def test_nested_media_absorb_separately() -> None:
     """Nested balls in a slab absorb by their own media; a ball of the slab's medium has no effect."""
     a, b, c = 0.2, 0.5, 0.7
     nested = described(
@@ -98,7 +98,7 @@ def test_media_in_media_each_take_their_part() -> None:
     assert seen(empty) == pytest.approx(gray(np.exp(-4 * a)), rel=3e-4)
 
 
-def test_bodies_that_overlap_are_left_one_by_one() -> None:
+def test_overlapping_bodies_are_left_separately() -> None:
     """In two overlapping bodies, the medium entered last applies until the ray leaves its body, and then the other one again."""
     first, second = interface(sigma_a=gray(0.2)), interface(sigma_a=gray(0.5))
     balls = (Sphere((0, 0, 0.5), 1.0, 0), Sphere((0, 0, -0.5), 1.0, 1))
@@ -106,7 +106,7 @@ def test_bodies_that_overlap_are_left_one_by_one() -> None:
 
 
 @pytest.mark.parametrize("inside", [1, 2, 3])
-def test_a_camera_is_in_what_is_around_it(inside: int) -> None:
+def test_camera_inside_nested_media(inside: int) -> None:
     """A camera inside any number of concentric balls is in all their media: each attenuates its view."""
     sigma = (0.3, 0.5, 0.8)
     balls = tuple(Sphere((0, 0, 0), 1.0 + k, k) for k in range(inside))
@@ -115,7 +115,7 @@ def test_a_camera_is_in_what_is_around_it(inside: int) -> None:
     assert seen(scene, view) == pytest.approx(gray(np.exp(-sum(sigma[:inside]))), rel=3e-4)
 
 
-def test_the_worlds_medium_hides_what_is_infinitely_far() -> None:
+def test_world_medium_hides_the_environment() -> None:
     sigma = np.array((0.1, 0.2, 0.4))
     world = Medium(sigma_a=tuple(sigma))
     lamp = Material(base_color=gray(0.0), emission=gray(2.0))
@@ -125,7 +125,7 @@ def test_the_worlds_medium_hides_what_is_infinitely_far() -> None:
     assert seen(aside) == pytest.approx(gray(0.0))
 
 
-def test_shadow_rays_pass_what_is_no_surface_and_lose_what_it_absorbs() -> None:
+def test_shadow_rays_are_attenuated_by_media() -> None:
     """Shadow rays through a ball of smoke above a floor are attenuated by its absorption."""
     floor = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
     lights = [Light("point", gray(10.0), position=(0.0, 0.0, 3.0))]
@@ -151,18 +151,18 @@ FURNACES = {
 
 
 @grid("name", FURNACES, ordinary=("onwards", "glass"))
-def test_what_only_scatters_shows_the_sky_as_it_is(name: str) -> None:
+def test_nonabsorbing_medium_in_a_white_furnace(name: str) -> None:
     """Scattering without absorption is invisible in constant light, for any density and phase function, also in glass."""
     assert_mean(film(described([FURNACES[name]], BALL), spp=128), 1.0, most_error=0.02, tests=len(FURNACES))
 
 
-def test_from_inside_what_only_scatters_the_sky_is_as_it_is() -> None:
+def test_camera_inside_nonabsorbing_medium_in_a_white_furnace() -> None:
     view = View((0.1, 0.2, 0.3), (0.0, 0.0, -1.0), fov=70.0)
     assert_mean(film(described([interface(sigma_s=(1.0, 2.0, 4.0), g=0.4)], BALL), view, 128), 1.0)
 
 
 @pytest.mark.parametrize("g", [0.0, 0.7])
-def test_light_that_is_scattered_once(g: float) -> None:
+def test_single_scattering_matches_closed_form(g: float) -> None:
     """Single scattering in a slab under a distant light, viewed obliquely, has radiance
 
     E p(cos) s / u * integral of exp(-t z (1 / u + 1 / v)), where u and v are the cosines of light and view.
@@ -181,7 +181,7 @@ def test_light_that_is_scattered_once(g: float) -> None:
 
 
 @pytest.mark.parametrize("cosine", [1.0, 0.3])
-def test_a_half_space_sends_back_what_chandrasekhar_found(cosine: float) -> None:
+def test_half_space_reflectance_matches_chandrasekhar(cosine: float) -> None:
     """A half-space under a white sky reflects 1 - sqrt(1 - albedo) H(cosine), Chandrasekhar's solution."""
     albedos = np.array((0.5, 0.9, 0.99))
     deep = described([interface(sigma_s=tuple(albedos), sigma_a=tuple(1 - albedos))], meshes=(slab(300.0, 1e3),))
@@ -202,14 +202,14 @@ BODIES = {
 
 
 @grid("name", BODIES, ordinary=("wax",))
-def test_subsurface_looks_as_bright_as_the_colour_that_it_is_given(name: str) -> None:
+def test_subsurface_reflectance_equals_its_color(name: str) -> None:
     """From afar under a white sky, a body's reflectance equals its subsurface colour within van de Hulst's 2 to 3 per cent."""
     slack = 0.03 if name == "onwards" else 0.02
     body = BODIES[name]
     assert_colors(film(described([body], meshes=(slab(1e3, 1e4),)), spp=256), body.base_color, tests=4, slack=slack)
 
 
-def test_layers_over_subsurface_are_those_over_the_diffuse_base() -> None:
+def test_coat_over_subsurface_equals_coat_over_diffuse() -> None:
     """A body with a clear coat is equally bright with a subsurface base and with a diffuse base of the same colour.
 
     All light that enters leaves again.
@@ -222,7 +222,7 @@ def test_layers_over_subsurface_are_those_over_the_diffuse_base() -> None:
         assert_colors(other, expected, tests=2, slack=0.03)
 
 
-def test_subsurface_lets_light_through_that_a_wall_would_stop() -> None:
+def test_subsurface_transmits_light_through_thin_slabs() -> None:
     """A thin slab transmits light from behind by subsurface scattering."""
     lights = [Light("point", gray(10.0), position=(0.0, 0.0, -4.0))]
     for share, expected in ((0.0, 0.0), (1.0, 0.01)):
@@ -231,7 +231,7 @@ def test_subsurface_lets_light_through_that_a_wall_would_stop() -> None:
         assert seen(behind, spp=64).mean() >= expected
 
 
-def test_first_hits_are_the_first_thing_that_scatters() -> None:
+def test_first_hit_is_the_first_scattering_event() -> None:
     dense = described([interface(sigma_s=(3e3, 2e3, 1e3), sigma_a=gray(1e3))], meshes=(slab(2.0),))
     found = np.asarray(film(dense, NARROW, 64)).mean(axis=(1, 2)) * 2.0**-24 / 64
     assert found[ALBEDO] == pytest.approx((3 / 4, 2 / 3, 1 / 2), rel=1e-3)
@@ -239,7 +239,7 @@ def test_first_hits_are_the_first_thing_that_scatters() -> None:
     assert found[DEPTH] == pytest.approx(5.0, rel=1e-3)
 
 
-def test_a_path_in_fog_is_told_vertex_by_vertex() -> None:
+def test_path_in_fog_is_recorded_by_vertex() -> None:
     from renderer.render import replay
 
     fog = described([interface(sigma_s=gray(2.0))], BALL)
@@ -259,7 +259,7 @@ def test_a_path_in_fog_is_told_vertex_by_vertex() -> None:
 
 
 @pytest.mark.parametrize("integrator", ["whitted", "ao"])
-def test_integrators_that_know_nothing_of_media_take_them_for_nothing(integrator: str) -> None:
+def test_integrators_without_media_ignore_them(integrator: str) -> None:
     floor = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
     kinds = interface(sigma_s=gray(2.0)), interface()
     fog, nothing = (described([kind, Material(base_color=gray(0.5))], BALL, (floor,)) for kind in kinds)

@@ -66,7 +66,7 @@ def from_the_middle(size: int, height: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.long
-def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
+def test_rotating_bar_blurs_to_a_disc() -> None:
     """A bar of half width w that turns once covers the share 4 asin(w / r) / (2 pi) of the circle of radius r about its axis."""
     bar = square((0, 0, 0), (1.8, 0, 0), (0, 0.15, 0), UNLIT)
     turning = merged_over_shutter(lambda t: described(meshes=[bar], instances=[Instance(0, turned(2 * math.pi * t), moves=True)]))
@@ -86,7 +86,7 @@ def test_a_bar_that_turns_once_is_a_disc_of_the_known_brightness() -> None:
 
 
 @pytest.mark.long
-def test_what_flies_leaves_a_streak_of_the_known_profile() -> None:
+def test_moving_square_blurs_to_a_trapezoid() -> None:
     """The streak of a square moving from -d to d is a trapezoid: a point is covered for the square's width, less at both ends."""
     w, d = 0.25, 1.0
     dot = square((0, 0, 0), (w, 0, 0), (0, w, 0), UNLIT)
@@ -261,7 +261,7 @@ OTHERS = [pytest.param(each, marks=pytest.mark.long) for each in (growing, turni
 
 @pytest.mark.long
 @grid("at", [*SCENES, *OTHERS], ids=lambda at: at.__name__, ordinary=(spinning_child, bending))
-def test_a_blurred_picture_is_the_mean_of_its_moments(at: At) -> None:
+def test_motion_blur_equals_the_mean_of_static_pictures(at: At) -> None:
     moving = merged_over_shutter(at)
     views = moving.cameras[0].keys if moving.cameras else ()
     settings = settings_of(moving.cameras[0].view if views else FLAT, 24, views=views, max_depth=3)
@@ -293,7 +293,7 @@ def under_a_lamp(t: float) -> SceneDescription:
 
 
 @pytest.mark.long
-def test_a_lamp_that_stands_still_is_as_bright_where_something_deforms() -> None:
+def test_static_lamp_beside_deforming_geometry() -> None:
     settings = settings_of(size=24, max_depth=2)
     found, known = (
         picture(compile_scene(made), settings, 256)[:, :16] for made in (merged_over_shutter(under_a_lamp), under_a_lamp(0.0))
@@ -303,7 +303,7 @@ def test_a_lamp_that_stands_still_is_as_bright_where_something_deforms() -> None
 
 
 @pytest.mark.long
-def test_without_a_shutter_a_frame_is_its_still() -> None:
+def test_frame_without_shutter_equals_the_still() -> None:
     still = compile_scene(growing(0.0))
     settings = settings_of(size=32)
     whole = digest(render_frame(still, replace(settings, shutter=0.0), 4))
@@ -317,7 +317,7 @@ def test_without_a_shutter_a_frame_is_its_still() -> None:
 
 
 @pytest.mark.long
-def test_a_blurred_frame_is_the_same_however_it_is_cut(tmp_path: Path) -> None:
+def test_blurred_frame_does_not_depend_on_batches(tmp_path: Path) -> None:
     made = compile_scene(merged_over_shutter(everything))
     save(made, tmp_path / "scene")
     kept = load(tmp_path / "scene")
@@ -333,7 +333,7 @@ def test_a_blurred_frame_is_the_same_however_it_is_cut(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_replay_follows_the_sample_at_its_time() -> None:
+def test_replay_uses_the_samples_shutter_time() -> None:
     made = compile_scene(merged_over_shutter(growing))
     settings = settings_of(size=32)
     for sample in (0, 5):
@@ -344,7 +344,7 @@ def test_a_replay_follows_the_sample_at_its_time() -> None:
 
 
 @pytest.mark.long
-def test_a_trailing_shutter_closes_at_the_frame_and_a_leading_one_opens() -> None:
+def test_trailing_and_leading_shutters() -> None:
     """A trailing shutter's streak covers the motion before the frame's time, a leading one's the motion after it."""
     bar = square((0, 0, 0), (0.1, 0, 0), (0, 2, 0), UNLIT)
     flight = lambda t: described(meshes=[bar], instances=[Instance(0, turned(0, (t, 0, 0)), moves=True)])  # noqa: E731
@@ -356,7 +356,7 @@ def test_a_trailing_shutter_closes_at_the_frame_and_a_leading_one_opens() -> Non
         assert seen.max() == pytest.approx(high + 0.1, abs=0.07)
 
 
-def test_keys_may_be_chosen_and_else_follow_the_turns() -> None:
+def test_number_of_motion_keys() -> None:
     bar = square((0, 0, 0), (1, 0, 0), (0, 0.1, 0), UNLIT)
 
     def turning(turns: float) -> At:
@@ -367,7 +367,7 @@ def test_keys_may_be_chosen_and_else_follow_the_turns() -> None:
     assert merged_over_shutter(turning(3.3), Shutter(1.0, keys=7)).keys == 7
 
 
-def test_what_cannot_be_blurred_is_named() -> None:
+def test_unsupported_motion_is_named() -> None:
     def changing(t: float) -> SceneDescription:
         scene = growing(t)
         scene.materials[GRAY] = replace(scene.materials[GRAY], base_color=gray(0.5 + 0.1 * t))

@@ -71,7 +71,7 @@ def calls_of(function: Any, arguments: tuple[types.Type, ...]) -> frozenset[tupl
 
 @pytest.mark.long
 @pytest.mark.parametrize("variant", [PLAIN, pytest.param(FULL, marks=pytest.mark.long)])
-def test_what_is_shared_out_are_parts_of_the_kernel(monkeypatch: pytest.MonkeyPatch, variant: str) -> None:
+def test_shared_parts_belong_to_the_kernel(monkeypatch: pytest.MonkeyPatch, variant: str) -> None:
     warm_up(variant=variant)  # otherwise all called functions would be compiled here
     asked: list[tuple[types.Type, ...]] = []
 
@@ -139,7 +139,7 @@ def test_each_part_is_compiled_by_one_process(parts: list[tuple[Any, tuple[int]]
     assert len({by[0] for by in done}) == 2
 
 
-def test_a_helper_that_is_killed_is_not_waited_for(parts: list[tuple[Any, tuple[int]]], tmp_path: Path) -> None:
+def test_killed_helper_is_not_awaited(parts: list[tuple[Any, tuple[int]]], tmp_path: Path) -> None:
     parts += [(Deadly(tmp_path, number), (os.getpid(),)) for number in range(20)]
     with Helpers(PLAIN) as helpers:
         helpers.share()
@@ -148,7 +148,7 @@ def test_a_helper_that_is_killed_is_not_waited_for(parts: list[tuple[Any, tuple[
     assert len(missing) <= 1, "what it was at is compiled with the kernel, the rest by who is left"
 
 
-def test_helpers_end_where_nothing_is_shared_and_where_compiling_fails(
+def test_helpers_end_without_work_or_after_an_error(
     parts: list[tuple[Any, tuple[int]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(parallel_compile, "prepare_first", lambda: (tmp_path / "prepared").touch())
@@ -164,7 +164,7 @@ def test_helpers_end_where_nothing_is_shared_and_where_compiling_fails(
     assert not psutil.pid_exists(child)
 
 
-def test_beside_other_threads_a_helper_is_started_anew(
+def test_helper_is_spawned_beside_other_threads(
     parts: list[tuple[Any, tuple[int]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     started: list[list[str]] = []
@@ -184,7 +184,7 @@ def test_beside_other_threads_a_helper_is_started_anew(
     assert (tmp_path / "0").exists()
 
 
-def test_there_are_as_many_helpers_as_cores_and_memory_allow(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_number_of_helpers_by_cores_and_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parallel_compile, "cores", lambda: 16)
     monkeypatch.setattr(parallel_compile, "_free", lambda: 64 << 30)
     assert parallel_compile._helpers() == parallel_compile.MOST

@@ -22,7 +22,7 @@ def made():
     return scene(materials, (ground, box(2, 0.4, (0, 0.4, -1)), lamp), environment=0.3)
 
 
-def test_the_samples_add_up_to_the_film_and_three_are_shown(made):
+def test_pixel_samples_sum_to_the_film(made):
     asked = replace(settings(*VIEW, size=40, max_depth=6), view=View((0, 2, 6), (0, 0.5, 0), fov=40, aperture=0.2))
     film = render_batch(made, asked, Tile(16, 16, 8, 8), 0, 24).sums
     for x, y in ((16, 16), (20, 22), (23, 23)):
@@ -35,7 +35,7 @@ def test_the_samples_add_up_to_the_film_and_three_are_shown(made):
         assert next(path.sample for path in found.paths if "asked" in path.chosen) == 5
 
 
-def test_a_pixel_without_samples_shows_its_first(made):
+def test_pixel_without_samples_shows_the_first_sample(made):
     found = pixel_paths(made, settings(*VIEW, size=40), 3, 3, 0)
     assert (found.samples, found.sums, [path.sample for path in found.paths]) == (0, (0, 0, 0), [0])
     with pytest.raises(SettingsError, match=r"^pixel"):
@@ -43,7 +43,7 @@ def test_a_pixel_without_samples_shows_its_first(made):
 
 
 @pytest.mark.parametrize("projection", ["perspective", "orthographic", "panorama"])
-def test_what_a_pixel_sees_is_seen_in_the_pixel(made, projection):
+def test_first_vertex_projects_into_the_pixel(made, projection):
     """A path's first vertex projects to the sample's film position, within the filter's radius."""
     view = View((0, 2, 6), (0.3, 0.5, 0), up=(0.1, 1, 0), fov=50, projection=projection, height=3, shift_x=0.2, shift_y=-0.1)
     asked = replace(settings(*VIEW, size=40, max_depth=2), view=view)
@@ -52,7 +52,7 @@ def test_what_a_pixel_sees_is_seen_in_the_pixel(made, projection):
         assert (spot.x / spot.w, spot.y / spot.w) == pytest.approx((x + 0.5, y + 0.5), abs=2.5)
 
 
-def test_what_lies_behind_and_what_is_far_have_a_side():
+def test_projection_of_points_behind_and_directions():
     view = View((0, 0, 0), (0, 0, -1), fov=90)
     assert projected_point(view, 20, 20, (1, 0, 5)).w < 0
     middle = projected_point(view, 20, 20, (0, 0, -1), is_far=True)

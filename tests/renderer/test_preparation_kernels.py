@@ -34,14 +34,14 @@ compile_scene(shot.at(Moment(shot.start)))
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["cornell-box.yaml", "spheres.yaml", "smallpt.yaml"])
-def test_a_first_scene_compiles_nothing_by_itself(name: str) -> None:
+def test_first_scene_needs_no_compilation(name: str) -> None:
     command = [sys.executable, "-c", _PROGRAM, str(ROOT / "scenes"), name]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout == ""
 
 
 @pytest.mark.parametrize("has_full", [True, False])
-def test_the_rest_is_loaded_where_this_machine_has_it(monkeypatch: pytest.MonkeyPatch, has_full: bool) -> None:
+def test_remaining_kernels_are_loaded_if_cached(monkeypatch: pytest.MonkeyPatch, has_full: bool) -> None:
     done: list[str] = []
     monkeypatch.setattr(jit, "is_cached", lambda name: has_full and name == kernel_name(variant=FULL))
     monkeypatch.setattr(render, "prepare", lambda: done.append("all"))
@@ -50,7 +50,7 @@ def test_the_rest_is_loaded_where_this_machine_has_it(monkeypatch: pytest.Monkey
 
 
 @pytest.mark.parametrize(("variant", "prepares", "wanted"), [(PLAIN, True, ["first"]), (FULL, True, ["all"]), (PLAIN, False, [])])
-def test_what_comes_with_a_kernel(
+def test_preparation_kernels_loaded_with_a_kernel(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, variant: str, prepares: bool, wanted: list[str]
 ) -> None:
     done: list[str] = []

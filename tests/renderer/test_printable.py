@@ -19,11 +19,11 @@ UNSAFE = [
 HOSTILE = "\x1b]0;owned\x07\x1b[2J\u202etxt.exe\x9b31m\r\ud800"
 
 
-def test_an_unsafe_character_becomes_its_escape() -> None:
+def test_unsafe_characters_are_escaped() -> None:
     assert [printable(f"a{character}b") for character in UNSAFE] == [f"a\\u{ord(character):04x}b" for character in UNSAFE]
 
 
-def test_other_text_stays() -> None:
+def test_safe_text_is_unchanged() -> None:
     text = "Würfel 立方体 مشهد 🎬 a\tb\nc é \u200f\u200d"
     assert printable(text) == text
     assert one_line("a\tb\nc\x1b") == "a b c\\u001b"
@@ -48,7 +48,7 @@ except ValueError as error:
     assert LogRecord("x", logging.INFO, "", 1, "%s", (HOSTILE,), None).getMessage() == printable(HOSTILE)
 
 
-def test_nothing_is_printed_raw() -> None:
+def test_all_output_is_printable() -> None:
     """All output is made safe to print.
 
     All consoles are PlainConsole, and all arguments of `print` are constants, JSON or printable text.

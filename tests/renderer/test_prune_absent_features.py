@@ -43,7 +43,7 @@ def _both(whole, number):
 
 
 @pytest.mark.long
-def test_a_branch_on_a_field_that_is_none_is_left_out_also_in_functions_called() -> None:
+def test_branches_on_none_fields_are_pruned() -> None:
     table = np.array([1.0, 5.0])
     assert _read(Whole(Parts(None, None), 3.0)) == 3
     assert _read(Whole(Parts(table, None), 3.0)) == 1
@@ -51,7 +51,7 @@ def test_a_branch_on_a_field_that_is_none_is_left_out_also_in_functions_called()
     assert _read(Whole(Parts(None, np.array([2.0])), 3.0)) == 2
 
 
-def test_a_condition_may_ask_more() -> None:
+def test_pruned_condition_may_have_further_terms() -> None:
     table = np.array([1.0, 5.0])
     assert _both(Whole(Parts(None, None), 3.0), 1) == 3
     assert _both(Whole(Parts(table, None), 3.0), 1) == 5

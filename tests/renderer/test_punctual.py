@@ -34,13 +34,13 @@ def assert_irradiance(sums, expected, rtol=1e-4):
 
 @pytest.mark.parametrize("degrees", [0, 40, 80])
 @pytest.mark.parametrize("distance", [0.5, 30.0])
-def test_point(degrees, distance):
+def test_point_light_irradiance(degrees, distance):
     a = math.radians(degrees)
     lamp = Light("point", (3.0, 2.0, 1.0), (distance * math.sin(a), distance * math.cos(a), 0))
     assert_irradiance(irradiance(lamp), np.array([3.0, 2.0, 1.0]) * math.cos(a) / distance**2)
 
 
-def test_what_stands_between_takes_all():
+def test_blocker_occludes_the_point_light():
     roof = square((0, 0.5, 0), (0.2, 0, 0), (0, 0, 0.2), 1)
     for kind in ("point", "spot", "directional"):
         lamp = Light(kind, gray(3.0), (0, 3, 0), (0, -1, 0))
@@ -49,7 +49,7 @@ def test_what_stands_between_takes_all():
 
 
 @pytest.mark.parametrize(("inner", "outer"), [(0, 45), (20, 30), (30, 30)])
-def test_a_spot_falls_off_between_its_cones_as_gltf_says(inner, outer):
+def test_gltf_spot_falloff(inner, outer):
     """A spot's intensity follows clamp((cos - cos outer) / (cos inner - cos outer))^2, as glTF defines."""
     cos_inner, cos_outer = math.cos(math.radians(inner)), math.cos(math.radians(outer))
     for degrees in (0, 10, 19, 22, 25, 28, 29.5, 31, 44, 46, 100):
@@ -69,7 +69,7 @@ def smooth_step(x):
     ordinary=("smooth",),
 )
 @pytest.mark.parametrize(("inner", "outer"), [(0, 45), (20, 30), (30, 30)])
-def test_a_spot_falls_off_as_each_renderer_says(falloff, by, curve, inner, outer):
+def test_spot_falloff_of_other_renderers(falloff, by, curve, inner, outer):
     """Spot falloffs equal those of Cycles, pbrt, Mitsuba and USD; renderer/kernel/light/punctual.py cites the sources."""
     start, end = by(math.radians(inner)), by(math.radians(outer))
     for degrees in (0, 10, 19, 22, 25, 28, 29.5, 31, 44, 46, 100):
@@ -81,7 +81,7 @@ def test_a_spot_falls_off_as_each_renderer_says(falloff, by, curve, inner, outer
 
 
 @pytest.mark.parametrize("degrees", [0, 60])
-def test_directional(degrees):
+def test_directional_light_irradiance(degrees):
     a = math.radians(degrees)
     sun = Light("directional", (3.0, 2.0, 1.0), direction=(5 * math.sin(a), -5 * math.cos(a), 0))
     assert_irradiance(irradiance(sun), np.array([3.0, 2.0, 1.0]) * math.cos(a))
@@ -89,7 +89,7 @@ def test_directional(degrees):
 
 @pytest.mark.parametrize("kind", ["point", "spot"])
 @pytest.mark.parametrize("degrees", [0, 55])
-def test_a_radius_leaves_the_irradiance_where_the_sphere_is_above_the_horizon(kind, degrees):
+def test_radius_keeps_the_irradiance_above_the_horizon(kind, degrees):
     """The irradiance by a spherical light above the horizon equals a point's: E = pi L (r / d)^2 cos = I cos / d^2."""
     a = math.radians(degrees)
     place = (2 * math.sin(a), 2 * math.cos(a), 0)
@@ -97,7 +97,7 @@ def test_a_radius_leaves_the_irradiance_where_the_sphere_is_above_the_horizon(ki
     assert_mean(irradiance(lamp, spp=64), 5.0 * math.cos(a) / 4 / math.pi, slack=1e-4)
 
 
-def test_a_sphere_cut_by_the_horizon():
+def test_spherical_light_cut_by_the_horizon():
     """A spherical light with its centre in the floor's plane is half visible; E is integrated numerically over its cone."""
     distance, radius = 2.0, 1.0
     lamp = Light("point", gray(1.0), (distance, 0, 0), radius=radius)
@@ -109,18 +109,18 @@ def test_a_sphere_cut_by_the_horizon():
     assert_mean(irradiance(lamp, spp=1024), expected / math.pi, slack=1e-3)
 
 
-def test_within_its_radius_a_point_shines_as_on_its_sphere():
+def test_point_inside_a_spherical_light():
     lamp = Light("point", gray(1.0), (0, 0.1, 0), radius=0.5)
     assert_mean(irradiance(lamp, spp=1024), 1 / (math.pi * 0.25), slack=1e-3)  # L, since E = pi L
 
 
 @pytest.mark.parametrize("angle", [0.01, 0.53, 20.0, 120.0, 180.0])
-def test_an_angle_leaves_the_irradiance_of_a_sun_overhead(angle):
+def test_sun_angle_keeps_the_irradiance(angle):
     sun = Light("directional", gray(3.0), direction=(0, -1, 0), angle=angle)
     assert_mean(irradiance(sun, spp=256), 3.0 / math.pi, slack=2e-4)
 
 
-def test_a_suns_angle_makes_a_penumbra():
+def test_sun_angle_makes_a_penumbra():
     """A half plane at height h casts a penumbra of width 2 h tan(half angle), with half the light at its middle."""
     roof = square((-20, 1.0, 0), (20, 0, 0), (0, 0, 40), 1)
     sun = Light("directional", gray(1.0), direction=(0, -1, 0), angle=40)
@@ -131,7 +131,7 @@ def test_a_suns_angle_makes_a_penumbra():
         assert least <= mean(sums, 24).mean() * math.pi <= most
 
 
-def test_a_sphere_point_and_a_sphere_of_that_radiance_light_alike():
+def test_spherical_point_light_equals_an_emissive_sphere():
     radius, intensity = 0.4, 2.0
     place = (0.5, 1.2, 0.3)
     body = Material(base_color=gray(0), emission=gray(intensity / (math.pi * radius**2)))
@@ -144,7 +144,7 @@ def test_a_sphere_point_and_a_sphere_of_that_radiance_light_alike():
     assert_mean(punctual, float(mean(emitting, 24).mean()), slack=2e-3)
 
 
-def test_no_ray_meets_a_light_without_a_body():
+def test_rays_do_not_hit_punctual_lights():
     lamp = Light("point", gray(3.0), (0, 0, 0), radius=0.5)
     lit = scene([WHITE], (square((0, 0, -9), (0.1, 0, 0), (0, 0.1, 0), 0),), lights=(lamp,))
     assert mean(render_frame(lit, settings((0, 0, 3), (0, 0.3, 0)), 1), 24).max() == 0
@@ -162,7 +162,7 @@ def test_no_ray_meets_a_light_without_a_body():
         (Light("spot", inner_cone=50, outer_cone=40), "inner must be from 0 to the outer"),
     ],
 )
-def test_what_means_nothing_is_refused(light, words):
+def test_invalid_light_is_rejected(light, words):
     description = SceneDescription(spheres=[Sphere((0, 0, 0), 1.0)], materials=[WHITE], lights=[light])
     with pytest.raises(SceneError, match=words):
         compile_scene(description)

@@ -64,13 +64,13 @@ def made() -> Outer:
     return Outer(np.array([1, 2, 7], np.int32), inner, None, (3.0, 4.0), True)
 
 
-def test_fields_are_read_as_the_tuples_own() -> None:
+def test_reference_fields_equal_the_tuples() -> None:
     out = np.zeros(5)
     read(made(), out)
     assert out.tolist() == [10.0, 7.5 + 3, 4.0, 1.0, 0.0]
 
 
-def test_a_reference_is_known_by_the_fields_and_their_types() -> None:
+def test_reference_type_is_named_by_its_fields() -> None:
     outer = typeof(made())
     assert Reference(outer) == Reference(typeof(made()))
     others = made()._replace(point=(3.0, 4)), Renamed(*made()), made()._replace(inner=made().inner._replace(scale=1))

@@ -72,7 +72,7 @@ def add(sums, made, asked, tile, first, count):
 
 
 @pytest.mark.parametrize("size", [7, 16, 64])
-def test_tiles_of_any_size_make_the_same_film(whole, size):
+def test_film_does_not_depend_on_tile_size(whole, size):
     made, expected = whole
     sums = np.zeros_like(expected)
     for tile in reversed(tiles_of(40, 40, size)):
@@ -81,7 +81,7 @@ def test_tiles_of_any_size_make_the_same_film(whole, size):
 
 
 @pytest.mark.parametrize("threads", [1, 2, 5, None])
-def test_any_number_of_threads_makes_the_same_film(whole, threads):
+def test_film_does_not_depend_on_threads(whole, threads):
     made, expected = whole
     stats = RenderStats()
     calls = []
@@ -95,7 +95,7 @@ def test_any_number_of_threads_makes_the_same_film(whole, threads):
 
 @given(st.data())
 @hypothesis_settings(max_examples=15, deadline=None)
-def test_any_cut_into_batches_makes_the_same_film(whole, data):
+def test_film_does_not_depend_on_batches(whole, data):
     """Batches of any tile sizes and sample ranges, in any order, add up to the same film."""
     made, expected = whole
     tiles = tiles_of(40, 40, data.draw(st.integers(9, 40)))
@@ -107,7 +107,7 @@ def test_any_cut_into_batches_makes_the_same_film(whole, data):
     assert digest(sums) == digest(expected)
 
 
-def test_a_frame_does_not_depend_on_the_frame_before(whole):
+def test_frame_does_not_depend_on_the_previous_frame(whole):
     made, expected = whole
     first = render_frame(made, MANY, 2)
     rest = sum(render_batch(made, MANY, Tile(0, 0, 40, 40), n, 1).sums for n in range(2, SPP))
@@ -115,7 +115,7 @@ def test_a_frame_does_not_depend_on_the_frame_before(whole):
     assert digest(render_frame(varied(), MANY, SPP)) == digest(expected)
 
 
-def test_half_sums_are_those_of_the_half_of_the_sample_numbers(whole):
+def test_half_buffer_contains_its_sample_numbers(whole):
     made, expected = whole
     numbers = [n for n in range(SPP) if in_half(n)]
     half = sum(render_batch(made, MANY, Tile(0, 0, 40, 40), n, 1).sums for n in numbers)
@@ -124,7 +124,7 @@ def test_half_sums_are_those_of_the_half_of_the_sample_numbers(whole):
     assert (expected[SAMPLES] == SPP).all()
 
 
-def test_seeds_and_pixels_and_samples_differ(whole):
+def test_seeds_pixels_and_samples_are_independent(whole):
     made, expected = whole
     other = render_batch(
         made, settings((0, 2, 6), (0, 0.5, 0), 40, size=40, max_depth=5, seed=1), Tile(0, 0, 40, 40), 0, SPP
@@ -150,7 +150,7 @@ LEVEL = settings((0, 0, 0), (0, 0, -1), 60, size=16, max_depth=1)
 
 
 @pytest.mark.parametrize("poison", [np.nan, np.inf])
-def test_bad_samples_are_left_out_counted_and_named(poison):
+def test_bad_samples_are_omitted_counted_and_listed(poison):
     made = wall_and_sky()
     sky = np.full((1, 1, 3), 1.0, np.float32)
     sky[0, 0, 1] = poison
@@ -165,7 +165,7 @@ def test_bad_samples_are_left_out_counted_and_named(poison):
     assert np.isfinite(mean(sums, 24)).all()
 
 
-def test_a_batch_names_its_bad_samples_by_the_frames_pixels_and_numbers():
+def test_bad_samples_have_frame_coordinates():
     made = wall_and_sky()
     sky = np.full((1, 1, 3), np.nan, np.float32)
     batch = render_batch(seal(made._replace(environment=sky)), LEVEL, Tile(5, 7, 2, 2), 40, 2)
@@ -173,7 +173,7 @@ def test_a_batch_names_its_bad_samples_by_the_frames_pixels_and_numbers():
     assert sorted(batch.bad) == [(5, 7, 40), (5, 7, 41), (6, 7, 40), (6, 7, 41)]
 
 
-def test_an_infinite_light_and_a_material_that_is_no_number_spoil_no_sum():
+def test_infinite_light_and_nan_material_keep_sums_valid():
     made = varied()
     for column, value in ((3, np.inf), (0, np.nan), (7, np.nan)):
         material = made.material.copy()
@@ -185,7 +185,7 @@ def test_an_infinite_light_and_a_material_that_is_no_number_spoil_no_sum():
         assert np.abs(sums[COLOR]).max() <= 2 * SAMPLE_MAX * 2**24
 
 
-def test_what_is_too_bright_is_clamped():
+def test_bright_samples_are_clamped():
     made = wall_and_sky(1e9)
     sums = render_frame(made, LEVEL, 5)
     assert (sums[COLOR, :8] == 5 * int(SAMPLE_MAX) * 2**24).all()
@@ -247,7 +247,7 @@ def test_settings_replace_and_scale_the_environment():
     np.testing.assert_allclose(lit, np.broadcast_to((0.5, 1, 2), lit.shape), rtol=1e-6)
 
 
-def test_a_dark_scene_is_lit_by_the_settings_environment():
+def test_settings_environment_lights_a_dark_scene():
     made = scene([Material(base_color=gray(0.5))], spheres=(Sphere((0, 0, 0), 1.0),))
     asked = settings((0, 0, 4), (0, 0, 0), 10, size=16, environment=(2.0, 2.0, 2.0))
     assert_mean(render_frame(made, asked, 64), 1.0)
@@ -270,14 +270,14 @@ def spread_and_estimate(sampler, spp, seeds=48):
 
 
 @pytest.mark.parametrize("spp", [8, 13])
-def test_noise_is_what_many_seeds_show(spp):
+def test_noise_estimate_matches_the_spread_over_seeds(spp):
     spread, found, error = spread_and_estimate("independent", spp)
     assert error < 0.05 * spread
     assert abs(found - spread) < 3 * 2 * error  # both values are estimates of similar precision
 
 
 @grid("spp", [2, 8, 13, 64], ordinary=(13,))
-def test_noise_of_sobol_samples_is_not_told_too_low_nor_as_if_they_were_independent(spp):
+def test_noise_estimate_of_sobol_samples(spp):
     spread, found, error = spread_and_estimate("sobol", spp)
     assert spread < found + 3 * 2 * error
     assert found < 1.7 * spread
@@ -289,14 +289,14 @@ def _kernel_halves(numbers, halves):
         halves[i] = kernel_half(numbers[i])
 
 
-def test_the_kernel_halves_the_samples_as_the_film_says():
+def test_kernel_halves_match_the_film():
     numbers = np.array([*range(5000), 2**19 - 1, 2**19, 3 * 2**18 - 1, 3 * 2**18, 2**20 - 1])
     halves = np.empty(len(numbers), bool)
     _kernel_halves(numbers, halves)
     assert halves.tolist() == [in_half(int(n)) for n in numbers]
 
 
-def test_object_and_material_are_numbers_that_add_up_in_any_order(whole):
+def test_id_planes_add_up_in_any_order(whole):
     """The object and material planes hold the numbers of sample 0; a batch without sample 0 adds nothing to them."""
     made, expected = whole
     assert {0, 1, 2, 3, 4} <= set(np.unique(expected[MATERIAL])) <= {0, 1, 2, 3, 4, 5}  # only three pixels may show material 5
@@ -312,7 +312,7 @@ def test_object_and_material_are_numbers_that_add_up_in_any_order(whole):
 
 @pytest.mark.parametrize("sampler", ["sobol", "independent"])
 @pytest.mark.parametrize("name", ["blackman-harris", "tent", "box"])
-def test_filters_leave_no_seams(whole, name, sampler):
+def test_filters_leave_no_seams_at_tile_borders(whole, name, sampler):
     """A wide filter moves a sample into another tile, but its value is added to its own pixel."""
     made, _ = whole
     asked = settings((0, 2, 6), (0, 0.5, 0), 40, size=40, max_depth=3, filter=name, sampler=sampler)
@@ -327,7 +327,7 @@ def test_filters_leave_no_seams(whole, name, sampler):
 
 @pytest.mark.long
 @pytest.mark.parametrize(("spp", "gain"), [(4, 1.05), (16, 1.2), (64, 1.4)])
-def test_sobol_pictures_have_less_noise_than_independent_ones(spp, gain):
+def test_sobol_sampler_reduces_noise(spp, gain):
     spreads = {sampler: spread_and_estimate(sampler, spp, 16)[0] for sampler in ("sobol", "independent")}
     assert spreads["independent"] > gain * spreads["sobol"], spreads
 
@@ -347,7 +347,7 @@ def test_tile_borders_leave_no_trace():
         assert abs(across.mean()) < limit(4) * across.std() / np.sqrt(across.size)
 
 
-def test_a_frame_stops_when_told_and_is_a_frame_of_fewer_samples(whole):
+def test_stopped_frame_equals_a_frame_of_fewer_samples(whole):
     made, _ = whole
     seen = []
 

@@ -38,7 +38,7 @@ def made():
 
 
 @grid("integrator", INTEGRATORS, ordinary=("path", "direct"))
-def test_a_replay_is_the_films_sample_to_the_bit(made, integrator):
+def test_replay_equals_the_films_sample(made, integrator):
     asked = settings(*VIEW, size=40, max_depth=6, integrator=integrator, filter="blackman-harris")
     for sample in (0, 1, 5, 100):
         film = render_batch(made, asked, Tile(0, 0, 40, 40), sample, 1).sums
@@ -52,7 +52,7 @@ def test_a_replay_is_the_films_sample_to_the_bit(made, integrator):
                 assert found.vertices[0].material == film[MATERIAL, y, x] - 1
 
 
-def test_the_vertices_are_a_chain(made):
+def test_replayed_vertices_are_connected(made):
     asked = settings(*VIEW, size=40, max_depth=6, transmission_depth=0)
     kinds = set()
     for y in range(0, 40, 3):
@@ -81,7 +81,7 @@ def test_the_vertices_are_a_chain(made):
     assert kinds == {"surface", "passed", "missed"}
 
 
-def test_the_strategys_density_is_told(made):
+def test_replay_records_the_bsdf_pdf(made):
     """The recorded pdf of a diffuse bounce is cos / pi, twice that if the path splits there; after a mirror there is none."""
     asked = settings(*VIEW, size=40, max_depth=6)
     seen = 0
@@ -105,7 +105,7 @@ def test_the_strategys_density_is_told(made):
         (Material(base_color=gray(1.0)), {"max_depth": 2, "diffuse_depth": 2}, "depth"),
     ],
 )
-def test_the_limit_that_ended_a_path_is_told(material, asked, end):
+def test_replay_records_the_reached_limit(material, asked, end):
     """In two nested spheres of one material, paths that pass the inner sphere end at the outer one, with the limit recorded."""
     made = scene([material], spheres=(Sphere((0, 0, 0), 1.0, 0), Sphere((0, 0, 0), 2.0, 0)))
     found = replay(made, settings((0, 0, 0), (0, 0, -1), 40, size=8, **{"max_depth": 64, **asked}), 3, 3, 0)
@@ -113,7 +113,7 @@ def test_the_limit_that_ended_a_path_is_told(material, asked, end):
     assert end in ENDS
 
 
-def test_a_bad_sample_has_no_value_but_a_path():
+def test_replay_of_a_bad_sample_has_no_value():
     made = scene([Material(base_color=gray(0.5))], (square((0, -50, -1), (99, 0, 0), (0, 50, 0), 0),), environment=1.0)
     poisoned = seal(made._replace(environment=np.full((1, 1, 3), np.nan, np.float32)))
     asked = settings((0, 0, 0), (0, 0, -1), 60, size=16, max_depth=1)
@@ -126,7 +126,7 @@ def test_a_bad_sample_has_no_value_but_a_path():
 @pytest.mark.parametrize(
     ("x", "y", "sample", "word"), [(40, 0, 0, "pixel"), (0, -1, 0, "pixel"), (0, 0, -1, "sample"), (0, 0, 1 << 20, "sample")]
 )
-def test_what_is_not_in_the_picture_is_said(made, x, y, sample, word):
+def test_replay_out_of_range_is_an_error(made, x, y, sample, word):
     with pytest.raises(SettingsError, match=f"^{word}"):
         replay(made, settings(*VIEW, size=40), x, y, sample)
 
@@ -139,7 +139,7 @@ def test_rendering_writes_no_log(made):
     np.testing.assert_array_equal(render_frame(made, asked, 2), before)
 
 
-def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
+def test_replay_records_the_chosen_lamp(made):
     """A path's record names the chosen lamp and its contribution, reduced by a pane's transmission; MIS weights are 0 to 1."""
     asked = settings(*VIEW, size=40, max_depth=6)
     brought, blocked, shares = 0, 0, []
@@ -166,7 +166,7 @@ def test_the_lamp_that_was_chosen_is_told_with_what_it_brings(made):
     assert any(share < 1 for share in shares)
 
 
-def test_why_a_path_is_over_is_told(made):
+def test_replay_records_the_end_reason(made):
     asked = settings(*VIEW, size=40, max_depth=12, roulette=0.5)
     ends = {}
     for x in range(0, 40, 2):

@@ -43,7 +43,7 @@ def digests() -> list[str]:
     return lines
 
 
-def test_both_are_one_kind_and_keep_their_kernels_apart() -> None:
+def test_avx512_hosts_share_the_kind_but_not_the_kernels() -> None:
     program = "from renderer import jit; print(jit.kind()); print(jit.cache_folder().name); print(jit.HAS_AVX512)"
     kind, folder, has = _without(program)
     assert kind == jit.kind()

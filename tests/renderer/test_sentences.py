@@ -16,7 +16,7 @@ INNER = Sentence("image-cut-off", "{name}: the image is cut off; export it again
 OUTER = Sentence("texture-left-out", "{error}; rendered without {n} of them.", error=INNER, n=3)
 
 
-def test_a_sentence_is_its_english_text() -> None:
+def test_sentence_equals_its_english_text() -> None:
     assert INNER == "a.png: the image is cut off; export it again."
     assert OUTER == "a.png: the image is cut off; export it again; rendered without 3 of them.", "one full stop"
     assert f"{INNER}" == str(INNER) and json.loads(json.dumps(INNER)) == INNER and {INNER: 1}[str(INNER)] == 1
@@ -31,12 +31,12 @@ def test_the_code_survives_exceptions_pickles_and_a_missing_full_stop() -> None:
     assert isinstance(INNER[:500], Sentence) and not isinstance(INNER[:5], Sentence)
 
 
-def test_an_address_of_a_library_is_left_out_of_the_parameters_too() -> None:
+def test_memory_addresses_are_removed_from_parameters() -> None:
     text = str(SceneError(Sentence("x", "broken: {error}", error="<A object at 0x7f00>")))
     assert isinstance(text, Sentence) and text == "broken: the data" and text.params == {"error": "the data"}
 
 
-def test_json_has_the_codes_beside_the_texts() -> None:
+def test_json_contains_texts_and_codes() -> None:
     record = {"error": OUTER, "warnings": ["plain", INNER], "info": {"warnings": [INNER]}, "n": 1}
     wire = json.loads(json.dumps(encoded(record)))
     assert wire["error"] == OUTER and wire["warnings"] == ["plain", str(INNER)], "as releases before read it"
@@ -59,12 +59,12 @@ def test_json_has_the_codes_beside_the_texts() -> None:
         {"error": {"code": "x", "params": {"inner": {"code": "y"}}}},
     ],
 )
-def test_a_malformed_code_leaves_plain_text(codes: Any) -> None:
+def test_malformed_code_yields_plain_text(codes: Any) -> None:
     """A sentence with a malformed code becomes plain text, since workers of other releases or hostile ones may send anything."""
     found = decoded({"error": "A text.", "codes": codes})
     assert found["error"] == "A text." and not isinstance(found["error"], Sentence)
 
 
-def test_compositions() -> None:
+def test_composed_sentences() -> None:
     assert joined_sentences(INNER, "Ask again.") == f"{INNER} Ask again." and joined_sentences("", "Ask again.") == "Ask again."
     assert with_full_stop(INNER) == INNER and with_count("x", 1) == "x" and with_count("x", 3) == "x (3 times)"

@@ -72,7 +72,7 @@ VIEW = View((0, 1, 5), (0, 1, 0))
         ("film_exponent", -1),
     ],
 )
-def test_a_setting_out_of_range_is_named(field, value):
+def test_setting_out_of_range_is_named(field, value):
     with pytest.raises(SettingsError, match=f"^{field} is"):
         RenderSettings(**{"width": 8, "height": 8, "view": VIEW, field: value})
 
@@ -99,7 +99,7 @@ def test_a_setting_out_of_range_is_named(field, value):
         ({"near": math.nan}, "^near is"),
     ],
 )
-def test_a_view_that_sees_nothing_is_refused(changes, sentence):
+def test_invalid_view_is_rejected(changes, sentence):
     with pytest.raises(SettingsError, match=sentence):
         View(**{"eye": (0, 1, 5), "target": (0, 1, 0), **changes})
 
@@ -134,7 +134,7 @@ def test_a_view_that_sees_nothing_is_refused(changes, sentence):
         environment_rotation=st.floats(-360, 360),
     )
 )
-def test_json_gives_the_same_settings_to_the_bit(settings):
+def test_settings_round_trip_through_json(settings):
     assert RenderSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
 
 
@@ -149,11 +149,11 @@ def test_tiles_cover_every_pixel_once(width, height, size):
     assert (covered == 1).all()
 
 
-def test_a_colour_may_be_a_list_as_json_has_them():
+def test_color_may_be_a_list():
     assert RenderSettings(8, 8, VIEW, ambient=[0.1, 0.2, 0.3]).ambient == (0.1, 0.2, 0.3)
 
 
-def test_a_setting_that_older_workers_do_not_know_is_told_only_where_it_is_asked_for() -> None:
+def test_new_settings_are_sent_only_if_set() -> None:
     """Settings unknown to older workers are sent only if they are set, so that jobs and stored fingerprints stay valid."""
     assert "transparency_depth" not in RenderSettings(8, 8, VIEW).to_json()
     asked = RenderSettings(8, 8, VIEW, transparency_depth=5)
@@ -175,7 +175,7 @@ def test_settings_of_an_older_release_are_read():
         RenderSettings.from_json({"width": 8, "height": 8})
 
 
-def test_numbers_are_of_their_fields_own_type():
+def test_numbers_are_converted_to_the_field_type():
     """Numbers are converted to the type of their field, for which kernels are compiled: an integer field given 8.0 becomes 8."""
     made = RenderSettings(np.int64(8), 8.0, View([0, 1, 5], (np.float32(0.5), 1, 0)), max_depth=5.0, clamp_indirect=1)
     assert (type(made.width), type(made.height), type(made.max_depth), type(made.clamp_indirect)) == (int, int, int, float)
@@ -197,7 +197,7 @@ def test_numbers_are_of_their_fields_own_type():
         ("seed", None),
     ],
 )
-def test_what_is_no_number_is_named(name, value):
+def test_non_number_is_named_in_the_error(name, value):
     with pytest.raises(SettingsError, match=f"^{name} is .*; ") as caught:
         RenderSettings(8, 8, VIEW, **{name: value})
     assert len(str(caught.value)) < 200

@@ -30,7 +30,7 @@ def web(theta, phi):
 
 
 @pytest.mark.parametrize(("theta", "phi"), [(0.5, 45), (15, 0), (30, 90), (45, 200), (70, 330)])
-def test_a_profile_gives_its_candela_by_the_squared_distance(theta, phi):
+def test_profile_irradiance(theta, phi):
     """The irradiance of a floor is E = I(theta, phi) cos(theta) / d^2, with plane C0 along X and C90 along -Z."""
     a, b, height = math.radians(theta), math.radians(phi), 2.0
     at = height * math.tan(a) * math.cos(b), 0.0, -height * math.tan(a) * math.sin(b)
@@ -39,7 +39,7 @@ def test_a_profile_gives_its_candela_by_the_squared_distance(theta, phi):
     assert_irradiance(irradiance(lamp, at=at), expected * np.array([1.0, 0.5, 2.0]), rtol=2e-3)
 
 
-def test_a_profile_lies_in_the_frame_of_its_light():
+def test_profile_of_a_tilted_light():
     """A tilted light's profile is looked up by the angle to its axis and the azimuth from its up vector."""
     for direction, up in (((0.3, -1, 0.2), (0, 0, 1)), ((1, -0.4, 0), (0, 1, 0)), ((0, -1, 0), (1, 0, 0))):
         f = np.array(direction) / np.linalg.norm(direction)
@@ -55,7 +55,7 @@ def test_a_profile_lies_in_the_frame_of_its_light():
 
 
 @pytest.mark.parametrize("kind", ["window", "screen"])
-def test_a_picture_is_thrown_upright(kind):
+def test_projected_image_is_upright(kind):
     """An image of four colours is projected upright onto a floor: red at the upper left, for a viewer with -Z up."""
     pixels = np.array([[[4, 0, 0], [0, 3, 0]], [[0, 0, 2], [1, 1, 1]]], np.float32).repeat(64, axis=0).repeat(64, axis=1)
     lamp = Light("point", gray(5.0), (0, 2, 0), (0, -1, 0), emission=projected_map(pixels, 1.0, 0.5, kind), up=(0, 0, -1))
@@ -67,7 +67,7 @@ def test_a_picture_is_thrown_upright(kind):
         assert_irradiance(irradiance(lamp, at=(2 * x, 0, 2 * z)), 0.0)
 
 
-def test_a_picture_all_around_is_seen_upright_from_the_light():
+def test_panoramic_emission_is_upright():
     """A panorama's centre is in the light's up direction, its right half to the right of this, its top along the axis."""
     pixels = np.zeros((64, 128, 3), np.float32)
     pixels[:32] = 1.0
@@ -79,7 +79,7 @@ def test_a_picture_all_around_is_seen_upright_from_the_light():
     np.testing.assert_allclose(looked_up(emission, local)[:, 1], [1, 1, 0, 0])
 
 
-def test_a_spot_is_dark_beyond_its_cone_whatever_its_picture_is():
+def test_spot_with_image_is_dark_beyond_its_cone():
     picture = projected_map(np.full((4, 4, 3), 2.0, np.float32), 2.0, 2.0)
     lamp = Light("spot", gray(3.0), (0, 1, 0), (0, -1, 0), inner_cone=29.9, outer_cone=30.0, emission=picture)
     assert_irradiance(irradiance(lamp), 6.0)
@@ -87,7 +87,7 @@ def test_a_spot_is_dark_beyond_its_cone_whatever_its_picture_is():
 
 
 @pytest.mark.parametrize("facing", [False, True])
-def test_a_lamp_of_a_size_has_its_picture_too(facing):
+def test_profile_of_a_lamp_with_radius(facing):
     """A profile shapes the light of a lamp with a radius like that of a point light, whether it is a sphere or a facing disk."""
     lamp = Light("point", gray(4.0), (0, 3, 0), (0, -1, 0), emission=WEB.emission, up=(0, 0, -1), radius=0.05, facing=facing)
     at = (0.0, 0.0, -math.tan(math.radians(20)) * 3)
@@ -95,7 +95,7 @@ def test_a_lamp_of_a_size_has_its_picture_too(facing):
     assert_irradiance(irradiance(lamp, at=at, spp=256), expected, rtol=1e-2)
 
 
-def test_lights_are_chosen_by_what_their_maps_send():
+def test_light_power_includes_the_map_flux():
     """A light's power is its map's flux, and its bounds in the light tree contain all of its light."""
     half = read_ies(ies([0.0, 90.0], [0.0], lambda theta, phi: 100 + 0 * theta), "half")
     lamp = Light("point", (3.0, 2.0, 1.0), (1, 2, 3), (0, 0, 1), emission=half.emission)
@@ -124,7 +124,7 @@ def test_flux_is_the_integral_over_directions(emission, expected):
     np.testing.assert_allclose(flux_of(emission), expected, rtol=1e-3)
 
 
-def test_flux_is_what_is_looked_up():
+def test_flux_matches_the_lookup():
     """The computed flux of a light map equals the mean of its values in random directions, within four standard errors."""
     local = RANDOM.normal(size=(200_000, 3))
     picture = RANDOM.random((7, 5, 3), np.float32)
@@ -139,20 +139,20 @@ def test_flux_is_what_is_looked_up():
         assert (np.abs(found.mean(axis=0) - flux_of(emission)) < 4.5 * error + 2e-3 * flux_of(emission)).all()
 
 
-def test_one_map_of_many_lights_is_kept_once():
+def test_shared_emission_map_is_stored_once():
     lamps = [Light("point", gray(1.0), (k, 2, 0), emission=WEB.emission) for k in range(5)]
     made = scene([WHITE], (FLOOR,), lights=(*lamps, Light("point")))
     assert len(made.emission_map) == 1 and list(made.emission_frame[:, 3]) == [0, 0, 0, 0, 0, -1]
     assert len(emission_frames([Light("point")], [])) == 0
 
 
-def test_distant_lights_have_none():
+def test_distant_lights_have_no_emission_map():
     with pytest.raises(SceneError, match="only point and spot lights may have one"):
         irradiance(Light("directional", direction=(0, -1, 0), emission=WEB.emission))
     with pytest.raises(SceneError, match="has no direction"):
         irradiance(Light("point", direction=(0, 0, 0), emission=WEB.emission))
 
 
-def test_a_map_may_hold_one_number():
+def test_emission_map_of_one_texel():
     lamp = Light("point", gray(2.0), (0, 1, 0), emission=EmissionMap("sphere", np.full((1, 1, 3), 3.0, np.float32), (0, 7, 0, 4)))
     assert_irradiance(irradiance(lamp), 6.0)

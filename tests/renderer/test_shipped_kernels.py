@@ -27,7 +27,7 @@ def shipped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return folder
 
 
-def test_what_the_lists_name_is_copied_once(shipped: Path, tmp_path: Path) -> None:
+def test_listed_files_are_copied_once(shipped: Path, tmp_path: Path) -> None:
     cache = tmp_path / "cache" / "abc"
     copy_shipped_kernels(cache)
     copied = sorted(path.relative_to(cache).as_posix() for path in cache.rglob("*") if path.is_file())
@@ -37,21 +37,19 @@ def test_what_the_lists_name_is_copied_once(shipped: Path, tmp_path: Path) -> No
     assert copy_finished_kernels(shipped, cache) == 0
 
 
-def test_nothing_is_taken_of_another_state_of_the_sources(shipped: Path, tmp_path: Path) -> None:
+def test_kernels_of_other_sources_are_ignored(shipped: Path, tmp_path: Path) -> None:
     copy_shipped_kernels(tmp_path / "cache" / "def")
     assert not (tmp_path / "cache").exists()
 
 
-def test_those_of_the_wheel_are_taken_where_none_are_named(
-    shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wheel_kernels_are_the_default(shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(FOLDER)
     monkeypatch.setattr("renderer.shipped_kernels.IN_WHEEL", shipped.parent)
     copy_shipped_kernels(tmp_path / "cache" / "abc")
     assert (tmp_path / "cache" / "abc" / "plain.done").exists()
 
 
-def test_a_kernel_is_taken_before_it_is_compiled(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_shipped_kernel_is_used_instead_of_compiling(shipped: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A kernel that is shipped in the image is copied to the cache instead of compiled, also by `rayfarm render`."""
     taken: list[Path] = []
 
@@ -66,13 +64,13 @@ def test_a_kernel_is_taken_before_it_is_compiled(shipped: Path, monkeypatch: pyt
     assert taken == [jit.cache_folder()]
 
 
-def test_an_unknown_kernel_is_refused(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unknown_kernel_is_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit):
         precompile.main(["--kernels", "plain,fast"])
     assert "there is no kernel fast; known are plain, full," in capsys.readouterr().err
 
 
-def test_compiling_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+def test_compilation_prints_its_progress(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     ran: list[tuple[str, ...]] = []
     monkeypatch.setattr(precompile, "_compile_in_process", lambda *job: ran.append(job))
     monkeypatch.setattr(precompile.jit, "is_cached", lambda name: False)
@@ -85,13 +83,13 @@ def test_compiling_says_how_far_it_is(monkeypatch: pytest.MonkeyPatch, capsys: p
     assert "kernels ready after" in last
 
 
-def test_a_file_that_others_may_have_written_is_left_out(shipped: Path, tmp_path: Path) -> None:
+def test_files_writable_by_others_are_not_copied(shipped: Path, tmp_path: Path) -> None:
     (shipped / "kernel.x" / "a.code").chmod(0o666)
     copy_shipped_kernels(tmp_path / "cache" / "abc")
     assert not (tmp_path / "cache" / "abc" / "kernel.x" / "a.code").exists()
 
 
-def test_a_cache_that_cannot_be_written_is_a_warning(
+def test_unwritable_cache_is_a_warning(
     shipped: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     def refused(_: Path) -> None:
@@ -104,7 +102,7 @@ def test_a_cache_that_cannot_be_written_is_a_warning(
 
 
 @pytest.mark.long
-def test_compiling_needs_no_folder_that_can_be_written(tmp_path: Path) -> None:
+def test_compilation_with_read_only_sources(tmp_path: Path) -> None:
     """Compiling works with read-only source folders; Numba's own cache locator would try to write a file there, and fail."""
     program = (
         "import numpy as np\n"

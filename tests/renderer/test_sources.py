@@ -33,13 +33,13 @@ def changed(tmp_path: Path, before: str, after: str) -> bool:
     return meaning([path], tmp_path) != one
 
 
-def test_words_for_people_leave_no_trace(tmp_path: Path) -> None:
+def test_comments_and_docstrings_do_not_affect_the_hash(tmp_path: Path) -> None:
     before = '"""A."""\n\ndef f(x):\n    """B."""\n    return x + 1\n'
     after = '# note\n"""C,\nlonger."""\n\n\ndef f(x):\n    # why\n    return (x +\n        1)  # so\n'
     assert not changed(tmp_path, before, after)
 
 
-def test_how_a_setting_is_shown_leaves_no_trace(tmp_path: Path) -> None:
+def test_setting_texts_do_not_affect_the_hash(tmp_path: Path) -> None:
     """A setting's user-facing texts do not affect the digest; its range and a new choice do."""
     before = (
         'a: Annotated[int, Setting(1, 9), SettingTexts("A", "What it does.", group="lab")] = 3\n'
@@ -51,24 +51,24 @@ def test_how_a_setting_is_shown_leaves_no_trace(tmp_path: Path) -> None:
         assert changed(tmp_path, before, before.replace(old, new)), new
 
 
-def test_a_sentence_leaves_no_trace(tmp_path: Path) -> None:
+def test_sentence_texts_do_not_affect_the_hash(tmp_path: Path) -> None:
     """The text of an error message does not affect the digest; the condition under which it is raised does."""
     before = 'def f(x):\n    if x > 1:\n        raise ValueError(Sentence("too-large", "{x} is too large", x=x))\n'
     assert not changed(tmp_path, before, before.replace("is too large", "exceeds 1"))
     assert changed(tmp_path, before, before.replace("x > 1", "x > 2"))
 
 
-def test_what_is_done_leaves_one(tmp_path: Path) -> None:
+def test_code_changes_affect_the_hash(tmp_path: Path) -> None:
     before = "A = 'a'\n\ndef f(x):\n    return x + 1\n"
     for old, new in (("+", "-"), ("1", "1.0"), ("x", "y"), ("'a'", "'b'"), ("f(", "g(")):
         assert changed(tmp_path, before, before.replace(old, new)), new
 
 
-def test_a_function_that_loses_its_only_words_still_parses(tmp_path: Path) -> None:
+def test_function_with_only_a_docstring_is_hashed(tmp_path: Path) -> None:
     assert changed(tmp_path, 'class A:\n    """A."""\n', "class B:\n    x = 1\n")
 
 
-def test_the_answer_is_kept_by_the_bytes(tmp_path: Path, monkeypatch) -> None:
+def test_hash_is_cached_by_file_bytes(tmp_path: Path, monkeypatch) -> None:
     path = tmp_path / "module.py"
     path.write_text("x = 1\n")
     first = cached_meaning([path], tmp_path / "kept", tmp_path)
@@ -85,7 +85,7 @@ def test_the_answer_is_kept_by_the_bytes(tmp_path: Path, monkeypatch) -> None:
     assert cached_meaning([path], path / "nowhere", tmp_path) == "f" * 64
 
 
-def test_machine_code_is_compiled_from_what_is_hashed_and_from_nothing_else() -> None:
+def test_hashed_files_are_exactly_the_compiled_ones() -> None:
     """MACHINE_CODE lists all modules with compiled functions and all of our modules that they import, so no change is missed."""
     hashed = set(files_of(MACHINE_CODE))
     for path in ROOT.rglob("*.py"):
@@ -97,7 +97,7 @@ def test_machine_code_is_compiled_from_what_is_hashed_and_from_nothing_else() ->
             assert not missing, f"{path.relative_to(ROOT)} imports {missing}"
 
 
-def test_every_reader_is_hashed_for_the_arrays() -> None:
+def test_every_reader_is_in_the_array_hash() -> None:
     hashed = set(files_of((*MACHINE_CODE, *ARRAYS)))
     assert set((ROOT / "scene").rglob("*.py")) <= hashed
     for path in hashed:
@@ -107,7 +107,7 @@ def test_every_reader_is_hashed_for_the_arrays() -> None:
 
 
 @pytest.mark.long
-def test_another_checkout_of_the_same_sources_has_the_same_kind(tmp_path: Path) -> None:
+def test_checkouts_of_equal_sources_have_one_kind(tmp_path: Path) -> None:
     """A checkout of the same sources has the same kind, even with edited docstrings; touching a file recompiles nothing."""
     copy = tmp_path / "renderer"
     subprocess.run(["cp", "-r", str(ROOT), str(copy)], check=True)

@@ -32,7 +32,7 @@ def picture(material: Material, *lights: Light, spp: int = 16, view: View = DOWN
 
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
-def test_a_mirror_shows_its_disk(kernel: dict[str, object]) -> None:
+def test_mirror_shows_the_sun_disk(kernel: dict[str, object]) -> None:
     """A mirror below a camera that looks straight down shows the sun's disk at its angle to the axis."""
     found = mean(picture(MIRROR, SUN, **kernel), 24)[..., 0]
     slope = math.tan(math.radians(20))
@@ -44,7 +44,7 @@ def test_a_mirror_shows_its_disk(kernel: dict[str, object]) -> None:
 
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
-def test_the_camera_sees_it_where_it_may(kernel: dict[str, object]) -> None:
+def test_sun_visibility_to_the_camera(kernel: dict[str, object]) -> None:
     up = View((0.0, 2.0, 0.0), (0.0, 3.0, 0.0), up=(0, 0, -1), fov=10.0)
     np.testing.assert_allclose(
         mean(picture(WHITE, replace(SUN, seen="always"), view=up, spp=4, **kernel), 24), RADIANCE, rtol=1e-4
@@ -54,14 +54,14 @@ def test_the_camera_sees_it_where_it_may(kernel: dict[str, object]) -> None:
 
 @grid("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}], ordinary=({},))
 @grid("others", [0, 4], ordinary=(4,))
-def test_what_is_seen_is_counted_once(kernel: dict[str, object], others: int) -> None:
+def test_visible_sun_is_counted_once(kernel: dict[str, object], others: int) -> None:
     """Rough metal under a sun is equally bright for each way of light sampling, with a light tree or without."""
     lights = [Light("point", gray(0.5), (k - 1.5, 3.0, 1.0)) for k in range(others)]
     alone, _ = mean_and_error(picture(ROUGH, replace(SUN, seen="never"), *lights, spp=256))
     assert_mean(picture(ROUGH, SUN, *lights, spp=256, **kernel), alone, slack=4e-3)
 
 
-def test_it_lights_what_is_matt_as_before() -> None:
+def test_visible_sun_keeps_diffuse_irradiance() -> None:
     assert_mean(picture(WHITE, SUN, spp=256), 0.8 / math.pi * 2.0, slack=2e-3)
 
 
@@ -84,14 +84,14 @@ GLOW = Material(base_color=gray(0.0), emission=gray(3.0), lamp=True, unseen=True
 
 @pytest.mark.parametrize("height", [2.0, 1.0, 0.4])
 @grid("kernel", [{}, PATH, {"sampling": "bsdf"}, {"sampling": "light"}], ordinary=({},))
-def test_a_disk_that_faces_is_as_bright_as_its_angle_says(height: float, kernel: dict[str, object]) -> None:
+def test_facing_disk_irradiance(height: float, kernel: dict[str, object]) -> None:
     """Below the centre of a facing disk, irradiance is pi L sin^2(half angle), also near the floor."""
     irradiance = 3.0 * math.pi * 0.8**2 / (0.8**2 + height**2)
     assert_mean(lit(GLOW, height=height, spp=1024, **kernel), 0.8 / math.pi * irradiance, slack=4e-3)
 
 
 @pytest.mark.parametrize("kind", ["point", "spot"])
-def test_a_light_without_a_body_is_as_bright(kind: str) -> None:
+def test_facing_punctual_light_irradiance(kind: str) -> None:
     light = Light(kind, gray(3.0 * math.pi * 0.8**2), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), radius=0.8, facing=True)
     light.inner_cone = light.outer_cone = 89.0
     irradiance = 3.0 * math.pi * 0.8**2 / (0.8**2 + 1)
@@ -99,7 +99,7 @@ def test_a_light_without_a_body_is_as_bright(kind: str) -> None:
 
 
 @pytest.mark.parametrize("kernel", [{}, PATH, pytest.param({"integrator": "whitted"}, marks=pytest.mark.long)])
-def test_a_mirror_shows_the_disk_and_not_the_ball(kernel: dict[str, object]) -> None:
+def test_mirror_shows_the_facing_disk(kernel: dict[str, object]) -> None:
     """A mirror shows a facing disk of radius 0.8 at a distance of 3.0, not a ball: the tangent of its half angle is 0.8 / 3.0."""
     made = scene([MIRROR, GLOW], (FLOOR,), (Sphere((0.0, 1.0, 0.0), 0.8, 1),))
     view = View((0.0, 2.0, 0.0), (0.0, 0.0, 0.0), up=(0, 0, -1), fov=80.0)
@@ -120,7 +120,7 @@ def test_a_mirror_shows_the_disk_and_not_the_ball(kernel: dict[str, object]) -> 
     assert 0 < inner.sum() < (~edge).sum()
 
 
-def test_what_casts_no_shadow_is_lit_and_seen() -> None:
+def test_shadeless_object_is_lit_and_visible() -> None:
     """A square above the floor that casts no shadow lets the light pass, and is itself lit."""
     card = square((0, 1.0, 0), (8, 0, 0), (0, 0, -8), 1)
     lamp = Light("point", gray(5.0), (0.0, 3.0, 0.0))

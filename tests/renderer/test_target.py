@@ -123,7 +123,7 @@ def answer(tmp_path: Path) -> Any:
     return run
 
 
-def test_a_host_programs_numba_stays_as_it_was(answer: Any, tmp_path: Path) -> None:
+def test_host_programs_numba_is_unchanged(answer: Any, tmp_path: Path) -> None:
     between = answer("between")
     assert between["replaced"] == []
     assert between["same"] == [True, True, True]
@@ -133,11 +133,11 @@ def test_a_host_programs_numba_stays_as_it_was(answer: Any, tmp_path: Path) -> N
 
 
 @pytest.mark.long
-def test_a_host_that_renders_first_compiles_the_same(answer: Any) -> None:
+def test_rendering_first_does_not_change_host_code(answer: Any) -> None:
     assert answer("first")["code"] == answer("alone")["code"]
 
 
-def test_options_of_the_process_do_not_reach_kernels() -> None:
+def test_process_options_do_not_affect_kernels() -> None:
     context = KernelDispatcher.targetdescr.target_context
     assert context.codegen().magic_tuple()[1:] == (cpu.NAME, cpu.FEATURES)
     assert context.codegen() is not cpu_target.target_context.codegen()
@@ -145,7 +145,7 @@ def test_options_of_the_process_do_not_reach_kernels() -> None:
     assert not context.enable_boundscheck
 
 
-def test_signatures_found_once_are_remembered() -> None:
+def test_signatures_are_cached() -> None:
     context = KernelDispatcher.targetdescr.typing_context
     context.refresh()
     first = context.resolve_function_type(operator.add, (f32x8, f32x8), {})

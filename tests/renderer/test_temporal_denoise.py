@@ -33,7 +33,7 @@ def off(picture: np.ndarray) -> float:
     return float(np.sqrt(((inside / 0.5 - TRUTH) ** 2).mean()) / TRUTH)
 
 
-def test_five_guesses_are_better_than_one() -> None:
+def test_averaging_five_frames_reduces_the_error() -> None:
     frames = {n: frame() for n in range(5)}
     expected = NOISE / np.sqrt(5)
     assert abs(off(stabilised_frame(frames, 2)) / expected - 1) < 0.1
@@ -44,7 +44,7 @@ def test_five_guesses_are_better_than_one() -> None:
     np.testing.assert_array_equal(stabilised_frame({n: frames[n] for n in (0, 2, 4)}, 2), frames[2].clean.color)
 
 
-def test_a_texture_that_moves_stays_sharp() -> None:
+def test_moving_texture_stays_sharp() -> None:
     columns = np.arange(SHAPE[1])
     for shift in (1.0, 0.5):  # a point between two pixels is the mean of both
         frames = {}
@@ -56,7 +56,7 @@ def test_a_texture_that_moves_stays_sharp() -> None:
         assert (np.abs(made / frames[2].clean.albedo / TRUTH - 1)[:, 4:-4] < 4 * NOISE).all()
 
 
-def test_other_things_and_other_light_do_not_count() -> None:
+def test_other_objects_and_light_are_not_averaged() -> None:
     here = frame()
     for other in (
         frame(object=2.0),
@@ -67,7 +67,7 @@ def test_other_things_and_other_light_do_not_count() -> None:
         np.testing.assert_allclose(stabilised_frame({0: other, 1: here, 2: other}, 1), here.clean.color, rtol=1e-6)
 
 
-def test_a_moving_shadow_keeps_its_edge() -> None:
+def test_moving_shadow_edge_is_preserved() -> None:
     columns = np.arange(SHAPE[1])
     shadows = {n: np.where(columns < 10 + 2 * n, 0.2, 1.0)[None, :, None] * TRUTH for n in range(5)}
     frames = {n: frame(color=np.broadcast_to(shadow, (*SHAPE, 1))) for n, shadow in shadows.items()}

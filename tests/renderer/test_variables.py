@@ -9,7 +9,7 @@ import pytest
 from renderer.variables import MOST_BYTES, VariableError, value_of
 
 
-def test_the_variable_counts_then_its_file_then_the_default(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_variable_precedes_file_and_default(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     assert value_of("RAYFARM_TOKEN_OF_A_TEST", "default") == "default"
     file = tmp_path / "token"
     file.write_text("from the file\n")
@@ -25,7 +25,7 @@ def test_the_variable_counts_then_its_file_then_the_default(monkeypatch: pytest.
     ("content", "why"),
     [(None, "cannot be read"), (b"\n", "is empty"), (b"\xff\xfe", "is not text"), (b"x" * (MOST_BYTES + 1), "more than")],
 )
-def test_a_file_without_a_value_is_a_sentence(
+def test_empty_variable_file_is_an_error(
     content: bytes | None, why: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     file = tmp_path / "token"

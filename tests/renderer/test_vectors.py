@@ -160,7 +160,7 @@ WAYS: dict[str, list[View]] = {
 
 @pytest.mark.parametrize("way", WAYS)
 @grid("move", MOVES, ordinary=("hangs on what turns",))
-def test_what_moves_and_stays_flat_is_where_geometry_has_it(move: str, way: str) -> None:
+def test_affine_motion_matches_closed_form(move: str, way: str) -> None:
     at, views = MOVES[move], WAYS[way]
     points, inside = on_the_square(at, views[1])
     assert inside.sum() > 40
@@ -173,7 +173,7 @@ def test_what_moves_and_stays_flat_is_where_geometry_has_it(move: str, way: str)
 
 
 @pytest.mark.parametrize("way", WAYS)
-def test_spheres_and_what_is_infinitely_far(way: str) -> None:
+def test_motion_of_spheres_and_background(way: str) -> None:
     """Points of a moving and growing sphere keep their direction from its centre; background pixels have no motion vector."""
     views = WAYS[way]
     balls = {t: ((0.2 * t, 0.1 * t, 0.0), 0.7 + 0.1 * t) for t in (-1.0, 0.0, 1.0)}
@@ -195,7 +195,7 @@ def test_spheres_and_what_is_infinitely_far(way: str) -> None:
 
 
 @pytest.mark.long
-def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> None:
+def test_motion_vectors_of_an_animated_gltf(tmp_path: Path) -> None:
     """Motion vectors of a glTF file match a brute-force search of all triangles.
 
     The file has a hierarchy, a morph target, a skin and a moving camera.
@@ -227,7 +227,7 @@ def test_every_vertex_of_a_file_that_turns_morphs_and_bends(tmp_path: Path) -> N
     assert np.abs(ours[met]).max() > 0.5
 
 
-def test_what_is_mostly_seen_through_has_no_say() -> None:
+def test_mostly_transparent_surfaces_are_ignored() -> None:
     pane = square((0, 0, 1), (3, 0, 0), (0, 3, 0), SHEER)
     at = MOVES["flies"]
 
@@ -240,7 +240,7 @@ def test_what_is_mostly_seen_through_has_no_say() -> None:
     np.testing.assert_allclose(found[inside], known(points, [VIEW] * 3)[inside], rtol=1e-5, atol=NEAR)
 
 
-def test_threads_lenses_and_what_is_behind_the_camera_leave_no_trace() -> None:
+def test_vectors_ignore_threads_lens_and_points_behind() -> None:
     scene = compile_scene(merged_over_shutter(body(MOVES["turns"])))
     settings = settings_of(WAYS["flies and zooms"])
     one = motion_vectors(scene, settings, threads=1)
@@ -252,7 +252,7 @@ def test_threads_lenses_and_what_is_behind_the_camera_leave_no_trace() -> None:
     assert not found[HEIGHT // 2, WIDTH // 2, :2].any() and np.isfinite(found).all()
 
 
-def test_what_is_cut_anew_moves_with_the_camera_alone() -> None:
+def test_changed_topology_has_camera_motion_only() -> None:
     one = square((0, 0, 0), (1.2, 0.1, 0), (0, 1.0, 0), GRAY)
     other = Mesh("square", one.positions + np.float32([0.1, 0, 0]), one.triangles[::-1].copy(), deforms=True)
     still = [replace(one, deforms=True), other]

@@ -31,7 +31,7 @@ def names_of(data):
         return entry_names(archive, archive.infolist())
 
 
-def test_backslashes_separate_folders_whatever_system_is_named():
+def test_backslashes_are_separators():
     assert names_of(zipped({b"a\\m.obj": b"", b"a\\tex\\wood.png": b"", b"a/b\\c.png": b""})).names == [
         "a/m.obj",
         "a/tex/wood.png",
@@ -48,7 +48,7 @@ def test_backslashes_separate_folders_whatever_system_is_named():
         ("木紋貼圖.png", "big5", "Big5"),
     ],
 )
-def test_an_encoding_is_guessed_by_its_letters_and_said(name, encoding, title):
+def test_encoding_is_guessed_and_reported(name, encoding, title):
     found = names_of(zipped({b"scene.obj": b"", name.encode(encoding): b""}))
     if encoding != "big5":  # Big5's letters are valid in other encodings too
         assert found.names == ["scene.obj", name]
@@ -57,7 +57,7 @@ def test_an_encoding_is_guessed_by_its_letters_and_said(name, encoding, title):
     assert with_use.names[1] == name  # names mentioned in the scene files decide the encoding
 
 
-def test_what_is_declared_is_no_guess():
+def test_declared_encoding_is_used():
     assert names_of(zipped({"дерево.png".encode(): b""})) == (["дерево.png"], None)  # UTF-8 without its flag
     raw = "木纹.png".encode("gbk")
     field = struct.pack("<BI", 1, zlib.crc32(raw)) + "木目.png".encode()

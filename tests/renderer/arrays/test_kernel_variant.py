@@ -52,11 +52,11 @@ def described(*materials: Material) -> SceneDescription:
     )
 
 
-def test_what_is_common_is_plain() -> None:
+def test_common_scene_uses_the_plain_variant() -> None:
     assert variant_of(compile_scene(described(*PLAIN))) == "plain"
 
 
-def test_a_kind_that_is_not_declared_is_refused() -> None:
+def test_undeclared_material_kind_is_rejected() -> None:
     scene = compile_scene(described(*PLAIN))
     scene = scene._replace(material_kind=np.full_like(scene.material_kind, len(rows.KINDS)))
     with pytest.raises(ValueError, match=r"kinds \[11\] are not declared; add them to KINDS in renderer/arrays/rows.py"):
@@ -64,11 +64,11 @@ def test_a_kind_that_is_not_declared_is_refused() -> None:
 
 
 @pytest.mark.parametrize("name", NEEDS_MORE)
-def test_what_asks_for_more_gets_it(name: str) -> None:
+def test_feature_selects_a_larger_variant(name: str) -> None:
     assert variant_of(compile_scene(described(NEEDS_MORE[name]))) == "full"
 
 
-def test_lights_without_a_body_and_copies_ask_for_more() -> None:
+def test_punctual_lights_and_instances_select_a_larger_variant() -> None:
     scene = described(PLAIN[0])
     scene.lights.append(Light("point", position=(0, 3, 0)))
     assert variant_of(compile_scene(scene)) == "full"
@@ -91,7 +91,7 @@ def test_rare_kernels_have_one_variant(more: dict[str, str]) -> None:
     assert variant_for(replace(settings, **more), scene) == "full"
 
 
-def test_a_kernel_is_told_what_the_scene_has() -> None:
+def test_absent_features_are_none_for_the_kernel() -> None:
     scene = compile_scene(described(*PLAIN))
     for name, has in KERNEL_VARIANTS.items():
         given = strip_absent_features(scene, name)
@@ -100,7 +100,7 @@ def test_a_kernel_is_told_what_the_scene_has() -> None:
 
 
 @pytest.mark.parametrize("others", [["full"], pytest.param([*KERNEL_VARIANTS][2:], marks=pytest.mark.long)])
-def test_the_variants_render_the_same(monkeypatch: pytest.MonkeyPatch, others: list[str]) -> None:
+def test_variants_render_the_same_picture(monkeypatch: pytest.MonkeyPatch, others: list[str]) -> None:
     """More than 99 % of the pixels of two kernel variants' pictures agree to a relative error of 1e-3.
 
     The compiler fuses different operations in each variant, which changes last bits, and so the course of a few paths.
@@ -118,7 +118,7 @@ def test_the_variants_render_the_same(monkeypatch: pytest.MonkeyPatch, others: l
         assert same.mean() > 0.99
 
 
-def test_lamps_in_glass_ask_for_directions_aimed_at_them() -> None:
+def test_lamps_in_glass_select_the_variant_with_targets() -> None:
     scene = described(*PLAIN)
     scene.spheres.append(Sphere((1.0, 0.5, 0.0), 0.2, len(PLAIN)))  # in the ball of glass
     compiled = compile_scene(scene)
@@ -129,7 +129,7 @@ def test_lamps_in_glass_ask_for_directions_aimed_at_them() -> None:
     assert variant_for(replace(settings, integrator="ao"), compiled) == "full"
 
 
-def test_what_moves_while_the_shutter_is_open_asks_for_more() -> None:
+def test_motion_selects_a_larger_variant() -> None:
     scene = compile_scene(described(*PLAIN))
     view, further = View((0, 0, 5), (0, 0, 0)), View((1, 0, 5), (0, 0, 0))
     settings = RenderSettings(8, 8, view, shutter=0.5)

@@ -25,7 +25,7 @@ BOUNDS = Bounds(512 << 20, 60.0, "truck.glb")
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Landlock and seccomp are Linux's")
-def test_a_reader_has_and_reaches_nothing_of_its_caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reader_cannot_access_its_caller(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAYFARM_TOKEN", "secret")
     said: list[dict[str, Any]] = []
     found = run(jobs.probe, [], [tmp_path], BOUNDS, said.append)
@@ -67,13 +67,13 @@ ALLOWED = {
         (jobs.wrong, SceneError, "the buffer ends early"),
     ],
 )
-def test_every_way_to_fail_is_a_sentence(tmp_path: Path, job: Any, kind: type[Exception], sentence: str) -> None:
+def test_every_failure_is_an_error_message(tmp_path: Path, job: Any, kind: type[Exception], sentence: str) -> None:
     with pytest.raises(kind, match=sentence):
         run(job, [], [tmp_path], BOUNDS)
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="address space is counted in /proc")
-def test_a_crash_under_a_low_limit_of_address_space_is_the_machines(tmp_path: Path) -> None:
+def test_crash_under_low_address_space_limit_is_a_machine_error(tmp_path: Path) -> None:
     """A crash under a low limit on address space is reported as a fault of the machine, not of the file.
 
     Importers seldom check for failed allocations.
@@ -92,13 +92,15 @@ def test_a_crash_under_a_low_limit_of_address_space_is_the_machines(tmp_path: Pa
     assert limited("crash", size + (4 << 30)).startswith("SceneError a.cob cannot be read: its importer crashed (signal 11")
 
 
-def test_a_reader_that_hangs_is_ended(tmp_path: Path) -> None:
+def test_hanging_reader_is_killed(tmp_path: Path) -> None:
     with pytest.raises(SceneError, match=r"truck.glb took longer than 1 seconds"):
         run(jobs.slow, [], [tmp_path], Bounds(512 << 20, 1.0, "truck.glb"))
 
 
 @pytest.mark.parametrize("what", [OSError(errno.EMFILE, "Too many open files", "t.png"), RuntimeError("can't start new thread")])
-def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: Exception) -> None:
+def test_machine_errors_are_not_reported_as_damaged_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, what: Exception
+) -> None:
     """An error caused by missing resources of the machine is not reported as a damaged file.
 
     A parser that lacks memory, for example, may raise nearly any exception, which otherwise counts as damage.
@@ -114,7 +116,7 @@ def test_what_a_machine_lacks_makes_no_file_damaged(tmp_path: Path, monkeypatch:
     assert "machine" in error_message(raised.value)
 
 
-def test_what_confines_readers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_confinement_is_described(monkeypatch: pytest.MonkeyPatch) -> None:
     has, lacks = rules.available_features()
     sentence, is_whole = running.confinement()
     assert sorted(name.split()[0] for name in [*has, *lacks]) == ["Landlock", "seccomp"]
@@ -130,7 +132,7 @@ def test_what_confines_readers_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="Linux")
-def test_what_is_available_is_what_a_process_gets() -> None:
+def test_available_features_take_effect() -> None:
     """The restrictions that this machine is found to support take effect in a process.
 
     They are tested in a separate process, since a process cannot undo its restrictions.

@@ -23,7 +23,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return place
 
 
-def test_a_kernel_is_built_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_kernel_is_built_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert ptx_of("plain") == "PTX of plain"
     assert path_of("plain").stat().st_mode & 0o077 == 0
     monkeypatch.setattr(artefacts, "emit_ptx", lambda module: "built again")
@@ -31,7 +31,7 @@ def test_a_kernel_is_built_once(folder: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.parametrize("variant", KERNEL_VARIANTS)
-def test_a_kernel_passes_through_a_farm_as_others_do(
+def test_gpu_kernel_is_shared_through_the_farm(
     variant: str, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ptx_of(variant)
@@ -51,7 +51,7 @@ def test_a_kernel_passes_through_a_farm_as_others_do(
     assert ptx_of(variant, fetch) == f"PTX of {variant}"
 
 
-def test_a_cache_that_cannot_be_written_builds_each_time(folder: Path) -> None:
+def test_unwritable_cache_rebuilds_each_time(folder: Path) -> None:
     folder.mkdir(parents=True)
     (folder / "ptx").write_text("a file in the folder's place")
     assert ptx_of("plain") == "PTX of plain"

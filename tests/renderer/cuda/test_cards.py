@@ -49,26 +49,26 @@ def with_cards(monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     return monkeypatch
 
 
-def test_a_machine_without_a_driver_has_no_cards(tmp_path: Path) -> None:
+def test_missing_driver_means_no_cards(tmp_path: Path) -> None:
     cards = find_cards(str(tmp_path / "libcuda.so.1"))
     assert cards.usable == []
     assert len(cards.refused) == 1
     assert "the NVIDIA driver's library cannot be loaded" in cards.refused[0]
 
 
-def test_a_driver_that_finds_no_card(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_driver_without_cards(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("FAKE_CUDA_CARDS", "")
     assert find_cards(library) == ([], ["No graphics card is used: the NVIDIA driver finds none."])
 
 
-def test_a_driver_that_is_too_old(library: str, with_cards: pytest.MonkeyPatch) -> None:
+def test_outdated_driver_is_reported(library: str, with_cards: pytest.MonkeyPatch) -> None:
     with_cards.setenv("FAKE_CUDA_VERSION", "11040")
     cards = find_cards(library)
     assert cards.usable == []
     assert "supports CUDA 11.4, and Rayfarm needs CUDA 12.1" in cards.refused[0]
 
 
-def test_a_card_that_is_too_old_is_refused_beside_one_that_is_used(library: str, with_cards: pytest.MonkeyPatch) -> None:
+def test_unsupported_card_is_reported_beside_a_usable_one(library: str, with_cards: pytest.MonkeyPatch) -> None:
     with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
     cards = find_cards(library)
     assert cards.usable == [Card(1, "RTX Test", (8, 6), 8 << 30, 1)]
@@ -77,9 +77,7 @@ def test_a_card_that_is_too_old_is_refused_beside_one_that_is_used(library: str,
     ]
 
 
-def test_a_reason_survives_the_search_in_a_process_of_its_own(
-    library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
+def test_search_in_a_subprocess_keeps_the_reasons(library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
     with_cards.setenv("LD_LIBRARY_PATH", str(Path(library).parent))
     cards = find_cards_before_fork()
@@ -87,7 +85,7 @@ def test_a_reason_survives_the_search_in_a_process_of_its_own(
     assert [getattr(each, "code", None) for each in cards.refused] == ["card-too-old"]
 
 
-def test_cards_that_were_not_chosen_have_a_reason(library: str, with_cards: pytest.MonkeyPatch) -> None:
+def test_unused_cards_have_a_reason(library: str, with_cards: pytest.MonkeyPatch) -> None:
     with_cards.setenv("FAKE_CUDA_CARDS", f"{NEW},{NEW},{OLD}")
     cards = find_cards(library)
     unused = reasons_unused(cards, cards.usable[:1])
@@ -96,7 +94,7 @@ def test_cards_that_were_not_chosen_have_a_reason(library: str, with_cards: pyte
     assert reasons_unused(cards, cards.usable) == cards.refused
 
 
-def test_hardware_of_nvidia_is_noticed_without_its_driver(tmp_path: Path) -> None:
+def test_nvidia_hardware_is_detected_without_a_driver(tmp_path: Path) -> None:
     assert not has_nvidia_hardware(tmp_path)
     for name, vendor, kind in (("a", "0x8086", "0x030000"), ("b", "0x10de", "0x0c0330")):
         device = tmp_path / "sys/bus/pci/devices" / name
@@ -108,7 +106,7 @@ def test_hardware_of_nvidia_is_noticed_without_its_driver(tmp_path: Path) -> Non
     assert has_nvidia_hardware(tmp_path)
 
 
-def test_cards_are_chosen(library: str, with_cards: pytest.MonkeyPatch) -> None:
+def test_gpu_option_selects_cards(library: str, with_cards: pytest.MonkeyPatch) -> None:
     with_cards.setenv("FAKE_CUDA_CARDS", f"{NEW},{NEW},{OLD}")
     cards = find_cards(library)
     both = cards.usable
@@ -129,7 +127,7 @@ def test_cards_are_chosen(library: str, with_cards: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("choice", ("all", "only", "0"))
-def test_a_card_that_is_not_there_is_an_error_with_the_reason(choice: str, tmp_path: Path) -> None:
+def test_missing_card_is_an_error_with_the_reason(choice: str, tmp_path: Path) -> None:
     with pytest.raises(CardsError, match=f"--gpu {choice}: .*library cannot be loaded"):
         chosen_cards(choice, find_cards(str(tmp_path / "none")))
 
@@ -145,7 +143,7 @@ def test_memory_is_copied_and_freed(library: str, with_cards: pytest.MonkeyPatch
     device.close()
 
 
-def test_an_error_has_the_drivers_name_and_words(library: str, with_cards: pytest.MonkeyPatch) -> None:
+def test_driver_error_has_name_and_description(library: str, with_cards: pytest.MonkeyPatch) -> None:
     device = Device(Driver(library), 0)
     said = r"cuModuleLoadDataEx failed: PTX is invalid \(CUDA_ERROR_INVALID_PTX\): ptxas: there is no entry"
     with pytest.raises(DriverError, match=said) as error:
@@ -162,7 +160,7 @@ def card(library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path) -> CardRe
     return CardRenderer(find_cards(library).usable[0], library)
 
 
-def test_a_frame_of_a_card_has_the_bits_of_the_cpu(card: CardRenderer) -> None:
+def test_card_frame_equals_the_cpu_frame(card: CardRenderer) -> None:
     for name in ("diffuse", "a sky's picture", "diffuse"):
         scene, settings = made(name)
         of_card, of_cpu = RenderStats(), RenderStats()
@@ -172,13 +170,13 @@ def test_a_frame_of_a_card_has_the_bits_of_the_cpu(card: CardRenderer) -> None:
     card.close()
 
 
-def test_a_batch_of_a_card_has_the_bits_of_the_cpu(card: CardRenderer) -> None:
+def test_card_batch_equals_the_cpu_batch(card: CardRenderer) -> None:
     scene, settings = made("glass")
     tile = Tile(5, 7, 9, 4)
     assert (render_batch(scene, settings, tile, 2, 5, card).sums == render_batch(scene, settings, tile, 2, 5).sums).all()
 
 
-def test_many_samples_are_several_launches(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_many_samples_are_split_into_launches(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("renderer.cuda.render._MOST_SAMPLES", 100)
     scene, settings = made("diffuse")
     tile = Tile(0, 0, 8, 8)
@@ -188,7 +186,7 @@ def test_many_samples_are_several_launches(card: CardRenderer, monkeypatch: pyte
 
 
 @pytest.mark.long  # compiles the kernel that lists such samples
-def test_samples_that_are_not_finite_are_left_out_counted_and_named(card: CardRenderer) -> None:
+def test_card_omits_and_counts_nonfinite_samples(card: CardRenderer) -> None:
     scene, settings = made("diffuse")
     scene = scene._replace(environment=np.full((1, 1, 3), np.nan, np.float32))
     of_card, of_cpu = (render_batch(scene, settings, Tile(4, 6, 8, 4), 1, 2, each) for each in (card, None))
@@ -197,13 +195,13 @@ def test_samples_that_are_not_finite_are_left_out_counted_and_named(card: CardRe
     assert (of_card.sums == of_cpu.sums).all()
 
 
-def test_a_scene_that_does_not_fit_is_an_error(card: CardRenderer, with_cards: pytest.MonkeyPatch) -> None:
+def test_scene_larger_than_gpu_memory_is_an_error(card: CardRenderer, with_cards: pytest.MonkeyPatch) -> None:
     with_cards.setenv("FAKE_CUDA_CARDS", "RTX Test:8:6:0")
     with pytest.raises(CardError, match=r"card 0 \(RTX Test\) has too little memory"):
         render_frame(*made("diffuse"), 1, card=card)
 
 
-def test_settings_that_cards_lack_are_an_error(card: CardRenderer) -> None:
+def test_unsupported_settings_are_an_error(card: CardRenderer) -> None:
     scene, settings = made("diffuse")
     with pytest.raises(SettingsError, match="a graphics card renders only with"):
         render_frame(scene, replace(settings, integrator="ao"), 1, card=card)
@@ -216,7 +214,7 @@ def as_device(library: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(card_rendering, "CardRenderer", lambda card: CardRenderer(card, library))
 
 
-def test_a_picture_of_a_device_has_the_bits_of_the_cpu(as_device: None, with_cards: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_device_picture_equals_the_cpu_picture(as_device: None, with_cards: pytest.MonkeyPatch, tmp_path: Path) -> None:
     with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
     with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain", tmp_path)))
     launched: list[int] = []
@@ -234,22 +232,20 @@ def test_a_picture_of_a_device_has_the_bits_of_the_cpu(as_device: None, with_car
 
 
 @pytest.mark.parametrize("device", ("cuda:0", "cuda:7"))
-def test_a_device_that_is_not_there_is_an_error_with_those_that_are(
-    device: str, as_device: None, with_cards: pytest.MonkeyPatch
-) -> None:
+def test_missing_device_error_lists_available_devices(device: str, as_device: None, with_cards: pytest.MonkeyPatch) -> None:
     with_cards.setenv("FAKE_CUDA_CARDS", f"{OLD},{NEW}")
     said = rf"device is '{device}', and there is no such card. This machine's cards: 1: RTX Test, 8 GiB, .*'cpu' renders"
     with pytest.raises(SettingsError, match=said):
         rayfarm.render(ROOT / "scenes" / "cornell-box.yaml", device=device)
 
 
-def test_a_device_without_a_driver_is_an_error_with_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_device_without_driver_error_gives_the_reason(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(graphics_card, "find_cards", lambda: find_cards(str(tmp_path / "libcuda.so.1")))
     with pytest.raises(SettingsError, match=r"device is 'cuda', .*library cannot be loaded"):
         rayfarm.render(ROOT / "scenes" / "cornell-box.yaml", device="cuda")
 
 
-def test_a_workers_message_for_a_card_has_the_bits_of_the_cpu(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_card_results_of_a_worker_message_equal_the_cpu(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
     """Tiles that are rendered in one launch on a graphics card are sent as separate results, bit-identical to the CPU's."""
     scene, settings = made("diffuse")
     tiles = tiles_of(settings.width, settings.height, 8)

@@ -49,7 +49,7 @@ def of_cpu(name: str) -> tuple[npt.NDArray[np.int64], RenderStats]:
 
 
 @grid("name", FEATURES, ordinary=ORDINARY)
-def test_a_feature_has_the_bits_of_the_cpu(name: str) -> None:
+def test_gpu_kernel_film_equals_the_cpu_film(name: str) -> None:
     job = job_of(name, pieces=1)
     run(name, job)
     film, stats = of_cpu(name)
@@ -59,13 +59,13 @@ def test_a_feature_has_the_bits_of_the_cpu(name: str) -> None:
 
 
 @pytest.mark.parametrize("pieces", (2, 3, 9))
-def test_threads_share_the_samples_of_a_pixel(pieces: int) -> None:
+def test_samples_of_a_pixel_are_divided_among_threads(pieces: int) -> None:
     job = job_of("diffuse", pieces)
     run("diffuse", job)
     assert (job.film == of_cpu("diffuse")[0]).all()
 
 
-def test_a_film_is_added_to() -> None:
+def test_kernel_adds_to_an_existing_film() -> None:
     whole, job = job_of("diffuse", 1), job_of("diffuse", 1, count=1)
     run("diffuse", whole)
     run("diffuse", job)

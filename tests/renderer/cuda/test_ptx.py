@@ -41,7 +41,7 @@ define i32 @work(ptr %ret, ptr %exc, ptr %job, i64 %thread) {{
     return emit_ptx(card_module(llvm.parse_assembly(text), "work", 24))
 
 
-def test_a_sum_of_a_product_is_fused_only_where_the_code_says_so() -> None:
+def test_ptx_fuses_only_explicit_fma() -> None:
     plain = ptx_of("%x = fmul float %a, %b\n  %y = fadd float %x, %c")
     assert "mul.rn.f32" in plain
     assert "add.rn.f32" in plain
@@ -59,7 +59,7 @@ def test_quotients_and_roots_are_rounded_correctly() -> None:
 
 
 @pytest.mark.parametrize("called", ("sinf", "llvm.exp.f32", "llvm.sin.f32"))
-def test_a_function_that_cards_compute_differently_is_an_error(called: str) -> None:
+def test_inexact_function_is_an_error(called: str) -> None:
     with pytest.raises(InexactError, match=re.escape(called)):
         ptx_of(f"%y = call float @{called}(float %a)", f"declare float @{called}(float)")
 
@@ -70,12 +70,12 @@ def test_a_remainder_is_an_error() -> None:
 
 
 @pytest.mark.parametrize("operation", ("div.full.f32", "sqrt.approx.f32", "ex2.approx.ftz.f32", "add.f32", "mul.f64", "mad.f32"))
-def test_an_operation_that_rounds_differently_is_an_error(operation: str) -> None:
+def test_inexact_operation_is_an_error(operation: str) -> None:
     with pytest.raises(InexactError, match=re.escape(operation)):
         check_exact(f"\t{operation} \t%f1, %f2, %f3;\n")
 
 
-def test_a_prefetch_is_left_out() -> None:
+def test_prefetch_is_omitted() -> None:
     declared = "declare void @llvm.prefetch.p0(ptr, i32, i32, i32)"
     assert "prefetch" not in ptx_of(
         "call void @llvm.prefetch.p0(ptr %job, i32 0, i32 3, i32 1)\n  %y = fadd float %a, %b", declared
@@ -83,7 +83,7 @@ def test_a_prefetch_is_left_out() -> None:
 
 
 @grid("variant", KERNEL_VARIANTS, ordinary=["plain"])
-def test_a_variant_becomes_ptx_that_the_assembler_accepts(variant: str, tmp_path: Path) -> None:
+def test_variant_ptx_is_accepted_by_the_assembler(variant: str, tmp_path: Path) -> None:
     ptx = emit_ptx(module_of(variant).clone())
     assert f".target sm_{CAPABILITY[0]}{CAPABILITY[1]}" in ptx
     assert f".version {PTX_VERSION[0]}.{PTX_VERSION[1]}" in ptx

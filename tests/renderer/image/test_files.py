@@ -35,19 +35,19 @@ def test_hdr_keeps_radiance_within_its_eight_bit_mantissa():
     assert (np.abs(found - RGB) <= RGB.max(axis=-1, keepdims=True) / 128).all()
 
 
-def test_png_is_what_the_tone_curve_says():
+def test_png_matches_the_tone_curve():
     found = read.read(encode.encode(RGB, "png", -1.0, "filmic"), "picture.png")
     np.testing.assert_array_equal(found[..., :3], tonemap.apply(RGB, -1.0, "filmic"))
     assert (found[..., 3] == 255).all()
 
 
-def test_jpg_is_near_to_it():
+def test_jpg_approximates_the_png():
     smooth = np.dstack([np.tile(np.linspace(0, 1, 64, dtype=np.float32), (48, 1))] * 3)
     found = read.read(encode.encode(smooth, "jpg"), "picture.jpg")[..., :3].astype(int)
     assert np.abs(found - tonemap.apply(smooth)).max() <= 4
 
 
-def test_a_failed_write_leaves_nothing(tmp_path):
+def test_failed_write_leaves_no_file(tmp_path):
     with pytest.raises(SettingsError, match=r"\.exr"):
         encode.write(tmp_path / "picture.bmp", RGB)
     with pytest.raises(SettingsError, match="known are"):
@@ -70,7 +70,7 @@ def test_every_kind_of_png_becomes_rgba(mode):
         assert np.abs(pixels[..., :3].astype(int) - (0x80FF if mode == "I;16" else 128)).max() <= 1
 
 
-def test_the_bytes_say_the_format_not_the_name():
+def test_format_is_detected_from_the_bytes():
     assert read.read(png(np.zeros((2, 2, 3), np.uint8)), "really.jpg").shape == (2, 2, 4)
 
 
@@ -85,7 +85,7 @@ def test_the_bytes_say_the_format_not_the_name():
     ],
     ids=["empty", "text", "eps", "cut-png", "broken-exr"],
 )
-def test_what_is_no_image_gets_a_sentence(data, name, said):
+def test_non_image_data_is_an_error_message(data, name, said):
     with pytest.raises(SceneError, match=said):
         read.read(data, name)
 
@@ -100,7 +100,7 @@ def test_a_decompression_bomb_is_refused_before_it_is_decoded(monkeypatch):
             read.read(data, name)
 
 
-def test_what_pillow_takes_for_a_bomb_is_too_large_and_not_damaged():
+def test_image_above_pillows_limit_is_too_large():
     """An image above Pillow's decompression-bomb limit is reported as too large, not as damaged.
 
     A texture of 16384 x 16384 is a valid file, so advice to export it again would not help.
@@ -111,7 +111,7 @@ def test_what_pillow_takes_for_a_bomb_is_too_large_and_not_damaged():
         read.read(webp, "large.webp")
 
 
-def test_a_sentence_names_no_temporary_file():
+def test_error_message_names_no_temporary_file():
     with pytest.raises(SceneError) as told:
         read.read(b"\x76\x2f\x31\x01" + bytes(40), "broken.exr")
     assert "/" not in str(told.value)
@@ -122,7 +122,7 @@ SAMPLES = [png((RGB * 60).astype(np.uint8)), *(encode.encode(RGB, kind) for kind
 
 @settings(deadline=None)
 @given(st.sampled_from(SAMPLES), st.data())
-def test_damaged_bytes_give_pixels_or_a_sentence(sample, data):
+def test_damaged_image_yields_pixels_or_an_error(sample, data):
     damaged = bytearray(sample[: data.draw(st.integers(0, len(sample)))])
     for _ in range(data.draw(st.integers(0, 4))):
         if damaged:

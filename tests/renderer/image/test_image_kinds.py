@@ -53,7 +53,7 @@ def test_jpeg_2000_has_straight_alpha():
     np.testing.assert_array_equal(read.read(out.getvalue(), "image.jp2")[0, 0], (*COLOR, 128))
 
 
-def test_associated_alpha_is_divided_out(tmp_path):
+def test_premultiplied_alpha_is_divided_out(tmp_path):
     pixels = np.full((8, 8, 4), (120, 80, 40, 128), np.uint8)
     found = read.read(written(tmp_path, ".tif", pixels), "image.tif")
     assert np.abs(found[0, 0].astype(int) - (239, 159, 80, 128)).max() <= 1
@@ -96,7 +96,7 @@ def test_channels_without_a_known_name_are_listed(tmp_path):
         read.read(data, "image.exr")
 
 
-def test_the_layer_that_is_taken_of_several_is_named(tmp_path):
+def test_warning_names_the_selected_layer(tmp_path):
     names = [f"{layer}.{channel}" for layer in ("first", "second") for channel in "RGB"]
     found = read.decode(written(tmp_path, ".exr", np.ones((4, 4, 6), np.float32), names), "image.exr")
     assert found.notes == [
@@ -104,7 +104,7 @@ def test_the_layer_that_is_taken_of_several_is_named(tmp_path):
     ]
 
 
-def test_the_part_of_a_file_that_holds_the_picture_is_read(tmp_path):
+def test_part_with_the_picture_is_read(tmp_path):
     path = tmp_path / "parts.exr"
     specs = []
     for name, channels in (("ViewLayer.Depth", ["Z"]), ("ViewLayer.Combined", ["R", "G", "B"])):
@@ -123,7 +123,7 @@ def test_the_part_of_a_file_that_holds_the_picture_is_read(tmp_path):
 
 @pytest.mark.parametrize("window", [(2, 1, 4, 3), (-2, -1, 12, 8), (-1, 2, 4, 6), (20, 20, 2, 2)])
 @pytest.mark.parametrize("origin", [(0, 0), (-5, 3)])
-def test_data_lie_in_the_display_window(tmp_path, window, origin):
+def test_data_window_is_placed_in_the_display_window(tmp_path, window, origin):
     x, y, width, height = window
     full = np.zeros((6, 8, 3), np.float32)
     data = np.random.default_rng(1).random((height, width, 3), np.float32)
@@ -155,7 +155,7 @@ ROWS = np.random.default_rng(3).integers(128, 256, (2, 3, 3))
         ("-X 3 +Y 2", ROWS[::-1, ::-1].swapaxes(0, 1)),
     ],
 )
-def test_radiance_files_are_turned_upright(size, rows):
+def test_radiance_orientation_is_normalized(size, rows):
     texels = b"".join(bytes([*texel, 128 + 8]) for row in rows.tolist() for texel in row)
     found = read.read(b"#?RADIANCE\nFORMAT=32-bit_rle_rgbe\n\n" + size.encode() + b"\n" + texels, "turned.hdr")
     assert found.shape == (2, 3, 3)
@@ -182,7 +182,7 @@ def targa(bits, descriptor, texel, kind=2, extension=None):
     ],
     ids=["no-alpha-bits", "alpha", "useful", "ignored", "premultiplied"],
 )
-def test_the_header_of_a_tga_file_says_what_its_alpha_is(data, expected):
+def test_tga_header_determines_the_alpha_mode(data, expected):
     found = read.read(data, "image.tga").astype(int)
     assert np.abs(found - expected).max() <= 1
 
@@ -195,7 +195,7 @@ def pillow(kind, mode="RGB"):
 
 @pytest.mark.parametrize("name", ["image.png", "image.jpg", "image.exr", "image", "image.txt"])
 @pytest.mark.parametrize("kind", ["TGA", "JPEG", "PPM", "SGI", "WEBP", "DDS", "JPEG2000", "TIFF", "AVIF"])
-def test_an_image_is_read_by_what_it_is(name, kind):
+def test_image_is_read_despite_wrong_suffix(name, kind):
     found = read.read(pillow(kind), name)
     assert np.abs(found[4, 4].astype(int) - (*COLOR, 255)).max() <= 6
 
@@ -204,7 +204,7 @@ def test_an_image_is_read_by_what_it_is(name, kind):
 @pytest.mark.parametrize(
     "data", [b"", b"\x89PNG\r\n\x1a\n" + bytes(40), b"GIF89a", b"DDS " + bytes(10), b"RIFF\0\0\0\0WEBP", bytes(99)]
 )
-def test_no_sentence_shows_an_address(name, data):
+def test_error_messages_contain_no_addresses(name, data):
     with pytest.raises(SceneError) as told:
         read.read(data, name)
     assert "0x" not in str(told.value)
@@ -247,7 +247,7 @@ def test_sixteen_bits_are_kept(tmp_path, suffix):
     assert (found[..., 3] == 65535).all()
 
 
-def test_sixteen_bits_that_say_no_more_than_eight_are_eight(tmp_path):
+def test_redundant_16_bits_are_reduced_to_8(tmp_path):
     pixels = np.random.default_rng(5).integers(0, 256, (9, 7, 3)).astype(np.uint16)
     found = read.read(written(tmp_path, ".png", pixels * 257), "image.png")
     assert found.dtype == np.uint8
@@ -256,7 +256,7 @@ def test_sixteen_bits_that_say_no_more_than_eight_are_eight(tmp_path):
 
 @pytest.mark.parametrize("suffix", [".exr", ".hdr", ".png"])
 @pytest.mark.parametrize("tiled", [False, True])
-def test_a_large_environment_becomes_smaller_and_says_so(tmp_path, monkeypatch, suffix, tiled):
+def test_large_environment_is_scaled_down_with_a_warning(tmp_path, monkeypatch, suffix, tiled):
     monkeypatch.setattr(read, "MAX_PIXELS", 512)
     pixels = np.random.default_rng(2).random((32, 64, 3), np.float32)
     if suffix == ".png":

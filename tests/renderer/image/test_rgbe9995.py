@@ -33,7 +33,7 @@ def test_round_trip_is_within_half_a_step_of_the_brightest_channel(rgb):
     assert np.abs(unpack(pack(expected)) - expected).max() <= step / 2
 
 
-def test_what_has_no_word_is_clamped():
+def test_unrepresentable_values_are_clamped():
     words = pack(np.array([[np.nan, 1, -3], [1e9, 0, np.inf]], np.float32))
     assert unpack(words).tolist() == [[0, 1, 0], [MAX, 0, MAX]]
 

@@ -62,6 +62,6 @@ def test_middle_grey_in_srgb_is_the_standards_value():
     assert tonemap.apply(np.full((1, 1, 3), 0.18, np.float32), 0.0, "srgb")[0, 0].tolist() == [118, 118, 118]
 
 
-def test_an_unknown_curve_names_the_known():
+def test_unknown_curve_error_lists_the_curves():
     with pytest.raises(SettingsError, match="neutral"):
         tonemap.apply(np.zeros((1, 1, 3), np.float32), 0.0, "sepia")

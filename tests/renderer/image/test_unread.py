@@ -71,7 +71,7 @@ def hdr(more):
         (lambda _: hdr(b"PRIMARIES=0.7 0.29 0.17 0.79 0.13 0.04 0.31 0.32\n"), "its primaries (0.7 0.29"),
     ],
 )
-def test_what_is_not_taken_over_is_named(tmp_path, make, sentence):
+def test_unsupported_content_is_named(tmp_path, make, sentence):
     assert any(sentence in note for note in notes_of(make(tmp_path)))
 
 
@@ -86,5 +86,5 @@ def test_what_is_not_taken_over_is_named(tmp_path, make, sentence):
         lambda _: hdr(b"EXPOSURE=2\nEXPOSURE=0.5\nPRIMARIES=0.64 0.33 0.3 0.6 0.15 0.06 0.3333 0.3333\n"),
     ],
 )
-def test_of_usual_files_nothing_is_noted(tmp_path, make):
+def test_ordinary_files_cause_no_notes(tmp_path, make):
     assert not notes_of(make(tmp_path))

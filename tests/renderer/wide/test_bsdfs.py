@@ -123,7 +123,7 @@ def test_microfacets_and_their_energy():
     assert_same_bits(eight, one)
 
 
-def test_a_lane_that_holds_no_number_reads_inside_the_table():
+def test_nan_lane_reads_inside_the_table():
     given = np.full((8, 10), np.nan, np.float32)
     given[::2, :3] = np.inf
     given[::2, 5:8] = -np.inf

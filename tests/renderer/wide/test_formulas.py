@@ -38,7 +38,7 @@ def _numbers(given, order, eight, one):
     in_both(_of_numbers, 2, given, order, eight, one)
 
 
-def test_polynomials_and_heuristics():
+def test_polynomials_and_mis_heuristics():
     rng = np.random.default_rng(0)
     x = np.concatenate([rng.uniform(-2, 2, N), rng.uniform(-130, 130, N), np.exp2(rng.uniform(-126, 30, N))])
     y = rng.uniform(-4, 4, len(x))

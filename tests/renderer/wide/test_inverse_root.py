@@ -13,7 +13,7 @@ def _roots(x, out):
         store(out, np.uintp(i), inverse_root(load(x, np.uintp(i))))
 
 
-def test_three_digits_over_the_whole_range():
+def test_inverse_root_precision():
     mantissas = np.linspace(1, 4, 2**14, endpoint=False, dtype=np.float32)  # the error repeats every second exponent
     x = np.ldexp(mantissas, np.arange(-124, 124, 62)[:, None]).astype(np.float32).ravel()
     found = np.zeros_like(x)

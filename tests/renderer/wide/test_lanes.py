@@ -35,7 +35,7 @@ def _of_one(table, x, common, below, calls, out):
         keep(out, i, u32(number), (value, u32(number), other, choice))
 
 
-def test_a_function_is_called_for_the_lanes_that_want_it():
+def test_function_is_called_for_selected_lanes():
     table = np.linspace(1, 2, 8, dtype=np.float32)
     x = np.array([3, 107, 0, 500, 7, 100, 5, 501], np.float32)
     out, calls = np.full((2, 4, N), np.float32(-9)), np.zeros((2, 1), np.int32)

@@ -80,7 +80,7 @@ def unit(rng, n):
 
 
 @pytest.mark.parametrize("name", SKIES)
-def test_an_environment_is_sampled_for_eight_as_for_one(name):
+def test_environment_sampling_for_eight_lanes(name):
     made = plain(scene([Material()], FLOOR, environment=SKIES[name]()))
     rng = np.random.default_rng(1)
     d = unit(rng, N)
@@ -104,7 +104,7 @@ def _choices(tables, given, order, eight, one):
 
 
 @pytest.mark.parametrize("count", [1, 5, 9, 300])
-def test_eight_choices_are_those_of_one_each(count):
+def test_cdf_choices_for_eight_lanes(count):
     rng = np.random.default_rng(count)
     cdfs = np.stack([cumulative(rng.random(count) ** 3 * (rng.random(count) > 0.3) + 1e-9) for _ in range(3)])
     tables = cdfs[2].copy(), cdfs, cutpoints(cdfs[2]), cutpoints(cdfs)
@@ -182,7 +182,7 @@ FULL = ("without a body", "a tree", "textures")
 
 
 @pytest.mark.parametrize("name", [pytest.param(name, marks=[pytest.mark.long] if name in FULL else []) for name in LIGHTS])
-def test_lights_are_sampled_for_eight_as_for_one(name):
+def test_light_sampling_for_eight_lanes(name):
     made = plain(LIGHTS[name]())
     rng = np.random.default_rng(2)
     lights = len(made.light_primitive)

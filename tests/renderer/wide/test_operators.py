@@ -133,7 +133,7 @@ def _choices(given, order, eight, one):
     in_both(_of_choices, 3, given, order, eight, one)
 
 
-def test_what_is_chosen():
+def test_selections():
     def expected(a, b, c):
         m = a < b
         yield from (np.where(m, a, b), np.where(m, a, P), np.where(m, P, a), np.where(m, P, Q), np.where(m, b == c, a < c))

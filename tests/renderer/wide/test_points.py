@@ -26,7 +26,7 @@ def _drawn(pixel, sample, block, eight, one):
 
 
 @pytest.mark.parametrize("most", [1, 64, 1 << 28])
-def test_eight_at_once_are_those_of_each_alone(most: int) -> None:
+def test_numbers_for_eight_lanes_equal_single_ones(most: int) -> None:
     random = np.random.default_rng(3)
     sample = random.integers(0, most, 800).astype(np.int32)
     pixel = random.integers(-(1 << 31), 1 << 31, 800).astype(np.int32)
