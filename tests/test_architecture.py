@@ -29,7 +29,7 @@ PAGE = (
 
 
 @pytest.mark.long
-def test_the_service_starts_without_what_compiles_kernels() -> None:
+def test_service_is_importable_without_numba() -> None:
     """The service can be imported without numba, which its image lacks."""
     program = """
 import sys
@@ -46,7 +46,7 @@ import service.main
     assert done.returncode == 0, done.stderr
 
 
-def test_the_arrows_of_the_page_point_one_way() -> None:
+def test_page_layers_import_downwards_only() -> None:
     folder = ROOT / "web" / "js"
     wrong = []
     for path in folder.rglob("*.js"):
@@ -80,7 +80,7 @@ def _imports(path: Path, modules: set[str]) -> set[str]:
     return set(named) & modules
 
 
-def test_no_modules_import_each_other() -> None:
+def test_no_import_cycles_between_modules() -> None:
     """No Python modules import each other in a cycle. Imports within functions and by `import_module` count too."""
     paths = {
         path.relative_to(ROOT).with_suffix("").parts: path for package in PACKAGES for path in (ROOT / package).rglob("*.py")
@@ -90,7 +90,7 @@ def test_no_modules_import_each_other() -> None:
     TopologicalSorter({name: _imports(path, names) - {name} for name, path in modules.items()}).prepare()
 
 
-def test_no_modules_of_the_page_import_each_other() -> None:
+def test_no_import_cycles_between_page_modules() -> None:
     """No modules of web/js import each other in a cycle. Dynamic imports count too, types in comments do not."""
     graph: dict[Path, set[Path]] = {}
     for path in (ROOT / "web" / "js").rglob("*.js"):
@@ -100,7 +100,7 @@ def test_no_modules_of_the_page_import_each_other() -> None:
     TopologicalSorter(graph).prepare()
 
 
-def test_what_the_table_of_additions_names_is_there() -> None:
+def test_paths_in_the_additions_table_exist() -> None:
     """All paths in the table "To add X, touch Y" of docs/architecture.md exist.
 
     A file name without a folder is looked up in the folder of the first file in its row.

@@ -33,7 +33,7 @@ def test_every_dependency_is_pinned() -> None:
     assert names <= pins().keys(), names - pins().keys()
 
 
-def test_without_a_command_it_says_what_there_is() -> None:
+def test_missing_command_lists_the_commands() -> None:
     done = subprocess.run([sys.executable, ROOT / "farm.py"], capture_output=True, text=True, check=False)
     assert done.returncode == 2
     assert "python3 farm.py up" in done.stdout
@@ -47,7 +47,7 @@ def test_help_installs_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["farm.py"]
 
 
-def test_an_unknown_word_after_install_installs_nothing(tmp_path: Path) -> None:
+def test_unknown_install_argument_installs_nothing(tmp_path: Path) -> None:
     shutil.copy(ROOT / "farm.py", tmp_path)
     command = [sys.executable, tmp_path / "farm.py", "install", "--kernels"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
@@ -56,7 +56,7 @@ def test_an_unknown_word_after_install_installs_nothing(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["farm.py"]
 
 
-def test_a_python_too_old_gets_a_sentence() -> None:
+def test_outdated_python_gets_an_error_message() -> None:
     """Run by a Python that is too old, farm.py prints an error instead of a syntax error, if it finds no newer Python."""
     source = (ROOT / "farm.py").read_text()
     ast.parse(source, feature_version=(3, 6))
@@ -70,7 +70,7 @@ def test_a_python_too_old_gets_a_sentence() -> None:
 
 
 @pytest.mark.long
-def test_nothing_is_skipped_where_ci_is_set(tmp_path: Path) -> None:
+def test_skips_are_failures_in_ci(tmp_path: Path) -> None:
     skips = "def test_{}(monkeypatch):\n    monkeypatch.setenv('CI', '{}')\n    pytest.skip('no Chromium')\n"
     (tmp_path / "test_page.py").write_text("import pytest\n\n" + skips.format("here", "") + skips.format("there", "true"))
     (tmp_path / "test_processor.py").write_text("import pytest\n\n@pytest.mark.hardware\n" + skips.format("elsewhere", "true"))

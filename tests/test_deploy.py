@@ -29,12 +29,12 @@ PARTS = [part for file in FILES for part in yaml.safe_load_all((CLUSTER / f"{fil
 
 @pytest.mark.parametrize("part", PARTS, ids=lambda part: f"{part['kind']}-{part['metadata']['name']}")
 @grid("release", ["1.29", "1.34"], ordinary=("1.29",))
-def test_kubernetes_understands_every_part(part: dict[str, Any], release: str) -> None:
+def test_kubernetes_manifests_match_their_schemas(part: dict[str, Any], release: str) -> None:
     kubernetes_validate.validate(part, release, strict=True)
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_no_folder_builds_on_one_that_it_lies_in(folder: str) -> None:
+def test_overlays_do_not_refer_to_their_parent_folders(folder: str) -> None:
     """No kustomize overlay refers to a folder that contains the overlay itself, which kustomize rejects as a cycle."""
     here = (CLUSTER / folder).resolve()
     for resource in yaml.safe_load((here / "kustomization.yaml").read_text())["resources"]:
@@ -45,7 +45,7 @@ def test_no_folder_builds_on_one_that_it_lies_in(folder: str) -> None:
 
 @pytest.mark.skipif(shutil.which("kubectl") is None, reason="needs kubectl")
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_kubectl_puts_the_parts_together(folder: str) -> None:
+def test_kubectl_builds_every_overlay(folder: str) -> None:
     made = subprocess.run(["kubectl", "kustomize", str(CLUSTER / folder)], capture_output=True, text=True, check=True)
     parts = list(yaml.safe_load_all(made.stdout))
     services = [part["kind"] for part in parts if part["metadata"]["name"] == "rayfarm-service"]
@@ -53,7 +53,7 @@ def test_kubectl_puts_the_parts_together(folder: str) -> None:
     assert {part["metadata"]["namespace"] for part in parts} == {"rayfarm"}
 
 
-def test_whether_the_service_is_to_be_restarted_is_asked_on_a_port_of_its_own() -> None:
+def test_liveness_probe_uses_its_own_port() -> None:
     for part in PARTS:
         if part["metadata"]["name"] == "rayfarm-service" and "template" in part["spec"]:
             (service,) = part["spec"]["template"]["spec"]["containers"]
@@ -62,7 +62,7 @@ def test_whether_the_service_is_to_be_restarted_is_asked_on_a_port_of_its_own() 
             assert ports[service["livenessProbe"]["httpGet"]["port"]] == told["RAYFARM_HEALTH_PORT"]
 
 
-def test_every_pod_passes_pod_security_restricted() -> None:
+def test_pods_satisfy_pod_security_restricted() -> None:
     """All pods satisfy the profile `restricted` of Kubernetes' Pod Security Standards."""
     for part in PARTS:
         if part["kind"] not in ("Deployment", "StatefulSet"):
@@ -93,7 +93,7 @@ def containers() -> dict[str, tuple[dict[str, Any], dict[str, Any]]]:
     ("name", "keys"),
     [("redis", {"redis-password"}), ("worker", {"token"}), ("gpu-worker", {"token"}), ("service", {"token", "redis-password"})],
 )
-def test_a_pod_sees_the_secrets_that_it_needs_as_files(name: str, keys: set[str]) -> None:
+def test_pods_mount_only_needed_secrets(name: str, keys: set[str]) -> None:
     container, pod = containers()[name]
     assert not [each for each in container.get("env", []) if "secretKeyRef" in each.get("valueFrom", {})]
     (secret,) = [each["secret"] for each in pod["volumes"] if "secret" in each]
@@ -107,7 +107,7 @@ def test_every_container_has_probes() -> None:
         assert {"livenessProbe", "readinessProbe"} <= set(container), name
 
 
-def test_workers_are_probed_without_the_service() -> None:
+def test_worker_probes_do_not_need_the_service() -> None:
     container, _ = containers()["worker"]
     live, ready = container["livenessProbe"]["exec"]["command"], container["readinessProbe"]["exec"]["command"]
     assert ready == [*live, "--ready"]
@@ -123,7 +123,7 @@ def test_images_are_tagged_by_version() -> None:
             assert image["newTag"] == __version__, image["name"]
 
 
-def test_in_compose_the_first_process_reaps_what_a_health_check_leaves() -> None:
+def test_compose_containers_have_an_init_process() -> None:
     """Compose's containers have an init process, which reaps the processes of a killed health check; only Caddy's has none.
 
     Without it, these would stay as zombies, which count towards pids_limit. Caddy's container has no health check.
@@ -134,7 +134,7 @@ def test_in_compose_the_first_process_reaps_what_a_health_check_leaves() -> None
 
 
 @pytest.mark.parametrize(("tls", "internal"), [(None, False), ("public", False), ("internal", True)])
-def test_caddy_signs_private_names_itself_and_speaks_no_http_3(tls: str | None, internal: bool) -> None:
+def test_caddy_tls_and_http_versions(tls: str | None, internal: bool) -> None:
     environment = {
         "PATH": os.environ["PATH"],
         "HOME": "/",
@@ -150,7 +150,7 @@ def test_caddy_signs_private_names_itself_and_speaks_no_http_3(tls: str | None, 
     assert [policy["issuers"] for policy in policies] == ([[{"module": "internal"}]] if internal else [])
 
 
-def test_every_label_that_is_selected_by_is_worn() -> None:
+def test_every_selector_matches_a_pod() -> None:
     worn = [part["spec"]["template"]["metadata"]["labels"] for part in PARTS if part["kind"] in ("Deployment", "StatefulSet")]
     for part in PARTS:
         if part["kind"] == "Service":
@@ -164,7 +164,7 @@ def test_every_variable_of_the_service_is_a_setting() -> None:
         assert {name.removesuffix("_FILE") for name in names - {"POD_IP"}} <= known
 
 
-def test_two_services_differ_from_one_in_what_they_must() -> None:
+def test_two_service_overlay_changes_only_what_it_needs() -> None:
     one, two = (part for part in PARTS if part["metadata"]["name"] == "rayfarm-service" and "template" in part["spec"])
     (alone,), (each,) = (part["spec"]["template"]["spec"]["containers"] for part in (one, two))
     assert {key for key in alone if alone[key] != each[key]} == {"env"}
@@ -180,7 +180,7 @@ def test_two_services_differ_from_one_in_what_they_must() -> None:
     assert claim["spec"] in [part["spec"] for part in PARTS if part["metadata"]["name"] == name]
 
 
-def test_what_follows_from_the_sources_is_found_while_the_workers_image_is_built() -> None:
+def test_source_digest_is_computed_at_image_build() -> None:
     """The digest of the sources is computed when the worker's image is built, and stored in the image.
 
     Otherwise each container would compute it at its start, in a second of processor time, since its sources are read-only.
@@ -198,7 +198,7 @@ EXAMPLE = re.findall(r"^#?(\w+)=", (ROOT / "deploy" / "rayfarm.env.example").rea
 
 
 @pytest.mark.parametrize("name", OURS)
-def test_every_container_of_ours_is_confined(name: str) -> None:
+def test_containers_are_confined(name: str) -> None:
     """Each of our containers has a read-only root, except workers of an old release, which write beside their kernels.
 
     Each has no capabilities, gains no privileges, and has limits on logs, memory and processes.
@@ -213,7 +213,7 @@ def test_every_container_of_ours_is_confined(name: str) -> None:
         assert {"mem_limit", "pids_limit"} <= container.keys()
 
 
-def test_only_the_farm_is_on_redis_s_network() -> None:
+def test_only_farm_containers_reach_redis() -> None:
     """Only the farm's containers are on Redis's network and have its secrets."""
     on_queue = {name for name, container in COMPOSE.items() if "queue" in container.get("networks", [])}
     assert on_queue == {"redis", "service", "standby", "worker", "gpu-worker", "old-worker"}
@@ -229,7 +229,7 @@ def test_no_secret_is_in_the_repository() -> None:
         assert set(re.findall(rf"\$\{{{name}(:?-?[^}}]*)\}}", text)) == {":-"}
 
 
-def test_one_file_reaches_every_setting() -> None:
+def test_env_file_reaches_every_setting() -> None:
     """Every setting can be set in the file .env: the service's through `env_file`, the others through Compose's substitution."""
     fixed = {"RAYFARM_HOST", "RAYFARM_DATA", "RAYFARM_PUBLISHED", "RAYFARM_PUBLISHED_PORT", "RAYFARM_WEB", "RAYFARM_EXAMPLES"}
     settings = {f"RAYFARM_{name.upper()}" for name in Settings.model_fields} - fixed
@@ -244,19 +244,19 @@ def test_one_file_reaches_every_setting() -> None:
     assert {name for name in EXAMPLE if name.startswith("RAYFARM_")} - settings - substituted - documented == {"RAYFARM_ENV_FILE"}
 
 
-def test_what_the_file_says_by_itself_changes_nothing() -> None:
+def test_env_file_defaults_change_nothing() -> None:
     set_ = [line for line in (ROOT / "deploy" / "rayfarm.env.example").read_text().splitlines() if line and line[0] != "#"]
     assert set_ == ["RAYFARM_ENV_FILE=.env"]
     assert COMPOSE["service"]["env_file"] == "${RAYFARM_ENV_FILE:-deploy/rayfarm.env.example}"
 
 
-def test_compose_is_understood_by_its_first_release_too() -> None:
+def test_compose_file_suits_the_first_release() -> None:
     """docker-compose.yml uses no nested defaults, which Compose's first release does not support."""
     assert not re.search(r"\$\{[^}]*\$\{", (ROOT / "docker-compose.yml").read_text())
 
 
 @pytest.mark.parametrize("name", ("worker", "gpu-worker"))
-def test_the_workers_of_the_cluster_are_started_with_options_that_there_are(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_cluster_worker_options_exist(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     arguments = containers()[name][0]["args"]
     assert arguments[:3] == ["python3", "-m", "worker"]
     monkeypatch.setattr("sys.argv", arguments[2:])
@@ -265,7 +265,7 @@ def test_the_workers_of_the_cluster_are_started_with_options_that_there_are(name
     assert (options.gpu, options.paired) == (("only", True) if name == "gpu-worker" else ("none", False))
 
 
-def test_workers_with_cards_are_given_them() -> None:
+def test_gpu_workers_request_gpus() -> None:
     cluster, _ = containers()["gpu-worker"]
     assert cluster["resources"]["limits"]["nvidia.com/gpu"] == 1
     compose = COMPOSE["gpu-worker"]
@@ -277,7 +277,7 @@ def test_workers_with_cards_are_given_them() -> None:
 
 
 @pytest.mark.parametrize(("given", "gpu"), (({}, "none"), ({"SLURM_GPUS_ON_NODE": "1"}, "all")))
-def test_a_slurm_task_renders_with_the_cards_that_it_was_given(given: dict[str, str], gpu: str, tmp_path: Path) -> None:
+def test_slurm_task_uses_its_gpus(given: dict[str, str], gpu: str, tmp_path: Path) -> None:
     program = tmp_path / "rayfarm"
     program.write_text('#!/bin/sh\necho "$@"\n')
     program.chmod(0o755)
@@ -299,7 +299,7 @@ def test_a_slurm_task_renders_with_the_cards_that_it_was_given(given: dict[str, 
     assert done.stdout.split() == ["worker", "--join", "http://farm", "--slots", "3", "--gpu", gpu]
 
 
-def test_the_cluster_scales_by_a_number_that_is_told() -> None:
+def test_autoscaling_uses_a_published_metric() -> None:
     scaling = yaml.safe_load((CLUSTER / "autoscale" / "worker-scaling.yaml").read_text())
     (trigger,) = scaling["spec"]["triggers"]
     shown = yaml.safe_load((CLUSTER / "autoscale" / "token.yaml").read_text())

@@ -13,12 +13,12 @@ HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 PAGES = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md"), *(ROOT / "deploy").rglob("*.md")]
 
 
-def test_every_link_of_the_documentation_leads_somewhere() -> None:
+def test_documentation_links_are_valid() -> None:
     dead = [f"{page.relative_to(ROOT)}: {link}" for page in PAGES for link in _links(page) if not _is_there(page, link)]
     assert not dead
 
 
-def test_every_page_is_reached_from_the_readme() -> None:
+def test_every_page_is_reachable_from_the_readme() -> None:
     named = {(ROOT / link.partition("#")[0]).resolve() for link in _links(ROOT / "README.md")}
     assert not {page.name for page in (ROOT / "docs").glob("*.md")} - {page.name for page in named}
 

@@ -13,22 +13,22 @@ def ordinary(mark: pytest.MarkDecorator) -> list[Any]:
     return [cell.values for cell in mark.args[1] if not cell.marks]
 
 
-def test_the_first_and_the_last_are_ordinary() -> None:
+def test_first_and_last_case_are_ordinary() -> None:
     assert ordinary(grid("x", range(5))) == [(0,), (4,)]
     assert ordinary(grid(("x", "y"), [(1, "a"), (2, "b"), (3, "c")])) == [(1, "a"), (3, "c")]
 
 
-def test_cells_are_kept_by_their_first_value_or_their_id() -> None:
+def test_ordinary_cases_by_first_value_or_id() -> None:
     cells = [("box", 1), ("ball", 2), pytest.param("cube", 3, id="a cube")]
     assert ordinary(grid("name, n", cells, ordinary=("ball", "a cube"))) == [("ball", 2), ("cube", 3)]
     assert ordinary(grid("n", (7, 8, 9), ordinary=("b",), ids=("a", "b", "c"))) == [(8,)]
 
 
-def test_a_mark_of_a_cells_own_stays() -> None:
+def test_marks_of_a_case_are_kept() -> None:
     mark = grid("n", [pytest.param(1, marks=pytest.mark.long), 2, 3])
     assert ordinary(mark) == [(3,)]
 
 
-def test_a_cell_that_is_not_there_is_an_error() -> None:
+def test_unknown_ordinary_case_is_an_error() -> None:
     with pytest.raises(ValueError, match="no cell of this grid is 'cone'"):
         grid("name", ["box", "ball"], ordinary=("cone",))

@@ -18,7 +18,7 @@ FILES = [
 ]
 
 
-def test_the_farm_comes_first_and_files_that_wait_are_spread() -> None:
+def test_farm_files_come_first_and_waiting_ones_are_spread() -> None:
     places = hand_out(FILES)
     assert sorted(FILES, key=lambda file: places[file]) == [
         "tests/e2e/test_page.py",
@@ -30,7 +30,7 @@ def test_the_farm_comes_first_and_files_that_wait_are_spread() -> None:
     ]
 
 
-def test_the_order_does_not_depend_on_the_order_of_collection() -> None:
+def test_order_does_not_depend_on_collection() -> None:
     """The order of test files is the same in all processes, as xdist requires.
 
     Each process collects other files first.
@@ -38,7 +38,7 @@ def test_the_order_does_not_depend_on_the_order_of_collection() -> None:
     assert hand_out(FILES) == hand_out(FILES[::-1])
 
 
-def test_each_process_collects_every_file_and_begins_with_another() -> None:
+def test_processes_collect_all_files_from_different_starts() -> None:
     whole = rotated(0, 1)
     names = [Path(name) for name in whole]
     assert len(set(names)) == len(names)
@@ -59,5 +59,5 @@ def test_each_process_collects_every_file_and_begins_with_another() -> None:
         ("def a():\n    pass\n", False),
     ],
 )
-def test_files_without_an_ordinary_test_are_recognized(source: str, expected: bool) -> None:
+def test_files_with_only_long_tests_are_recognized(source: str, expected: bool) -> None:
     assert has_only_long(source) == expected

@@ -54,7 +54,7 @@ def content(wheel: Path) -> set[str]:
         return {name for name in archive.namelist() if ".dist-info/" not in name}
 
 
-def test_the_wheel_has_all_that_runs_and_nothing_else(wheel: Path) -> None:
+def test_wheel_contents(wheel: Path) -> None:
     files = content(wheel)
     assert {name.partition("/")[0] for name in files} == set(OURS), "no other package at the top of site-packages"
     for package in OURS:
@@ -75,7 +75,7 @@ def test_the_wheel_has_all_that_runs_and_nothing_else(wheel: Path) -> None:
     assert wheel.name.endswith("-py3-none-any.whl")
 
 
-def test_the_wheel_says_what_it_is(wheel: Path) -> None:
+def test_wheel_metadata(wheel: Path) -> None:
     with zipfile.ZipFile(wheel) as archive:
         info = f"rayfarm-{renderer.__version__}.dist-info"
         said = archive.read(f"{info}/METADATA").decode()
@@ -84,7 +84,7 @@ def test_the_wheel_says_what_it_is(wheel: Path) -> None:
     assert "License-Expression: Apache-2.0\n" in said
 
 
-def test_a_wheel_takes_kernels_along_where_it_is_asked_to(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wheel_with_kernels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A wheel that is built with compiled kernels is tagged for this Python and system only.
 
     Building fails if the given folder has no kernels.
@@ -107,7 +107,7 @@ def test_a_wheel_takes_kernels_along_where_it_is_asked_to(tmp_path: Path, monkey
 
 
 @pytest.mark.long
-def test_the_source_archive_makes_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
+def test_source_archive_builds_the_same_wheel(wheel: Path, tmp_path: Path) -> None:
     with tarfile.open(next(wheel.parent.glob("rayfarm-*.tar.gz"))) as archive:
         archive.extractall(tmp_path / "source", filter="data")
     made = wheel_in(built(next((tmp_path / "source").iterdir()), tmp_path / "again", "wheel"))
@@ -129,7 +129,7 @@ def everything_works(farm: Farm) -> None:
 
 
 @pytest.mark.long
-def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
+def test_farm_runs_from_the_unpacked_wheel(wheel: Path, tmp_path: Path) -> None:
     """`rayfarm up` runs from the unpacked wheel, with the dependencies of this environment, in any folder."""
     site, elsewhere, home = tmp_path / "site", tmp_path / "elsewhere", tmp_path / "home"
     elsewhere.mkdir()
@@ -154,7 +154,7 @@ def test_up_from_the_wheel_alone(wheel: Path, tmp_path: Path) -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(900)
-def test_installed_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
+def test_wheel_installs_into_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
     """The wheel installs into an empty environment, with dependencies downloaded by pip."""
     venv.create(tmp_path / "venv", with_pip=True)
     program = tmp_path / "venv" / "bin"
@@ -173,7 +173,7 @@ def test_installed_in_an_empty_environment(wheel: Path, tmp_path: Path) -> None:
         stop_farm(farm)
 
 
-def test_where_the_data_lies(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_default_data_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path))
     monkeypatch.setenv("RAYFARM_DATA", str(tmp_path / "named"))
     assert locations.default_data_folder() == tmp_path / "named"
@@ -194,7 +194,7 @@ def graph() -> grimp.ImportGraph:
 
 
 @pytest.mark.parametrize(("image", "runs"), [("service", ["service"]), ("worker", ["worker", "renderer"])])
-def test_a_slim_image_installs_what_it_imports(image: str, runs: list[str], graph: grimp.ImportGraph) -> None:
+def test_slim_image_installs_its_imports(image: str, runs: list[str], graph: grimp.ImportGraph) -> None:
     lines = (ROOT / image / "requirements.txt").read_text().splitlines()
     wanted = [Requirement(line) for line in lines if line and not line.startswith("#")]
     extras = [each for name in ("postgres", "s3", "otel", "oidc", "ktx2") for each in PROJECT["optional-dependencies"][name]]

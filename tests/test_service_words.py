@@ -77,7 +77,7 @@ def _catalogue(language: str) -> dict[str, str]:
     return dict(pairs)
 
 
-def test_a_code_has_one_template() -> None:
+def test_each_code_has_one_template() -> None:
     """All sentences with the same code have the same English template.
 
     A full stop at the end is ignored, since `Sentence.removesuffix` keeps the code.
@@ -88,7 +88,7 @@ def test_a_code_has_one_template() -> None:
     assert not {code: found for code, found in templates.items() if len(found) > 1}
 
 
-def test_a_template_has_one_code() -> None:
+def test_each_template_has_one_code() -> None:
     """All sentences with the same English template have the same code, even if their parameters have different names."""
     codes = defaultdict(set)
     for each in _sentences():
@@ -105,7 +105,7 @@ def test_codes_are_short_and_in_kebab_case() -> None:
     assert not [each.code for each in _sentences() if numbered.fullmatch(each.code) and each.code not in WITH_NUMBERS]
 
 
-def test_a_sentence_has_the_parameters_of_its_template() -> None:
+def test_sentence_parameters_match_the_template() -> None:
     wrong = [each.at for each in _sentences() if not each.params <= {*PLACES.findall(each.template), "{type}"}]
     assert not wrong, "parameters that the template does not use"
 
@@ -116,7 +116,7 @@ def test_every_sentence_is_translated() -> None:
     assert not left, "not in service.de.json and service.zh.json"
 
 
-def test_the_page_acts_on_codes_of_the_service() -> None:
+def test_codes_used_by_the_page_exist() -> None:
     source = (ROOT / "web/js/base/codes.js").read_text(encoding="utf-8") + "".join(
         re.findall(r"const CLOSED = .*", (ROOT / "web/js/base/lasting-socket.js").read_text(encoding="utf-8"))
     )
@@ -131,7 +131,7 @@ def test_catalogues_have_no_unknown_code() -> None:
 
 
 @pytest.mark.parametrize("language", ["de", "zh"])
-def test_a_translation_has_the_places_of_its_sentence(language: str) -> None:
+def test_translations_have_the_same_parameters(language: str) -> None:
     templates = {each.code: each.template for each in _sentences()}
     catalogue = _catalogue(language)
     assert not [code for code, text in catalogue.items() if {*PLACES.findall(text)} != {*PLACES.findall(templates[code])}]

@@ -51,7 +51,7 @@ ALL = table(Snowy)
 MORE: dict[str, DeclaredSetting] = {name: ALL[name] for name in ("glitter", "flake")}
 
 
-def test_the_renderer_checks_it() -> None:
+def test_renderer_checks_a_new_setting() -> None:
     assert Snowy(8, 8, VIEW, glitter=1).glitter == 1.0
     assert Snowy.from_json(json.loads(json.dumps(Snowy(8, 8, VIEW, flake="dot").to_json()))) == Snowy(8, 8, VIEW, flake="dot")
     with pytest.raises(SettingsError, match=r"^glitter is 0.05; it lies between 0.1 and 2, or is 0: dull$") as error:
@@ -62,7 +62,7 @@ def test_the_renderer_checks_it() -> None:
     assert (error.value.field, code_of(error.value)) == ("flake", "setting-value-unknown")
 
 
-def test_the_command_has_an_option_for_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_command_has_an_option_for_a_new_setting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(picture, "SETTINGS_OPTIONS", {**picture.SETTINGS_OPTIONS, **MORE})
     found: list[picture.Picture] = []
     app = typer.Typer()
@@ -81,7 +81,7 @@ def test_the_command_has_an_option_for_it(monkeypatch: pytest.MonkeyPatch) -> No
     assert "Its shape: star, dot." in said
 
 
-def test_the_api_takes_it() -> None:
+def test_api_accepts_a_new_setting() -> None:
     model: Any = with_fields(MORE, of_scene=True)(JobIn)
     assert model(scene="s", glitter=0.5, flake="dot").model_dump()["glitter"] == 0.5
     assert model(scene="s").glitter is None, "the scene file is asked first"
@@ -94,7 +94,7 @@ def test_the_api_takes_it() -> None:
     assert shown["flake"]["enum"] == ["star", "dot", None]
 
 
-def test_scene_files_and_their_guide_have_it() -> None:
+def test_scene_files_and_guide_have_a_new_setting() -> None:
     settings = filled_in(schema(), {**SCENE_SETTINGS, **MORE})["properties"]["settings"]["properties"]
     assert settings["glitter"] == {
         "description": "How much the snow sparkles.",
@@ -109,7 +109,7 @@ def test_scene_files_and_their_guide_have_it() -> None:
     assert "| `glitter` | `0` | 0.1 to 2; 0: dull | How much the snow sparkles. Of `path`. |" in guide
 
 
-def test_the_page_is_told_of_it() -> None:
+def test_page_receives_a_new_setting() -> None:
     """The description of settings that the page receives contains an added setting.
 
     tests/e2e/test_settings_form.py tests the setting's field in the form.
@@ -124,7 +124,7 @@ def test_the_page_is_told_of_it() -> None:
     ]
 
 
-def test_a_failing_batchs_command_has_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failing_batch_command_has_a_new_setting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(reproduce, "SETTINGS", ALL)
     monkeypatch.setattr(reproduce, "OPTIONAL", (*OPTIONAL, *MORE))
     assert "--sparkle=0.25 --flake=dot" in sample_command(Snowy(8, 8, VIEW, glitter=0.25, flake="dot"), 1, 2, 3)

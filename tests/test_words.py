@@ -21,14 +21,14 @@ COUNTED = re.compile(rf"\btn\(\s*(?:[^()\"]|\((?:[^()\"]|\([^()\"]*\))*\))+?,\s*
 PLACE = re.compile(r"\{\w*\}")
 
 
-def test_a_text_is_found_wherever_it_stands() -> None:
+def test_texts_are_found_in_all_call_forms() -> None:
     """`texts_of`, on which the other tests depend, finds the texts in all forms of calls to the page's translation functions."""
     source = 't("One {n}", { n }) + tn(f(a.b(c), 1), "{n} day", "{n} days") + t(\n  "Two") + at("none") + t(label)'
     assert texts_of(source) == {"One {n}", "{n} day", "{n} days", "Two"}
 
 
 @pytest.mark.parametrize("language", ["de", "zh"])
-def test_every_text_is_in_the_catalogue_and_nothing_else(language: str) -> None:
+def test_catalogues_contain_exactly_the_used_texts(language: str) -> None:
     catalogue = json.loads((WEB / "words" / f"{language}.json").read_text(encoding="utf-8"))
     used = texts_of_the_page() | texts_of_the_service()
     assert not used - catalogue.keys(), f"not in {language}.json"
