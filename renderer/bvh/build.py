@@ -54,7 +54,7 @@ def build(
         array.flags.writeable = False  # one array type for the compiler, whoever calls
     with contextlib.nullcontext(team) if team is not None else Team() as crew:
         first = len(triangle) if first_sphere is None else first_sphere
-        return _sealed(_levels(position, triangle, sphere, first, instances, crew), brute)
+        return _as_sealed(_build_levels(position, triangle, sphere, first, instances, crew), brute)
 
 
 def tree_of(
@@ -103,7 +103,7 @@ def boundless(node: npt.NDArray[Any]) -> None:
         node[:, row][used] = np.inf if row & 1 else -np.inf
 
 
-def _levels(
+def _build_levels(
     position: npt.NDArray[Any],
     triangle: npt.NDArray[Any],
     sphere: npt.NDArray[Any],
@@ -167,7 +167,7 @@ def _boxes(
     return box
 
 
-def _sealed(bvh: Bvh, brute: bool) -> Bvh:
+def _as_sealed(bvh: Bvh, brute: bool) -> Bvh:
     if brute:
         boundless(bvh.node)
     for array in (bvh.node, bvh.packet, bvh.instance_root, bvh.to_local):

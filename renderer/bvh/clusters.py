@@ -70,7 +70,8 @@ def gathered(box: F32, source: Integers, spread: F32, solids: int, team: Team) -
     whole = np.empty((len(parts), cells, 8), np.float32)
     tally = np.empty((len(parts), cells, 2), np.int32)
     team.each(
-        lambda job: _tally(box, source, *job[0], grid, *shift, solids, cell, *job[1:]), zip(parts, whole, tally, strict=True)
+        lambda job: _assign_cells(box, source, *job[0], grid, *shift, solids, cell, *job[1:]),
+        zip(parts, whole, tally, strict=True),
     )
     used = np.flatnonzero(tally[:, :, 0].sum(axis=0))
     count, weight = tally[:, used].sum(axis=0, dtype=np.int64).T.copy()
@@ -114,7 +115,7 @@ def split_clusters(clusters: Clusters, node: Integers, spread: F32, least: int, 
 
 
 @entry
-def _tally(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole, tally):
+def _assign_cells(box, source, first, end, grid, shift_y, shift_z, solids, cell, whole, tally):
     """Assigns primitives source[first : end] to grid cells, and computes each cell's bounds, number of primitives and weight.
 
     cell: receives each primitive's cell. tally: (cells, 2), receives the number and the weight of each cell's primitives. whole:

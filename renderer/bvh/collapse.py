@@ -64,9 +64,9 @@ def fold_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Arr
     first_packet = list(accumulate((packets for _, packets, _ in sizes), initial=packets))
     node = np.empty((first_node[-1], NODE_ROWS, WIDTH), np.float32)
     packet = np.empty((first_packet[-1], PACKET_ROWS, WIDTH), np.float32)
-    _fold(binary, shapes, 0, 0, least, 1, 0, node, packet, *_scratch())
+    _collapse_subtree(binary, shapes, 0, 0, least, 1, 0, node, packet, *_scratch())
     team.each(
-        lambda job: _fold(binary, shapes, *job[0], 0, *job[1:], node, packet, *_scratch()),
+        lambda job: _collapse_subtree(binary, shapes, *job[0], 0, *job[1:], node, packet, *_scratch()),
         zip(roots, first_node, first_packet, strict=False),
     )
     return node, packet
@@ -78,7 +78,7 @@ def _scratch() -> tuple[Array, Array]:
 
 
 @device
-def _open(binary, root, members):
+def _collect_children(binary, root, members):
     """Collects the up to eight binary nodes that become the children of one wide node, largest first; returns their number."""
     members[0] = root
     count = 1
@@ -111,7 +111,7 @@ def _count(binary, solids, root, least, aside, members, stack):
     nodes, packets, put_aside = 1, 0, 0
     while top > 0:
         top -= 1
-        for i in range(_open(binary, stack[top, 0], members)):
+        for i in range(_collect_children(binary, stack[top, 0], members)):
             member = members[i]
             if binary.tree[member, 0] >= 0:
                 if binary.tree[member, 2] > least:
@@ -158,7 +158,7 @@ def _fill_packet(packet, p, order, first, count, shapes):
 
 
 @entry
-def _fold(binary, shapes, root, wide_root, least, first_node, first_packet, node, packet, members, stack):
+def _collapse_subtree(binary, shapes, root, wide_root, least, first_node, first_packet, node, packet, members, stack):
     """Fills wide node `wide_root` from the binary node `root`, and its subtree into nodes and packets from the given indices on.
 
     Traverses the subtree in the order of `_count`, and skips the children that `_count` defers.
@@ -173,7 +173,7 @@ def _fold(binary, shapes, root, wide_root, least, first_node, first_packet, node
     while top > 0:
         top -= 1
         wide = stack[top, 1]
-        count = _open(binary, stack[top, 0], members)
+        count = _collect_children(binary, stack[top, 0], members)
         for lane in range(WIDTH):
             if lane >= count:
                 for k in range(3):

@@ -90,7 +90,7 @@ def compressed(bvh: Bvh, team: Team) -> Bvh:
         *(np.full(len(bvh.packet), -1, np.int32) for _ in range(2)),
     )
     depth = np.zeros(len(roots), np.int64)
-    listed, nodes, leaves = _list(source, roots, plan, np.empty((WIDTH * MAX_LEVELS, 2), np.int64), depth)
+    listed, nodes, leaves = _list_reachable_nodes(source, roots, plan, np.empty((WIDTH * MAX_LEVELS, 2), np.int64), depth)
     levels = int(depth[place[:3]].max(initial=0) + depth[place[3:]].max(initial=0))
     if levels > STACK_DEPTH - 2:
         raise SceneError(f"the scene's tree has {levels} levels; graphics cards can traverse at most {STACK_DEPTH - 2}")
@@ -99,10 +99,10 @@ def compressed(bvh: Bvh, team: Team) -> Bvh:
         *tree, tree.leaf.view(np.int32), np.empty((listed, NODE_WORDS), np.uint32), np.empty((listed, WIDTH), np.int32)
     )
     parts = parts_of(0, listed, _PART)
-    team.each(lambda part: _fill(source, plan, *part, target, _new_scratch()), parts)
+    team.each(lambda part: _fill_nodes(source, plan, *part, target, _new_scratch()), parts)
     index = np.empty(len(bvh.node), np.int32)
     index[plan.order[:listed]] = np.arange(listed, dtype=np.int32)
-    team.each(lambda part: _copy(plan, index, *part, target), parts)
+    team.each(lambda part: _copy_inner_children(plan, index, *part, target), parts)
     tree.node[: len(roots)] = target.content[index[roots]]
     return bvh._replace(
         node=_NOTHING,
@@ -128,7 +128,7 @@ def _aligned(shape: tuple[int, int], item: type[np.generic]) -> Array:
 
 
 @entry
-def _list(source, roots, plan, stack, depth):
+def _list_reachable_nodes(source, roots, plan, stack, depth):
     """Lists the reachable nodes in `plan`; returns the numbers of (reachable nodes, compressed nodes, rows of leaves).
 
     depth: receives the number of levels of the compressed tree below each root.
@@ -162,7 +162,7 @@ def _list(source, roots, plan, stack, depth):
                     own += 1
                     continue
                 number = ~child >> 2
-                count = _count(source.packet, number)
+                count = _count_primitives(source.packet, number)
                 if count == 1:
                     own += 1
                 elif count > 1:
@@ -181,7 +181,7 @@ def _list(source, roots, plan, stack, depth):
 
 
 @entry
-def _fill(source, plan, first, end, target, scratch):
+def _fill_nodes(source, plan, first, end, target, scratch):
     """Writes the content of reachable nodes first ... end - 1, and the nodes and leaves made from the packets below them."""
     for at in range(first, end):
         this = plan.order[at]
@@ -192,7 +192,7 @@ def _fill(source, plan, first, end, target, scratch):
             child = source.child[this, lane]
             scratch.is_inner[count] = child >= 0
             if child < 0 and (~child & INSTANCE) == 0:
-                primitives = _count(source.packet, ~child >> 2)
+                primitives = _count_primitives(source.packet, ~child >> 2)
                 if primitives == 0:
                     continue
                 scratch.is_inner[count] = primitives > 1
@@ -229,7 +229,7 @@ def _fill(source, plan, first, end, target, scratch):
 
 
 @entry
-def _copy(plan, index, first, end, target):
+def _copy_inner_children(plan, index, first, end, target):
     """Copies the contents of the inner children of reachable nodes first ... end - 1 to their final indices.
 
     index: each reachable node's position in `plan.order`.
@@ -244,7 +244,7 @@ def _copy(plan, index, first, end, target):
 
 
 @device
-def _count(packet, number):
+def _count_primitives(packet, number):
     """Returns the number of primitives in a packet."""
     count = 0
     for lane in range(WIDTH):

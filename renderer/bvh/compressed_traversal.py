@@ -50,7 +50,7 @@ _I32 = ir.IntType(32)
 
 
 @intrinsic
-def _four(typingctx, array, index):
+def _load_four_words(typingctx, array, index):
     """Loads the bits of four numbers from an array's flat element `index`, at an address aligned to 16 bytes. Unchecked."""
 
     def codegen(context, builder, sig, args):
@@ -69,7 +69,7 @@ def _as_float(typingctx, word):
 
 
 @intrinsic
-def _ones(typingctx, word):
+def _popcount(typingctx, word):
     """Returns the number of set bits of a uint32."""
 
     def codegen(context, builder, sig, args):
@@ -79,7 +79,7 @@ def _ones(typingctx, word):
 
 
 @intrinsic
-def _highest(typingctx, word):
+def _highest_bit(typingctx, word):
     """Returns the index of the highest set bit of a uint32 that is not zero."""
 
     def codegen(context, builder, sig, args):
@@ -106,7 +106,7 @@ class _Ray(NamedTuple):
 
 
 @device
-def _prepared(o, d, after, number):
+def _prepare_ray(o, d, after, number):
     """Returns the _Ray for a ray in world space (number -1) or in the space of instance `number`. after: as for `closest_hit`."""
     ray = ray_constants(o, d, _AXIS)
     axes = np.int32(ray.axes[0]), np.int32(ray.axes[1]), np.int32(ray.axes[2])
@@ -121,7 +121,7 @@ def _prepared(o, d, after, number):
 
 
 @device
-def _in_order(mask, octant):
+def _permute_mask(mask, octant):
     """Moves bit k of a mask of eight slots to bit k ^ octant."""
     if octant & np.uint32(1):
         mask = np.uint32(((mask & np.uint32(0x55)) << _BIT) | ((mask & np.uint32(0xAA)) >> _BIT))
@@ -138,7 +138,7 @@ def _byte(word, k):
 
 
 @device
-def _axis(origin, exponent, inverse, near, far):
+def _grid_axis(origin, exponent, inverse, near, far):
     """Returns a ray's constants for a node's grid along one axis: (distance of one grid step, near offset, far offset).
 
     The ray hits the plane at grid step k at distance k * step + offset. The near offset, for planes by which the ray enters a
@@ -151,11 +151,11 @@ def _axis(origin, exponent, inverse, near, far):
 
 
 @device
-def _entered(x, y, z, near, far, t_min, best):
+def _intersect_four_boxes(x, y, z, near, far, t_min, best):
     """Tests four of a node's boxes; returns a mask with one bit for each box that the ray enters.
 
-    x, y, z: the ray's constants from `_axis`. near, far: for each axis a word with one byte per box, the grid step of the plane
-    by which the ray enters or leaves the box. t_min, best: the range of distances.
+    x, y, z: the ray's constants from `_grid_axis`. near, far: for each axis a word with one byte per box, the grid step of the
+    plane by which the ray enters or leaves the box. t_min, best: the range of distances.
     """
     mask = _NOTHING
     for k in range(4):
@@ -169,18 +169,22 @@ def _entered(x, y, z, near, far, t_min, best):
 
 
 @device
-def _groups(node, at, ray, best):
+def _intersect_node(node, at, ray, best):
     """Returns the children of a node that a ray enters before distance `best`, as two groups with the index of their first child.
 
     Returns (inner group, index of the first inner child, leaf group, index of the first leaf). A group is a word: its lowest
     byte is a mask of the slots to visit, in the order of the ray's octant; the next byte, of all slots of that kind.
     """
     base, octant = np.uintp(at) * _NODE, ray.octant
-    a, b = _four(node, base), _four(node, base + np.uintp(4))
-    c, d, e = _four(node, base + np.uintp(8)), _four(node, base + np.uintp(12)), _four(node, base + np.uintp(16))
-    x = _axis(_as_float(a[0]), _byte(a[3], 0), ray.inverse[0], ray.near[0], ray.far[0])
-    y = _axis(_as_float(a[1]), _byte(a[3], 1), ray.inverse[1], ray.near[1], ray.far[1])
-    z = _axis(_as_float(a[2]), _byte(a[3], 2), ray.inverse[2], ray.near[2], ray.far[2])
+    a, b = _load_four_words(node, base), _load_four_words(node, base + np.uintp(4))
+    c, d, e = (
+        _load_four_words(node, base + np.uintp(8)),
+        _load_four_words(node, base + np.uintp(12)),
+        _load_four_words(node, base + np.uintp(16)),
+    )
+    x = _grid_axis(_as_float(a[0]), _byte(a[3], 0), ray.inverse[0], ray.near[0], ray.far[0])
+    y = _grid_axis(_as_float(a[1]), _byte(a[3], 1), ray.inverse[1], ray.near[1], ray.far[1])
+    z = _grid_axis(_as_float(a[2]), _byte(a[3], 2), ray.inverse[2], ray.near[2], ray.far[2])
     up = octant & np.uint32(1) != _NOTHING, octant & np.uint32(2) != _NOTHING, octant & np.uint32(4) != _NOTHING
     low = (
         (select(up[0], c[0], d[2]), select(up[1], c[2], e[0]), select(up[2], d[0], e[2])),
@@ -190,31 +194,31 @@ def _groups(node, at, ray, best):
         (select(up[0], c[1], d[3]), select(up[1], c[3], e[1]), select(up[2], d[1], e[3])),
         (select(up[0], d[3], c[1]), select(up[1], e[1], c[3]), select(up[2], e[3], d[1])),
     )
-    upper = _entered(x, y, z, high[0], high[1], ray.t_min, best)
-    entered = np.uint32(_entered(x, y, z, low[0], low[1], ray.t_min, best) | np.uint32(upper << np.uint32(4)))
+    upper = _intersect_four_boxes(x, y, z, high[0], high[1], ray.t_min, best)
+    entered = np.uint32(_intersect_four_boxes(x, y, z, low[0], low[1], ray.t_min, best) | np.uint32(upper << np.uint32(4)))
     inner_mask, leaf_mask = _byte(a[3], 3), np.uint32(b[2] & _PENDING)
-    inner = np.uint32(_in_order(np.uint32(entered & inner_mask), octant) | np.uint32(inner_mask << np.uint32(8)))
-    leaves = np.uint32(_in_order(np.uint32(entered & leaf_mask), octant) | np.uint32(leaf_mask << np.uint32(8)))
+    inner = np.uint32(_permute_mask(np.uint32(entered & inner_mask), octant) | np.uint32(inner_mask << np.uint32(8)))
+    leaves = np.uint32(_permute_mask(np.uint32(entered & leaf_mask), octant) | np.uint32(leaf_mask << np.uint32(8)))
     return inner, b[0], leaves, b[1]
 
 
 @device
-def _next(group, first, octant):
+def _pop_child(group, first, octant):
     """Removes the next child from a group; returns the group and the child's index."""
-    place = _highest(np.uint32(group & _PENDING))
+    place = _highest_bit(np.uint32(group & _PENDING))
     slot = np.uint32(place ^ octant)
     before = np.uint32(np.uint32(group >> np.uint32(8)) & np.uint32(np.uint32(_BIT << slot) - _BIT))
-    return np.uint32(group ^ np.uint32(_BIT << place)), np.uint32(first + _ones(before))
+    return np.uint32(group ^ np.uint32(_BIT << place)), np.uint32(first + _popcount(before))
 
 
 @device
-def _mixed(leaf, base, next_base, share, row):
+def _interpolate_three(leaf, base, next_base, share, row):
     """Returns three numbers of a leaf, interpolated linearly between two motion keys.
 
     base, next_base: first elements of the leaf's rows for the two keys. share: the weight of the later key. row: offset of the
     three numbers in a leaf's row.
     """
-    a, b = _four(leaf, base + row), _four(leaf, next_base + row)
+    a, b = _load_four_words(leaf, base + row), _load_four_words(leaf, next_base + row)
     x, y, z = _as_float(a[0]), _as_float(a[1]), _as_float(a[2])
     return (
         fma(_as_float(b[0]) - x, share, x),
@@ -227,7 +231,7 @@ def _mixed(leaf, base, next_base, share, row):
 def _corners(bvh, base, kind, time):
     """Returns the three corners in a row of leaves (spheres: centre, and radius), at a shutter time. base: its first element."""
     leaf = bvh.compressed.leaf
-    p, q, r = _four(leaf, base), _four(leaf, base + _B), _four(leaf, base + _C)
+    p, q, r = _load_four_words(leaf, base), _load_four_words(leaf, base + _B), _load_four_words(leaf, base + _C)
     a = _as_float(p[0]), _as_float(p[1]), _as_float(p[2])
     b = _as_float(q[0]), _as_float(q[1]), _as_float(q[2])
     c = _as_float(r[0]), _as_float(r[1]), _as_float(r[2])
@@ -236,14 +240,14 @@ def _corners(bvh, base, kind, time):
             step, share = step_at(time, bvh.keyed_packets[1])
             before = (np.uintp(r[3]) + np.uintp(step)) * _LEAF
             after = before + _LEAF
-            a = _mixed(leaf, before, after, share, _EMPTY)
-            b = _mixed(leaf, before, after, share, _B)
-            c = _mixed(leaf, before, after, share, _C)
+            a = _interpolate_three(leaf, before, after, share, _EMPTY)
+            b = _interpolate_three(leaf, before, after, share, _B)
+            c = _interpolate_three(leaf, before, after, share, _C)
     return a, b, c
 
 
 @device
-def _relative(corner, o, axes):
+def _relative_to_origin(corner, o, axes):
     """Returns a corner relative to a ray's origin, in the order of the ray's axes. o: the origin in that order."""
     x, y, z = corner
     kx, ky, kz = axes
@@ -262,7 +266,7 @@ def _is_beyond(after, limit, t, number):
 
 
 @device
-def _meet_sphere(a, radius, o, d, number, t_max, after, limit):
+def _intersect_sphere(a, radius, o, d, number, t_max, after, limit):
     """Intersects a ray with a sphere; returns (whether there is a hit, its distance)."""
     f = np.float64(o[0]) - np.float64(a[0]), np.float64(o[1]) - np.float64(a[1]), np.float64(o[2]) - np.float64(a[2])
     direction = np.float64(d[0]), np.float64(d[1]), np.float64(d[2])
@@ -280,13 +284,13 @@ def _trace(bvh, stack, o, d, t_max, time, root, after, facing, shadow):
     """Returns the closest Hit; with `shadow`, not None, any hit, without its distance and coordinates."""
     never_inline()
     node, leaf = bvh.compressed.node, bvh.compressed.leaf
-    ray, instance = _prepared(o, d, after, WORLD), WORLD
+    ray, instance = _prepare_ray(o, d, after, WORLD), WORLD
     t, primitive, u, v, holder = t_max, NO_PRIMITIVE, _ZERO, _ZERO, WORLD
     top, bottom = _EMPTY, _EMPTY
     group, first = _NOTHING, _NOTHING
     at = np.uint32(root)
     while True:
-        inner, inner_first, leaves, leaf_first = _groups(node, at, ray, t)
+        inner, inner_first, leaves, leaf_first = _intersect_node(node, at, ray, t)
         if inner & _PENDING:
             if group & _PENDING:
                 store_int(stack, top, np.int32(first))
@@ -295,7 +299,7 @@ def _trace(bvh, stack, o, d, t_max, time, root, after, facing, shadow):
             group, first = inner, inner_first
         while True:  # leaves, until the next node to visit
             if leaves & _PENDING:
-                leaves, row = _next(leaves, leaf_first, ray.octant)
+                leaves, row = _pop_child(leaves, leaf_first, ray.octant)
                 base = np.uintp(row) * _LEAF
                 number = load_int(leaf, base + _PRIMITIVE)
                 kind = load_int(leaf, base + _KIND)
@@ -312,7 +316,7 @@ def _trace(bvh, stack, o, d, t_max, time, root, after, facing, shadow):
                             top += _ENTRY
                         bottom, instance = top, number
                         local_o, local_d = ray_to_instance(bvh, number, o, d, time)
-                        ray = _prepared(local_o, local_d, after, number)
+                        ray = _prepare_ray(local_o, local_d, after, number)
                         at = np.uint32(bvh.instance_root[number])
                         break
                 a, b, c = _corners(bvh, base, kind, time)
@@ -320,13 +324,13 @@ def _trace(bvh, stack, o, d, t_max, time, root, after, facing, shadow):
                 if shadow is None:
                     reach = t * MORE
                 if kind & SPHERES:
-                    hit, distance = _meet_sphere(a, b[0], ray.o, ray.d, number, reach, after, ray.limit)
+                    hit, distance = _intersect_sphere(a, b[0], ray.o, ray.d, number, reach, after, ray.limit)
                     beta, gamma, determinant = _ZERO, _ZERO, _ONE
                 else:
                     hit, distance, beta, gamma, determinant = intersect_corners(
-                        _relative(a, ray.origin, ray.axes),
-                        _relative(b, ray.origin, ray.axes),
-                        _relative(c, ray.origin, ray.axes),
+                        _relative_to_origin(a, ray.origin, ray.axes),
+                        _relative_to_origin(b, ray.origin, ray.axes),
+                        _relative_to_origin(c, ray.origin, ray.axes),
                         ray.shear,
                         where_present(facing, ray.margin),
                         reach,
@@ -344,7 +348,7 @@ def _trace(bvh, stack, o, d, t_max, time, root, after, facing, shadow):
                         t, primitive, u, v, holder = distance, number, beta * inverse, gamma * inverse, instance
                 continue
             if group & _PENDING:
-                group, at = _next(group, first, ray.octant)
+                group, at = _pop_child(group, first, ray.octant)
                 break
             if top > bottom:
                 top -= _ENTRY
@@ -356,7 +360,7 @@ def _trace(bvh, stack, o, d, t_max, time, root, after, facing, shadow):
                 continue
             if instance == WORLD:
                 return Hit(t, primitive, u, v, holder, time)
-            ray, bottom, instance = _prepared(o, d, after, WORLD), _EMPTY, WORLD
+            ray, bottom, instance = _prepare_ray(o, d, after, WORLD), _EMPTY, WORLD
 
 
 @device

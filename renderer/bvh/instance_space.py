@@ -16,12 +16,12 @@ def ray_to_instance(bvh, number, o, d, time):
     if time is not None and len(bvh.instance_motion) > 0:
         first, keys = bvh.instance_motion[number, 0], bvh.instance_motion[number, 1]
         if keys > 0:
-            return _to_moving(bvh.motion, first, keys, time, o, d)
+            return _ray_to_moving_instance(bvh.motion, first, keys, time, o, d)
     return to_local(bvh.to_local, number, o, d)
 
 
 @subroutine
-def _to_moving(motion, first, keys, time, o, d):
+def _ray_to_moving_instance(motion, first, keys, time, o, d):
     never_inline()
     a, b, c = inverse_of(placed_at(motion, first, keys, time))
     ox, oy, oz = np.float64(o[0]), np.float64(o[1]), np.float64(o[2])

@@ -19,7 +19,7 @@ _BEFORE = (
 _PARTNER = ([1, 0, 3, 2, 5, 4, 7, 6], [2, 3, 0, 1, 6, 7, 4, 5], [4, 5, 6, 7, 0, 1, 2, 3])
 
 
-def _added(builder, value, steps):
+def _add_permuted(builder, value, steps):
     """Emits code that adds to a vector, once for each of `steps`, a permutation of the sum so far.
 
     A step lists, for each lane, the lane to add.
@@ -36,10 +36,10 @@ def running_sum(typingctx, a):
 
     For non-negative lanes the rounded sums never decrease, and increase only at lanes above 0.
     """
-    return f32x8(f32x8), lambda context, builder, sig, args: _added(builder, args[0], _BEFORE)
+    return f32x8(f32x8), lambda context, builder, sig, args: _add_permuted(builder, args[0], _BEFORE)
 
 
 @intrinsic
 def whole_sum(typingctx, a):
     """Returns an f32x8 with the sum of all lanes in every lane; its bits are those of the last lane of `running_sum`."""
-    return f32x8(f32x8), lambda context, builder, sig, args: _added(builder, args[0], _PARTNER)
+    return f32x8(f32x8), lambda context, builder, sig, args: _add_permuted(builder, args[0], _PARTNER)

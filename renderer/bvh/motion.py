@@ -51,7 +51,7 @@ def _sine(x):
 
 
 @device
-def _mixed(keys, k, column, share):
+def _interpolate(keys, k, column, share):
     a = keys[k, column]
     return a + share * (keys[k + 1, column] - a)
 
@@ -77,15 +77,23 @@ def placed_at(keys, first, count, time):
     r00, r01, r02 = 1.0 - double * (y * y + z * z), double * (x * y - z * w), double * (x * z + y * w)
     r10, r11, r12 = double * (x * y + z * w), 1.0 - double * (x * x + z * z), double * (y * z - x * w)
     r20, r21, r22 = double * (x * z - y * w), double * (y * z + x * w), 1.0 - double * (x * x + y * y)
-    xx, xy, xz = _mixed(keys, k, STRETCH, share), _mixed(keys, k, STRETCH + 1, share), _mixed(keys, k, STRETCH + 2, share)
-    yy, yz, zz = _mixed(keys, k, STRETCH + 3, share), _mixed(keys, k, STRETCH + 4, share), _mixed(keys, k, STRETCH + 5, share)
+    xx, xy, xz = (
+        _interpolate(keys, k, STRETCH, share),
+        _interpolate(keys, k, STRETCH + 1, share),
+        _interpolate(keys, k, STRETCH + 2, share),
+    )
+    yy, yz, zz = (
+        _interpolate(keys, k, STRETCH + 3, share),
+        _interpolate(keys, k, STRETCH + 4, share),
+        _interpolate(keys, k, STRETCH + 5, share),
+    )
     a = r00 * xx + r01 * xy + r02 * xz, r00 * xy + r01 * yy + r02 * yz, r00 * xz + r01 * yz + r02 * zz
     b = r10 * xx + r11 * xy + r12 * xz, r10 * xy + r11 * yy + r12 * yz, r10 * xz + r11 * yz + r12 * zz
     c = r20 * xx + r21 * xy + r22 * xz, r20 * xy + r21 * yy + r22 * yz, r20 * xz + r21 * yz + r22 * zz
     px, py, pz = keys[k, POINT], keys[k, POINT + 1], keys[k, POINT + 2]
-    tx = _mixed(keys, k, PLACE, share) - (a[0] * px + a[1] * py + a[2] * pz)
-    ty = _mixed(keys, k, PLACE + 1, share) - (b[0] * px + b[1] * py + b[2] * pz)
-    tz = _mixed(keys, k, PLACE + 2, share) - (c[0] * px + c[1] * py + c[2] * pz)
+    tx = _interpolate(keys, k, PLACE, share) - (a[0] * px + a[1] * py + a[2] * pz)
+    ty = _interpolate(keys, k, PLACE + 1, share) - (b[0] * px + b[1] * py + b[2] * pz)
+    tz = _interpolate(keys, k, PLACE + 2, share) - (c[0] * px + c[1] * py + c[2] * pz)
     return (a[0], a[1], a[2], tx), (b[0], b[1], b[2], ty), (c[0], c[1], c[2], tz)
 
 

@@ -59,14 +59,14 @@ def motion_boxes(box: Array, keys: Array) -> Array:
     low, high = np.full(3, np.inf), np.full(3, -np.inf)
     for before, after in pairwise(keys):
         y = corners - before[POINT : POINT + 3]
-        stretched = np.concatenate([_through(key[_SYMMETRIC], y) for key in (before, after)])
+        stretched = np.concatenate([_transform_points(key[_SYMMETRIC], y) for key in (before, after)])
         reach = float(np.sqrt((stretched * stretched).sum(axis=1).max(initial=0.0)))
-        turns = _turns(before[TURN : TURN + 4], after[TURN : TURN + 4], float(before[ANGLE]))
+        turns = _intermediate_rotations(before[TURN : TURN + 4], after[TURN : TURN + 4], float(before[ANGLE]))
         there = []
         for i, turn in enumerate(turns):
             share = i / (len(turns) - 1)
             place = before[PLACE : PLACE + 3] * (1.0 - share) + after[PLACE : PLACE + 3] * share
-            there.append(_through(_rotation(turn), stretched) + place)
+            there.append(_transform_points(_rotation(turn), stretched) + place)
         sagitta = reach * (1.0 - min(float((turns[0] * turns[1]).sum()), 1.0))
         low = np.minimum(low, np.min(there, axis=(0, 1)) - sagitta)
         high = np.maximum(high, np.max(there, axis=(0, 1)) + sagitta)
@@ -74,14 +74,14 @@ def motion_boxes(box: Array, keys: Array) -> Array:
     return np.stack([low - slack, high + slack])
 
 
-def _through(matrix: Array, points: Array) -> Array:
+def _transform_points(matrix: Array, points: Array) -> Array:
     """Multiplies points, (n, 3), by a matrix given as nine elements. Avoids BLAS, whose last bits depend on the processor."""
     m = np.asarray(matrix).reshape(3, 3)
     x, y, z = points.T
     return np.stack([m[k, 0] * x + m[k, 1] * y + m[k, 2] * z for k in range(3)], axis=1)
 
 
-def _turns(before: Array, after: Array, half_angle: float) -> list[Array]:
+def _intermediate_rotations(before: Array, after: Array, half_angle: float) -> list[Array]:
     """Returns quaternions from `before` to `after`, both included, in equal rotation steps of at most twice `_STEP`.
 
     half_angle: half the rotation angle from `before` to `after`, in radians. Each quaternion between is the normalised sum of its

@@ -35,10 +35,12 @@ def exclude_primitives(laid: AssembledBvh, unseen: npt.NDArray[np.bool_], shadel
     roots = np.zeros(2, np.int32)
     for who, left_out in ((_CAMERA, unseen), (_SHADOW, shadeless)):
         if left_out.any():
-            roots[who] = _without(laid.bvh, left_out, nodes, packets)
-    node, packet = _longer(bvh.node, nodes), _longer(bvh.packet, packets)
+            roots[who] = _copy_without(laid.bvh, left_out, nodes, packets)
+    node, packet = _with_rows(bvh.node, nodes), _with_rows(bvh.packet, packets)
     grown = bvh._replace(node=node, packet=packet, ray_roots=roots)
-    return laid._replace(bvh=grown, node=_ends(laid.node, first_node, node), packet=_ends(laid.packet, first_packet, packet))
+    return laid._replace(
+        bvh=grown, node=_section_starts(laid.node, first_node, node), packet=_section_starts(laid.packet, first_packet, packet)
+    )
 
 
 class _Rows:
@@ -54,7 +56,7 @@ class _Rows:
         return self.first + len(self.rows) - len(rows)
 
 
-def _longer(array: Array, more: _Rows) -> Array:
+def _with_rows(array: Array, more: _Rows) -> Array:
     grown = np.zeros((more.first + len(more.rows), *array.shape[1:]), array.dtype)
     grown[: len(array)] = array
     if more.rows:
@@ -62,7 +64,7 @@ def _longer(array: Array, more: _Rows) -> Array:
     return grown
 
 
-def _ends(places: tuple[int, ...], first: int, array: Array) -> tuple[int, ...]:
+def _section_starts(places: tuple[int, ...], first: int, array: Array) -> tuple[int, ...]:
     """Returns the start indices of an array's sections after rows were appended to the last section.
 
     Empty sections at the end are moved to the new end.
@@ -71,7 +73,7 @@ def _ends(places: tuple[int, ...], first: int, array: Array) -> tuple[int, ...]:
     return (*(first if place == end and number else place for number, place in enumerate(places[:-1])), len(array))
 
 
-def _without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _Rows) -> int:
+def _copy_without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _Rows) -> int:
     """Appends changed copies of a tree's nodes and packets, with some primitives omitted; returns the new root node.
 
     left_out: (primitives,) bool, the primitives to omit. Nodes and packets that do not change are shared.
@@ -84,7 +86,7 @@ def _without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _
     changes = is_out.any(axis=1)
     is_leaf = there & (child < 0) & (~child & INSTANCE == 0)
     has_changed = (is_leaf & changes[np.where(is_leaf, ~child >> 2, 0)]).any(axis=1)
-    above = _above(child, there)
+    above = _parents(child, there)
     on_the_way = set()
     for node in np.flatnonzero(has_changed & (above >= 0)):
         while node not in on_the_way:
@@ -97,7 +99,7 @@ def _without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _
             return None
         count = int(bvh.keyed_packets[1]) if bvh.keyed_packets[0] != NEVER else 1
         start = packets.put(
-            *(_with_gaps(bvh.packet[first + (k if first >= bvh.keyed_packets[0] else 0)], is_out[first]) for k in range(count))
+            *(_clear_lanes(bvh.packet[first + (k if first >= bvh.keyed_packets[0] else 0)], is_out[first]) for k in range(count))
         )
         return ~(4 * start + (leaf & 3))
 
@@ -119,13 +121,13 @@ def _without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _
     return (node_without(0) or 0) if on_the_way else 0
 
 
-def _with_gaps(packet: Array, is_out: npt.NDArray[np.bool_]) -> Array:
+def _clear_lanes(packet: Array, is_out: npt.NDArray[np.bool_]) -> Array:
     packet = packet.copy()
     packet[:, is_out] = np.nan
     return packet
 
 
-def _above(child: npt.NDArray[np.int32], there: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+def _parents(child: npt.NDArray[np.int32], there: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
     """Returns the parent of each node of the world's tree, (N,); -1 for all other nodes. The root is its own parent.
 
     child: (N, lanes), the child references. there: (N, lanes), True for lanes with a child.

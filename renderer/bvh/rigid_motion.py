@@ -27,8 +27,8 @@ def motion_keys(places: F64) -> F64:
     """
     turn, stretch = polar(places[:, :, :, :3])
     rotation = _quaternions(turn)
-    angle, inverse = _ways(rotation)
-    point = _straight(places)
+    angle, inverse = _half_angles(rotation)
+    point = _straightest_points(places)
     keys = np.zeros((*places.shape[:2], KEY_COLUMNS))
     keys[:, :, POINT : POINT + 3] = point[:, None]
     keys[:, :, PLACE : PLACE + 3] = _product(places[:, :, :, :3], point[:, None, :, None])[..., 0] + places[:, :, :, 3]
@@ -50,10 +50,10 @@ def polar(matrix: F64) -> tuple[F64, F64]:
     Newton's iteration, scaled: Higham, "Computing the Polar Decomposition with Applications" (1986). Reflections are part of the
     symmetric matrix.
     """
-    turn = matrix / _size(matrix)[..., None, None]
+    turn = matrix / _norm(matrix)[..., None, None]
     for _ in range(_ROUNDS):
         inverse = _inverse_transposed(turn)
-        scale = np.sqrt(_size(inverse) / _size(turn))[..., None, None]
+        scale = np.sqrt(_norm(inverse) / _norm(turn))[..., None, None]
         turn = 0.5 * (scale * turn + inverse / scale)
     turn = np.where(_determinant(turn)[..., None, None] < 0, -turn, turn)
     stretch = _product(np.swapaxes(turn, -1, -2), matrix)
@@ -67,7 +67,7 @@ def _product(outer: F64, inner: F64) -> F64:
     return found
 
 
-def _size(m: F64) -> F64:
+def _norm(m: F64) -> F64:
     square = m * m
     total: F64 = square[..., 0, 0]
     for i, j in list(np.ndindex(3, 3))[1:]:
@@ -122,7 +122,7 @@ def _dot(a: F64, b: F64) -> F64:
     return found
 
 
-def _ways(rotation: F64) -> tuple[F64, F64]:
+def _half_angles(rotation: F64) -> tuple[F64, F64]:
     """Returns (h, 1 / sin h), each (N, K - 1), where h is half the rotation angle from a key to the next, in radians.
 
     Both are 0 where there is almost no rotation.
@@ -146,7 +146,7 @@ def _arctangent(tangent: F64) -> F64:
     return 4.0 * tangent * total
 
 
-def _straight(places: F64) -> F64:
+def _straightest_points(places: F64) -> F64:
     """Returns the point of each body, (N, 3) in body space, whose motion over the keys is nearest to uniform along a line.
 
     For rotation about an axis it is a point on that axis; for rotation with translation, the centre of rotation.
@@ -160,7 +160,7 @@ def _straight(places: F64) -> F64:
         square = square + _product(transposed, bend[:, k, :, :3])
         side = side - _product(transposed, bend[:, k, :, 3:])[..., 0]
     trace = square[:, 0, 0] + square[:, 1, 1] + square[:, 2, 2]
-    whole = _size(places[:, 0, :, :3])
+    whole = _norm(places[:, 0, :, :3])
     turns = trace > _STEADY * whole * whole
     square = square + np.where(turns, _SLACK * trace, 1.0)[:, None, None] * np.eye(3)
     inverse = np.swapaxes(_inverse_transposed(square), -1, -2)

@@ -102,7 +102,7 @@ def lay_grid(grid, spread, i, bins):
 
 
 @device
-def _place(row, grid, last):
+def _grid_position(row, grid, last):
     """Returns a box's coordinates in the grid of bins, from its centroid: lanes 4, 5 and 6 for x, y and z, not yet truncated.
 
     row: the box, an f32x8. last: the greatest coordinate.
@@ -123,7 +123,7 @@ def fill_bins(bins, box, first, end, used, solids, weights):
     last = splat(np.float32(used - 1))
     for i in range(first, end):
         row = load(box, np.uintp(i * 8))
-        place = _place(row, bins.grid, last)
+        place = _grid_position(row, bins.grid, last)
         number = number_of(box, i)
         if weights is None:
             weight = 1 if number < solids else 8
@@ -216,7 +216,7 @@ def _partition_by_kind(box, first, end, kind, triangles, solids):
 
 
 @device
-def _gather(box, clusters, begin, end, local, spread, tree_box, node):
+def _copy_boxes(box, clusters, begin, end, local, spread, tree_box, node):
     """Copies the boxes of all primitives in clusters begin ... end - 1 to `local`; writes their bounds to the node's box."""
     nothing = splat(_NOTHING)
     whole, centroids = nothing, nothing
@@ -244,7 +244,7 @@ def split(box, clusters, parts, local, bins, spread, stack, triangles, solids, o
     """
     for p in range(len(parts)):
         root, base, length, rows = parts[p, 0], parts[p, 1], parts[p, 2], parts[p, 3]
-        _gather(box, clusters, parts[p, 5], parts[p, 6], local, spread, tree_box, root)
+        _copy_boxes(box, clusters, parts[p, 5], parts[p, 6], local, spread, tree_box, root)
         stack[0, 0], stack[0, 1], stack[0, 2], stack[0, 3] = root, 0, length, parts[p, 4]
         top = 1
         while top > 0:

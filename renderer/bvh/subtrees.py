@@ -37,7 +37,7 @@ def padded(count: int, row_bytes: int) -> int:
     return -(-count // whole) * whole
 
 
-def _new_room(name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]) -> tuple[Array, bool]:
+def _new_array(name: str, length: int, shape: tuple[int, ...], dtype: Any, heads: tuple[object, ...]) -> tuple[Array, bool]:
     return np.zeros((length, *shape), dtype), False
 
 
@@ -67,7 +67,7 @@ def assemble_bvh(
     to_world: Array,
     team: Team,
     brute: bool = False,
-    room: Room = _new_room,
+    room: Room = _new_array,
     keys: Sequence[Array] = (),
     loose_keys: int = 1,
 ) -> AssembledBvh:
@@ -82,30 +82,30 @@ def assemble_bvh(
     `loose`.
     """
     moving = to_world[len(to_world) - len(shown) :]
-    boxes, children = _below_top(still, bodies, loose, shown, moving, keys)
+    boxes, children = _top_boxes(still, bodies, loose, shown, moving, keys)
     top, _ = tree_of(bounds=boxes, team=team)
-    nodes = _starts(
+    nodes = _page_offsets(
         [padded(max(len(boxes), len(top)), NODE_BYTES), len(still.node), sum(len(node) for node, _ in bodies), len(loose[0])],
         NODE_BYTES,
     )
-    packets = _starts([0, len(still.packet), sum(len(packet) for _, packet in bodies), len(loose[1])], PACKET_BYTES)
+    packets = _page_offsets([0, len(still.packet), sum(len(packet) for _, packet in bodies), len(loose[1])], PACKET_BYTES)
     # Rows of cached parts are reused if the same part was written to the same rows.
     heads = (still.node, *(array for body in bodies for array in body), *nodes[1:4], *packets[1:4], *first_triangle)
     node, has_nodes = room("node", nodes[-1], (NODE_ROWS, WIDTH), np.float32, heads)
     packet, has_packets = room("packet", packets[-1], (PACKET_ROWS, WIDTH), np.float32, heads)
     if not (has_nodes and has_packets):
-        _put((still.node, still.packet), node, packet, nodes[1], packets[1], 0)
+        _copy_tree((still.node, still.packet), node, packet, nodes[1], packets[1], 0)
     roots = []
     at, packed = nodes[2], packets[2]
     for body, primitive in zip(bodies, first_triangle, strict=True):
         roots.append(at)
         if not (has_nodes and has_packets):
-            _put(body, node, packet, at, packed, primitive)
+            _copy_tree(body, node, packet, at, packed, primitive)
         at, packed = at + len(body[0]), packed + len(body[1])
-    _put(loose, node, packet, nodes[3], packets[3], first_loose)
+    _copy_tree(loose, node, packet, nodes[3], packets[3], first_loose)
     root = np.concatenate([still.instance_root + np.int32(nodes[1]), np.array(roots, np.int32)[shown]])
     number = np.concatenate([[nodes[1], nodes[3]], ~(4 * (len(still.instance_root) + np.arange(len(shown))) + INSTANCE)])
-    _put_top(top, number[children], node, nodes[1])
+    _copy_top(top, number[children], node, nodes[1])
     if brute:
         boundless(node)
     bvh = Bvh(node, packet, root.astype(np.int32), invert_transforms(to_world))
@@ -118,7 +118,7 @@ def assemble_bvh(
     return AssembledBvh(bvh, nodes, packets, (still, bodies))
 
 
-def _starts(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:
+def _page_offsets(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:
     """Returns the offsets of parts with these row counts, each at a page boundary, followed by the end of the last."""
     starts = [0]
     for i, length in enumerate(lengths):
@@ -127,13 +127,13 @@ def _starts(lengths: Sequence[int], row_bytes: int) -> tuple[int, ...]:
     return tuple(starts)
 
 
-def _put(tree: Tree, node: Array, packet: Array, first_node: int, first_packet: int, first_primitive: int) -> None:
+def _copy_tree(tree: Tree, node: Array, packet: Array, first_node: int, first_packet: int, first_primitive: int) -> None:
     nodes, packets = slice(first_node, first_node + len(tree[0])), slice(first_packet, first_packet + len(tree[1]))
     node[nodes], packet[packets] = tree
     relocate(node[nodes], packet[packets], first_node, first_packet, first_primitive)
 
 
-def _below_top(
+def _top_boxes(
     still: Bvh, bodies: Sequence[Tree], loose: Tree, shown: Array, moving: Array, keys: Sequence[Array]
 ) -> tuple[Array, Array]:
     """Returns the boxes over which the top is built, (n, 2, 3), and what each box contains.
@@ -153,7 +153,7 @@ def _below_top(
     return np.concatenate(boxes), np.concatenate(children)
 
 
-def _put_top(top: Array, number: Array, node: Array, room: int) -> None:
+def _copy_top(top: Array, number: Array, node: Array, room: int) -> None:
     """Writes the top-level tree into its reserved rows of `node`, and clears the rows that it leaves unused.
 
     number: the child references that replace the top's leaves. room: the number of reserved rows.

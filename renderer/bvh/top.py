@@ -48,7 +48,9 @@ def split_all(box: F32, triangles: int, solids: int, team: Team) -> BinaryTree:
     triangles, solids: the first primitive number of a sphere, and of an instance. team: the threads that build.
     """
     count, part = len(box), part_size(len(box))
-    binary = BinaryTree(_sparse((2 * count, 8), np.float32), _sparse((2 * count, 3), np.int32), np.empty(count, np.int32))
+    binary = BinaryTree(
+        _sparse_array((2 * count, 8), np.float32), _sparse_array((2 * count, 3), np.int32), np.empty(count, np.int32)
+    )
 
     def split_some(job: tuple[Clusters, Integers]) -> None:
         clusters, parts = job
@@ -57,14 +59,16 @@ def split_all(box: F32, triangles: int, solids: int, team: Team) -> BinaryTree:
         split(box, clusters, parts, room, new_bins(), spread, stack, triangles, solids, binary.order, binary.box, binary.tree)
 
     jobs = [
-        (clusters, some) for clusters, parts in _top(box, solids, part, binary, team) for some in _shared_out(parts, part // 2)
+        (clusters, some)
+        for clusters, parts in _split_top(box, solids, part, binary, team)
+        for some in _group_parts(parts, part // 2)
     ]
     jobs.sort(key=lambda job: -job[1][:, 2].sum())  # the largest first, so that the threads end together
     team.each(split_some, jobs)
     return binary
 
 
-def _sparse(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
+def _sparse_array(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
     """Allocates an array whose pages occupy memory only once written, since leaves of several primitives leave most rows unused.
 
     NumPy's own allocation would use huge pages, each resident as a whole.
@@ -73,7 +77,7 @@ def _sparse(shape: tuple[int, int], item: type[np.generic]) -> npt.NDArray[Any]:
     return np.frombuffer(mmap.mmap(-1, shape[0] * shape[1] * size), item).reshape(shape)
 
 
-def _top(box: F32, solids: int, part: int, binary: BinaryTree, team: Team) -> Iterator[tuple[Clusters, Integers]]:
+def _split_top(box: F32, solids: int, part: int, binary: BinaryTree, team: Team) -> Iterator[tuple[Clusters, Integers]]:
     """Splits the top of the tree; yields groups of nodes that remain to be split, as (clusters, nodes).
 
     nodes: (J, JOB), each over some of these clusters.
@@ -82,7 +86,7 @@ def _top(box: F32, solids: int, part: int, binary: BinaryTree, team: Team) -> It
     waiting = [(np.array([0, 0, count, 1, 0]), np.arange(count, dtype=np.int32))]
     while waiting:
         node, source = waiting.pop()
-        whole, spread = _bounded(box, source, part, team)
+        whole, spread = _bounds_of(box, source, part, team)
         if node[2] <= part:
             clusters = one_cluster(source, whole)
             yield clusters, np.append(node, (0, 1)).reshape(1, JOB)
@@ -93,23 +97,23 @@ def _top(box: F32, solids: int, part: int, binary: BinaryTree, team: Team) -> It
             clusters, np.append(node, (0, len(clusters.box))), centroids, min(TREELET, part), binary.box, binary.tree
         )
         large = parts[:, 2] > part if len(parts) > 1 else np.zeros(1, bool)  # if no plane divides it, it remains one part
-        waiting += [(each[:5], _sources(clusters, each)) for each in parts[large]]
+        waiting += [(each[:5], _primitives_of_part(clusters, each)) for each in parts[large]]
         yield clusters, parts[~large]
 
 
-def _sources(clusters: Clusters, part: Integers) -> Integers:
+def _primitives_of_part(clusters: Clusters, part: Integers) -> Integers:
     """Returns the primitives of a part, as indices of boxes."""
     number = numbers_of(clusters.box[part[5] : part[6]])
     return np.concatenate([clusters.source[clusters.first[c] : clusters.first[c] + clusters.count[c]] for c in number])
 
 
-def _shared_out(parts: Integers, size: int) -> Iterator[Integers]:
+def _group_parts(parts: Integers, size: int) -> Iterator[Integers]:
     """Divides consecutive parts into groups of about `size` primitives in total, and yields each group."""
     share = (np.cumsum(parts[:, 2]) - parts[:, 2]) // size
     return iter(np.split(parts, np.flatnonzero(np.diff(share)) + 1))
 
 
-def _bounded(box: F32, source: Integers, part: int, team: Team) -> tuple[F32, F32]:
+def _bounds_of(box: F32, source: Integers, part: int, team: Team) -> tuple[F32, F32]:
     """Returns the bounds of the boxes of the primitives `source`, and the bounds of these boxes' doubled centroids; (8,) each."""
     found = np.empty((-(-len(source) // part), 2, 8), np.float32)
     team.each(lambda job: _bound(box, source, *job[0], job[1]), zip(parts_of(0, len(source), part), found, strict=True))

@@ -26,7 +26,7 @@ def scale_range(transform: F64) -> F64:
     """Returns the largest and the smallest scale factor of (I, 3, 4) transforms, (I, 2); NaN if not finite."""
     transform = np.ascontiguousarray(transform, np.float64).reshape(-1, 3, 4)
     found = np.empty((len(transform), 2))
-    _stretch(transform, np.empty((3, 3)), found)
+    _singular_values(transform, np.empty((3, 3)), found)
     return found
 
 
@@ -59,7 +59,7 @@ def _invert(transform, inverse):
 
 
 @entry
-def _stretch(transform, column, found):
+def _singular_values(transform, column, found):
     """Computes the largest and the smallest singular value of a transform's matrix.
 
     One-sided Jacobi: rotations make the columns orthogonal, and their lengths are then the singular values; Golub & Van Loan,

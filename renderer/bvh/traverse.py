@@ -97,7 +97,7 @@ def _lanes(vector):
 
 
 @device
-def _prepared(o, d, after, facing):
+def _prepare_ray(o, d, after, facing):
     """Returns a ray's constants for boxes and for packets, and the distance before which boxes need not be visited.
 
     The constants for boxes are those of `intersect_boxes`. The constants for packets: axes, shear, permuted origin, and the
@@ -112,13 +112,13 @@ def _prepared(o, d, after, facing):
 
 
 @device
-def _place(packet, leaf):
+def _packet_address(packet, leaf):
     """Returns the memory address of a leaf's packet."""
     return address(packet, np.uintp(leaf >> 2) * _PACKET)
 
 
 @subroutine
-def _put_between(packet, leaf, keys, time, stack):
+def _interpolate_packet(packet, leaf, keys, time, stack):
     """Interpolates a leaf's packet at a shutter time and writes it to the stack. keys: the number of the packet's keys."""
     never_inline()
     step, share = step_at(time, keys)
@@ -134,16 +134,16 @@ def _put_between(packet, leaf, keys, time, stack):
 def place_at(bvh, leaf, stack, time):
     """Returns the address of a leaf's packet at a shutter time; a packet with motion keys is interpolated onto the stack."""
     if time is not None and (leaf >> 2) >= bvh.keyed_packets[0]:
-        _put_between(bvh.packet, leaf, bvh.keyed_packets[1], time, stack)
+        _interpolate_packet(bvh.packet, leaf, bvh.keyed_packets[1], time, stack)
         return address(stack, _BETWEEN)
-    return _place(bvh.packet, leaf)
+    return _packet_address(bvh.packet, leaf)
 
 
 @device
-def _blocks(place, leaf, o, d, constants, t_max):
+def _occludes(place, leaf, o, d, constants, t_max):
     """Returns True if a shadow ray hits any primitive of a leaf's packet before t_max.
 
-    place: the packet's address. constants: those for packets, from `_prepared`.
+    place: the packet's address. constants: those for packets, from `_prepare_ray`.
     """
     axes, shear, permuted, _ = constants
     if leaf & SPHERES:
@@ -152,7 +152,7 @@ def _blocks(place, leaf, o, d, constants, t_max):
 
 
 @device
-def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
+def _intersect_packet(place, leaf, o, d, constants, t_max, after, limit, numbers):
     """Intersects a ray with a leaf's packet at address `place`; returns (mask8, distance, u, v, determinant).
 
     Distance, u and v must still be divided by the determinant.
@@ -165,14 +165,14 @@ def _met(place, leaf, o, d, constants, t_max, after, limit, numbers):
 
 
 @device
-def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
+def _nearest_in_packet(packet, place, leaf, o, d, constants, found, tie, after, limit):
     """Intersects a ray with a leaf's packet; returns the nearer of `found` and the packet's nearest hit.
 
     found: (whether there is a hit, distance, primitive, u, v). tie: a hit at the same distance is nearer if its primitive's
     number is lower than this. after: as for `closest_hit`. limit: from `skip_limit`.
     """
     numbers = load(packet, np.uintp(leaf >> 2) * _PACKET + _PRIMITIVES)
-    hit, t, b, c, determinant = _met(place, leaf, o, d, constants, found[1] * MORE, after, limit, numbers)
+    hit, t, b, c, determinant = _intersect_packet(place, leaf, o, d, constants, found[1] * MORE, after, limit, numbers)
     if bits(hit) != np.uint32(0):
         inverse = splat(_ONE) / determinant
         t = t * inverse
@@ -186,7 +186,7 @@ def _meet(packet, place, leaf, o, d, constants, found, tie, after, limit):
 
 
 @device
-def _enter(node, base, slabs, t_min, best):
+def _intersect_children(node, base, slabs, t_min, best):
     """Returns (sort keys of the children whose boxes the ray enters before distance `best`, the smallest of these keys)."""
     met, distance = intersect_boxes(node, base, *slabs, t_min, best)
     keys = hit_keys(met, distance)
@@ -227,13 +227,13 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
     never_inline()
     number = np.int32(number)
     o, d = ray_to_instance(bvh, number, o, d, time)
-    slabs, constants, t_min = _prepared(o, d, after, facing)
+    slabs, constants, t_min = _prepare_ray(o, d, after, facing)
     limit = skip_limit(after, number)
     any_tie = number < holder
     found = _NO, best, NO_PRIMITIVE, _ZERO, _ZERO
     top = bottom
     base = np.uintp(bvh.instance_root[number]) * _NODE
-    keys, key = _enter(bvh.node, base, slabs, t_min, best)
+    keys, key = _intersect_children(bvh.node, base, slabs, t_min, best)
     while True:
         if key > key_limit(found[1]):
             if top == bottom:
@@ -248,10 +248,12 @@ def closest_in_instance(bvh, stack, bottom, number, o, d, best, holder, time, af
             if key <= key_limit(found[1]):
                 top = _push(stack, top, base, keys, key)
             base = np.uintp(child) * _NODE
-            keys, key = _enter(bvh.node, base, slabs, t_min, found[1])
+            keys, key = _intersect_children(bvh.node, base, slabs, t_min, found[1])
             continue
         tie = select(any_tie & (not found[0]), ANY_PRIMITIVE, found[2])
-        found = _meet(bvh.packet, _place(bvh.packet, ~child), ~child, o, d, constants, found, tie, after, limit)
+        found = _nearest_in_packet(
+            bvh.packet, _packet_address(bvh.packet, ~child), ~child, o, d, constants, found, tie, after, limit
+        )
 
 
 @device
@@ -285,13 +287,13 @@ def closest_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT, after=None, faci
 
 @device
 def _closest_hit(bvh, stack, o, d, t_max, time, root, after, facing):
-    slabs, constants, t_min = _prepared(o, d, after, facing)
+    slabs, constants, t_min = _prepare_ray(o, d, after, facing)
     limit = skip_limit(after, WORLD)
     found = _NO, t_max, NO_PRIMITIVE, _ZERO, _ZERO
     instance = WORLD
     top = np.uintp(0)
     base = np.uintp(np.uint32(root)) * _NODE
-    keys, key = _enter(bvh.node, base, slabs, t_min, t_max)
+    keys, key = _intersect_children(bvh.node, base, slabs, t_min, t_max)
     while True:
         if key > key_limit(found[1]):
             if top == np.uintp(0):
@@ -307,7 +309,7 @@ def _closest_hit(bvh, stack, o, d, t_max, time, root, after, facing):
             if key <= key_limit(found[1]):
                 top = _push(stack, top, base, keys, key)
             base = np.uintp(child) * _NODE
-            keys, key = _enter(bvh.node, base, slabs, t_min, found[1])
+            keys, key = _intersect_children(bvh.node, base, slabs, t_min, found[1])
             continue
         leaf = ~child
         if bvh.instances is not None and leaf & INSTANCE:
@@ -318,7 +320,9 @@ def _closest_hit(bvh, stack, o, d, t_max, time, root, after, facing):
         else:
             tie = tie_of(instance, found[2])
             start = _NO, found[1], found[2], found[3], found[4]
-            found = _meet(bvh.packet, place_at(bvh, leaf, stack, time), leaf, o, d, constants, start, tie, after, limit)
+            found = _nearest_in_packet(
+                bvh.packet, place_at(bvh, leaf, stack, time), leaf, o, d, constants, start, tie, after, limit
+            )
             if found[0]:
                 instance = WORLD
     return Hit(found[1], found[2], found[3], found[4], instance, time)
@@ -329,7 +333,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
     """Returns True if a ray hits anything in an instance's tree; see `any_hit`."""
     never_inline()
     o, d = ray_to_instance(bvh, number, o, d, time)
-    slabs, constants, _ = _prepared(o, d, None, None)
+    slabs, constants, _ = _prepare_ray(o, d, None, None)
     top = bottom
     child = bvh.instance_root[number]
     while True:
@@ -341,7 +345,7 @@ def any_in_instance(bvh, stack, bottom, number, o, d, t_max, time):
             if child >= 0:
                 store_int(stack, top, child)
                 top += np.uintp(1)
-            elif _blocks(_place(bvh.packet, ~child), ~child, o, d, constants, t_max):
+            elif _occludes(_packet_address(bvh.packet, ~child), ~child, o, d, constants, t_max):
                 return True
         if top == bottom:
             return False
@@ -358,7 +362,7 @@ def any_hit(bvh, stack, o, d, t_max, time=None, root=_ROOT):
 
 @device
 def _any_hit(bvh, stack, o, d, t_max, time, root):
-    slabs, constants, _ = _prepared(o, d, None, None)
+    slabs, constants, _ = _prepare_ray(o, d, None, None)
     top = np.uintp(0)
     child = np.int32(root)
     while True:
@@ -376,7 +380,7 @@ def _any_hit(bvh, stack, o, d, t_max, time, root):
             if bvh.instances is not None and leaf & INSTANCE:
                 if any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max, time):
                     return True
-            elif _blocks(place_at(bvh, leaf, stack, time), leaf, o, d, constants, t_max):
+            elif _occludes(place_at(bvh, leaf, stack, time), leaf, o, d, constants, t_max):
                 return True
         if top == np.uintp(0):
             return False
