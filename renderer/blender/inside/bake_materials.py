@@ -70,7 +70,7 @@ def bake(bpy: Any, scene: Any, objects: list[Any], notes: list[str]) -> None:
                 )
                 continue
             try:
-                _bake(bpy, scene, material, entries, owners, notes)
+                _bake_inputs(bpy, scene, material, entries, owners, notes)
             except RuntimeError as error:
                 notes.append(
                     Sentence(
@@ -153,8 +153,8 @@ def _settings(scene: Any) -> list[tuple[Any, str, Any]]:
     return before
 
 
-def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[Any], notes: list[str]) -> None:
-    _lay_out(bpy, owners)
+def _bake_inputs(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[Any], notes: list[str]) -> None:
+    _add_disjoint_uvs(bpy, owners)
     tree = material.node_tree
     output = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
     surface = output.inputs["Surface"].links[0].from_socket
@@ -174,7 +174,7 @@ def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[
             if entry.name in LIT:
                 notes += [
                     Sentence("blend-material", "Material {material}: {note}", material=material.name, note=each)
-                    for each in [_within_one(image, entry)]
+                    for each in [_limit_to_one(image, entry)]
                     if each
                 ]
             image.pack()
@@ -195,7 +195,7 @@ def _bake(bpy: Any, scene: Any, material: Any, entries: list[Any], owners: list[
             other.node_tree.nodes.remove(node)
 
 
-def _lay_out(bpy: Any, owners: list[Any]) -> None:
+def _add_disjoint_uvs(bpy: Any, owners: list[Any]) -> None:
     """Adds to the objects' meshes a UV set in which no faces overlap, not even those of different meshes."""
     fresh = [thing for thing in owners if LAYER not in thing.data.uv_layers]
     if not fresh:
@@ -252,7 +252,7 @@ def _assign_dummy_images(bpy: Any, material: Any, owners: list[Any]) -> list[tup
     return found
 
 
-def _within_one(image: Any, entry: Any) -> str:
+def _limit_to_one(image: Any, entry: Any) -> str:
     """Limits a baked linear image to 0 ... 1 and encodes it as sRGB; returns a note on clipped values, or "".
 
     entry: the material input for which the image was baked. Emission images are not clipped but scaled down, and the emission

@@ -25,15 +25,15 @@ class DeformedShapes:
         self._first: dict[str, Any] = {}
         self._other: set[str] = set()  # objects whose number of vertices changes
         self.left: list[str] = []
-        names = [name for name in sorted(visible_names) if _may_bend(scene.objects[name])]
+        names = [name for name in sorted(visible_names) if _may_deform(scene.objects[name])]
         if len(frames) < 2 or not names:
             return
         with without_bones([scene.objects[name] for name in names]):
             looked = {frames[0], frames[1], frames[len(frames) // 3], frames[len(frames) // 2], frames[-1]}
-            bent = self._bent(names, sorted(looked))
+            bent = self._deformed_names(names, sorted(looked))
             self.left = [name for name in bent if not self._may_have_keys(name)]
             kept = [name for name in bent if name not in self.left]
-            self._shapes = self._over_all(kept)
+            self._shapes = self._positions_at_frames(kept)
 
     def into_keys(self, thing: Any) -> None:
         """Adds an animated shape key per frame to a mesh object whose own shape is that of the first frame."""
@@ -52,7 +52,7 @@ class DeformedShapes:
                     key.value = value
                     key.keyframe_insert("value", frame=self._frames[at])
 
-    def _bent(self, names: list[str], frames: list[int]) -> list[str]:
+    def _deformed_names(self, names: list[str], frames: list[int]) -> list[str]:
         """Returns the names of those objects whose evaluated shape differs between these frames."""
         found = set()
         for name, points in self._points_at_frames(names, frames):
@@ -68,7 +68,7 @@ class DeformedShapes:
         thing = self._scene.objects[name]
         return name not in self._other and (thing.data.shape_keys is None or len(thing.data.shape_keys.key_blocks) < 2)
 
-    def _over_all(self, names: list[str]) -> dict[str, list[Any]]:
+    def _positions_at_frames(self, names: list[str]) -> dict[str, list[Any]]:
         """Returns object name -> its vertex positions at each frame, (3 V,) float32 each.
 
         Omits the largest meshes if the total is too large.
@@ -108,7 +108,7 @@ def without_bones(objects: list[Any]) -> Iterator[None]:
             each.show_viewport = True
 
 
-def _may_bend(thing: Any) -> bool:
+def _may_deform(thing: Any) -> bool:
     return thing.type == "MESH" and any(each.type != "ARMATURE" for each in thing.modifiers)
 
 

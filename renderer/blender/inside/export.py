@@ -116,7 +116,7 @@ def opened(path: Path) -> Any:
 
     Raises DamagedError if Blender cannot read it.
     """
-    bpy = _started()
+    bpy = _start_blender()
     try:
         bpy.ops.wm.open_mainfile(filepath=str(path), load_ui=False, use_scripts=False)
     except RuntimeError as error:
@@ -136,7 +136,7 @@ def imported(path: Path) -> Any:
 
     Raises DamagedError if Blender cannot read it.
     """
-    bpy = _started()
+    bpy = _start_blender()
     bpy.ops.wm.read_factory_settings(use_empty=True)
     try:
         # Not as a background job, which would never run here.
@@ -156,7 +156,7 @@ def imported(path: Path) -> Any:
     return bpy
 
 
-def _started() -> Any:
+def _start_blender() -> Any:
     import bpy
 
     if bpy.app.version[:2] < LEAST:

@@ -24,7 +24,7 @@ NEAR = 1e-6
 SHEARED = 1e-5
 
 
-class _Shown(NamedTuple):
+class _ShownInstance(NamedTuple):
     """An instance that Blender shows of an object.
 
     key: identifies the instance at all frames. place: the instance's transform. thing: the instanced object. mesh: the object's
@@ -45,7 +45,7 @@ def instances_as_objects(bpy: Any, scene: Any, visible_names: set[str], frames: 
     """
     found = _find_instances(bpy, visible_names)
     _note_left_out(bpy, visible_names, notes)
-    moves = _over_frames(bpy, scene, visible_names, frames, found, notes)
+    moves = _transforms_over_frames(bpy, scene, visible_names, frames, found, notes)
     for each in found:
         thing = bpy.data.objects.new(f"{each.parent.name} instance", each.mesh)
         for flag in VISIBLE:
@@ -74,17 +74,21 @@ def instances_as_objects(bpy: Any, scene: Any, visible_names: set[str], frames: 
         notes.append(Sentence("blend-instance-limit", "Only the first {count} instances are shown", count=f"{MOST_INSTANCES:,}"))
 
 
-def _find_instances(bpy: Any, visible_names: set[str]) -> list[_Shown]:
+def _find_instances(bpy: Any, visible_names: set[str]) -> list[_ShownInstance]:
     graph = bpy.context.evaluated_depsgraph_get()
     made: dict[Any, Any] = {}  # by evaluated mesh: its copy
-    found: list[_Shown] = []
+    found: list[_ShownInstance] = []
     for instance in graph.object_instances:
         if not _is_exported(instance, visible_names) or len(found) >= MOST_INSTANCES:
             continue
         thing, data = instance.object, instance.object.data
         if data not in made:
             made[data] = _mesh_of(bpy, thing, data, graph)
-        found.append(_Shown(_key(instance), instance.parent.original, thing.original, made[data], instance.matrix_world.copy()))
+        found.append(
+            _ShownInstance(
+                _instance_key(instance), instance.parent.original, thing.original, made[data], instance.matrix_world.copy()
+            )
+        )
     return found
 
 
@@ -113,12 +117,12 @@ def _note_left_out(bpy: Any, visible_names: set[str], notes: list[str]) -> None:
         )
 
 
-def _key(instance: Any) -> Any:
+def _instance_key(instance: Any) -> Any:
     return instance.parent.original.name, instance.object.original.name, tuple(instance.persistent_id)
 
 
-def _over_frames(
-    bpy: Any, scene: Any, visible_names: set[str], frames: list[int], found: list[_Shown], notes: list[str]
+def _transforms_over_frames(
+    bpy: Any, scene: Any, visible_names: set[str], frames: list[int], found: list[_ShownInstance], notes: list[str]
 ) -> dict[Any, list[Any]]:
     """Returns a dict of instance key -> transforms at all frames, with only the instances that move."""
     if len(frames) < 2 or not found:
@@ -143,13 +147,13 @@ def _over_frames(
             if not _is_exported(instance, visible_names):
                 continue
             seen += 1
-            key = _key(instance)
+            key = _instance_key(instance)
             if key not in first:
                 is_other = True
                 continue
             place = instance.matrix_world.copy()
             places[key].append(place)
-            if key not in moving and _are_apart(place, first[key]):
+            if key not in moving and _transforms_differ(place, first[key]):
                 moving.add(key)
         is_other = is_other or seen != len(first)
     scene.frame_set(frames[0])
@@ -162,7 +166,7 @@ def _over_frames(
     return {key: places[key] for key in moving if len(places[key]) == len(frames)}
 
 
-def _are_apart(a: Any, b: Any) -> bool:
+def _transforms_differ(a: Any, b: Any) -> bool:
     return any(abs(x - y) > NEAR * max(1.0, abs(y)) for rows in zip(a, b, strict=True) for x, y in zip(*rows, strict=True))
 
 
@@ -173,7 +177,7 @@ def _place_object(
 
     A sheared object gets a parent with non-uniform scale.
     """
-    if _is_straight(place):
+    if _is_unsheared(place):
         carrier, turn = thing, None
     else:
         import numpy as np
@@ -190,11 +194,11 @@ def _place_object(
         return
     straight = [each if back is None else each @ back for each in places]
     _animate(carrier, straight, frames)
-    if not all(_is_straight(each) for each in straight):
+    if not all(_is_unsheared(each) for each in straight):
         notes.append(Sentence("blend-shear-in-motion", "{object}: shear while it moves is left out", object=thing.name))
 
 
-def _is_straight(place: Any) -> bool:
+def _is_unsheared(place: Any) -> bool:
     from mathutils import Matrix
 
     again = Matrix.LocRotScale(*place.decompose())

@@ -14,7 +14,7 @@ MOST = 16  # renderer/settings.py
 
 def light_group_of(thing: Any) -> str:
     """Returns the light group of an object or a world; empty for none."""
-    return _usable(getattr(thing, "lightgroup", ""))
+    return _valid_name(getattr(thing, "lightgroup", ""))
 
 
 def mesh_groups(objects: list[Any]) -> dict[str, str]:
@@ -24,9 +24,9 @@ def mesh_groups(objects: list[Any]) -> dict[str, str]:
 
 def layer_groups(layer: Any) -> str:
     """Returns the light groups of a view layer, for the setting `light_groups`; at most as many as that takes."""
-    names = dict.fromkeys(_usable(group.name) for group in getattr(layer, "lightgroups", ()))
+    names = dict.fromkeys(_valid_name(group.name) for group in getattr(layer, "lightgroups", ()))
     return ",".join([name for name in names if name not in ("", "rest")][:MOST])
 
 
-def _usable(name: Any) -> str:
+def _valid_name(name: Any) -> str:
     return UNUSABLE.sub("_", str(name or "")).strip()[:MOST_NAME].strip()

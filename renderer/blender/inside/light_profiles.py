@@ -82,7 +82,7 @@ class _Studio:
         place = lamp.matrix_world.copy()
         self._camera = bpy.data.cameras.new("rayfarm lamp")
         self._ball = bpy.data.meshes.new("rayfarm lamp")
-        self._fill(place)
+        self._add_sphere(place)
         things = [("lamp", light, place), ("camera", self._camera, place.normalized()), ("ball", self._ball, None)]
         self._things = []
         for name, data, at in things:
@@ -105,7 +105,7 @@ class _Studio:
         cycles.max_bounces = 0
         cycles.light_sampling_threshold = cycles.sample_clamp_direct = 0.0
 
-    def _fill(self, place: Any) -> None:
+    def _add_sphere(self, place: Any) -> None:
         """Adds the faces of a sphere of radius 1 to the sphere's mesh, with normals towards its centre."""
         import bmesh
         from mathutils import Matrix

@@ -55,7 +55,12 @@ class Lights:
         taken: dict[str, EmissionImage] = {}
         for thing in self._all:
             data = thing.data
-            is_odd = self._known is not None and data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None
+            is_odd = (
+                self._known is not None
+                and data.use_nodes
+                and data.node_tree is not None
+                and self._node_color_factor(data) is None
+            )
             if is_odd and needs_emission_image(self._bpy, data):
                 if data.name not in taken and len(taken) == MOST_PICTURES:
                     continue
@@ -105,7 +110,7 @@ class Lights:
         graph = self._bpy.context.evaluated_depsgraph_get()
         lamp = thing.evaluated_get(graph)
         data, world = lamp.data, lamp.matrix_world
-        watts = [min(c * max(data.energy, 0.0) * _area_of(data, world.to_scale()), MOST) for c in self._color(data)]
+        watts = [min(c * max(data.energy, 0.0) * _size_factor(data, world.to_scale()), MOST) for c in self._color(data)]
         forward = to_ours((world.to_3x3() @ self._math.Vector((0, 0, -1))).normalized())
         if data.type == "SUN":
             return {"intensity": watts, "direction": forward, "angle": min(math.degrees(data.angle), 180.0)}
@@ -157,12 +162,12 @@ class Lights:
         color = list(data.color)
         if getattr(data, "use_temperature", False):
             color = [a * b for a, b in zip(color, data.temperature_color, strict=True)]
-        if (factor := self._of_nodes(data)) is not None:
+        if (factor := self._node_color_factor(data)) is not None:
             color = [a * b for a, b in zip(color, factor, strict=True)]
         scale = 2.0 ** getattr(data, "exposure", 0.0)
         return [max(c * scale, 0.0) for c in color]
 
-    def _of_nodes(self, data: Any) -> list[float] | None:
+    def _node_color_factor(self, data: Any) -> list[float] | None:
         has_some = data.use_nodes and data.node_tree is not None and self._known is not None
         return self._known.constant_emission_factor(data.node_tree) if has_some else None
 
@@ -185,7 +190,7 @@ class Lights:
                         light=thing.name,
                     )
                 )
-        elif data.use_nodes and data.node_tree is not None and self._of_nodes(data) is None:
+        elif data.use_nodes and data.node_tree is not None and self._node_color_factor(data) is None:
             notes.append(
                 Sentence(
                     "blend-light-nodes", "Light {light}: its nodes are ignored; it has its own colour and power", light=thing.name
@@ -259,7 +264,7 @@ def _kind(thing: Any, thrown: EmissionImage | None) -> dict[str, Any]:
     return {"type": "spot", "falloff": "smooth", **facing, **picture} if data.type == "SPOT" else {"type": "point"}
 
 
-def _area_of(data: Any, scale: Any) -> float:
+def _size_factor(data: Any, scale: Any) -> float:
     """Returns the factor of a light's power that is due to its size.
 
     It is 1 unless "Normalize" is off: then the light's area, or for a sun the projected solid angle of its disk.

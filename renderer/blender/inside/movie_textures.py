@@ -23,7 +23,7 @@ def as_stills(bpy: Any, materials: list[Any], notes: list[str]) -> None:
         if image is None or image.source not in ("SEQUENCE", "MOVIE"):
             continue
         told.add(image.name)
-        number = _number(bpy.context.scene, node.image_user)
+        number = _image_number(bpy.context.scene, node.image_user)
         key = image.name, number
         if key not in made:
             made[key] = _image_of_number(bpy, image, number)
@@ -48,7 +48,7 @@ def _nodes(tree: Any, visited: set[str]) -> list[Any]:
     return [*tree.nodes, *below]
 
 
-def _number(scene: Any, user: Any) -> int:
+def _image_number(scene: Any, user: Any) -> int:
     """Returns the number of the image, in an image sequence, that is shown at the current frame."""
     last = max(user.frame_duration, 1)
     at = scene.frame_current - user.frame_start + 1

@@ -23,7 +23,7 @@ def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: 
 
     exposed: the frames, extended by those that the shutter overlaps. notes: receives warnings.
     """
-    _as_rendered(bpy, scene)
+    _copy_render_settings_to_viewport(bpy, scene)
     bpy.context.view_layer.update()
     blinking = sorted(thing.name for thing in scene.objects if any(path == "hide_render" for path in animated_paths(thing)))
     if blinking and len(frames) > 1:
@@ -46,12 +46,12 @@ def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: 
             shown.remove(name)
             bpy.data.objects.remove(scene.objects[name])
     instances_as_objects(bpy, scene, shown, frames, notes)
-    _modifiers(bpy, scene, shown, frames, exposed, notes)
+    _apply_modifiers(bpy, scene, shown, frames, exposed, notes)
     for thing in scene.objects:
         thing.hide_render = thing.name not in shown and thing.type not in ("EMPTY", "ARMATURE")
     found = [thing for thing in scene.objects if thing.name in shown]
-    _override(bpy.context.view_layer, scene, found)
-    _plain_materials(bpy, found)
+    _apply_overrides(bpy.context.view_layer, scene, found)
+    _add_default_materials(bpy, found)
     return found
 
 
@@ -59,7 +59,7 @@ def _has_finite_transform(thing: Any) -> bool:
     return all(math.isfinite(each) for row in thing.matrix_world for each in row)
 
 
-def _as_rendered(bpy: Any, scene: Any) -> None:
+def _copy_render_settings_to_viewport(bpy: Any, scene: Any) -> None:
     """Copies the visibility and modifier settings for renders to those for the viewport, which the exporter uses."""
     _visible_as_rendered(bpy)
     scene.render.simplify_subdivision = scene.render.simplify_subdivision_render
@@ -91,7 +91,7 @@ def _visible_as_rendered(bpy: Any) -> None:
         thing.hide_set(False)
 
 
-def _override(layer: Any, scene: Any, objects: list[Any]) -> None:
+def _apply_overrides(layer: Any, scene: Any, objects: list[Any]) -> None:
     """Applies the view layer's material override to all objects, and its world override."""
     material = getattr(layer, "material_override", None)
     for thing in objects if material is not None else ():
@@ -105,7 +105,7 @@ def _override(layer: Any, scene: Any, objects: list[Any]) -> None:
         scene.world = layer.world_override
 
 
-def _plain_materials(bpy: Any, objects: list[Any]) -> None:
+def _add_default_materials(bpy: Any, objects: list[Any]) -> None:
     """Replaces materials without nodes by diffuse ones, as Cycles does, and missing materials by a grey one."""
     grey = bpy.data.materials.new("no material")
     grey.use_nodes = False
@@ -119,10 +119,10 @@ def _plain_materials(bpy: Any, objects: list[Any]) -> None:
             if slot.material is None:
                 slot.material = grey
             if not slot.material.use_nodes:
-                _as_matt(slot.material)
+                _make_diffuse(slot.material)
 
 
-def _as_matt(material: Any) -> None:
+def _make_diffuse(material: Any) -> None:
     color = tuple(material.diffuse_color)[:3]
     material.use_nodes = True
     node = material.node_tree.nodes["Principled BSDF"]
@@ -137,20 +137,22 @@ def _rendered_objects(bpy: Any, scene: Any) -> set[str]:
 
     def is_hidden(thing: Any) -> bool:
         homes = list(thing.users_collection)
-        return bool(homes) and all(_is_within(home, hidden, scene) for home in homes)
+        return bool(homes) and all(_is_in_hidden_collection(home, hidden, scene) for home in homes)
 
     return {thing.name for thing in scene.objects if not thing.hide_render and thing.name in layer and not is_hidden(thing)}
 
 
-def _is_within(collection: Any, hidden: set[str], scene: Any) -> bool:
+def _is_in_hidden_collection(collection: Any, hidden: set[str], scene: Any) -> bool:
     """Returns True if a collection, or one that contains it, is in the set `hidden`."""
     if collection.name in hidden:
         return True
     parents = [each for each in scene.collection.children_recursive if collection.name in each.children]
-    return bool(parents) and all(_is_within(parent, hidden, scene) for parent in parents)
+    return bool(parents) and all(_is_in_hidden_collection(parent, hidden, scene) for parent in parents)
 
 
-def _modifiers(bpy: Any, scene: Any, visible_names: set[str], frames: list[int], exposed: list[int], notes: list[str]) -> None:
+def _apply_modifiers(
+    bpy: Any, scene: Any, visible_names: set[str], frames: list[int], exposed: list[int], notes: list[str]
+) -> None:
     """Applies all modifiers of the visible meshes except armatures, which the exporter writes as skins.
 
     Modifiers that deform a mesh over time are replaced by shape keys. Other modifiers of meshes that already have shape keys

@@ -38,7 +38,7 @@ GLASS, LEAST_IOR = 1.5, 1e-4
 Extensions = dict[str, dict[str, Any]]
 
 
-class _Way(NamedTuple):
+class _ImageMapping(NamedTuple):
     """The mapping of an image: node and socket of its coordinates, wrap mode, filter, scale, offset and rotation."""
 
     node: str
@@ -98,7 +98,7 @@ class _Simplifier:
             return {}
         told: list[str] = []
         if source is None or source.node.type in ("EMISSION", "HOLDOUT"):
-            inside = self._filled(False, told)
+            inside = self._volume_extension(False, told)
             self._add_notes(told)
             return inside
         self._modules.cycles_differences.warn_of_pictures(self._tree, told.append)
@@ -108,7 +108,7 @@ class _Simplifier:
             return {}
         through = nodes.constant_value(look.input("Transmission Weight"))
         is_fed = through is None and look.input("Transmission Weight") is not None
-        inside = self._filled(is_fed or (isinstance(through, float) and through > 0), told)
+        inside = self._volume_extension(is_fed or (isinstance(through, float) and through > 0), told)
         is_own = source.node.type == "BSDF_PRINCIPLED" and not source.groups
         principled = source.node if is_own else self._replace_shader(output)
         shines = self._combine_emission(principled, look)
@@ -116,13 +116,13 @@ class _Simplifier:
             if entry.type == "SHADER" or entry.name in shines:
                 continue
             at = look.input(entry.name)
-            if entry.name in BENT and self._bumps(entry, at):
+            if entry.name in BENT and self._convert_bump(entry, at):
                 continue
             if entry.name in LEFT and is_own:
                 continue
             if at is not None:
                 self._set(entry, at, is_own)
-        self._displace(principled, told)
+        self._convert_displacement(principled, told)
         self._add_notes(told)
         return self._extensions(look) | inside
 
@@ -132,7 +132,7 @@ class _Simplifier:
             for sentence in dict.fromkeys(sentences)
         ]
 
-    def _filled(self, lets_in: bool, notes: list[str]) -> dict[str, Any]:
+    def _volume_extension(self, lets_in: bool, notes: list[str]) -> dict[str, Any]:
         """Returns the glTF extension with the medium of the material's volume; empty if it has no volume.
 
         lets_in: whether the surface transmits light. notes: receives notes on what is ignored.
@@ -163,7 +163,7 @@ class _Simplifier:
             self._set_input(power, 1.0)
         else:
             self._set_input(power, painted[0].scale_down())
-            self._tree.links.new(self._picture(entry, *painted), entry)
+            self._tree.links.new(self._add_image_node(entry, *painted), entry)
         return names
 
     def _extensions(self, surface: Any) -> dict[str, Any]:
@@ -231,9 +231,9 @@ class _Simplifier:
         if isinstance(painted, list):
             self._set_input(entry, painted)
         elif painted is not None:
-            self._tree.links.new(self._picture(entry, *painted), entry)
+            self._tree.links.new(self._add_image_node(entry, *painted), entry)
 
-    def _bumps(self, entry: Any, socket: Any) -> bool:
+    def _convert_bump(self, entry: Any, socket: Any) -> bool:
         """Replaces a Bump node with a height image by a normal map on the input `entry`; returns False if there is no such node.
 
         socket: the source of the input in the principled look.
@@ -244,7 +244,7 @@ class _Simplifier:
             return False
         return self._replace_bump([entry], source)
 
-    def _displace(self, principled: Any, notes: list[str]) -> None:
+    def _convert_displacement(self, principled: Any, notes: list[str]) -> None:
         """Converts displacement to a normal map, if the material has no other bump or normal map. notes: receives notes."""
         scale = abs(self._thing.matrix_world.determinant()) ** (1 / 3)
         heights = self._modules.displacement.displaced(self._material, self._tree, scale, notes.append)
@@ -268,13 +268,13 @@ class _Simplifier:
     def _replace_bump(self, entries: list[Any], source: Any) -> bool:
         """Replaces a Bump node by a normal map on these inputs; returns False if its height is not an image."""
         numbers = [self._modules.nodes.constant_value(source.input(name)) for name in ("Strength", "Distance")]
-        spans = _stretched(self._thing, self._modules.meshes.spans)
+        spans = _length_per_uv_unit(self._thing, self._modules.meshes.spans)
         if spans is None or not all(isinstance(each, float) for each in numbers):
             return False
         strength, distance = numbers
         bump = self._modules.image_nodes.Bump(min(max(strength, 0.0), 1.0), -distance if source.node.invert else distance)
 
-        def length(texture_path: _Way) -> tuple[float, float] | None:
+        def length(texture_path: _ImageMapping) -> tuple[float, float] | None:
             return (
                 None
                 if 0 in texture_path.scale
@@ -286,7 +286,7 @@ class _Simplifier:
             return False
         node = self._tree.nodes.new("ShaderNodeNormalMap")
         painted, way = found
-        self._tree.links.new(self._picture(node.inputs["Color"], painted, way, is_color=False), node.inputs["Color"])
+        self._tree.links.new(self._add_image_node(node.inputs["Color"], painted, way, is_color=False), node.inputs["Color"])
         for entry in entries:
             self._tree.links.new(node.outputs["Normal"], entry)
         return True
@@ -299,7 +299,7 @@ class _Simplifier:
         elif entry.type == "VALUE":
             entry.default_value = sum(value) / len(value) if isinstance(value, list) else value
 
-    def _picture(self, entry: Any, painted: Any, texture_path: _Way, is_color: bool | None = None) -> Any:
+    def _add_image_node(self, entry: Any, painted: Any, texture_path: _ImageMapping, is_color: bool | None = None) -> Any:
         """Creates an Image Texture node for an image computed from nodes; returns the node's colour output.
 
         The node has the mapping of the source images. is_color: whether the image is sRGB-encoded; None: if the input `entry` is
@@ -321,23 +321,23 @@ class _Simplifier:
             self._tree.links.new(where, node.inputs["Vector"])
         return node.outputs["Color"]
 
-    def _texture_path(self, source: Any) -> _Way | None:
+    def _texture_path(self, source: Any) -> _ImageMapping | None:
         node = source.node
         if node.type != "TEX_IMAGE" or node.projection != "FLAT" or source.groups:
             return None
         found, _ = self._modules.nodes.source_of(source.input("Vector"))
         if found is None:
-            return _Way("", "", node.extension, node.interpolation, (1.0, 1.0))
+            return _ImageMapping("", "", node.extension, node.interpolation, (1.0, 1.0))
         if found.groups or not is_placed_by_uv(node):
             return None
         scale = (1.0, 1.0)
         if found.node.type == "MAPPING":
             told = self._modules.nodes.constant_value(found.input("Scale"))
             scale = (0.0, 0.0) if told is None else (told[0], told[1])
-        return _Way(found.node.name, found.output.identifier, node.extension, node.interpolation, scale)
+        return _ImageMapping(found.node.name, found.output.identifier, node.extension, node.interpolation, scale)
 
 
-def _stretched(thing: Any, spans: Any) -> tuple[float, float] | None:
+def _length_per_uv_unit(thing: Any, spans: Any) -> tuple[float, float] | None:
     """Returns the length of an object's surface per UV unit, across and up; None without UVs.
 
     spans: `meshes.spans` of the add-on.

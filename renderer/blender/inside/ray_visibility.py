@@ -64,7 +64,7 @@ def note_rays(objects: list[Any], layer: Any, notes: list[str]) -> None:
                 )
 
 
-def _put_factors(material: dict[str, Any], flags: dict[str, Any]) -> None:
+def _set_factors(material: dict[str, Any], flags: dict[str, Any]) -> None:
     surface = material.setdefault("pbrMetallicRoughness", {})
     if "roughnessFactor" in flags:
         surface["roughnessFactor"] = flags["roughnessFactor"]
@@ -95,6 +95,6 @@ def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, 
             extensions = {name: each for name, each in told.items() if name not in FACTORS}
             material["extensions"] = {**material.get("extensions", {}), **extensions}
             used.update(extensions)
-            _put_factors(material, told)
+            _set_factors(material, told)
     document["extensionsUsed"] = sorted(used)
     glb.write(path)

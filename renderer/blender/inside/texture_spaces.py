@@ -16,7 +16,7 @@ def is_suited(entry: Any, node: Any, output: Any) -> bool:
     entry: the input; node, output: the node and its output that are connected to it.
     """
     is_color = entry.type == "RGBA"
-    for each, name, is_channel in _pictures(node, output):
+    for each, name, is_channel in _image_nodes(node, output):
         image = each.image
         if image is None or image.source == "TILED" or name == "Alpha":
             continue
@@ -26,7 +26,7 @@ def is_suited(entry: Any, node: Any, output: Any) -> bool:
     return True
 
 
-def _pictures(node: Any, output: Any) -> list[tuple[Any, str, bool]]:
+def _image_nodes(node: Any, output: Any) -> list[tuple[Any, str, bool]]:
     """Returns (image node, name of its used output, whether one channel is used) for each image on which an output depends."""
     found, left = [], [(node, output.name, False)]
     while left:

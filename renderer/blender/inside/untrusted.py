@@ -37,7 +37,7 @@ class DamagedError(Exception):
     """Raised for a file that cannot be read; the message is the end of a sentence that begins with the file's name."""
 
 
-class _Form(NamedTuple):
+class _FileLayout(NamedTuple):
     """The layout of a .blend file. order: byte order as in `struct`. pointer: size in bytes. head: format of a block's header."""
 
     order: str
@@ -46,7 +46,7 @@ class _Form(NamedTuple):
     is_large: bool
 
 
-class _Places(NamedTuple):
+class _FieldSpans(NamedTuple):
     """The (offset, length) of each field of a struct that must be replaced. size: of the struct, in bytes."""
 
     size: int
@@ -76,7 +76,7 @@ def safe_copy(source: Path, target: Path, resolve: Callable[[str], str], most_by
             places = _Dna(dna, form).fields_to_replace()
             for block in blocks:
                 if block.kind in places:
-                    _mend(data, block, places[block.kind], resolve)
+                    _replace_paths(data, block, places[block.kind], resolve)
 
 
 def _unpacked(source: Path) -> Any:
@@ -126,7 +126,7 @@ def _unpack(source: Path, out: IO[bytes], max_bytes: int) -> None:
         raise DamagedError(Sentence("blend-truncated", "is truncated; copy or save it again"))
 
 
-def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
+def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _FileLayout]:
     """Returns (blocks of a .blend file, its DNA, its layout)."""
     form, at = _parse_header(data)
     blocks: list[_Block] = []
@@ -153,7 +153,7 @@ def _blocks(data: mmap.mmap) -> tuple[list[_Block], bytes, _Form]:
     return blocks, dna, form
 
 
-def _parse_header(data: mmap.mmap) -> tuple[_Form, int]:
+def _parse_header(data: mmap.mmap) -> tuple[_FileLayout, int]:
     """Parses a .blend file's header; returns (layout, size of the header in bytes: 12, or since Blender 5 as stated in it)."""
     start = data[:SHORTEST]
     if start[7:8].isdigit():
@@ -164,16 +164,16 @@ def _parse_header(data: mmap.mmap) -> tuple[_Form, int]:
             raise DamagedError(
                 Sentence("blend-byte-order", "has an unsupported byte order; save it again with a current Blender")
             )
-        return _Form("<", 8, struct.Struct("<4siQqq"), True), size
+        return _FileLayout("<", 8, struct.Struct("<4siQqq"), True), size
     order = ">" if start[8:9] == b"V" else "<"
     pointer = 4 if start[7:8] == b"_" else 8
-    return _Form(order, pointer, struct.Struct(f"{order}4si{'I' if pointer == 4 else 'Q'}ii"), False), SHORTEST
+    return _FileLayout(order, pointer, struct.Struct(f"{order}4si{'I' if pointer == 4 else 'Q'}ii"), False), SHORTEST
 
 
 class _Dna:
     """The DNA of a .blend file (the table that describes its memory dump): its structs, by number."""
 
-    def __init__(self, data: bytes, form: _Form) -> None:
+    def __init__(self, data: bytes, form: _FileLayout) -> None:
         """Parses the DNA. Raises DamagedError if it is malformed."""
         self._data, self._form, self._at = data, form, 4
         try:
@@ -193,7 +193,7 @@ class _Dna:
                 Sentence("blend-dna-error", "has a damaged description of its data (DNA: {error}); save it again", error=error)
             ) from None
 
-    def fields_to_replace(self) -> dict[int, _Places]:
+    def fields_to_replace(self) -> dict[int, _FieldSpans]:
         """Returns struct number -> the fields to replace. Raises DamagedError if the DNA is inconsistent."""
         found = {}
         for number, (kind, _) in enumerate(self._structs):
@@ -207,9 +207,9 @@ class _Dna:
                 found[number] = places
         return found
 
-    def _places_in(self, kind: int, depth: int) -> _Places:
+    def _places_in(self, kind: int, depth: int) -> _FieldSpans:
         owner = self._types[kind]
-        found, at = _Places(self._sizes[kind], [], [], []), 0
+        found, at = _FieldSpans(self._sizes[kind], [], [], []), 0
         if owner in NO_PATHS or depth > DEEPEST:
             return found
         least = SHORT_PATH if owner in WITH_PATHS else PATH
@@ -262,7 +262,7 @@ class _Dna:
         return list(found)
 
 
-def _mend(data: mmap.mmap, block: _Block, places: _Places, resolve: Callable[[str], str]) -> None:
+def _replace_paths(data: mmap.mmap, block: _Block, places: _FieldSpans, resolve: Callable[[str], str]) -> None:
     size = places.size
     everywhere = [*places.paths, *places.pointers, *places.types]
     if size <= 0 or block.repeats * size > block.size or any(place + length > size for place, length in everywhere):

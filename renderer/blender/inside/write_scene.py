@@ -82,7 +82,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     if environment is not None and (group := light_group_of(scene.world)):
         environment["light_group"] = group
         suns = [{**sun, "light_group": group} for sun in suns]
-    lamps, materials, shapes = lights.scene_file_lights(_of_kind("light", seen), exposed, fps)
+    lamps, materials, shapes = lights.scene_file_lights(_states_of_kind("light", seen), exposed, fps)
     if solid:
         taken = replace_by_stand_ins(bpy, solid, addon)
         scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
@@ -94,8 +94,8 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
         "name": scene.name[:200],
         "fps": fps,
         "settings": settings,
-        "notes": [to_text(note[:400]) for note in _short(notes)],
-        "cameras": cameras.scene_file_cameras(_of_kind("camera", seen), exposed, fps),
+        "notes": [to_text(note[:400]) for note in _shortened_notes(notes)],
+        "cameras": cameras.scene_file_cameras(_states_of_kind("camera", seen), exposed, fps),
         "environment": environment if medium is None else {"color": 0},
         "medium": medium,
         "lights": [*lamps, *suns],
@@ -219,7 +219,7 @@ def _base_name(path: str) -> str:
     return path.replace("\\", "/").rsplit("/", 1)[-1]
 
 
-def _short(notes: list[str]) -> list[str]:
+def _shortened_notes(notes: list[str]) -> list[str]:
     return (
         notes
         if len(notes) <= MOST_NOTES
@@ -234,5 +234,5 @@ def _with_prefix(kind: str, state_functions: dict[str, Any]) -> dict[str, Any]:
     return {f"{kind} {name}": look for name, look in state_functions.items()}
 
 
-def _of_kind(kind: str, states: dict[str, list[Any]]) -> dict[str, list[Any]]:
+def _states_of_kind(kind: str, states: dict[str, list[Any]]) -> dict[str, list[Any]]:
     return {name.removeprefix(f"{kind} "): values for name, values in states.items() if name.startswith(f"{kind} ")}
