@@ -120,30 +120,30 @@ def _murmur3(data: bytes) -> int:
     found = 0
     end = len(data) & ~3
     for start in range(0, end, 4):
-        found ^= _mixed(int.from_bytes(data[start : start + 4], "little"))
-        found = (_turned(found, 13) * 5 + 0xE6546B64) & 0xFFFFFFFF
+        found ^= _mix_word(int.from_bytes(data[start : start + 4], "little"))
+        found = (_rotate_left(found, 13) * 5 + 0xE6546B64) & 0xFFFFFFFF
     if len(data) > end:
-        found ^= _mixed(int.from_bytes(data[end:], "little"))
+        found ^= _mix_word(int.from_bytes(data[end:], "little"))
     found ^= len(data)
     found = (found ^ found >> 16) * 0x85EBCA6B & 0xFFFFFFFF
     found = (found ^ found >> 13) * 0xC2B2AE35 & 0xFFFFFFFF
     return found ^ found >> 16
 
 
-def _mixed(word: int) -> int:
-    return _turned(word * 0xCC9E2D51 & 0xFFFFFFFF, 15) * 0x1B873593 & 0xFFFFFFFF
+def _mix_word(word: int) -> int:
+    return _rotate_left(word * 0xCC9E2D51 & 0xFFFFFFFF, 15) * 0x1B873593 & 0xFFFFFFFF
 
 
-def _turned(word: int, bits: int) -> int:
+def _rotate_left(word: int, bits: int) -> int:
     return (word << bits | word >> (32 - bits)) & 0xFFFFFFFF
 
 
 def channel_names(ranks: int) -> tuple[str, ...]:
     """Returns the names of the channels of `layers` in an EXR."""
-    return tuple(f"{_LAYER_NAMES[kind]}{i:02}.{c}" for kind in KINDS for i in range(_pairs(ranks)) for c in "RGBA")
+    return tuple(f"{_LAYER_NAMES[kind]}{i:02}.{c}" for kind in KINDS for i in range(_number_of_layers(ranks)) for c in "RGBA")
 
 
-def _pairs(ranks: int) -> int:
+def _number_of_layers(ranks: int) -> int:
     """Returns the number of layers that hold `ranks` ids per pixel, two in each layer."""
     return -(-ranks // 2)
 
@@ -176,7 +176,7 @@ def layers(hits: Hits, samples: npt.NDArray[np.int64], ranks: int, names: Mappin
     lower id comes first. names: as for `header`; ids of equal names are one.
     """
     height, width = samples.shape
-    pairs = _pairs(ranks)
+    pairs = _number_of_layers(ranks)
     found = np.zeros((len(KINDS), height * width, 2 * pairs, 2), np.float32)
     total = np.maximum(samples.reshape(-1), 1).astype(np.float64)
     for kind, kind_name in enumerate(KINDS):

@@ -46,7 +46,7 @@ def denoise_preview(color: F32, albedo: F32, normal: F32) -> F32:
     time. Returns the image unchanged if Open Image Denoise is not installed or fails.
     """
     try:
-        return _cleaned(color, albedo, normal, 1, guides_first=False).color
+        return _denoise(color, albedo, normal, 1, guides_first=False).color
     except SettingsError:
         return color
 
@@ -59,10 +59,10 @@ def denoise_with_guides(color: F32, albedo: F32, normal: F32, threads: int | Non
     and shapes that a filter of colour alone would blur. threads: None for all cores. Raises SettingsError if Open Image Denoise
     is not installed or fails.
     """
-    return _cleaned(color, albedo, normal, threads or 0, guides_first=True)
+    return _denoise(color, albedo, normal, threads or 0, guides_first=True)
 
 
-def _cleaned(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool) -> DenoisedPicture:
+def _denoise(color: F32, albedo: F32, normal: F32, threads: int, *, guides_first: bool) -> DenoisedPicture:
     try:
         import pyoidn
     except (ImportError, OSError) as error:

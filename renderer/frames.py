@@ -34,11 +34,11 @@ def parse_frames(text: str) -> list[float]:
 
     `1-250x5` is every fifth frame. Raises SettingsError if the text is invalid.
     """
-    return list(_parsed(text))
+    return list(_parse(text))
 
 
 @lru_cache(4)  # several parts of a request parse it
-def _parsed(text: str) -> tuple[float, ...]:
+def _parse(text: str) -> tuple[float, ...]:
     found: dict[float, None] = {}
     named = 0
     for part in text.replace(" ", "").split(","):

@@ -51,7 +51,7 @@ __all__ = [
 COMPILE_PATIENCE_S = 300.0
 
 
-def _meaning(name: str, parts: Iterable[str]) -> str:
+def _source_hash(name: str, parts: Iterable[str]) -> str:
     """Returns a hash of these sources that ignores comments and docstrings (renderer/sources.py).
 
     The hash is cached next to Python's byte code, or in this user's cache, but not in the kernel cache. A hash that another user,
@@ -67,7 +67,7 @@ def _hash(*parts: str) -> str:
     return hashlib.sha256(f"{' '.join(parts)} {version('numba')} {version('llvmlite')} {TARGET}".encode()).hexdigest()
 
 
-_MEANING = _meaning("machine-code", sources.MACHINE_CODE)
+_MEANING = _source_hash("machine-code", sources.MACHINE_CODE)
 _MACHINE_CODE = _hash(_MEANING, cpu.NAME, cpu.FEATURES)
 
 
@@ -77,7 +77,7 @@ def kind() -> str:
 
     Depends on exactly those inputs that determine the machine code and the arrays that it reads. Can be used in a queue's name.
     """
-    both = _hash(_MEANING, _meaning("arrays", sources.ARRAYS))
+    both = _hash(_MEANING, _source_hash("arrays", sources.ARRAYS))
     return f"{__version__}-{both[:8]}-{TARGET}"
 
 
@@ -215,18 +215,18 @@ def compiling(name: str, fetch: Callable[[], None] | None = None) -> Iterator[bo
     done = folder / f"{name}.done"
     with _lock(folder / f"{name}.lock") as lock:
         deadline = time.monotonic() + COMPILE_PATIENCE_S
-        while not done.exists() and not _is_taken(lock) and time.monotonic() < deadline:
+        while not done.exists() and not _try_lock(lock) and time.monotonic() < deadline:
             time.sleep(0.1)
         if fetch is not None and not done.exists():
             fetch()
         with collect_cache_files() as files:
             yield not done.exists()
         with contextlib.suppress(OSError):  # read-only folder: the next process compiles what is missing
-            _list(done, {path.relative_to(folder).as_posix() for path in files})
+            _add_to_list(done, {path.relative_to(folder).as_posix() for path in files})
     _ready.add(name)
 
 
-def _list(done: Path, names: set[str]) -> None:
+def _add_to_list(done: Path, names: set[str]) -> None:
     """Adds names to the list file `done`; creates it if missing."""
     known = set(done.read_text().split()) if done.exists() else None
     if known is None or names - known:
@@ -246,7 +246,7 @@ def _lock(path: Path) -> Iterator[IO[bytes] | None]:
         yield lock
 
 
-def _is_taken(lock: IO[bytes] | None) -> bool:
+def _try_lock(lock: IO[bytes] | None) -> bool:
     """Tries to take a file lock; returns False if another process holds it, else True, also where there are no file locks."""
     if lock is None:
         return True

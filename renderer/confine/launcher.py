@@ -97,7 +97,7 @@ class _Launcher:
             why = self._fork(asked, said, status)
         os.close(said)
         if why is not None:
-            _report(status, {"failed": why})
+            _write_status(status, {"failed": why})
             os.close(asked)
         return True
 
@@ -127,7 +127,7 @@ class _Launcher:
         return ""
 
     def _fork(self, request_fd: int, reply_fd: int, status: int) -> str | None:
-        system = _system()
+        system = _common_paths()
         parent = os.getpid()
         try:
             pid = os.fork()
@@ -165,16 +165,16 @@ class _Launcher:
             with contextlib.suppress(KeyError, OSError):
                 self._poll.unregister(running.asked)
             os.close(running.asked)
-            _report(running.status, {"status": status, "seconds": usage.ru_utime + usage.ru_stime})
+            _write_status(running.status, {"status": status, "seconds": usage.ru_utime + usage.ru_stime})
 
 
-def _report(status: int, message: dict[str, Any]) -> None:
+def _write_status(status: int, message: dict[str, Any]) -> None:
     with contextlib.suppress(OSError):
         os.write(status, json.dumps(encoded(message)).encode())
     os.close(status)
 
 
-def _system() -> list[str]:
+def _common_paths() -> list[str]:
     """Returns the paths that every reader may read: the interpreter, installed packages, this package, and the kernel cache."""
     paths = sysconfig.get_paths()
     found = {*_SYSTEM, *(paths[name] for name in ("stdlib", "platstdlib", "purelib", "platlib"))}

@@ -37,10 +37,10 @@ _NAMED = {
 
 def available_memory() -> int:
     """Returns the number of bytes that can be allocated now, as limited by the machine and by every cgroup of this process."""
-    return max(min([_of_machine(), *_of_cgroups()]), 0)
+    return max(min([_free_machine_memory(), *_free_cgroup_memory()]), 0)
 
 
-def _of_machine() -> int:
+def _free_machine_memory() -> int:
     try:
         for line in Path("/proc/meminfo").read_text().splitlines():
             if line.startswith("MemAvailable:"):
@@ -50,7 +50,7 @@ def _of_machine() -> int:
     return _UNKNOWN
 
 
-def _of_cgroups() -> Iterator[int]:
+def _free_cgroup_memory() -> Iterator[int]:
     """Yields how many bytes are free in each memory-limited cgroup, from this process's cgroup up to the root; cgroup versions 1
     and 2.
     """
@@ -105,13 +105,13 @@ def set_limits(memory: int, seconds: float) -> int:
 
 def limit_program(memory: int, seconds: int) -> None:
     """Limits this process to `memory` bytes of address space and `seconds` of processor time; the limits survive exec."""
-    _lower(resource.RLIMIT_AS, memory)
-    _lower(resource.RLIMIT_CPU, seconds, _GRACE_S)
-    _lower(resource.RLIMIT_FSIZE, LARGEST_FILE)
-    _lower(resource.RLIMIT_CORE, 0)
+    _lower_limit(resource.RLIMIT_AS, memory)
+    _lower_limit(resource.RLIMIT_CPU, seconds, _GRACE_S)
+    _lower_limit(resource.RLIMIT_FSIZE, LARGEST_FILE)
+    _lower_limit(resource.RLIMIT_CORE, 0)
 
 
-def _lower(which: int, value: int, grace: int = 0) -> None:
+def _lower_limit(which: int, value: int, grace: int = 0) -> None:
     soft, hard = resource.getrlimit(which)
     finite = [limit for limit in (soft, hard) if limit != resource.RLIM_INFINITY]
     soft = min([value, *finite])

@@ -168,7 +168,9 @@ class Reader:
         self._calls = calls or {}
         self.is_over = self._is_started = False
         self._reads, self._room = tuple(reads), bounds.memory_bytes
-        job = Job(work, _encoded(reads), _encoded(writes), os.fsencode(writes[0]), bounds.memory_bytes, bounds.seconds)
+        job = Job(
+            work, _encoded_paths(reads), _encoded_paths(writes), os.fsencode(writes[0]), bounds.memory_bytes, bounds.seconds
+        )
         data = pickle.dumps(job)
         for attempt in (1, 2):
             begin_launcher(preload)
@@ -180,7 +182,7 @@ class Reader:
             except OSError as error:
                 _discard_launcher(launcher)
                 if attempt == 2:
-                    raise _no_launcher(launcher, error.strerror or "") from error
+                    raise _launcher_error(launcher, error.strerror or "") from error
                 continue
             break
         with contextlib.suppress(BrokenPipeError):  # it has ended, which is seen below
@@ -253,7 +255,7 @@ class Reader:
         buffer = bytearray()
         while True:
             begun = time.monotonic()
-            if seconds <= 0 or not _readable(self._saying, seconds if self._is_started else seconds + _READY_S):
+            if seconds <= 0 or not _wait_readable(self._saying, seconds if self._is_started else seconds + _READY_S):
                 self.close()
                 raise timeout_error(self.bounds)
             if self._is_started:
@@ -323,12 +325,12 @@ class Reader:
             )
         if "status" not in ended:
             _discard_launcher(self._launcher)
-            return _no_launcher(self._launcher, Sentence("launcher-ended", "it has ended"))
+            return _launcher_error(self._launcher, Sentence("launcher-ended", "it has ended"))
         return error_of_exit(int(ended["status"]), bounds, self._room, importer_memory(_largest_file(self._reads)))
 
     def _status(self) -> dict[str, Any]:
         """Returns the launcher's message on how the reader ended; empty if the launcher has ended or the reader does not end."""
-        if not _readable(self._reporting, _ENDING_S):
+        if not _wait_readable(self._reporting, _ENDING_S):
             return {}
         try:
             found = json.loads(os.read(self._reporting, 1 << 16) or b"{}")
@@ -343,7 +345,7 @@ class Reader:
         self.is_over = True
         os.close(self._asking)  # the launcher kills it
         os.close(self._saying)
-        _readable(self._reporting, _ENDING_S)
+        _wait_readable(self._reporting, _ENDING_S)
         os.close(self._reporting)
 
     def __enter__(self) -> Reader:
@@ -377,7 +379,7 @@ def _largest_file(paths: Sequence[Path]) -> int:
     return largest
 
 
-def _no_launcher(launcher: _Launcher, why: str) -> MachineError:
+def _launcher_error(launcher: _Launcher, why: str) -> MachineError:
     return MachineError(
         _with_limits(
             Sentence(
@@ -395,13 +397,13 @@ def _with_limits(sentence: str) -> str:
     return joined_sentences(sentence, Sentence("advice-raise-limit", "Raise {limit}.", limit=limits)) if limits else sentence
 
 
-def _readable(descriptor: int, seconds: float) -> bool:
+def _wait_readable(descriptor: int, seconds: float) -> bool:
     poll = select.poll()
     poll.register(descriptor, select.POLLIN)
     return bool(poll.poll(seconds * 1000))
 
 
-def _encoded(paths: Sequence[Path]) -> tuple[bytes, ...]:
+def _encoded_paths(paths: Sequence[Path]) -> tuple[bytes, ...]:
     return tuple(os.fsencode(path) for path in paths)
 
 

@@ -70,9 +70,9 @@ def encode(
                 raise ValueError(f"channel {name} is {values.shape}; the picture is {rgb.shape[:2]}")
             names.append(name)
             planes.append(np.asarray(values, np.float32)[..., None])
-        return _through_openimageio(np.concatenate(planes, axis=-1), names, ".exr", header)
+        return _encode_with_openimageio(np.concatenate(planes, axis=-1), names, ".exr", header)
     if format == "hdr":
-        return _through_openimageio(np.asarray(rgb, np.float32), RGB, ".hdr")
+        return _encode_with_openimageio(np.asarray(rgb, np.float32), RGB, ".hdr")
     raise SettingsError(
         Sentence(
             "picture-format-unknown", "picture format is {format}; known are {formats}", format=repr(format), formats=[*FORMATS]
@@ -150,7 +150,7 @@ def write_bands(
         raise OSError(f"could not write a {Path(path).suffix} picture: {output.geterror()}")
 
 
-def _through_openimageio(pixels: F32, names: Sequence[str], suffix: str, header: Mapping[str, str] | None = None) -> bytes:
+def _encode_with_openimageio(pixels: F32, names: Sequence[str], suffix: str, header: Mapping[str, str] | None = None) -> bytes:
     # OpenImageIO's Python module writes to named files only.
     with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
         path = Path(folder) / f"picture{suffix}"

@@ -141,9 +141,9 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
     planes = {key: pixels[..., number - first] for key, number in colour.channels.items() if first <= number < last}
     rgba = _rgba(planes, colour, suffix)
     if suffix == ".exr":
-        rgba = _within_display(rgba, spec, factor)
+        rgba = _place_in_display_window(rgba, spec, factor)
     if suffix == ".hdr":
-        rgba = _upright(rgba, data)
+        rgba = _apply_orientation(rgba, data)
         notes += header_notes(data, name)
     notes += primaries_notes(spec.getattribute("chromaticities"), name) + profile_notes(spec.getattribute("ICCProfile"), name)
     if rgba.dtype == np.float32:
@@ -222,7 +222,7 @@ def _rgba(planes: dict[str, npt.NDArray[Any]], colour: Colour, suffix: str) -> n
     else:
         rgb = [planes.get(key, np.zeros_like(some)) for key in "rgb"]
         if suffix == ".dds" and "b" not in planes:
-            rgb = [some, some, some] if "g" not in planes else [*rgb[:2], _third(*rgb[:2])]
+            rgb = [some, some, some] if "g" not in planes else [*rgb[:2], _reconstruct_z(*rgb[:2])]
     if "a" in planes:
         rgb.append(planes["a"])
     elif some.dtype != np.float32:
@@ -230,7 +230,7 @@ def _rgba(planes: dict[str, npt.NDArray[Any]], colour: Colour, suffix: str) -> n
     return np.stack(rgb, axis=-1)
 
 
-def _third(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _reconstruct_z(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Returns the z coordinate, -1 ... 1, of unit normals that are stored as x and y in two-channel blocks (BC5)."""
     most = 1.0 if x.dtype == np.float32 else float(np.iinfo(x.dtype).max)
     squares = sum((2 * (each.astype(np.float32) / np.float32(most)) - 1) ** 2 for each in (x, y))
@@ -241,12 +241,12 @@ def _third(x: npt.NDArray[Any], y: npt.NDArray[Any]) -> npt.NDArray[Any]:
 def _pixels(source: Any, part: int, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
     """Returns the pixels (h, w, channels) of a part, scaled down by `factor`; None if the file is damaged."""
     if factor > 1:
-        return _smaller(source, spec, channels, kind, factor)
+        return _scaled_down(source, spec, channels, kind, factor)
     found = source.read_image(part, 0, *channels, kind)
     return None if found is None else np.asarray(found).reshape(spec.height, spec.width, -1)
 
 
-def _smaller(source: Any, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
+def _scaled_down(source: Any, spec: Any, channels: tuple[int, int], kind: Any, factor: int) -> npt.NDArray[Any] | None:
     """Returns the image scaled down by averaging squares of pixels, read in bands of rows; None if the file is damaged."""
     tile = spec.tile_height or 1
     step = np.lcm(factor, tile)
@@ -275,7 +275,7 @@ def _block_means(pixels: npt.NDArray[Any], factor: int) -> npt.NDArray[Any]:
     return total if pixels.dtype == np.float32 else np.rint(total).astype(pixels.dtype)
 
 
-def _within_display(pixels: npt.NDArray[Any], spec: Any, factor: int) -> npt.NDArray[Any]:
+def _place_in_display_window(pixels: npt.NDArray[Any], spec: Any, factor: int) -> npt.NDArray[Any]:
     """Returns the display window of an image with a different data window; black and transparent outside the data."""
     window = spec.full_x, spec.full_y, spec.full_width, spec.full_height
     if window == (spec.x, spec.y, spec.width, spec.height) or spec.full_width < 1 or spec.full_height < 1:
@@ -290,7 +290,7 @@ def _within_display(pixels: npt.NDArray[Any], spec: Any, factor: int) -> npt.NDA
     return shown
 
 
-def _upright(pixels: npt.NDArray[Any], data: bytes) -> npt.NDArray[Any]:
+def _apply_orientation(pixels: npt.NDArray[Any], data: bytes) -> npt.NDArray[Any]:
     """Reorders the pixels of a Radiance file so that row 0 is the top and column 0 the left.
 
     Files have one of eight orientations. Source: "Radiance file formats", Picture File Format: the resolution string names the

@@ -50,9 +50,9 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
     limits = Limits(MAX_PIXELS * _LARGER if is_environment else MAX_PIXELS, MAX_PIXELS)
     try:
         if suffix == KTX2:
-            return Decoded(_through_basisu(data, name, limits), [])
+            return Decoded(_decode_with_basisu(data, name, limits), [])
         if suffix in PILLOW and not (suffix == ".png" and is_deep_png(data)):
-            return _through_pillow(data, name, suffix, limits)
+            return _decode_with_pillow(data, name, suffix, limits)
         found = through_openimageio(data, name, suffix, limits, straight=not is_environment)
     except (SceneError, MemoryError):
         raise
@@ -77,16 +77,16 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
     pixels = found.pixels
     if is_environment and pixels.dtype == np.float32:
         pixels = np.ascontiguousarray(pixels[..., :3])
-    return Decoded(_in_eight_bits(pixels) if pixels.dtype == np.uint16 else pixels, found.notes)
+    return Decoded(_reduced_to_eight_bits(pixels) if pixels.dtype == np.uint16 else pixels, found.notes)
 
 
-def _in_eight_bits(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def _reduced_to_eight_bits(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Converts 16-bit pixels to 8 bits if that is lossless; otherwise returns them unchanged."""
     codes = (pixels >> 8).astype(np.uint8)
     return codes if (pixels == codes.astype(np.uint16) * 257).all() else pixels
 
 
-def _through_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Decoded:
+def _decode_with_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Decoded:
     notes: list[str] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -121,7 +121,7 @@ def _through_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> Deco
     return Decoded(pixels, notes)
 
 
-def _through_basisu(data: bytes, name: str, limits: Limits) -> npt.NDArray[Any]:
+def _decode_with_basisu(data: bytes, name: str, limits: Limits) -> npt.NDArray[Any]:
     """Decodes a KTX 2 file of Basis Universal (ETC1S or UASTC), as used by KHR_texture_basisu."""
     try:
         basisu = import_module("opengl_basisu")  # an extra
