@@ -60,7 +60,7 @@ def _radius(scene, i, time):
 
 
 @subroutine
-def _of_triangle(scene, hit, time):
+def _triangle_position(scene, hit, time):
     """Returns the world position, float64, of the point hit on a triangle, at the opening, middle or closing of the shutter."""
     never_inline()
     keys = np.int64(scene.bvh.keyed_packets[1])
@@ -93,7 +93,7 @@ def _of_triangle(scene, hit, time):
 
 
 @subroutine
-def _of_sphere(scene, hit, o, d, time):
+def _sphere_position(scene, hit, o, d, time):
     """Returns the world position, float64, of the point hit on a sphere, at the opening, middle or closing of the shutter.
 
     Spheres do not rotate, so the point's direction from the centre is constant.
@@ -110,7 +110,7 @@ def _of_sphere(scene, hit, o, d, time):
 
 
 @subroutine
-def _seen(scene, stack, o, d):
+def _first_opaque_hit(scene, stack, o, d):
     """Returns the first Hit along the ray whose surface has an opacity of at least 1/2 there."""
     never_inline()
     root = camera_root(scene.bvh)
@@ -143,15 +143,15 @@ def _see_places(scene, stack, camera, top, places):
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
             o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
-            hit = _seen(scene, stack, o, d)
+            hit = _first_opaque_hit(scene, stack, o, d)
             for which in range(3):
                 time = _OPENS if which == 0 else _HALF if which == 1 else _CLOSES
                 if hit.primitive == NO_PRIMITIVE:
                     _write(places, y, x, which, (np.float64(d[0]), np.float64(d[1]), np.float64(d[2])), 0.0)
                 elif hit.primitive < len(scene.triangle):
-                    _write(places, y, x, which, _of_triangle(scene, hit, time), 1.0)
+                    _write(places, y, x, which, _triangle_position(scene, hit, time), 1.0)
                 else:
-                    _write(places, y, x, which, _of_sphere(scene, hit, o, d, time), 1.0)
+                    _write(places, y, x, which, _sphere_position(scene, hit, o, d, time), 1.0)
 
 
 @entry

@@ -26,9 +26,9 @@ def each_lane(typingctx, function, wanted, arguments):
     For a single path `wanted` is a bool, and the function's result is returned unchanged.
     """
     wide = is_wide(wanted)
-    plain = tuple(_mapped(kind, _of_lane) if wide else kind for kind in arguments)
+    plain = tuple(_mapped(kind, _scalar_type) if wide else kind for kind in arguments)
     call = function.get_call_type(typingctx, plain, {})
-    result = _mapped(call.return_type, _of_lanes) if wide else call.return_type
+    result = _mapped(call.return_type, _lanes_type) if wide else call.return_type
 
     def codegen(context, builder, sig, args):
         target = context.get_function(function, call)
@@ -45,19 +45,19 @@ def each_lane(typingctx, function, wanted, arguments):
                 builder.store(called(values), kept)
             return builder.load(kept)
 
-        numbers = [_leaves(builder, *pair) for pair in zip(arguments, values, strict=True)]
-        kept = [_memory(builder, kind) for kind in _kinds(result)]
+        numbers = [_flatten(builder, *pair) for pair in zip(arguments, values, strict=True)]
+        kept = [_memory(builder, kind) for kind in _number_types(result)]
 
         def at(lane: Any) -> None:
             given = []
             for kind, leaves in zip(plain, numbers, strict=True):
                 own = (_extracted(builder, leaf, lane) for leaf in leaves)
                 given.append(_tuple(context, builder, kind, own))
-            for number, place in zip(_leaves(builder, call.return_type, called(given)), kept, strict=True):
-                _keep(builder, number, place, lane)
+            for number, place in zip(_flatten(builder, call.return_type, called(given)), kept, strict=True):
+                _store_lane(builder, number, place, lane)
 
         _each_bit(builder, args[1], at)
-        vectors = (_loaded(builder, kind, place) for kind, place in zip(_kinds(result), kept, strict=True))
+        vectors = (_load_lanes(builder, kind, place) for kind, place in zip(_number_types(result), kept, strict=True))
         return _tuple(context, builder, result, vectors)
 
     return result(function, wanted, arguments), codegen
@@ -67,11 +67,11 @@ def _is_tuple(kind: Any) -> bool:
     return isinstance(kind, types.Tuple | types.UniTuple)
 
 
-def _of_lane(kind: types.Type) -> types.Type:
+def _scalar_type(kind: types.Type) -> types.Type:
     return _NUMBERS.get(kind, kind)
 
 
-def _of_lanes(kind: types.Type) -> types.Type:
+def _lanes_type(kind: types.Type) -> types.Type:
     if isinstance(kind, types.Integer):
         return u32x8
     return next(lanes for lanes, plain in _NUMBERS.items() if plain == kind)
@@ -82,19 +82,19 @@ def _mapped(kind: Any, change: Any) -> Any:
     return types.BaseTuple.from_types([_mapped(part, change) for part in kind]) if _is_tuple(kind) else change(kind)
 
 
-def _kinds(kind: Any) -> list[types.Type]:
-    return [leaf for part in kind for leaf in _kinds(part)] if _is_tuple(kind) else [kind]
+def _number_types(kind: Any) -> list[types.Type]:
+    return [leaf for part in kind for leaf in _number_types(part)] if _is_tuple(kind) else [kind]
 
 
-def _leaves(builder: Any, kind: Any, value: Any) -> list[Any]:
+def _flatten(builder: Any, kind: Any, value: Any) -> list[Any]:
     """Returns the numbers in a value's nested tuples, in order."""
     if not _is_tuple(kind):
         return [value]
-    return [leaf for k, part in enumerate(kind) for leaf in _leaves(builder, part, builder.extract_value(value, k))]
+    return [leaf for k, part in enumerate(kind) for leaf in _flatten(builder, part, builder.extract_value(value, k))]
 
 
 def _tuple(context: Any, builder: Any, kind: Any, leaves: Iterator[Any]) -> Any:
-    """Returns nested tuples of type `kind` that contain these numbers: the inverse of `_leaves`."""
+    """Returns nested tuples of type `kind` that contain these numbers: the inverse of `_flatten`."""
     if not _is_tuple(kind):
         return next(leaves)
     return context.make_tuple(builder, kind, [_tuple(context, builder, part, leaves) for part in kind])
@@ -133,13 +133,13 @@ def _memory(builder: Any, kind: types.Type) -> Any:
     return cgutils.alloca_once_value(builder, ir.Constant(ir.VectorType(_element(kind), LANES), None))
 
 
-def _keep(builder: Any, number: Any, place: Any, lane: Any) -> None:
+def _store_lane(builder: Any, number: Any, place: Any, lane: Any) -> None:
     element = place.type.pointee.element
     if isinstance(element, ir.IntType):
         number = builder.trunc(number, element) if number.type.width > element.width else builder.zext(number, element)
     builder.store(number, builder.gep(builder.bitcast(place, element.as_pointer()), [lane]))
 
 
-def _loaded(builder: Any, kind: types.Type, place: Any) -> Any:
+def _load_lanes(builder: Any, kind: types.Type, place: Any) -> Any:
     value = builder.load(place)
     return builder.trunc(value, ir.VectorType(_I1, LANES)) if kind == mask8 else value

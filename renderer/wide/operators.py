@@ -62,7 +62,7 @@ def _compared(sign: str) -> Callable[[Any, Any, Any], Any]:
     return lambda builder, a, b: builder.fcmp_ordered(sign, a, b)
 
 
-def _chosen(sign: str) -> Callable[[Any, Any, Any], Any]:
+def _min_or_max(sign: str) -> Callable[[Any, Any, Any], Any]:
     """Returns the code generator of min (sign "<") or max (">") of two operands a and b: b only if strictly beyond a, else a.
 
     Numba's scalar min and max follow the same rule, which decides the result for NaN and signed zeros.
@@ -77,8 +77,8 @@ _binary(operator.truediv, lambda builder, a, b: builder.fdiv(a, b), f32x8, f32x8
 for _symbol, _sign in ((operator.lt, "<"), (operator.le, "<="), (operator.gt, ">"), (operator.ge, ">="), (operator.eq, "==")):
     _binary(_symbol, _compared(_sign), mask8, f32x8, types.float32)
 _binary(operator.ne, lambda builder, a, b: builder.fcmp_unordered("!=", a, b), mask8, f32x8, types.float32)
-_binary(max, _chosen(">"), f32x8, f32x8, types.float32)
-_binary(min, _chosen("<"), f32x8, f32x8, types.float32)
+_binary(max, _min_or_max(">"), f32x8, f32x8, types.float32)
+_binary(min, _min_or_max("<"), f32x8, f32x8, types.float32)
 _binary(math.copysign, lambda builder, a, b: called(builder, "copysign", a, b), f32x8, f32x8, types.float32)
 _unary(operator.neg, lambda builder, a: builder.fneg(a), f32x8)
 _unary(abs, lambda builder, a: called(builder, "fabs", a), f32x8)

@@ -73,7 +73,7 @@ def _cost(count, power, low, high, axis_sum, spread, reach):
 
 
 @builder
-def _fit(center, radius, axis, spread, reach, intensity, both, order, begin, end, row, lane):
+def _write_bounds(center, radius, axis, spread, reach, intensity, both, order, begin, end, row, lane):
     """Writes the bounds of the lights order[begin:end] into lane `lane` of the node whose table rows begin at `row`."""
     low = np.empty(3, np.float32)
     high = np.empty(3, np.float32)
@@ -210,7 +210,7 @@ def _best_split(center, radius, axis, spread, reach, intensity, both, order, beg
 
 
 @builder
-def _part(center, radius, axis, spread, reach, intensity, both, distant, order, begin, end):
+def _partition(center, radius, axis, spread, reach, intensity, both, distant, order, begin, end):
     """Reorders the lights order[begin:end] into two parts by the best split; returns the index where the second begins.
 
     Distant lights are separated from the others first. Where no plane separates the lights, the list is halved.
@@ -239,7 +239,7 @@ def _sum(intensity, order, begin, end):
 
 
 @device
-def _to_part(border, strength, parts):
+def _part_to_split(border, strength, parts):
     """Returns the index of the part (group of lights) to split next; -1 if each part is a single light.
 
     Chooses the strongest part among those with more lights than a node has children, or the strongest of all if no
@@ -278,11 +278,11 @@ def build(center, radius, axis, spread, reach, intensity, both, distant, order, 
         border[1] = end
         strength[0] = _ZERO
         while parts < LIGHT_WIDTH:
-            chosen = _to_part(border, strength, parts)
+            chosen = _part_to_split(border, strength, parts)
             if chosen < 0:
                 break
             first, last = border[chosen], border[chosen + 1]
-            middle = _part(center, radius, axis, spread, reach, intensity, both, distant, order, first, last)
+            middle = _partition(center, radius, axis, spread, reach, intensity, both, distant, order, first, last)
             for k in range(parts, chosen, -1):
                 border[k + 1] = border[k]
                 strength[k] = strength[k - 1]
@@ -292,7 +292,7 @@ def build(center, radius, axis, spread, reach, intensity, both, distant, order, 
             parts += 1
         for k in range(parts):
             first, last = border[k], border[k + 1]
-            _fit(center, radius, axis, spread, reach, intensity, both, order, first, last, node[parent], k)
+            _write_bounds(center, radius, axis, spread, reach, intensity, both, order, first, last, node[parent], k)
             number[parent, END, k] = last
             if last - first == 1:
                 number[parent, CHILD, k] = ~first

@@ -31,7 +31,7 @@ def _edges(shape):
 
 
 @device
-def _brought(shape, p, n):
+def _corner_contributions(shape, p, n):
     """Returns the relative contributions of the light's four corners to p.
 
     Each is the corner's height above the tangent plane at p over the fourth power of its distance, scaled to at most the distance
@@ -65,7 +65,7 @@ def sample_parallelogram(scene, light, p, n, u):
     shape = row(scene.light_parallelogram, light, PARALLELOGRAM)
     x, y, density = u[0], u[1], as_wide(_ONE, u[0])
     if n is not None:
-        brought = _brought(shape, p, n)
+        brought = _corner_contributions(shape, p, n)
         x, y = square_to_bilinear(u, brought)
         density = square_to_bilinear_pdf((x, y), brought)
     along, across = _edges(shape)
@@ -83,5 +83,5 @@ def parallelogram_pdf(scene, light, p, n, point):
     from_corner = vec.sub(point, (shape[0], shape[1], shape[2]))
     x = vec.dot(from_corner, (shape[9], shape[10], shape[11]))
     y = vec.dot(from_corner, (shape[12], shape[13], shape[14]))
-    density = square_to_bilinear_pdf((min(max(x, _ZERO), _ONE), min(max(y, _ZERO), _ONE)), _brought(shape, p, n))
+    density = square_to_bilinear_pdf((min(max(x, _ZERO), _ONE), min(max(y, _ZERO), _ONE)), _corner_contributions(shape, p, n))
     return where(shape[15] > _ZERO, density, _ONE)

@@ -67,10 +67,10 @@ def resolve(kind, material, textures, base, metallic, roughness, pane, m):
     for column in range(rows.ANISOTROPY if kind == CONDUCTOR else 0, rows.COLUMNS):
         m[column] = material[textures.material, column]
     if textures.has.textures is not None:
-        _turn(textures, m)
+        _apply_anisotropy_texture(textures, m)
     if textures.has.layers is not None and kind != CONDUCTOR:
         _resolve_layers(textures, base, metallic, pane, m)
-    _spread(m, roughness)
+    _set_alphas(m, roughness)
     if textures.has.layers is not None and m[rows.IRIDESCENCE] > _ZERO:
         _film_means(m)
 
@@ -85,11 +85,11 @@ def _resolve_layers(textures, base, metallic, pane, m):
     if textures.has.textures is not None:
         _look_up(textures, m)
     if textures.has.media is not None and m[rows.SUBSURFACE] > _ZERO:
-        _leave_to_inside(m)
+        _move_subsurface_to_transmission(m)
 
 
 @device
-def _leave_to_inside(m):
+def _move_subsurface_to_transmission(m):
     """Moves the subsurface fraction from the reflected diffuse light to the transmitted light.
 
     Scales the transmitted light's colour to conserve energy. kernel/medium/subsurface.py splits the two again: SUBSURFACE becomes
@@ -121,7 +121,7 @@ def _look_up(textures, m):
 
 
 @subroutine
-def _turn(textures, m):
+def _apply_anisotropy_texture(textures, m):
     """Applies the anisotropy texture to the parameter row m: rotates the anisotropy's direction and scales its strength."""
     if textures.slots[textures.material, rows.ANISOTROPY_TEXTURE] >= 0:
         r, g, b, _ = _texel(textures, rows.ANISOTROPY_TEXTURE)
@@ -136,7 +136,7 @@ def _turn(textures, m):
 
 
 @device
-def _spread(m, roughness):
+def _set_alphas(m, roughness):
     """Sets in the parameter row m both alphas, by KHR_materials_anisotropy, and replaces the roughness.
 
     The new roughness is that of an isotropic surface with similar energy loss.

@@ -27,10 +27,10 @@ def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
             for k in range(weight.shape[1]):
                 share = np.float64(weight[i, k]) / total
                 if share != 0.0:
-                    x = _added(x, share, matrix, joint[i, k], 0)
-                    y = _added(y, share, matrix, joint[i, k], 1)
-                    z = _added(z, share, matrix, joint[i, k], 2)
-                    t = _added(t, share, matrix, joint[i, k], 3)
+                    x = _add_joint_column(x, share, matrix, joint[i, k], 0)
+                    y = _add_joint_column(y, share, matrix, joint[i, k], 1)
+                    z = _add_joint_column(z, share, matrix, joint[i, k], 2)
+                    t = _add_joint_column(t, share, matrix, joint[i, k], 3)
         px, py, pz = np.float64(point[i, 0]), np.float64(point[i, 1]), np.float64(point[i, 2])
         for k in range(3):
             placed[i, k] = x[k] * px + y[k] * py + z[k] * pz + t[k]
@@ -46,7 +46,7 @@ def carry(matrix, joint, weight, point, normal, tangent, placed, turned, bent):
 
 
 @device
-def _added(column, share, matrix, joint, k):
+def _add_joint_column(column, share, matrix, joint, k):
     """Returns `column` plus `share` times column k of joint matrix `joint`: one step in summing a vertex's mean matrix."""
     return (
         column[0] + share * matrix[joint, 0, k],

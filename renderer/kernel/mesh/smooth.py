@@ -13,7 +13,7 @@ _MOST_KINDS = 64  # limit of comparisons per corner; beyond it, equal corners at
 
 
 @device
-def _mixed(value):
+def _hash64(value):
     """Returns the 64-bit hash of a u64: the finalizer of SplitMix64 (Steele, Lea & Flood 2014)."""
     value ^= value >> np.uint64(30)
     value *= np.uint64(0xBF58476D1CE4E5B9)
@@ -33,7 +33,7 @@ def number_points(bits, salt, slot, first, number):
     count = 0
     for i in range(len(bits)):
         a, b, c = bits[i, 0], bits[i, 1], bits[i, 2]
-        at = _mixed(_mixed((np.uint64(a) << np.uint64(32) | np.uint64(b)) ^ salt) + np.uint64(c)) & mask
+        at = _hash64(_hash64((np.uint64(a) << np.uint64(32) | np.uint64(b)) ^ salt) + np.uint64(c)) & mask
         while slot[at] >= 0:
             j = first[slot[at]]
             if bits[j, 0] == a and bits[j, 1] == b and bits[j, 2] == c:
@@ -111,7 +111,7 @@ def round_corners(unit, angle, start, order, vertex, limit, most, normal, kind, 
                 x, y, z = _blended(unit, angle, order, begin, degree, r, limit, most)
             for k in range(min(found, _MOST_KINDS)):
                 other = some[k]
-                if vertex[kept[other]] == vertex[here] and (is_smooth or _agree(normal, other, x, y, z)):
+                if vertex[kept[other]] == vertex[here] and (is_smooth or _equals_normal(normal, other, x, y, z)):
                     kind[here] = other
                     break
             if kind[here] < 0:
@@ -160,7 +160,7 @@ def _blended(unit, angle, order, begin, degree, r, limit, most):
 
 
 @device
-def _agree(normal, i, x, y, z):
+def _equals_normal(normal, i, x, y, z):
     return (
         np.rint(normal[i, 0] * _FINE) == np.rint(x * _FINE)
         and np.rint(normal[i, 1] * _FINE) == np.rint(y * _FINE)

@@ -79,7 +79,7 @@ _COLUMNS = _scrambled(direction_numbers())
 _COLUMNS[:, _BITS:] = 0
 
 
-def _by_digit(bits: int, digits: int) -> np.ndarray:
+def _digit_table(bits: int, digits: int) -> np.ndarray:
     """Returns the contribution to a point of each value of each digit of a bit-reversed index: (digits, 2**bits, 4) uint32.
 
     The first digit consists of the lowest bits of the index, which are uppermost after the reversal, lowest bit first.
@@ -93,8 +93,8 @@ def _by_digit(bits: int, digits: int) -> np.ndarray:
     return table
 
 
-TABLE = _by_digit(4, _NIBBLES).reshape(-1, _DIMENSIONS)
-_OF_TRIPLES = _by_digit(3, _TRIPLES)
+TABLE = _digit_table(4, _NIBBLES).reshape(-1, _DIMENSIONS)
+_TRIPLE_TABLE = _digit_table(3, _TRIPLES)
 
 
 def _vector(kind: Any, values: Any) -> Any:
@@ -112,7 +112,7 @@ def _shifted(builder: Any, x: Any, seed: Any) -> Any:
     return builder.xor(x, builder.xor(seed, builder.lshr(seed, constant(16))))
 
 
-def _rows(builder: Any, data: Any, index: Any) -> Any:
+def _look_up_digits(builder: Any, data: Any, index: Any) -> Any:
     """Emits code for the four dimensions of the Sobol' point at one index, as a vector, by the table of 4-bit digits."""
     x = _vector(_QUARTET, [0] * _DIMENSIONS)
     for nibble in range(_NIBBLES):
@@ -135,7 +135,7 @@ def _permuted(builder: Any, index: Any, dimension: int) -> Any:
         shift = 29 - 3 * triple
         amount = _vector(INTS, [abs(shift)] * LANES)
         place = builder.lshr(index, amount) if shift >= 0 else builder.shl(index, amount)
-        x = builder.xor(x, builder.call(permute, [_vector(INTS, _OF_TRIPLES[triple, :, dimension]), place]))
+        x = builder.xor(x, builder.call(permute, [_vector(INTS, _TRIPLE_TABLE[triple, :, dimension]), place]))
     return x
 
 
@@ -180,14 +180,14 @@ def _multiplied(builder: Any, index: Any) -> list[Any]:
     return dimensions
 
 
-def _of_each(builder: Any, data: Any, index: Any) -> list[Any]:
+def _points_per_lane(builder: Any, data: Any, index: Any) -> list[Any]:
     """Emits code for the four dimensions of the Sobol' points at eight indices, one lane at a time.
 
     For processors without AVX2 and GFNI.
     """
     columns = [ir.Constant(INTS, ir.Undefined)] * _DIMENSIONS
     for lane in range(LANES):
-        row = _rows(builder, data, builder.extract_element(index, _I32(lane)))
+        row = _look_up_digits(builder, data, builder.extract_element(index, _I32(lane)))
         for k in range(_DIMENSIONS):
             columns[k] = builder.insert_element(columns[k], builder.extract_element(row, _I32(k)), _I32(lane))
     return columns
@@ -210,14 +210,14 @@ def points(typingctx, table, index, key):
             elif TARGET.startswith("x86"):
                 plain = [_permuted(builder, args[1], k) for k in range(_DIMENSIONS)]
             else:
-                plain = _of_each(builder, data, args[1])
+                plain = _points_per_lane(builder, data, args[1])
             seeds = [builder.add(args[2], _vector(INTS, [offset] * LANES)) for offset in far]
             return context.make_tuple(
                 builder, sig.return_type, [_shifted(builder, x, seed) for x, seed in zip(plain, seeds, strict=True)]
             )
         first = builder.insert_element(ir.Constant(_QUARTET, ir.Undefined), args[2], _I32(0))
         seed = builder.shuffle_vector(first, ir.Constant(_QUARTET, ir.Undefined), _vector(_QUARTET, [0] * _DIMENSIONS))
-        x = _shifted(builder, _rows(builder, data, args[1]), builder.add(seed, _vector(_QUARTET, far)))
+        x = _shifted(builder, _look_up_digits(builder, data, args[1]), builder.add(seed, _vector(_QUARTET, far)))
         return context.make_tuple(builder, sig.return_type, [builder.extract_element(x, _I32(i)) for i in range(_DIMENSIONS)])
 
     number = u32x8 if is_wide(index) else types.uint32
