@@ -71,7 +71,7 @@ def read_ies(data: bytes, name: str) -> Photometry:
     """Parses an IES file. name: of the file, for errors. Raises SceneError if it is damaged or unsupported."""
     notes: list[str] = []
     web = _parsed(data, name, notes)
-    emission = _of_type_c(web, name) if web.goniometry == "C" else _of_type_a_or_b(web, name)
+    emission = _map_of_type_c(web, name) if web.goniometry == "C" else _map_of_type_a_or_b(web, name)
     return Photometry(emission, float(flux_of(emission)[0]), web.goniometry, notes)
 
 
@@ -219,7 +219,7 @@ class _Numbers:
         return int(number)
 
 
-def _of_type_c(web: _Web, name: str) -> EmissionMap:
+def _map_of_type_c(web: _Web, name: str) -> EmissionMap:
     """Resamples a type C profile to regular angles, with the largest steps whose multiples include all angles of the profile."""
     top, bottom = web.vertical[0], web.vertical[-1]
     if not 0 <= top < bottom <= 180:
@@ -239,7 +239,7 @@ def _of_type_c(web: _Web, name: str) -> EmissionMap:
     phi = np.arange(columns) * 360.0 / columns
     of_rows = np.stack([np.interp(theta, web.vertical, of_plane) for of_plane in candela])
     values = np.stack([np.interp(phi, around, of_row, period=360.0) for of_row in of_rows.T])
-    return _grey(values, (0.0, 2 * math.pi, math.radians(top), math.radians(bottom)))
+    return _grey_map(values, (0.0, 2 * math.pi, math.radians(top), math.radians(bottom)))
 
 
 def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
@@ -292,7 +292,7 @@ def _step(angles: F64, max_steps: int) -> float:
     return span / max(1, min(max_steps - 1, round(span / _FINEST)))
 
 
-def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
+def _map_of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
     """Resamples the intensities of a type A or B profile to angles about the axis; angles that begin at 0 are mirrored."""
     angles = []
     for own, what in ((web.horizontal, _HORIZONTAL_ANGLES), (web.vertical, _VERTICAL_ANGLES)):
@@ -318,7 +318,7 @@ def _of_type_a_or_b(web: _Web, name: str) -> EmissionMap:
     found = np.degrees(np.arcsin(np.clip(latitude, -1, 1))), np.degrees(np.arctan2(longitude, forward))
     across, above = found[::-1] if web.goniometry == "A" else found
     values = _bilinear(web, across, above)
-    return _grey(values, (0.0, 2 * math.pi, 0.0, math.pi))
+    return _grey_map(values, (0.0, 2 * math.pi, 0.0, math.pi))
 
 
 def _bilinear(web: _Web, across: F64, above: F64) -> F64:
@@ -340,5 +340,5 @@ def _bilinear(web: _Web, across: F64, above: F64) -> F64:
     return np.asarray(np.where(lit, left * (1 - s) + right * s, 0.0))
 
 
-def _grey(values: F64, edges: tuple[float, float, float, float]) -> EmissionMap:
+def _grey_map(values: F64, edges: tuple[float, float, float, float]) -> EmissionMap:
     return EmissionMap("sphere", np.repeat(values[..., None], 3, axis=2).astype(np.float32), edges, at_edges=True)

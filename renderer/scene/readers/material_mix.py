@@ -29,7 +29,7 @@ _PLAIN = Material()
 _HEAD_ON = 0.04  # reflectance at normal incidence for ior 1.5
 
 
-class _Looks(NamedTuple):
+class _BaseAndGloss(NamedTuple):
     """A material reduced to a diffuse base and a glossy layer over it.
 
     matt, texture: colour of the base, and the texture that multiplies it. head_on: reflectance of the glossy layer at normal
@@ -84,11 +84,11 @@ def mix_materials(first: Material, second: Material, share: float) -> Material |
     )
 
 
-def _lobes_of(material: Material) -> _Looks | None:
+def _lobes_of(material: Material) -> _BaseAndGloss | None:
     color, texture = np.array(material.base_color), material.base_color_texture
     own = {each.name for each in fields(material) if getattr(material, each.name) != getattr(_PLAIN, each.name)}
     if material.kind == "diffuse" and own <= set(_PAINT):
-        return _Looks(color, texture)
+        return _BaseAndGloss(color, texture)
     if not own <= {*_PAINT, *_GLOSS}:
         return None
     bare = np.zeros(3)
@@ -97,10 +97,12 @@ def _lobes_of(material: Material) -> _Looks | None:
     elif (material.kind == "mirror" or (material.kind == "metallic_roughness" and material.metallic == 1)) and texture is None:
         reflected = color
     elif material.kind == "metallic_roughness" and material.metallic == 0:
-        return _Looks(color, texture, np.full(3, ((material.ior - 1) / (material.ior + 1)) ** 2), dielectric_albedo(material.ior))
+        return _BaseAndGloss(
+            color, texture, np.full(3, ((material.ior - 1) / (material.ior + 1)) ** 2), dielectric_albedo(material.ior)
+        )
     else:
         return None
-    return _Looks(
+    return _BaseAndGloss(
         bare, None, np.asarray(reflected), float(reflected.max() + (1 - reflected.max()) / 21)
     )  # hemispherical mean of Schlick's approximation
 

@@ -166,7 +166,9 @@ class _Statements:
     def unused(self) -> list[str]:
         """Returns the keywords of other statements that were not read and whose values would change the material."""
         return [
-            k for k in self._unread_keywords() if not _is_map(k) and without_comment(self.values[k]).split() not in _neutral(k)
+            k
+            for k in self._unread_keywords()
+            if not _is_map(k) and without_comment(self.values[k]).split() not in _neutral_values(k)
         ]
 
     def _unread_keywords(self) -> list[str]:
@@ -177,7 +179,7 @@ def _is_map(keyword: str) -> bool:
     return keyword.startswith("map_") or keyword in ("disp", "refl", "bump", "norm", "decal")
 
 
-def _neutral(keyword: str) -> Iterator[list[str]]:
+def _neutral_values(keyword: str) -> Iterator[list[str]]:
     """Yields the neutral values of a statement, as lists of words: 1 for opacity (d), 0 or 1 for a filter (tf), otherwise 0."""
     for value in (1.0,) if keyword == "d" else (0.0, 1.0) if keyword == "tf" else (0.0,):
         for word in (f"{value:g}", *(f"{value:.{digits}f}" for digits in range(1, 9))):

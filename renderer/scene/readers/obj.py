@@ -78,7 +78,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
                 )
             )
     elif said.colors is not None:
-        said = said._replace(colors=_scaled(said.colors, main, shelf))
+        said = said._replace(colors=_scaled_colors(said.colors, main, shelf))
     said = said._replace(positions=in_exact_type(said.positions))
     said.uvs[:, 1] = 1 - said.uvs[:, 1]  # OBJ measures v from the image's lower edge
     if said.lost:
@@ -123,7 +123,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         )
 
 
-def _scaled(colors: F32, main: str, shelf: TextureShelf) -> F32:
+def _scaled_colors(colors: F32, main: str, shelf: TextureShelf) -> F32:
     """Returns (V, 3) sRGB colours in 0..1, white for vertices without a colour.
 
     If any value exceeds 1, all are divided by 255, or by 65535 if any exceeds 255.

@@ -462,9 +462,9 @@ class _Reader:
             return
         for i, rows in _indices_by_value(group):
             said = model.groups.get(names[i])
-            yield from self._of_group(model, said, title, points, corners[rows], chosen[rows], plain)
+            yield from self._meshes_of_group(model, said, title, points, corners[rows], chosen[rows], plain)
 
-    def _of_group(
+    def _meshes_of_group(
         self,
         model: _Model,
         group: _Group | None,

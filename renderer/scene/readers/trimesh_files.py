@@ -133,10 +133,10 @@ def _mesh(name: str, geometry: Any, main: str, shelf: TextureShelf) -> Mesh:
         uvs = np.asarray(uvs, np.float32)
         if uvs.ndim == 2 and len(uvs) == len(positions) and uvs.shape[1] >= 2:
             mesh.uvs = np.ascontiguousarray(np.stack([uvs[:, 0], 1 - uvs[:, 1]], axis=1))  # trimesh: v from the lower edge
-    return without_bad_vertices(_coloured(mesh, geometry.visual, whole))
+    return without_bad_vertices(_with_colors(mesh, geometry.visual, whole))
 
 
-def _coloured(mesh: Mesh, visual: Any, whole: npt.NDArray[np.int64]) -> Mesh:
+def _with_colors(mesh: Mesh, visual: Any, whole: npt.NDArray[np.int64]) -> Mesh:
     kind = getattr(visual, "kind", None)
     if kind == "vertex" and len(visual.vertex_colors) == len(mesh.positions):
         return replace(mesh, colors=vertex_colors(np.asarray(visual.vertex_colors)))

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer.scene.readers.coats import dielectric_albedo, effective_albedo_under_coat
-from renderer.scene.readers.pbrt.conductors import _matched, head_on
+from renderer.scene.readers.pbrt.conductors import _match_reflectance, head_on
 from renderer.scene.readers.pbrt.named_spectra import METALS
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck
 from renderer.scene.readers.pbrt.spectra import balanced
@@ -46,7 +46,7 @@ def tabulated(name):
 @pytest.mark.parametrize("metal", [name for name in METALS if name != "CuZn"])
 def test_named_metals_match_their_spectra(metal):
     eta, k = tabulated(f"{metal}.eta.spd"), tabulated(f"{metal}.k.spd")
-    np.testing.assert_allclose(METALS[metal], _matched(eta, k), atol=1e-4)
+    np.testing.assert_allclose(METALS[metal], _match_reflectance(eta, k), atol=1e-4)
 
 
 # Linear Rec.709 reflectance at normal incidence: S. Lagarde, Memo on Fresnel equations, 2013.

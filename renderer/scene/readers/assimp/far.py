@@ -55,7 +55,7 @@ def import_exactly(data: bytes, name: str) -> Imported:
     found = import_file(data, name)
     if PurePosixPath(name).suffix.lower() not in _TEXT:
         return found
-    shifted, centres = _about_centres(data)
+    shifted, centres = _subtract_centres(data)
     if not len(centres):
         return found
     try:
@@ -74,7 +74,7 @@ def import_exactly(data: bytes, name: str) -> Imported:
     )
 
 
-def _about_centres(data: bytes) -> tuple[bytes, F64]:
+def _subtract_centres(data: bytes) -> tuple[bytes, F64]:
     """Subtracts from each far number in a text the centre of its cluster (see the module).
 
     Returns the changed text, and (n,) the clusters' centres.

@@ -52,7 +52,7 @@ def read(
 
     scale: factor of all lengths; change: preprocesses the file's bytes.
     """
-    imported = files.get_or_make(("assimp", main), lambda: _opened(files, main, scale, change))
+    imported = files.get_or_make(("assimp", main), lambda: _import_file(files, main, scale, change))
     shelf = TextureShelf(description, files)
     movement = Movement(imported, moment, DEFAULT_FPS, main)
     description.clips = movement.clips
@@ -60,7 +60,7 @@ def read(
     _Reader(files, main, description, imported, movement, shelf).read()
 
 
-def _opened(files: SceneFiles, main: str, scale: float, change: Callable[[bytes], bytes]) -> Imported:
+def _import_file(files: SceneFiles, main: str, scale: float, change: Callable[[bytes], bytes]) -> Imported:
     data = files.read(main)
     if main.lower().endswith(_TEXT):
         data = as_utf8(data)

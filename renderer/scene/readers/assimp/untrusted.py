@@ -30,10 +30,10 @@ def refuse_expanding_files(data: bytes, main: str) -> None:
         except ElementTree.ParseError:
             return  # assimp reports the error
     if suffix == ".zae":
-        _judge_package(data, main)
+        _check_package(data, main)
 
 
-def _judge_package(data: bytes, main: str) -> None:
+def _check_package(data: bytes, main: str) -> None:
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as package:
             for entry in package.infolist():

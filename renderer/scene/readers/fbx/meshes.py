@@ -49,7 +49,7 @@ def parts_of(mesh: Any) -> tuple[list[Part], int]:
     ]
     first, kind = unique_corners(points, int(points.max(initial=0)) + 1, [values for values in given if values is not None])
     found = []
-    for number, rows in _by_slot(array(mesh.face_material, np.uint32), face):
+    for number, rows in _triangles_by_slot(array(mesh.face_material, np.uint32), face):
         used, triangles = used_among(kind[corners[rows]], len(first))
         at = first[used]
         normals, uvs, uvs1, colors = (None if values is None else values[at] for values in given)
@@ -62,7 +62,7 @@ def parts_of(mesh: Any) -> tuple[list[Part], int]:
     return found, unfilled
 
 
-def _by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any]]:
+def _triangles_by_slot(slots: U32, face: npt.NDArray[np.int64]) -> Iterator[tuple[int, Any]]:
     """Yields each material slot in use, with the indices (or a slice) of the triangles that have the slot's material.
 
     face: (T,) index of the polygon that each triangle belongs to.

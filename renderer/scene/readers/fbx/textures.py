@@ -94,14 +94,14 @@ def _transform(picture: Any, by_blender: bool) -> UvTransform:
     if not np.isfinite(m).all():
         return IDENTITY_UV_TRANSFORM
     if by_blender:
-        m = _as_blender_means(m)
+        m = _blender_matrix(m)
     (a, b, c), (d, e, f) = m[0, [0, 1, 3]], m[1, [0, 1, 3]]
     found = (a, -b, b + c, -d, e, 1 - e - f)
     first, second, third, fourth, fifth, sixth = (float(x) for x in found)
     return first, second, third, fourth, fifth, sixth
 
 
-def _as_blender_means(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
+def _blender_matrix(m: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     """Returns the matrix of Blender's Mapping node: t = R S uv + T, with R in radians.
 
     Blender's exporter writes these T, S and R into FBX's fields, which mean degrees and t = S R (uv - T).

@@ -107,7 +107,7 @@ class Accessors:
         view = self._views[index]
         packing = meshopt.extension_of(view)
         if packing is not None:
-            return self._unpacked(index, packing, view.integer("byteLength"))
+            return self._decompress(index, packing, view.integer("byteLength"))
         buffer = self._buffer(view.integer("buffer", high=len(self._buffers)))
         offset = view.integer("byteOffset", 0)
         length = view.integer("byteLength")
@@ -120,7 +120,7 @@ class Accessors:
             )
         return buffer[offset : offset + length]
 
-    def _unpacked(self, index: int, packing: Json, length: int) -> memoryview:
+    def _decompress(self, index: int, packing: Json, length: int) -> memoryview:
         if index not in self._unpacked_views:
             buffer = self._buffer(packing.integer("buffer", high=len(self._buffers)))
             offset, packed = packing.integer("byteOffset", 0), packing.integer("byteLength")
@@ -212,7 +212,7 @@ class Accessors:
             view = accessor.integer("bufferView", high=len(self._views))
             values = self._strided(view, accessor.integer("byteOffset", 0), count, width, np.dtype(component), accessor.where)
         sparse = accessor.object("sparse")
-        return self._replaced(values, sparse) if sparse else values
+        return self._apply_sparse(values, sparse) if sparse else values
 
     def _strided(self, view: int, offset: int, count: int, width: int, component: np.dtype[Any], where: str) -> npt.NDArray[Any]:
         data = self.view_bytes(view)
@@ -230,7 +230,7 @@ class Accessors:
         little = component.newbyteorder("<")
         return np.ndarray((count, width), little, data, offset, (stride, component.itemsize))
 
-    def _replaced(self, values: npt.NDArray[Any], sparse: Json) -> npt.NDArray[Any]:
+    def _apply_sparse(self, values: npt.NDArray[Any], sparse: Json) -> npt.NDArray[Any]:
         # Sparse accessors (specification 3.6.2.3).
         count = sparse.integer("count", low=1, high=len(values) + 1)
         places, replacements = sparse.object("indices"), sparse.object("values")

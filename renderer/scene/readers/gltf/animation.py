@@ -52,7 +52,9 @@ class Animations:
         self.clips = [Clip(name, *self._extent(source)) for name, source in zip(names, self._sources, strict=True)]
         # Blender writes one animation per object; if no two move the same target, they are played together.
         self._is_of_parts = (
-            len(names) > 1 and ALL_CLIPS not in names and files.get_or_make(("clips apart", root.file), self._are_apart)
+            len(names) > 1
+            and ALL_CLIPS not in names
+            and files.get_or_make(("clips apart", root.file), self._have_distinct_targets)
         )
         if self._is_of_parts:
             moving = [clip for clip in self.clips if clip.end > clip.start] or self.clips
@@ -86,7 +88,7 @@ class Animations:
                 changed.set(path, values[0] != 0 if kind == "flag" else values[0] if kind == "number" else values)
         return Json(self._root.file, "", changed.root, self._root.faults)
 
-    def _are_apart(self) -> bool:
+    def _have_distinct_targets(self) -> bool:
         """Returns True if no two animations have the same target."""
         known: set[str] = set()
         for source in self._sources:
@@ -159,7 +161,7 @@ class Animations:
                 continue
             kind = pointers.kind_of(pointer)
             path = None if kind is None else pointers.find(self._root.value, pointer)
-            if kind is None or path is None or self._is_fixed(path):
+            if kind is None or path is None or self._is_fixed_by_matrix(path):
                 left_out.append(pointer[:120])
                 continue
             with self._count_faults(channel):
@@ -180,7 +182,7 @@ class Animations:
             ],
         )
 
-    def _is_fixed(self, path: Path) -> bool:
+    def _is_fixed_by_matrix(self, path: Path) -> bool:
         """Returns True if a path is in a node with a matrix, and is its translation, rotation or scale.
 
         The specification (3.11) forbids animating these.

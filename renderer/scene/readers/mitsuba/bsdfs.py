@@ -87,7 +87,7 @@ class Bsdfs:
         """
         source = next(iter(shape.children_of("bsdf")), None)
         emitter = next((each for each in shape.children_of("emitter") if each.type == "area"), None)
-        bumps = None if source is None else _bumps_within(source)
+        bumps = None if source is None else _find_bump_map(source)
         found = None if bumps is None else spans()
         length = None if found is None else (rounded(found[0]), rounded(found[1]))
         is_inside_out = source is not None and self._is_inside_out(source)
@@ -98,7 +98,7 @@ class Bsdfs:
             grey = 0.0 if any(shape.children_of("emitter")) else 0.5  # emissive shapes are black by default
             made = self._read_bsdf(source, 0) if source is not None else Material(base_color=(grey,) * 3)
             if bumps is not None and length is not None:
-                made = self._bumpy(bumps, made, length)
+                made = self._bump_mapped(bumps, made, length)
                 self.bumpy.add(len(self._description.materials))
             if source is not None and source.type == "null" and emitter is not None:
                 made = Material(source.id or "null", base_color=(0.0, 0.0, 0.0), lamp=True)
@@ -159,7 +159,7 @@ class Bsdfs:
         if source.type == "mask" and inner:
             return self._masked(source, self._read_bsdf(inner[0], depth + 1))
         if source.type == "normalmap" and inner:
-            return self._bent(source, self._read_bsdf(inner[0], depth + 1))
+            return self._normal_mapped(source, self._read_bsdf(inner[0], depth + 1))
         if source.type == "bumpmap" and inner:
             return self._read_bsdf(inner[0], depth + 1)
         if source.type == "blendbsdf" and len(inner) > 1:
@@ -226,7 +226,7 @@ class Bsdfs:
             )
         ior = max(inside / outside, outside / inside)
         is_thin = source.type == "thindielectric"
-        rough = self._rough(source, 0.1) if source.type == "roughdielectric" else {"roughness": 0.0}
+        rough = self._roughness_fields(source, 0.1) if source.type == "roughdielectric" else {"roughness": 0.0}
         return Material(
             kind="glass",
             base_color=color,
@@ -238,7 +238,7 @@ class Bsdfs:
 
     def _metal(self, source: Element) -> Material:
         color, texture = self._textures.color(source, "specular_reflectance", 1.0)
-        rough = self._rough(source, 0.1, brushes=True) if source.type == "roughconductor" else {"roughness": 0.0}
+        rough = self._roughness_fields(source, 0.1, brushes=True) if source.type == "roughconductor" else {"roughness": 0.0}
         named = source.get("material")
         if named is None and source.get("eta") is None and source.get("k") is None:
             named = "Cu" if self._document.is_old else "none"
@@ -278,7 +278,9 @@ class Bsdfs:
         painted: dict[str, Any] = {"base_color": color, "base_color_texture": texture, "ior": ior}
         if source.type != "plastic":
             shine, _ = self._textures.color(source, "specular_reflectance", 1.0)
-            return Material(kind="plastic", specular_color=shine, nonlinear=nonlinear, **painted, **self._rough(source, 0.1))
+            return Material(
+                kind="plastic", specular_color=shine, nonlinear=nonlinear, **painted, **self._roughness_fields(source, 0.1)
+            )
         if nonlinear:
             color, texture = self._textures.coated(color, texture, internal_albedo(ior))
             painted.update(base_color=color, base_color_texture=texture)
@@ -340,7 +342,7 @@ class Bsdfs:
             return replace(inner, opacity=0.5, alpha_mode="blend")
         return replace(inner, base_color_texture=self._textures.cut_out(inner.base_color_texture, mask), alpha_mode="blend")
 
-    def _bent(self, source: Element, inner: Material) -> Material:
+    def _normal_mapped(self, source: Element, inner: Material) -> Material:
         texture = source.child("normalmap") or next(iter(source.children_of("texture")), None)
         if source.boolean("use_shadowing_function", True):
             self._document.ignore(
@@ -351,7 +353,7 @@ class Bsdfs:
             )
         return inner if texture is None else replace(inner, normal_texture=self._textures.texture(texture, False))
 
-    def _bumpy(self, source: Element, material: Material, spans: tuple[float, float]) -> Material:
+    def _bump_mapped(self, source: Element, material: Material, spans: tuple[float, float]) -> Material:
         textures = source.children_of("texture")
         heights = None if not textures else self._textures.texture(textures[0], False)
         found = None if heights is None else self._bumps.normal_map(heights, source.number("scale", 1.0), spans)
@@ -359,7 +361,7 @@ class Bsdfs:
             return material
         return replace(material, normal_texture=found.texture, normal_scale=found.strength)
 
-    def _rough(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
+    def _roughness_fields(self, source: Element, default: float, brushes: bool = False) -> dict[str, Any]:
         """Returns the material fields of a BSDF's microfacet distribution, roughness and anisotropy.
 
         default: the default of alpha. brushes: whether anisotropy is supported for this BSDF; if not, it is ignored with a note.
@@ -407,7 +409,7 @@ class Bsdfs:
         return max(source.number(name, _IORS[default]), 1e-3)
 
 
-def _bumps_within(source: Element) -> Element | None:
+def _find_bump_map(source: Element) -> Element | None:
     """Returns the bumpmap element that is a BSDF, or that the BSDF's wrappers contain; None if there is none."""
     found: Element | None = source
     for _ in range(_MAX_NESTED):

@@ -170,7 +170,7 @@ class Document:
         self._waiting: list[tuple[Element, int, str, str, str]] = []
         self.scene = self._object(root, main, 0)
         for made, at, wanted, name, where in self._waiting:
-            made.children[at] = self._referred(wanted, name, where)
+            made.children[at] = self._resolve_reference(wanted, name, where)
 
     def warn(self, sentence: str) -> None:
         """Adds a warning, unless the same one was added before."""
@@ -222,7 +222,7 @@ class Document:
             if part.tag == "default":
                 self._defaults.setdefault(part.get("name", ""), part.get("value", ""))
             elif part.tag == "ref":
-                self._refer(part, made, where)
+                self._add_reference(part, made, where)
             elif _is_object(part):
                 made.children.append(self._object(part, where, depth + 1))
             elif part.tag == "alias":
@@ -280,15 +280,15 @@ class Document:
                 )
             yield from self._with_includes(self._parsed(found), found)
 
-    def _refer(self, part: ElementTree.Element, material: Element, file: str) -> None:
+    def _add_reference(self, part: ElementTree.Element, material: Element, file: str) -> None:
         wanted, name = self._text(part, "id", file), self._key(part.get("name", ""))
         if wanted in self._by_id:
-            material.children.append(self._referred(wanted, name, file))
+            material.children.append(self._resolve_reference(wanted, name, file))
             return
         self._waiting.append((material, len(material.children), wanted, name, file))  # may be defined later
         material.children.append(material)
 
-    def _referred(self, id: str, name: str, file: str) -> Element:
+    def _resolve_reference(self, id: str, name: str, file: str) -> Element:
         found = self._by_id.get(id)
         if found is None:
             raise SceneError(

@@ -27,7 +27,7 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     name = source.id or source.type
     world = source.matrix()
     if source.type == "constant":
-        _surround(Environment(color=radiance_of(source, "radiance")), source, document, description)
+        _set_environment(Environment(color=radiance_of(source, "radiance")), source, document, description)
     elif source.type == "envmap":
         _image(source, document, shelf, description)
     elif source.type == "point":
@@ -50,7 +50,7 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     elif source.type in SKIES:
         environment, sun = sky_of(source, document, shelf)
         if environment is not None:
-            _surround(environment, source, document, description)
+            _set_environment(environment, source, document, description)
         if sun is not None:
             description.lights.append(sun)
     else:
@@ -120,7 +120,7 @@ def _pixels(source: Element, number: int, document: Document, shelf: TextureShel
     return np.maximum(linear(shelf.image_of(number)), 0)
 
 
-def _surround(environment: Environment, source: Element, document: Document, description: SceneDescription) -> None:
+def _set_environment(environment: Environment, source: Element, document: Document, description: SceneDescription) -> None:
     if description.environment is not None:
         document.ignore(
             Sentence(
@@ -148,11 +148,11 @@ def _image(source: Element, document: Document, shelf: TextureShelf, description
     if abs(_unit(world[:3, 1])[1] - 1) > 1e-3 or np.linalg.det(world[:3, :3]) < 0:
         turn = np.stack([_unit(world[:3, k]) for k in range(3)], axis=1) @ FROM_PLUS_Z
         upright = shelf.add(seen_upright(description.images[image], turn))
-        _surround(Environment(image=upright, strength=strength), source, document, description)
+        _set_environment(Environment(image=upright, strength=strength), source, document, description)
         return
     angle = math.degrees(math.atan2(z[0] - x[2], z[2] + x[0]))
     # The centre of Mitsuba's image is at +Z; that of an environment image is at -Z.
-    _surround(Environment(image=image, strength=strength, rotation=(angle - 180.0) % 360), source, document, description)
+    _set_environment(Environment(image=image, strength=strength, rotation=(angle - 180.0) % 360), source, document, description)
 
 
 def _unit(vector: np.ndarray) -> np.ndarray:

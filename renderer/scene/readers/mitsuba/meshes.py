@@ -90,11 +90,11 @@ def _of_file(shape: Element, document: Document, attribute: str) -> list[tuple[M
     if attribute and shape.type != "ply":
         shaded = [replace(mesh, colors=mesh.colors if attribute == "vertex_color" else None) for mesh in shaded]
     elif not attribute and _LINEAR_COLORS.search(document.files.read(name)) is not None:
-        shaded = [mesh if mesh.colors is None else replace(mesh, colors=_as_written(mesh.colors)) for mesh in shaded]
+        shaded = [mesh if mesh.colors is None else replace(mesh, colors=_srgb_values(mesh.colors)) for mesh in shaded]
     return [(replace(shaded[each.mesh]), np.asarray(each.transform)) for each in part.instances]
 
 
-def _as_written(colors: np.ndarray) -> np.ndarray:
+def _srgb_values(colors: np.ndarray) -> np.ndarray:
     """Returns mesh colours converted back to the file's sRGB values, which Mitsuba uses as if they were linear."""
     return np.column_stack([encode_srgb(colors[:, :3]), colors[:, 3]]).astype(np.float32)
 

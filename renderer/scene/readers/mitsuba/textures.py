@@ -124,7 +124,7 @@ class Textures:
 
     def roughness_and_metal(self, roughness: int | None, metal: int | None) -> int | None:
         """Returns glTF's metallic-roughness texture made from two grey textures; None stands for a white one."""
-        if roughness is not None and metal is not None and not self._lie_alike(roughness, metal):
+        if roughness is not None and metal is not None and not self._have_equal_mapping(roughness, metal):
             self._document.ignore(
                 Sentence("mitsuba-metallic-texture-placement", "The texture of metallic is placed like that of roughness")
             )
@@ -132,7 +132,7 @@ class Textures:
 
     def cut_out(self, color: int | None, opacity: int) -> int | None:
         """Returns a colour texture (None: white) with the brightness of another texture as alpha."""
-        if color is not None and not self._lie_alike(color, opacity):
+        if color is not None and not self._have_equal_mapping(color, opacity):
             self._document.ignore(
                 Sentence("mitsuba-mask-texture-placement", "The texture of a mask is placed like that of the colour beneath it")
             )
@@ -149,7 +149,7 @@ class Textures:
 
         return self.shelf.derived_texture(texture, f"brightness to {power}", to_grey)
 
-    def _lie_alike(self, first: int, second: int) -> bool:
+    def _have_equal_mapping(self, first: int, second: int) -> bool:
         a, b = (self.shelf.texture_of(number) for number in (first, second))
         return (a.wrap_s, a.wrap_t, a.transform) == (b.wrap_s, b.wrap_t, b.transform)
 

@@ -29,7 +29,7 @@ def index_of(eta: Parameter | None, k: Parameter | None, colors: Colors) -> tupl
     if metals[0] is not None and metals[0] == metals[1]:
         return METALS[metals[0]]
     if eta is not None and k is not None and {eta.type, k.type} == {"spectrum"} and not any(metals):
-        return _matched(colors.spectrum(eta), colors.spectrum(k))
+        return _match_reflectance(colors.spectrum(eta), colors.spectrum(k))
     found = []
     for part, metal, parameter in zip((0, 1), metals, (eta, k), strict=True):
         if metal is not None or parameter is None:
@@ -44,7 +44,7 @@ def _metal(name: str, part: str) -> str | None:
     return middle if name == f"metal-{middle}-{part}" and middle in METALS else None
 
 
-def _matched(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
+def _match_reflectance(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
     mean = np.maximum(WEIGHTS @ eta, 1e-3)
     wanted = np.clip(WEIGHTS @ head_on(eta, k), 0.0, _BRIGHTEST_METAL)  # gold is outside Rec.709's gamut
     square = (wanted * (mean + 1) ** 2 - (mean - 1) ** 2) / (1 - wanted)

@@ -93,7 +93,7 @@ class Materials:
         if key not in self._numbers:
             made = Material(base_color=_HALF) if source is None else self.material_of(source, 0)
             if source is not None and spans is not None:
-                made = self._bumpy(source, made, spans)
+                made = self._bump_mapped(source, made, spans)
             if is_nothing(source) and max(emission.radiance) > 0:
                 made = Material(base_color=_NO_LIGHT, lamp=True)
             made = self._media.fill(made, source, between, place)
@@ -140,7 +140,7 @@ class Materials:
             "coatedconductor": self._coated_conductor,
             "dielectric": self._glass,
             "thindielectric": self._glass,
-            "diffusetransmission": self._leaf,
+            "diffusetransmission": self._diffuse_transmission,
             "hair": self._hair,
             "subsurface": self._subsurface,
         }.get(source.type)
@@ -151,10 +151,10 @@ class Materials:
         else:
             made = make(source)
         source.used.update(_IGNORED)
-        return self._bent(source, replace(made, name=source.type))
+        return self._normal_mapped(source, replace(made, name=source.type))
 
     def _diffuse(self, source: Parameters) -> Material:
-        return _painted(self._textures.color(source, "reflectance", _HALF))
+        return _diffuse_material(self._textures.color(source, "reflectance", _HALF))
 
     def _coated(self, source: Parameters) -> Material:
         """Returns a coated diffuse material with the effective reflectance of its base."""
@@ -162,7 +162,7 @@ class Materials:
         ior, _ = self._textures.colors.index(self._textures.index(source, "eta"))
         ior = min(max(ior, 1.0), 4.0)
         self._medium(source)
-        rough = self._rough(source, "")
+        rough = self._roughness_fields(source, "")
         coat = coat_of(ior, self._mean_alpha(rough), self._thickness(source), min(max(source.integer("maxdepth", 10), 1), 1000))
         if color.texture is None:
             color = Varying(coated_albedo(color.value, coat))
@@ -174,7 +174,7 @@ class Materials:
                 lambda it: Image(f"{it.name} coated", coated_albedo(linear(it) * np.array(factor, np.float32), coat), False),
             )
             color = Varying((1.0, 1.0, 1.0), texture)
-        return replace(_painted(color), kind="metallic_roughness", ior=ior, **rough)
+        return replace(_diffuse_material(color), kind="metallic_roughness", ior=ior, **rough)
 
     def _thickness(self, source: Parameters) -> float:
         return min(max(self._textures.one_number(source, "thickness", 0.01), 0.0), 100.0)
@@ -192,7 +192,7 @@ class Materials:
         return round(math.sqrt(least * most), 4)
 
     def _conductor(self, source: Parameters) -> Material:
-        rough = self._rough(source, "")
+        rough = self._roughness_fields(source, "")
         if source.get("reflectance") is None:
             eta, k = self._eta_and_k(source, "")
             return Material(kind="conductor", eta=eta, k=k, **rough)
@@ -200,7 +200,7 @@ class Materials:
         if color.is_constant:
             eta, k = of_reflectance(color.value)
             return Material(kind="conductor", eta=eta, k=k, **rough)
-        return replace(_painted(color), kind="metallic_roughness", metallic=1.0, **rough)
+        return replace(_diffuse_material(color), kind="metallic_roughness", metallic=1.0, **rough)
 
     def _eta_and_k(self, source: Parameters, prefix: str) -> tuple[Vec3, Vec3]:
         eta, k = (self._textures.index(source, f"{prefix}{each}") for each in ("eta", "k"))
@@ -236,7 +236,7 @@ class Materials:
             eta, k = (np.array(v) for v in self._eta_and_k(source, "conductor."))
             r, g, b = (float(v) for v in reflectance_under_coat(eta, k))
             color = Varying((r, g, b))
-        coat = self._rough(source, "interface.")
+        coat = self._roughness_fields(source, "interface.")
         self._notes.add(
             source.place,
             Sentence(
@@ -245,10 +245,10 @@ class Materials:
                 "interreflection as at normal incidence",
             ),
         )
-        metal = self._rough(source, "conductor.")
+        metal = self._roughness_fields(source, "conductor.")
         clear = float(coat.get("roughness", 0.0))
         return replace(
-            _painted(color), kind="metallic_roughness", metallic=1.0, clearcoat=1.0, clearcoat_roughness=clear, **metal
+            _diffuse_material(color), kind="metallic_roughness", metallic=1.0, clearcoat=1.0, clearcoat_roughness=clear, **metal
         )
 
     def _glass(self, source: Parameters) -> Material:
@@ -270,7 +270,7 @@ class Materials:
                 ),
             )
         thin = source.type == "thindielectric"
-        rough = {} if thin else self._rough(source, "", brushes=False)
+        rough = {} if thin else self._roughness_fields(source, "", brushes=False)
         return Material(
             kind="glass",
             base_color=(1.0, 1.0, 1.0),
@@ -280,7 +280,7 @@ class Materials:
             **rough,
         )
 
-    def _leaf(self, source: Parameters) -> Material:
+    def _diffuse_transmission(self, source: Parameters) -> Material:
         back = self._textures.color(source, "reflectance", (0.25,) * 3)
         through = self._textures.color(source, "transmittance", (0.25,) * 3)
         scale = min(max(source.number("scale", 1.0), 0.0), 1e6)
@@ -308,7 +308,7 @@ class Materials:
         return hair(source, self._textures, self._notes)
 
     def _subsurface(self, source: Parameters) -> Material:
-        return replace(subsurface(source, self._textures, self._notes), **self._rough(source, ""))
+        return replace(subsurface(source, self._textures, self._notes), **self._roughness_fields(source, ""))
 
     def _mix(self, source: Parameters, depth: int) -> Material:
         names = source.texts("materials")
@@ -355,7 +355,7 @@ class Materials:
         source.used.update(source.values)
         return Material(base_color=_HALF)
 
-    def _bent(self, source: Parameters, material: Material) -> Material:
+    def _normal_mapped(self, source: Parameters, material: Material) -> Material:
         wanted = source.text("normalmap")
         heights = self._textures.number(source, "displacement", 0.0)
         if heights.texture is not None and not wanted:
@@ -365,7 +365,7 @@ class Materials:
         texture = self._textures.normals(wanted, source)
         return material if texture is None else replace(material, normal_texture=texture)
 
-    def _bumpy(self, source: Parameters, material: Material, spans: tuple[float, float]) -> Material:
+    def _bump_mapped(self, source: Parameters, material: Material, spans: tuple[float, float]) -> Material:
         heights = self._heights[id(source)]
         assert heights.texture is not None
         found = self._bumps.normal_map(heights.texture, heights.value[0], spans)
@@ -385,7 +385,7 @@ class Materials:
                 Sentence("pbrt-coat-medium-ignored", "{source}: the medium within its coat is ignored", source=source),
             )
 
-    def _rough(self, source: Parameters, prefix: str, brushes: bool = True) -> dict[str, Any]:
+    def _roughness_fields(self, source: Parameters, prefix: str, brushes: bool = True) -> dict[str, Any]:
         """Returns the roughness and anisotropy as material fields. prefix: of the parameters' names."""
         remaps = source.boolean("remaproughness", True)
         power = 0.25 if remaps else 0.5  # our roughness is the root of alpha
@@ -439,7 +439,7 @@ class Materials:
         return replace(material, base_color_texture=texture, alpha_mode="blend")
 
 
-def _painted(color: Varying) -> Material:
+def _diffuse_material(color: Varying) -> Material:
     r, g, b = (min(max(v, 0.0), 1.0) for v in color.value)
     return Material(base_color=(r, g, b), base_color_texture=color.texture)
 

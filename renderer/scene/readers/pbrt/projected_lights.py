@@ -47,7 +47,7 @@ def projection(pixels: F32, fov: float, is_mirrored: bool) -> EmissionMap:
 
     fov: degrees across the smaller side; is_mirrored: as for `goniometric`.
     """
-    half_width, half_height = _halves(pixels, fov)
+    half_width, half_height = _half_extents(pixels, fov)
     pixels = pixels if is_mirrored else pixels[:, ::-1]
     times = max(1, _FINE // max(pixels.shape[:2]))
     return projected_map(np.repeat(np.repeat(pixels, times, axis=0), times, axis=1), half_width, half_height)
@@ -55,7 +55,7 @@ def projection(pixels: F32, fov: float, is_mirrored: bool) -> EmissionMap:
 
 def projected_power(pixels: F32, fov: float) -> float:
     """Returns the luminous power of a projection light with scale 1, summed over pixels as in pbrt."""
-    half_width, half_height = _halves(pixels, fov)
+    half_width, half_height = _half_extents(pixels, fov)
     height, width = pixels.shape[:2]
     x = half_width * ((np.arange(width) + 0.5) / width * 2 - 1)
     y = half_height * ((np.arange(height) + 0.5) / height * 2 - 1)
@@ -63,7 +63,7 @@ def projected_power(pixels: F32, fov: float) -> float:
     return float(4 * half_width * half_height * (pixels @ _LUMINANCE * weight).mean())
 
 
-def _halves(pixels: F32, fov: float) -> tuple[float, float]:
+def _half_extents(pixels: F32, fov: float) -> tuple[float, float]:
     height, width = pixels.shape[:2]
     half = math.tan(math.radians(min(max(fov, 0.01), 178.0)) / 2)
     return half * max(1.0, width / height), half * max(1.0, height / width)

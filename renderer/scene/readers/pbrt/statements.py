@@ -136,7 +136,7 @@ class Statements:
                         )
                     )
                 if found["open"] is not None:
-                    value, end = _listed(text, end, place)
+                    value, end = _parse_list(text, end, place)
                     arguments.append(value)
                 else:
                     arguments.append(found["text"] if word is None else _parse_value(word, place))
@@ -194,7 +194,7 @@ def _parse_value(word: str, place: Place) -> Argument:
     return (_TRUTHS[word],) if word in _TRUTHS else _numbers([word], place)
 
 
-def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
+def _parse_list(text: str, start: int, place: Place) -> tuple[Argument, int]:
     """Parses a list in brackets. Returns its values, and the index after its closing bracket.
 
     start: index after the opening bracket.
@@ -211,7 +211,7 @@ def _listed(text: str, start: int, place: Place) -> tuple[Argument, int]:
         inside = _COMMENT.sub(lambda found: found[1] or "", inside)
     if '"' in inside:
         return tuple(_QUOTED.findall(inside)), end + 1
-    if len(inside) > _LONG and (quick := _at_once(inside)) is not None:
+    if len(inside) > _LONG and (quick := _parse_numbers(inside)) is not None:
         return _finite(quick, place), end + 1
     words = inside.split()
     if words and words[0] in _TRUTHS:
@@ -232,7 +232,7 @@ def _numbers(words: list[str], place: Place) -> npt.NDArray[np.float64]:
     return _finite(found, place)
 
 
-def _at_once(text: str) -> npt.NDArray[np.float64] | None:
+def _parse_numbers(text: str) -> npt.NDArray[np.float64] | None:
     """Returns an array of whitespace-separated numbers; None if the text contains anything else."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")

@@ -83,7 +83,7 @@ class Textures:
     def color(self, owner: Parameters, name: str, default: Vec3) -> Varying:
         """Returns a colour parameter of a surface, constant or textured."""
         if owner.names_texture(name):
-            return self._of_name(owner, name, "spectrum", default)
+            return self._named_parameter(owner, name, "spectrum", default)
         found = owner.get(name, "rgb", "spectrum", "float")
         if found is None:
             return Varying(default)
@@ -92,7 +92,7 @@ class Textures:
     def number(self, owner: Parameters, name: str, default: float) -> Varying:
         """Returns a float parameter, constant or textured."""
         if owner.names_texture(name):
-            return self._of_name(owner, name, "float", (default,) * 3)
+            return self._named_parameter(owner, name, "float", (default,) * 3)
         return Varying((owner.number(name, default),) * 3)
 
     def index(self, owner: Parameters, name: str) -> Parameter | None:
@@ -104,7 +104,7 @@ class Textures:
         if found is not None and found.parameters.type == "constant":
             return found.parameters.get("value", "float", "rgb", "spectrum")
         kind = "float" if ("spectrum", wanted) not in self.named else "spectrum"
-        mean = self.mean_value(self._of_name(owner, name, kind, _ONE))
+        mean = self.mean_value(self._named_parameter(owner, name, kind, _ONE))
         self._notes.add(
             owner.place,
             Sentence(
@@ -186,7 +186,7 @@ class Textures:
             return None
         return self.shelf.combined(color, alpha.texture, f"holes by {factor}", add_alpha)
 
-    def _of_name(self, owner: Parameters, name: str, kind: str, default: Vec3) -> Varying:
+    def _named_parameter(self, owner: Parameters, name: str, kind: str, default: Vec3) -> Varying:
         wanted = owner.text(name)
         definition = self.named.get((kind, wanted))
         if definition is None:
@@ -238,7 +238,7 @@ class Textures:
                 factor = self._constant_part(definition, name, of, _ONE, depth)
                 if factor is not None:
                     scaled = self._get_or_read(self._child(definition, other, kind_of_other), _ONE, depth + 1)
-                    return replace(scaled, value=_times(scaled.value, factor))
+                    return replace(scaled, value=_multiply(scaled.value, factor))
         if source.type == "checkerboard" and source.integer("dimension", 2) == 2:
             first = self._constant_part(definition, "tex1", kind, _ONE, depth)
             second = self._constant_part(definition, "tex2", kind, _BLACK, depth)
@@ -263,7 +263,7 @@ class Textures:
             return self._value(source, "value", kind, _ONE)
         if source.type == "scale":
             parts = [self._constant_part(definition, n, k, _ONE, depth) for n, k in (("tex", kind), ("scale", "float"))]
-            return None if parts[0] is None or parts[1] is None else _times(parts[0], parts[1])
+            return None if parts[0] is None or parts[1] is None else _multiply(parts[0], parts[1])
         if source.type != "mix":
             return None
         first, second = (self._constant_part(definition, n, kind, d, depth) for n, d in (("tex1", _BLACK), ("tex2", _ONE)))
@@ -488,7 +488,7 @@ def _unit(rgb: Vec3) -> Vec3:
     return r, g, b
 
 
-def _times(a: Vec3, b: Vec3) -> Vec3:
+def _multiply(a: Vec3, b: Vec3) -> Vec3:
     return a[0] * b[0], a[1] * b[1], a[2] * b[2]
 
 

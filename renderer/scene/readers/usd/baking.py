@@ -33,7 +33,7 @@ def baked(
     """
     textures = [shelf.texture_of(one.texture) for one in texture_input]
     frame = textures[0]
-    if all(_lies_as(texture, frame) for texture in textures):
+    if all(_has_equal_mapping(texture, frame) for texture in textures):
         textures = [replace(texture, transform=IDENTITY_UV_TRANSFORM) for texture in textures]
     elif all(texture.uv_set == frame.uv_set and _repeats(texture) for texture in textures):
         frame = replace(frame, transform=IDENTITY_UV_TRANSFORM)
@@ -82,7 +82,7 @@ def span_of(shelf: TextureShelf, texture_input: TextureInput) -> tuple[float, fl
     return (0.0, 1.0) if pixels.dtype != np.float32 else (float(pixels.min(initial=0)), float(pixels.max(initial=1)))
 
 
-def _lies_as(one: Texture, other: Texture) -> bool:
+def _has_equal_mapping(one: Texture, other: Texture) -> bool:
     return replace(one, image=other.image, filter=other.filter) == other
 
 

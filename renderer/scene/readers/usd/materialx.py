@@ -53,7 +53,7 @@ def read_materialx(shader: Any, kind: str, read: Read) -> None:
 
 def _standard(inputs: SurfaceInputs, read: Read) -> None:
     material = read.material
-    color = _body(inputs, read, subsurface.STANDARD, inputs.number("base", 1.0), (0.8, 0.8, 0.8))
+    color = _fill_base_and_subsurface(inputs, read, subsurface.STANDARD, inputs.number("base", 1.0), (0.8, 0.8, 0.8))
     fill_roughness(read, inputs("specular_roughness"), 0.2, inputs("metalness"), 0.0)
     _specular(read, inputs("specular"), inputs("specular_color", True))
     material.ior = clamped(inputs.number("specular_IOR", 1.5), 1.0, 1000.0)
@@ -76,7 +76,7 @@ def _standard(inputs: SurfaceInputs, read: Read) -> None:
 
 def _open_pbr(inputs: SurfaceInputs, read: Read) -> None:
     material = read.material
-    color = _body(inputs, read, subsurface.OPEN_PBR, inputs.number("base_weight", 1.0), (0.8, 0.8, 0.8))
+    color = _fill_base_and_subsurface(inputs, read, subsurface.OPEN_PBR, inputs.number("base_weight", 1.0), (0.8, 0.8, 0.8))
     fill_roughness(read, inputs("specular_roughness"), 0.3, inputs("base_metalness"), 0.0)
     _specular(read, inputs("specular_weight"), inputs("specular_color", True))
     material.ior = clamped(inputs.number("specular_ior", 1.5), 1.0, 1000.0)
@@ -126,7 +126,7 @@ def _gltf(inputs: SurfaceInputs, read: Read) -> None:
         fill_opacity(read, inputs("alpha"), inputs.number("alpha_cutoff", 0.5) if mode == 1 else 0.0, color.taken)
 
 
-def _body(inputs: SurfaceInputs, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
+def _fill_base_and_subsurface(inputs: SurfaceInputs, read: Read, names: subsurface.Names, weight: float, default: Vec3) -> Input:
     """Fills the material's base colour and subsurface parameters.
 
     weight: factor of the base colour. Returns the colour input before it is multiplied by the resulting weight.

@@ -64,7 +64,7 @@ def read_preview_surface(shader: Any, read: Read) -> None:
         material.specular = unit(2 * network.input(shader, "specular").number(0.5))
     is_presence = by_blender or str(network.input(shader, "opacityMode").value or "transparent") == "presence"
     if opacity.taken is None and opacity.primvar is None and threshold <= 0 and not is_presence:
-        _transparent(material, unit(opacity.number(1.0)))
+        _set_transmission(material, unit(opacity.number(1.0)))
     else:
         fill_opacity(read, opacity, threshold, diffuse.taken)
 
@@ -174,7 +174,7 @@ def _specular(read: Read, given: Input) -> None:
     material.specular_color = unit_color([c / own for c in factor], 1000.0)
 
 
-def _transparent(material: Material, opacity: float) -> None:
+def _set_transmission(material: Material, opacity: float) -> None:
     """Converts opacity below 1 to transmission, leaving reflection unchanged.
 
     UsdPreviewSurface transmits untinted light and tints the diffuse part only. A material has one colour for both: here the mean

@@ -92,10 +92,10 @@ def find_keys(document: Yaml) -> Keys:
         if path[0] in _OF_THE_WHOLE:
             raise document.error(path, Sentence("keys-not-allowed", "has keys, but {path} cannot be animated", path=path[0]))
         times = _times(source["keys"], document, (*path, "keys"))
-        make = _maker(source.get("curve", "linear"), times, document, (*path, "curve"))
+        make = _interpolation(source.get("curve", "linear"), times, document, (*path, "curve"))
         values = [value for _, value in source["keys"]]
         if source.get("curve") == "step":
-            tracks[path] = _jumping(times, values)
+            tracks[path] = _step_track(times, values)
         else:
             tracks[path] = _track(values, make, document, path)
         ends += [float(times[0]), float(times[-1])]
@@ -136,7 +136,7 @@ def _times(keys: list[Any], document: Yaml, path: Path) -> npt.NDArray[np.float6
     return np.array([key[0] for key in keys], np.float64)
 
 
-def _maker(curve: Any, times: npt.NDArray[np.float64], document: Yaml, path: Path) -> Maker:
+def _interpolation(curve: Any, times: npt.NDArray[np.float64], document: Yaml, path: Path) -> Maker:
     if curve == "smooth":
         return lambda values: smooth(times, values)
     if curve in ("linear", "step"):
@@ -154,7 +154,7 @@ def _maker(curve: Any, times: npt.NDArray[np.float64], document: Yaml, path: Pat
     )
 
 
-def _jumping(times: npt.NDArray[np.float64], values: list[Any]) -> Track:
+def _step_track(times: npt.NDArray[np.float64], values: list[Any]) -> Track:
     which = Curve(times, np.arange(len(values), dtype=np.float64)[:, None], is_step=True)
     return lambda time: values[int(which.values_at(time)[0])]
 
