@@ -81,10 +81,10 @@ def with_caustics(scene: CompiledScene) -> CompiledScene:
 
 def example_tables() -> CausticTables:
     """Returns empty tables, with the types for which kernels are compiled."""
-    return _sealed([], np.zeros((0, 4)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(1), np.zeros(0))
+    return _read_only_tables([], np.zeros((0, 4)), np.zeros(0), np.zeros(0), np.zeros(0), np.zeros(1), np.zeros(0))
 
 
-def _sealed(*arrays: object) -> CausticTables:
+def _read_only_tables(*arrays: object) -> CausticTables:
     kinds: list[Any] = [np.int32, np.float32, np.int32, np.int32, np.int32, np.float32, np.int32]
     made: list[Any] = [np.array(array, kind) for array, kind in zip(arrays, kinds, strict=True)]
     made[0] = made[0].reshape(-1, 4)
@@ -128,7 +128,7 @@ def caustic_tables(scene: CompiledScene) -> CausticTables | None:
     caster = [(each.first, each.count, each.closed, each.transmits) for each in found]
     bound = [(*each.center, each.radius) for each in found]
     chance = 0.99 * powers / powers.sum() + 0.01 / len(powers)
-    return _sealed(caster, bound, part_caster, sphere_caster, lamps, cumulative(chance), is_covered)
+    return _read_only_tables(caster, bound, part_caster, sphere_caster, lamps, cumulative(chance), is_covered)
 
 
 class _Caster(NamedTuple):
@@ -191,7 +191,7 @@ def _is_closed(points: np.ndarray) -> bool:
     return bool((forward == backward).all() and (np.diff(forward) > 0).all())
 
 
-def _distance(points: np.ndarray, casters: list[_Caster]) -> float:
+def _distance_to_casters(points: np.ndarray, casters: list[_Caster]) -> float:
     """Returns the least distance of points, (n, 3), from the casters' bounding boxes."""
     outside = [np.maximum(np.maximum(each.low - points, points - each.high), 0) for each in casters]
     return float(min(np.linalg.norm(each, axis=1).min() for each in outside))
@@ -199,7 +199,7 @@ def _distance(points: np.ndarray, casters: list[_Caster]) -> float:
 
 def _is_small(low: np.ndarray, high: np.ndarray, casters: list[_Caster]) -> bool:
     radius = float(np.linalg.norm(high - low)) / 2
-    return radius <= _SMALL * max(_distance(((low + high) / 2)[None], casters) - radius, 0)
+    return radius <= _SMALL * max(_distance_to_casters(((low + high) / 2)[None], casters) - radius, 0)
 
 
 def _lamps(

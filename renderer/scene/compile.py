@@ -66,13 +66,13 @@ def compile_scene(
     with Team(threads) as team:
         own = ShotCache() if shot_cache is None or brute else shot_cache
         own.begin_frame()
-        scene = _compiled(description, progress or (lambda step, fraction: None), brute, team, own)
+        scene = _compile(description, progress or (lambda step, fraction: None), brute, team, own)
         if shot_cache is not None:
             shot_cache.cuts = own.cuts
         return scene
 
 
-def _compiled(description: SceneDescription, say: Progress, brute: bool, team: Team, shot_cache: ShotCache) -> CompiledScene:
+def _compile(description: SceneDescription, say: Progress, brute: bool, team: Team, shot_cache: ShotCache) -> CompiledScene:
     say(Sentence("progress-placing-meshes", "placing meshes"), 0.0)
     origin = origin_of(description, shot_cache)
     whole, description = description, relative_to_origin(description, origin, shot_cache)
@@ -104,7 +104,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         whole.warnings.append(WEAK_LIGHTS_WARNING)
     environment, search = shot_cache.get_or_make(
         "environment",
-        lambda: (whole.environment, _image_of(whole)),
+        lambda: (whole.environment, _environment_image(whole)),
         lambda: _environment(whole),
     )
     subject = stood.bounds if description.subject is None else description.subject.astype(np.float32)
@@ -195,7 +195,7 @@ def _environment(description: SceneDescription) -> tuple[EnvironmentTables, dict
     return tables, search_tables(tables.marginal, tables.conditional)
 
 
-def _image_of(description: SceneDescription) -> np.ndarray | None:
+def _environment_image(description: SceneDescription) -> np.ndarray | None:
     source = description.environment
     return None if source is None or source.image is None else description.images[source.image].pixels
 

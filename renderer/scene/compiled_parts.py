@@ -89,7 +89,7 @@ class Saver:
                 continue
             heads = cuts.heads.get(name)
             known = self._known.get(name)
-            if heads is not None and known is not None and _are(known[0], heads):
+            if heads is not None and known is not None and _are_unchanged(known[0], heads):
                 part = known[1]
             else:
                 part = _write_part(slices, folder)
@@ -98,7 +98,7 @@ class Saver:
             at = 0
             for array, rows in slices.items():
                 pieces[array].append((len(parts), at, rows.nbytes))
-                at += _paged(rows.nbytes)
+                at += _rounded_to_page(rows.nbytes)
             parts.append(part)
         return _manifest(arrays, parts, pieces, folder)
 
@@ -132,7 +132,7 @@ def save_changed(data: bytes, scene: CompiledScene, names: Collection[str], fold
             rows = whole if name in names else whole[begin : begin + pieces[name][i][2]]
             slices[name] = rows
             pieces[name][i] = (number, end, rows.nbytes)
-            end += _paged(rows.nbytes)
+            end += _rounded_to_page(rows.nbytes)
         parts[number] = _write_part(slices, folder)
     return _manifest(arrays, parts, pieces, folder)
 
@@ -154,7 +154,7 @@ def _write_part(slices: dict[str, Array], folder: Path) -> Part:
     temporary = folder / ".part"
     with temporary.open("wb") as file:
         for rows in slices.values():
-            fill = bytes(_paged(size) - size)
+            fill = bytes(_rounded_to_page(size) - size)
             for piece in (fill, np.ascontiguousarray(rows).data.cast("B")):
                 digest.update(piece)
                 file.write(piece)
@@ -163,11 +163,11 @@ def _write_part(slices: dict[str, Array], folder: Path) -> Part:
     return Part(digest.hexdigest(), size)
 
 
-def _paged(size: int) -> int:
+def _rounded_to_page(size: int) -> int:
     return -(-size // PAGE) * PAGE
 
 
-def _are(cached: tuple[object, ...], heads: tuple[object, ...]) -> bool:
+def _are_unchanged(cached: tuple[object, ...], heads: tuple[object, ...]) -> bool:
     return len(cached) == len(heads) and all(
         a is b or (isinstance(a, int) and a == b) for a, b in zip(cached, heads, strict=True)
     )
@@ -267,7 +267,7 @@ def _map_pieces(pieces: list[tuple[int, int, int]], parts: list[Part], files: li
         part, at, length = pieces[0]
         with files[part].open("rb") as file:
             return mmap.mmap(file.fileno(), length, access=mmap.ACCESS_READ, offset=at)
-    whole = mmap.mmap(-1, sum(_paged(length) for *_, length in pieces))
+    whole = mmap.mmap(-1, sum(_rounded_to_page(length) for *_, length in pieces))
     address = ctypes.addressof(ctypes.c_char.from_buffer(whole))
     begin = 0
     for part, at, length in pieces:

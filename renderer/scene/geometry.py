@@ -113,13 +113,13 @@ class Section(NamedTuple):
 
 def build_static(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
     """Builds the section of static geometry. Raises SceneError if a position exceeds the range of float32."""
-    world = _copies(description, sharing.copied, objects, team)
-    return _section(world, [_group(description, group, team) for group in sharing.groups], team, apart=True)
+    world = _place_copies(description, sharing.copied, objects, team)
+    return _section(world, [_group_parts(description, group, team) for group in sharing.groups], team, apart=True)
 
 
 def build_bodies(description: SceneDescription, sharing: Sharing, team: Team) -> Section:
     """Builds the section of rigid moving bodies."""
-    return _section([], [_group(description, group, team) for group in sharing.bodies], team, apart=True)
+    return _section([], [_group_parts(description, group, team) for group in sharing.bodies], team, apart=True)
 
 
 def build_per_frame(description: SceneDescription, sharing: Sharing, objects: Sequence[int], team: Team) -> Section:
@@ -128,7 +128,7 @@ def build_per_frame(description: SceneDescription, sharing: Sharing, objects: Se
     It has keys if any of it moves while the shutter is open.
     """
     parts = [_world_space_copy(description, n, objects[n], team, whole=True) for n in sharing.loose]
-    parts = _over_the_shutter(description, sharing.loose, parts, team)
+    parts = _add_shutter_keys(description, sharing.loose, parts, team)
     section = _section(parts, [], team)
     if parts and len(parts[0].placed.keys):
         keys = np.concatenate([part.placed.keys for part in parts], axis=2)
@@ -225,7 +225,7 @@ def _as_part(found: Placed, material: int, object: int) -> _Part:
     return _Part(found, [material], [object], [len(found.triangle)])
 
 
-def _copies(description: SceneDescription, numbers: Sequence[int], objects: Sequence[int], team: Team) -> list[_Part]:
+def _place_copies(description: SceneDescription, numbers: Sequence[int], objects: Sequence[int], team: Team) -> list[_Part]:
     """Returns the triangles of the instances `numbers`, transformed into world space.
 
     Consecutive small instances are transformed in one batch.
@@ -257,7 +257,7 @@ def _copy_small_instances(description: SceneDescription, numbers: list[int], obj
     return _Part(found[0], own, [objects[n] for n in numbers], found[1].tolist())
 
 
-def _over_the_shutter(description: SceneDescription, numbers: list[int], parts: list[_Part], team: Team) -> list[_Part]:
+def _add_shutter_keys(description: SceneDescription, numbers: list[int], parts: list[_Part], team: Team) -> list[_Part]:
     """Adds the vertices at the shutter's keys to the parts, if anything placed per frame moves while the shutter is open.
 
     Otherwise returns the parts unchanged. Rotating geometry uses all keys, since vertices move linearly between keys; geometry
@@ -285,7 +285,7 @@ def keys_step(description: SceneDescription) -> int:
     return (description.keys - 1) // (_FEW_KEYS - 1) if few and not turns else 1
 
 
-def _group(description: SceneDescription, group: Group, team: Team) -> list[_Part]:
+def _group_parts(description: SceneDescription, group: Group, team: Team) -> list[_Part]:
     """Returns the parts of a group of meshes that share one BVH, one part per mesh, in the group's own space."""
     parts = []
     own = [description.instances[n].material for n in group.instances]

@@ -64,7 +64,7 @@ def list_lights(
     The cdf is by power (of a primitive: pi * area * radiance), mixed with a uniform choice of probability 0.01: otherwise float32
     would never choose a candle among a stadium's lamps.
     """
-    lamps = _lamps(emitters, is_uniform, geometry)
+    lamps = _area_lights(emitters, is_uniform, geometry)
     emitters, pairs = lamps.emitters, lamps.pairs
     triangles, brightness = emitters.triangle, emitters.emitted
     spheres = np.flatnonzero(emitted[sphere_material] > 0) if len(sphere) else np.zeros(0, np.int64)
@@ -74,7 +74,7 @@ def list_lights(
     )
     triangle_area[pairs] = lamps.most[pairs]
     sphere_area = 4 * np.pi * sphere[spheres, 3].astype(np.float64) ** 2
-    balls = _spheres_over_the_shutter(sphere, spheres, sphere_keys)
+    balls = _spheres_over_shutter(sphere, spheres, sphere_keys)
     most_of_spheres = 4 * np.pi * balls[:, :, 3].max(axis=0, initial=0.0) ** 2
 
     rest = len(geometry.triangle) + len(sphere) + np.arange(len(punctual.power))
@@ -128,8 +128,8 @@ class _AreaLights(NamedTuple):
     shapes: np.ndarray  # (m, 4, 3) corners of these, from `pair`
 
 
-def _lamps(emitters: Emitters, is_uniform: npt.NDArray[np.bool_], geometry: Geometry) -> _AreaLights:
-    over = _over_the_shutter(geometry, emitters.triangle)
+def _area_lights(emitters: Emitters, is_uniform: npt.NDArray[np.bool_], geometry: Geometry) -> _AreaLights:
+    over = _corners_over_shutter(geometry, emitters.triangle)
     pairs, shapes = pair(over[0], _may_form_one_light(emitters, is_uniform, over))
     most = 0.5 * np.linalg.norm(_area_normals(over), axis=2).max(axis=0)
     most[pairs] += most[pairs + 1]
@@ -184,7 +184,7 @@ def _may_form_one_light(emitters: Emitters, is_uniform: npt.NDArray[np.bool_], s
     return still[:-1] & still[1:] & (emitters.material[:-1] == emitters.material[1:])
 
 
-def _over_the_shutter(geometry: Geometry, triangles: np.ndarray) -> np.ndarray:
+def _corners_over_shutter(geometry: Geometry, triangles: np.ndarray) -> np.ndarray:
     """Returns the corners (K, n, 3, 3) of triangles at all keys of the shutter; K = 1 if no vertex moves."""
     corners = geometry.position[geometry.triangle[triangles]].astype(np.float64)
     if not len(geometry.keys):
@@ -196,7 +196,7 @@ def _over_the_shutter(geometry: Geometry, triangles: np.ndarray) -> np.ndarray:
     return found
 
 
-def _spheres_over_the_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np.ndarray:
+def _spheres_over_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np.ndarray:
     """Returns centres and radii (K, n, 4) of these spheres at all keys of the shutter; K = 1 if none moves."""
     found = np.repeat(sphere[None, spheres].astype(np.float64), max(len(keys), 1), axis=0)
     if len(keys):

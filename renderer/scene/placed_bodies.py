@@ -70,7 +70,7 @@ def place_geometry(description: SceneDescription, team: Team, shot_cache: ShotCa
     check_size(description, sharing)
     still = shot_cache.get_or_make(
         "still",
-        lambda: _still_key(description, sharing, objects),
+        lambda: _static_section_key(description, sharing, objects),
         lambda: build_static(description, sharing, objects, team),
         token,
     )
@@ -113,7 +113,7 @@ def _static_key(description: SceneDescription) -> Any:
     )
 
 
-def _still_key(description: SceneDescription, sharing: Sharing, objects: list[int]) -> Any:
+def _static_section_key(description: SceneDescription, sharing: Sharing, objects: list[int]) -> Any:
     copied = []
     for n in sharing.copied:
         instance = description.instances[n]

@@ -61,16 +61,16 @@ def _merge_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) 
     instances, meshes, changed = _merge_instances(middle, found)
     cameras = [
         replace(camera, keys=_keys([c.view for c in over], camera.view))
-        for camera, over in _matched(middle.cameras, [each.cameras for each in found], _name)
+        for camera, over in _match_by_name(middle.cameras, [each.cameras for each in found], _name)
         if not any(c.view.projection != camera.view.projection for c in over)
     ]
     spheres = [
         replace(sphere, keys=_keys([(s.center, s.radius) for s in over], (sphere.center, sphere.radius)))
-        for sphere, over in _matched(middle.spheres, [each.spheres for each in found], _name)
+        for sphere, over in _match_by_name(middle.spheres, [each.spheres for each in found], _name)
     ]
     lights = [
         replace(light, keys=_keys(over, light))
-        for light, over in _matched(middle.lights, [each.lights for each in found], lambda light: (light.kind, light.name))
+        for light, over in _match_by_name(middle.lights, [each.lights for each in found], lambda light: (light.kind, light.name))
     ]
     moving = replace(middle, instances=instances, meshes=meshes, cameras=cameras, spheres=spheres, lights=lights)
     things: tuple[Instance | Mesh | Sphere | Light | Camera | Texture, ...] = (
@@ -86,7 +86,7 @@ def _merge_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) 
     still: list[str] = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)]
     still += [Sentence("motion-textures-still", "textures other than their placement")] * changes + changed
     if still:
-        moving.warnings.append(_not_blurred(still))
+        moving.warnings.append(_unblurred_warning(still))
     return moving
 
 
@@ -103,7 +103,7 @@ def between_files(
         if all(are_equal(other.positions, mesh.positions) for other in beside):
             continue
         if not all(_has_same_topology(mesh, other) for other in beside):
-            moving.warnings.append(_not_blurred([_changes(mesh)]))
+            moving.warnings.append(_unblurred_warning([_changes(mesh)]))
             continue
         moving.keys = moving.keys or shutter.keys or _FIRST_KEYS
         shares = [i / (moving.keys - 1) for i in range(moving.keys)]
@@ -132,7 +132,7 @@ def _interpolate_mesh(mesh: Mesh, other: Mesh, share: float) -> tuple[np.ndarray
     return near * mesh.positions + part * other.positions, normals
 
 
-def _not_blurred(parts: list[str]) -> str:
+def _unblurred_warning(parts: list[str]) -> str:
     return Sentence("motion-not-blurred", "Shown as in the middle of the shutter, not blurred: {parts}.", parts=parts)
 
 
@@ -158,7 +158,7 @@ def _merge_instances(middle: SceneDescription, found: Sequence[SceneDescription]
     """
     instances, meshes, changed = [], list(middle.meshes), []
     seen: set[int] = set()
-    for instance, over in _matched(middle.instances, [each.instances for each in found], lambda i: i.name):
+    for instance, over in _match_by_name(middle.instances, [each.instances for each in found], lambda i: i.name):
         keys = _keys([i.transform for i in over], instance.transform)
         instances.append(replace(instance, keys=keys, moves=instance.moves or len(keys) > 0))
         if over and instance.mesh not in seen:
@@ -186,7 +186,7 @@ def _keys(values: Sequence[Any], middle: Any) -> tuple[Any, ...]:
     return tuple(values) if any(not are_equal(each, middle) for each in values) else ()
 
 
-def _matched(
+def _match_by_name(
     objects: Sequence[_Thing], others: Sequence[Sequence[_Thing]], name: Callable[[_Thing], Hashable]
 ) -> list[tuple[_Thing, list[_Thing]]]:
     """Returns each object with its counterparts in the lists `others`, or with none if one of those lists lacks a counterpart.

@@ -64,7 +64,7 @@ def sun_of_sky(sky: Sky) -> Sun | None:
     """
     _check(sky)
     elevation, azimuth, half = (math.radians(x) for x in (sky.sun_elevation, sky.sun_azimuth, sky.sun_size / 2))
-    risen = _share_above(math.sin(max(-math.pi / 2, min(math.pi / 2, elevation))) / math.sin(half))
+    risen = _area_fraction_above(math.sin(max(-math.pi / 2, min(math.pi / 2, elevation))) / math.sin(half))
     irradiance = transmitted(_air(sky), max(elevation, 0.0)) * risen
     if not sky.sun or not irradiance.any():
         return None
@@ -120,7 +120,7 @@ def _air(sky: Sky) -> Air:
     return Air(sky.air, sky.dust, sky.ozone)
 
 
-def _share_above(height: float) -> float:
+def _area_fraction_above(height: float) -> float:
     """Returns the fraction of a unit disk's area that is above a line `height` below its centre."""
     if abs(height) >= 1:
         return float(height > 0)

@@ -63,7 +63,7 @@ def list_targets(description: SceneDescription, packed: Packed, all_power: float
 
     all_power: the power of all lights, the environment included: pi times area times luminance.
     """
-    found = [(1.0, ball, ball) for ball in _marked(description)] + _enclosed(description, packed, all_power)
+    found = [(1.0, ball, ball) for ball in _marked_targets(description)] + _enclosed_lights(description, packed, all_power)
     found = sorted(found, key=lambda each: -each[0])[:MAX_TARGETS]
     table = np.zeros((len(found), TARGET_COLUMNS), np.float32)
     for row, (strength, aim, guard) in zip(table, found, strict=True):
@@ -76,14 +76,14 @@ def list_targets(description: SceneDescription, packed: Packed, all_power: float
     return table
 
 
-def _marked(description: SceneDescription) -> list[_Ball]:
+def _marked_targets(description: SceneDescription) -> list[_Ball]:
     """Returns a bounding sphere of each body that the scene file marks with `guide`."""
     spheres = [_ball_of_sphere(description.spheres[n]) for n in range(len(description.spheres)) if description.spheres[n].guide]
     marked = [n for n, each in enumerate(description.instances) if each.guide and len(description.meshes[each.mesh].triangles)]
     return spheres + [_ball_of_points(_points(description, n)) for n in marked[:MAX_TARGETS]]
 
 
-def _enclosed(description: SceneDescription, packed: Packed, all_power: float) -> list[tuple[float, _Ball, _Ball]]:
+def _enclosed_lights(description: SceneDescription, packed: Packed, all_power: float) -> list[tuple[float, _Ball, _Ball]]:
     """Returns (strength, sphere to aim at, guard sphere) for the lights that are enclosed in smooth glass."""
     is_clear = packed.material_flags & CLEAR != 0
     emits = (packed.emitted > 0) & ~is_clear
@@ -104,7 +104,7 @@ def _enclosed(description: SceneDescription, packed: Packed, all_power: float) -
         strength = float(power[within].sum()) / max(all_power, 1e-300)
         if strength < _LEAST_SHARE:
             continue
-        guard, lamp = of_glass.ball(k), _around([_tight(description, lamps[n]) for n in within])
+        guard, lamp = of_glass.ball(k), _enclosing_sphere([_tight_sphere(description, lamps[n]) for n in within])
         is_solid = max(covered for _, covered in enclosed) < _SHELL
         larger = max(float(packed.material[glass[k].material, IOR]), 1.0) if is_solid else 1.0
         seen = _Ball(lamp.center, _MARGIN * larger * lamp.radius)
@@ -136,7 +136,7 @@ def _bodies_of(description: SceneDescription, is_wanted: npt.NDArray[np.bool_]) 
             own = of_mesh.setdefault(instance.mesh, _ball_of_points(_mesh_points(mesh)))
             places = [instance.transform, *instance.keys]
             balls = [_Ball(m[:3, :3] @ own.center + m[:3, 3], own.radius * float(np.linalg.norm(m[:3, :3], 2))) for m in places]
-            found.append(_Body(n, False, materials[n], _around(balls)))
+            found.append(_Body(n, False, materials[n], _enclosing_sphere(balls)))
     return found
 
 
@@ -146,12 +146,12 @@ class _Glass:
     def __init__(self, description: SceneDescription, bodies: list[_Body]) -> None:
         self._description, self._bodies = description, bodies
         self._centers, self._radii = np.array([b.ball.center for b in bodies]), np.array([b.ball.radius for b in bodies])
-        self.ball = cache(lambda k: _tight(description, bodies[k]))
+        self.ball = cache(lambda k: _tight_sphere(description, bodies[k]))
         self._corners = cache(lambda k: _corners(description, bodies[k].number))
 
     def around(self, lamp: _Body) -> dict[int, float]:
         """Returns the bodies that enclose the lamp: index -> solid angle, steradians, that the body covers from within."""
-        light, found = _tight(self._description, lamp), {}
+        light, found = _tight_sphere(self._description, lamp), {}
         for k in np.flatnonzero(np.linalg.norm(self._centers - light.center, axis=1) < self._radii).tolist():
             ball: _Ball = self.ball(k)
             if float(np.linalg.norm(ball.center - light.center)) + light.radius <= _WITHIN * ball.radius:
@@ -201,13 +201,13 @@ def _area(description: SceneDescription, body: _Body) -> float:
     return 0.5 * float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum())
 
 
-def _tight(description: SceneDescription, body: _Body) -> _Ball:
+def _tight_sphere(description: SceneDescription, body: _Body) -> _Ball:
     return body.ball if body.is_sphere else _ball_of_points(_points(description, body.number))
 
 
 def _ball_of_sphere(sphere: Sphere) -> _Ball:
     places = [(sphere.center, sphere.radius), *sphere.keys]
-    return _around([_Ball(np.array(center, np.float64), radius) for center, radius in places])
+    return _enclosing_sphere([_Ball(np.array(center, np.float64), radius) for center, radius in places])
 
 
 def _ball_of_points(points: F64) -> _Ball:
@@ -216,7 +216,7 @@ def _ball_of_points(points: F64) -> _Ball:
     return _Ball(center, float(np.linalg.norm(points - center, axis=1).max()))
 
 
-def _around(balls: list[_Ball]) -> _Ball:
+def _enclosing_sphere(balls: list[_Ball]) -> _Ball:
     """Returns a sphere that contains the given spheres; its centre is that of their bounding box."""
     low = np.min([ball.center - ball.radius for ball in balls], axis=0)
     high = np.max([ball.center + ball.radius for ball in balls], axis=0)

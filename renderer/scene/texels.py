@@ -97,13 +97,13 @@ class Texels:
             uv, triangle = _patches()
             mean = np.zeros((len(triangle), 3), np.float32)
             mean_texels(*self._arrays_of_stack(row), 0, uv, uv, triangle, mean)
-            gains = [self._transforms[r][GAIN] for r in self._chain(row)]
+            gains = [self._transforms[r][GAIN] for r in self._rows_of_layers(row)]
             self._means[row] = max(float(luminance(mean.mean(axis=0, dtype=np.float64))), _LEAST_MEAN * sum(gains))
         return self._means[row]
 
     def uses_second_uv_set(self, row: int) -> bool:
         """Returns True if the texture in a table row, or a layer of it, uses the second UV set."""
-        return any(self._rows[r][UV_SET] != 0 for r in self._chain(row))
+        return any(self._rows[r][UV_SET] != 0 for r in self._rows_of_layers(row))
 
     def _append(self, texture: Texture, light: bool) -> float:
         """Adds a table row for one texture without its layers; returns the factor by which its texels must be multiplied.
@@ -127,7 +127,7 @@ class Texels:
 
         row: the texture's row in the table of all textures. Only the texels that this texture and its layers use are included.
         """
-        chain = list(self._chain(row))
+        chain = list(self._rows_of_layers(row))
         blocks = sorted({self._block_of_row[r] for r in chain})
         start = dict(zip(blocks, np.cumsum([0] + [len(self._blocks[b]) for b in blocks]), strict=False))
         rows = np.array([self._rows[r] for r in chain], np.int32)
@@ -136,7 +136,7 @@ class Texels:
         transforms = np.clip(np.array([self._transforms[r] for r in chain]), -_MOST_TRANSFORMED, _MOST_TRANSFORMED)
         return rows, transforms.astype(np.float32), np.concatenate([self._blocks[b] for b in blocks])
 
-    def _chain(self, row: int) -> Iterator[int]:
+    def _rows_of_layers(self, row: int) -> Iterator[int]:
         while row >= 0:
             yield row
             row = self._rows[row][ABOVE]

@@ -63,7 +63,7 @@ class _MovingTextures:
         """
         textures = [scene.textures[number] for scene, number in keyed_textures]
         own = textures[0]
-        if any(_kind(each) != _kind(own) for each in textures):
+        if any(_static_properties(each) != _static_properties(own) for each in textures):
             self.changes = True
             textures, keyed_textures = [own], keyed_textures[:1]
         scenes = [scene for scene, _ in keyed_textures]
@@ -80,7 +80,7 @@ class _MovingTextures:
         return self._numbers[texture]
 
 
-def _kind(texture: Texture) -> object:
+def _static_properties(texture: Texture) -> object:
     """Returns the properties of a texture that cannot have keys: all except its transform."""
     layers = tuple((layer.blend, layer.strength) for layer in texture.layers)
     return texture.image, texture.wrap_s, texture.wrap_t, texture.uv_set, texture.filter, layers
