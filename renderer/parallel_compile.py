@@ -51,7 +51,7 @@ class Helpers:
 
     def __init__(self, variant: str, wanted: bool = True) -> None:
         self._variant = variant
-        self._count = _helpers() if wanted else 0
+        self._count = _number_of_helpers() if wanted else 0
         self._forked: list[int] = []
         self._started: list[subprocess.Popen[bytes]] = []
         self._taking = self._giving = self._over = self._working = -1
@@ -116,7 +116,7 @@ class Helpers:
                     signal.signal(each, signal.SIG_DFL)
                 _close(self._giving)
                 _close(self._over)
-                _help(self._variant, self._taking, self._working, parent, is_first=number == 0)
+                _run_helper(self._variant, self._taking, self._working, parent, is_first=number == 0)
             finally:
                 os._exit(0)  # the parent will meet the same error and report it
         return child
@@ -161,7 +161,7 @@ class _Parts:
         return any_taken
 
 
-def _help(variant: str, taking: int, working: int, parent: int, is_first: bool) -> None:
+def _run_helper(variant: str, taking: int, working: int, parent: int, is_first: bool) -> None:
     """The main function of a helper process.
 
     is_first: this helper also compiles the kernels that prepare scenes, while the parent links the kernel.
@@ -173,12 +173,12 @@ def _help(variant: str, taking: int, working: int, parent: int, is_first: bool) 
         prepare_first()
 
 
-def _helpers() -> int:
+def _number_of_helpers() -> int:
     """Returns how many helpers are useful: one for each other core, as memory allows."""
-    return max(min(cores() - 1, MOST, _free() // NEEDS), 0)
+    return max(min(cores() - 1, MOST, _free_memory() // NEEDS), 0)
 
 
-def _free() -> int:
+def _free_memory() -> int:
     """Returns the free memory of this machine in bytes; if unknown, a number large enough for all helpers."""
     with contextlib.suppress(OSError, ValueError):
         for line in Path("/proc/meminfo").read_text().splitlines():
@@ -196,7 +196,7 @@ def main(arguments: list[str]) -> None:
     """Entry point of a spawned helper. arguments: variant, both ends of two pipes, the parent's PID, the helper's number."""
     variant, *numbers = arguments
     taking, working, parent, number = map(int, numbers)
-    _help(variant, taking, working, parent, is_first=number == 0)
+    _run_helper(variant, taking, working, parent, is_first=number == 0)
 
 
 if __name__ == "__main__":

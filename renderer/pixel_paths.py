@@ -95,7 +95,7 @@ def pixel_paths(
     paths = []
     for sample, roles in chosen.items():
         found = replay(scene, settings, x, y, sample)
-        paths.append(PixelPath(roles, sample, found, *_spots(settings, found)))
+        paths.append(PixelPath(roles, sample, found, *_project_path(settings, found)))
     red, green, blue = (int(v) for v in values.sum(0))
     return PixelPaths(count, (red, green, blue), int(is_finite.sum()), paths)
 
@@ -110,7 +110,7 @@ def bounce_of(vertex: Vertex, following: Vertex | None) -> Bounce | None:
     return "reflected" if float(np.dot(vertex.normal, following.direction)) > 0 else "transmitted"
 
 
-def _spots(settings: RenderSettings, found: Replay) -> tuple[list[ProjectedPoint], list[ProjectedPoint | None]]:
+def _project_path(settings: RenderSettings, found: Replay) -> tuple[list[ProjectedPoint], list[ProjectedPoint | None]]:
     view = _view_at(settings, found.time)
 
     def spot(point: Vec3 | None, direction: Vec3) -> ProjectedPoint:

@@ -50,7 +50,7 @@ def _jobs(variants: list[str]) -> list[str]:
     return [*sorted(variants, key=lambda name: sum(map(bool, KERNEL_VARIANTS[name])), reverse=True), PREPARING]
 
 
-def _at_a_time(count: int) -> int:
+def _max_parallel_jobs(count: int) -> int:
     memory = os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
     return max(1, min(count, cores(), memory // MEMORY))
 
@@ -60,7 +60,7 @@ def _compile_all(jobs: list[str], begin: float) -> None:
 
     begin: the start time, from time.perf_counter().
     """
-    count = _at_a_time(len(jobs))
+    count = _max_parallel_jobs(len(jobs))
     print(f"compiling {len(jobs)} kernels, {count} at a time ({', '.join(jobs)})", flush=True)
     with ThreadPoolExecutor(count) as pool:
         waiting = {pool.submit(_compile_in_process, job): job for job in jobs}

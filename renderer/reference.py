@@ -27,7 +27,7 @@ class Reference(types.Type):
     def __init__(self, whole: types.NamedTuple | types.NamedUniTuple) -> None:
         self.whole = whole
         # Short, since it is part of the names of all functions that take one.
-        digest = hashlib.sha256(_written_out(whole).encode()).hexdigest()[:12]
+        digest = hashlib.sha256(_type_name(whole).encode()).hexdigest()[:12]
         super().__init__(f"Reference({whole.instance_class.__name__} {digest})")
 
     def field(self, name: str) -> types.Type | None:
@@ -38,10 +38,10 @@ class Reference(types.Type):
         return Reference(found) if isinstance(found, _TUPLES) and _has_arrays(found) else found
 
 
-def _written_out(kind: types.Type) -> str:
+def _type_name(kind: types.Type) -> str:
     if not isinstance(kind, _TUPLES):
         return str(kind)
-    fields = ", ".join(f"{name}: {_written_out(each)}" for name, each in zip(kind.fields, kind.types, strict=True))
+    fields = ", ".join(f"{name}: {_type_name(each)}" for name, each in zip(kind.fields, kind.types, strict=True))
     return f"{kind.instance_class.__name__}({fields})"
 
 

@@ -116,11 +116,11 @@ def cached_meaning(files: Iterable[Path], kept: Path, root: Path = ROOT) -> str:
 def _as_text(tree: ast.AST) -> list[str]:
     """Returns a syntax tree as text: only fields that are set, so that new fields of later Python versions have no effect."""
     words: list[str] = []
-    _write(tree, words.append)
+    _write_node(tree, words.append)
     return words
 
 
-def _write(node: object, say: Callable[[str], None]) -> None:
+def _write_node(node: object, say: Callable[[str], None]) -> None:
     if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in TEXTS:
         say(node.func.id)
     elif isinstance(node, ast.AST):
@@ -131,11 +131,11 @@ def _write(node: object, say: Callable[[str], None]) -> None:
                 value = [each for each in value if not _is_text(each)]
             if value is not None and value != [] and name not in ("ctx", "kind"):
                 say(name)
-                _write(value, say)
+                _write_node(value, say)
     elif isinstance(node, list):
         say("[")
         for each in node:
-            _write(each, say)
+            _write_node(each, say)
         say("]")
     else:
         say(repr(node))

@@ -45,10 +45,10 @@ def entry_names(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) ->
     found: list[str | None] = []
     unknown: list[bytes] = []
     for entry in entries:
-        name = _declared(entry)
+        name = _declared_name(entry)
         found.append(name)
         if name is None:
-            unknown.append(_raw(entry))
+            unknown.append(_raw_name(entry))
     guess = None
     if unknown:
         encoding = _encoding(unknown, archive, entries)
@@ -66,11 +66,11 @@ def entry_names(archive: zipfile.ZipFile, entries: Sequence[zipfile.ZipInfo]) ->
     return EntryNames([(name or "").replace("\\", "/") for name in found], guess)
 
 
-def _raw(entry: zipfile.ZipInfo) -> bytes:
+def _raw_name(entry: zipfile.ZipInfo) -> bytes:
     return entry.orig_filename.encode("cp437")
 
 
-def _declared(entry: zipfile.ZipInfo) -> str | None:
+def _declared_name(entry: zipfile.ZipInfo) -> str | None:
     """Returns an entry's name if it is ASCII or the archive declares its encoding; else None."""
     name = entry.orig_filename
     if name.isascii() or entry.flag_bits & _UTF8_FLAG:
@@ -82,7 +82,7 @@ def _declared(entry: zipfile.ZipInfo) -> str | None:
             field, extra = extra[4 : 4 + size], extra[4 + size :]
             if kind == _UNICODE_PATH and len(field) > 5:
                 version, crc = struct.unpack("<BI", field[:5])
-                if version == 1 and crc == zlib.crc32(_raw(entry)):
+                if version == 1 and crc == zlib.crc32(_raw_name(entry)):
                     return field[5:].decode("utf-8")
     return None
 

@@ -123,7 +123,7 @@ def parts(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, tuple[int]]]:
     """Returns an empty list, to which a test adds the parts that this process and one helper process compile; nothing else is."""
     found: list[tuple[Any, tuple[int]]] = []
     monkeypatch.setattr(parallel_compile, "pool_stages", lambda *_: found)
-    monkeypatch.setattr(parallel_compile, "_helpers", lambda: 1)
+    monkeypatch.setattr(parallel_compile, "_number_of_helpers", lambda: 1)
     monkeypatch.setattr(parallel_compile, "is_prepared", lambda: True)
     monkeypatch.setattr(threading, "active_count", lambda: 1)
     return found
@@ -186,15 +186,15 @@ def test_helper_is_spawned_beside_other_threads(
 
 def test_number_of_helpers_by_cores_and_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(parallel_compile, "cores", lambda: 16)
-    monkeypatch.setattr(parallel_compile, "_free", lambda: 64 << 30)
-    assert parallel_compile._helpers() == parallel_compile.MOST
-    monkeypatch.setattr(parallel_compile, "_free", lambda: parallel_compile.NEEDS)
-    assert parallel_compile._helpers() == 1
-    monkeypatch.setattr(parallel_compile, "_free", lambda: parallel_compile.NEEDS - 1)
-    assert parallel_compile._helpers() == 0
-    monkeypatch.setattr(parallel_compile, "_free", lambda: 64 << 30)
+    monkeypatch.setattr(parallel_compile, "_free_memory", lambda: 64 << 30)
+    assert parallel_compile._number_of_helpers() == parallel_compile.MOST
+    monkeypatch.setattr(parallel_compile, "_free_memory", lambda: parallel_compile.NEEDS)
+    assert parallel_compile._number_of_helpers() == 1
+    monkeypatch.setattr(parallel_compile, "_free_memory", lambda: parallel_compile.NEEDS - 1)
+    assert parallel_compile._number_of_helpers() == 0
+    monkeypatch.setattr(parallel_compile, "_free_memory", lambda: 64 << 30)
     monkeypatch.setattr(parallel_compile, "cores", lambda: 1)
-    assert parallel_compile._helpers() == 0
+    assert parallel_compile._number_of_helpers() == 0
     with Helpers(PLAIN) as helpers:
         helpers.share()  # without helpers this process compiles everything with the kernel
         helpers.finish()
