@@ -25,7 +25,7 @@ def test_moving_body_stays_within_its_bounds(turns):
         low, high = -random.random(3), random.random(3)
         box = motion_boxes(np.array([[low, high]]), keys)
         points = np.array([np.where(which, high, low) for which in np.ndindex(2, 2, 2)])
-        there, _ = places(keys, np.linspace(0, 1, 400))
+        there = places(keys, np.linspace(0, 1, 400))
         found = (points @ there[:, :, :3].transpose(0, 2, 1) + there[:, None, :, 3]).reshape(-1, 3)
         assert (found >= box[0]).all()
         assert (found <= box[1]).all()
