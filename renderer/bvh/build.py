@@ -15,15 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.boxes import set_number
-from renderer.bvh.collapse import Shapes, fold_all
+from renderer.bvh.collapse import Shapes, collapse_all
 from renderer.bvh.instances import Instances, instance_boxes, relocate
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
-from renderer.bvh.top import part_size, split_all
+from renderer.bvh.top import build_binary_tree, part_size
 from renderer.bvh.transforms import invert_transforms
 from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
-__all__ = ["boundless", "build", "tree_of", "tree_over"]
+__all__ = ["build", "make_boxes_infinite", "tree_of", "tree_over"]
 
 
 def build(
@@ -92,11 +92,11 @@ def tree_over(
     box = _boxes(arrays[0][0], triangle, arrays[0][1], nothing, team)
     for p, s in arrays[1:]:
         np.maximum(box, _boxes(p, triangle, s, nothing, team), out=box)
-    binary = split_all(box, len(triangle), len(triangle) + sphere.shape[1], team)
-    return fold_all(binary, Shapes(arrays[0][0], triangle, arrays[0][1], first_sphere), team)
+    binary = build_binary_tree(box, len(triangle), len(triangle) + sphere.shape[1], team)
+    return collapse_all(binary, Shapes(arrays[0][0], triangle, arrays[0][1], first_sphere), team)
 
 
-def boundless(node: npt.NDArray[Any]) -> None:
+def make_boxes_infinite(node: npt.NDArray[Any]) -> None:
     """Makes every child box of the nodes infinite, so that every ray intersects it. Empty boxes of unused lanes stay empty."""
     used = node[:, 0] <= node[:, 1]
     for row in range(6):
@@ -151,8 +151,8 @@ def _tree(
         node[:, 1:6:2] = -np.inf
         node[:, ROW_CHILD] = 0
         return node, np.empty((0, PACKET_ROWS, WIDTH), np.float32)
-    binary = split_all(_boxes(position, triangle, sphere, bounds, team), len(triangle), solids, team)
-    return fold_all(binary, Shapes(position, triangle, sphere, first_sphere), team)
+    binary = build_binary_tree(_boxes(position, triangle, sphere, bounds, team), len(triangle), solids, team)
+    return collapse_all(binary, Shapes(position, triangle, sphere, first_sphere), team)
 
 
 def _boxes(
@@ -169,7 +169,7 @@ def _boxes(
 
 def _as_sealed(bvh: Bvh, brute: bool) -> Bvh:
     if brute:
-        boundless(bvh.node)
+        make_boxes_infinite(bvh.node)
     for array in (bvh.node, bvh.packet, bvh.instance_root, bvh.to_local):
         array.flags.writeable = False
     return bvh

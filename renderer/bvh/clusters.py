@@ -20,14 +20,14 @@ from renderer.bvh.split import (
     bound_sides,
     cheapest_plane,
     fill_bins,
-    lay_grid,
     new_bins,
     partition,
+    set_up_bins,
 )
 from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
-__all__ = ["JOB", "Clusters", "gathered", "one_cluster", "split_clusters"]
+__all__ = ["JOB", "Clusters", "gathered", "single_cluster", "split_clusters"]
 
 # A node that is still to be split: tree row, first primitive, count, first of its descendants' rows, depth,
 # first cluster, end of its clusters.
@@ -53,7 +53,7 @@ class Clusters(NamedTuple):
     weight: Any  # (C,) i64: the count by the heuristic, where an instance counts eight times
 
 
-def one_cluster(source: Integers, whole: F32) -> Clusters:
+def single_cluster(source: Integers, whole: F32) -> Clusters:
     """Returns a single cluster with all primitives of `source`. whole: (8,), the bounds of these primitives."""
     count = np.array([len(source)])
     return Clusters(source, numbered(whole.reshape(1, 8).copy()), np.zeros(1, np.int64), count, count)
@@ -164,7 +164,7 @@ def _split(clusters, bins, spread, stack, least, tree_box, tree, parts):
         begin, end = stack[top, 5], stack[top, 6]
         axis, bin = -1, 0
         if depth < SAH_DEPTH and (is_first or (count > least and end - begin >= FEWEST)):
-            lay_grid(bins.grid, spread, top, _ALL_BINS)
+            set_up_bins(bins.grid, spread, top, _ALL_BINS)
             fill_bins(bins, box, begin, end, _ALL_BINS, 0, clusters.weight)
             plane = cheapest_plane(bins, _ALL_BINS)
             axis, bin = plane.axis, plane.bin

@@ -28,7 +28,7 @@ from renderer.bvh.top import MOST_PARTS, BinaryTree, part_size
 from renderer.jit import device, entry
 from renderer.threads import Team
 
-__all__ = ["Shapes", "fold_all"]
+__all__ = ["Shapes", "collapse_all"]
 
 # Two units in the last place on each side: with the traversal's slack for the origin, rounding never loses a hit.
 _SLACK = np.float32(4 * 2.0**-24)
@@ -47,7 +47,7 @@ class Shapes(NamedTuple):
     first_sphere: int  # the first sphere's primitive number
 
 
-def fold_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Array]:
+def collapse_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Array]:
     """Collapses a binary tree; returns the wide nodes and the packets.
 
     The nodes over more primitives than `part_size` come first in the arrays; the subtrees below them follow, and are filled by

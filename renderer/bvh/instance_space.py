@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.motion import inverse_of, placed_at
+from renderer.bvh.motion import inverse_of, transform_at
 from renderer.jit import device, never_inline, subroutine
 
 __all__ = ["ray_to_instance", "to_local"]
@@ -23,7 +23,7 @@ def ray_to_instance(bvh, number, o, d, time):
 @subroutine
 def _ray_to_moving_instance(motion, first, keys, time, o, d):
     never_inline()
-    a, b, c = inverse_of(placed_at(motion, first, keys, time))
+    a, b, c = inverse_of(transform_at(motion, first, keys, time))
     ox, oy, oz = np.float64(o[0]), np.float64(o[1]), np.float64(o[2])
     dx, dy, dz = np.float64(d[0]), np.float64(d[1]), np.float64(d[2])
     return (

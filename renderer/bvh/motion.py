@@ -15,7 +15,7 @@ import numpy as np
 from renderer.bvh.layout import KEY_COLUMNS
 from renderer.jit import device
 
-__all__ = ["ANGLE", "INVERSE_SINE", "KEY_COLUMNS", "PLACE", "POINT", "STRETCH", "TURN", "inverse_of", "placed_at", "step_at"]
+__all__ = ["ANGLE", "INVERSE_SINE", "KEY_COLUMNS", "PLACE", "POINT", "STRETCH", "TURN", "inverse_of", "step_at", "transform_at"]
 
 POINT = 0  # three columns: in the body's space
 PLACE = 3  # three: its world position
@@ -57,7 +57,7 @@ def _interpolate(keys, k, column, share):
 
 
 @device
-def placed_at(keys, first, count, time):
+def transform_at(keys, first, count, time):
     """Returns the matrix from a moving body's space to world space at a shutter time in 0 ... 1.
 
     The matrix has three rows, each with the translation last. keys: (R, KEY_COLUMNS) f64, in which this body's keys are the
@@ -99,7 +99,7 @@ def placed_at(keys, first, count, time):
 
 @device
 def inverse_of(m):
-    """Returns the rows of the inverse of a transform from `placed_at`."""
+    """Returns the rows of the inverse of a transform from `transform_at`."""
     a, b, c = m
     ax, ay, az = b[1] * c[2] - b[2] * c[1], a[2] * c[1] - a[1] * c[2], a[1] * b[2] - a[2] * b[1]
     bx, by, bz = b[2] * c[0] - b[0] * c[2], a[0] * c[2] - a[2] * c[0], a[2] * b[0] - a[0] * b[2]

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from renderer.bvh.motion import ANGLE, INVERSE_SINE, KEY_COLUMNS, PLACE, POINT, STRETCH, TURN
 
-__all__ = ["motion_keys", "polar", "turned_by"]
+__all__ = ["largest_rotation", "motion_keys", "polar"]
 
 F64 = npt.NDArray[np.float64]
 
@@ -39,7 +39,7 @@ def motion_keys(places: F64) -> F64:
     return keys
 
 
-def turned_by(keys: F64) -> float:
+def largest_rotation(keys: F64) -> float:
     """Returns the largest angle, in radians, by which any body rotates from a key to the next. keys: from `motion_keys`."""
     return 2.0 * float(keys[:, :, ANGLE].max(initial=0.0))
 

@@ -38,8 +38,8 @@ __all__ = [
     "bound_sides",
     "cheapest_plane",
     "fill_bins",
-    "lay_grid",
     "partition",
+    "set_up_bins",
     "split",
 ]
 
@@ -89,7 +89,7 @@ def new_bins() -> Bins:
 
 
 @device
-def lay_grid(grid, spread, i, bins):
+def set_up_bins(grid, spread, i, bins):
     """Sets up equal bins along each axis, from the smallest centroid to the largest.
 
     spread: row i contains the bounds of the centroids.
@@ -260,7 +260,7 @@ def split(box, clusters, parts, local, bins, spread, stack, triangles, solids, o
             plane = Plane(-1, 0, _INF)
             used = BINS if count > _FEW else (_FEW_BINS if count > _LEAF_SIZE else _LEAST_BINS)
             if depth < SAH_DEPTH:
-                lay_grid(bins.grid, spread, top, used)
+                set_up_bins(bins.grid, spread, top, used)
                 fill_bins(bins, local, first, end, used, solids, None)
                 plane = cheapest_plane(bins, used)
             least = first_kind(tree_box, node, triangles, solids)

@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.bvh.build import boundless, tree_of
+from renderer.bvh.build import make_boxes_infinite, tree_of
 from renderer.bvh.instances import instance_boxes, relocate, root_boxes
 from renderer.bvh.layout import INSTANCE, NODE_ROWS, PACKET_ROWS, PAGE, ROW_CHILD, WIDTH, Bvh
 from renderer.bvh.motion_bvh import motion_boxes
@@ -107,7 +107,7 @@ def assemble_bvh(
     number = np.concatenate([[nodes[1], nodes[3]], ~(4 * (len(still.instance_root) + np.arange(len(shown))) + INSTANCE)])
     _copy_top(top, number[children], node, nodes[1])
     if brute:
-        boundless(node)
+        make_boxes_infinite(node)
     bvh = Bvh(node, packet, root.astype(np.int32), invert_transforms(to_world))
     if any(map(len, keys)):
         count = np.array([0] * len(still.instance_root) + [len(each) for each in keys], np.int32)

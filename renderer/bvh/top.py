@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.boxes import doubled_centroid, numbers_of
-from renderer.bvh.clusters import JOB, TREELET, Clusters, gathered, one_cluster, split_clusters
+from renderer.bvh.clusters import JOB, TREELET, Clusters, gathered, single_cluster, split_clusters
 from renderer.bvh.simd import load, maximum, splat, store
 from renderer.bvh.split import STACK, new_bins, split
 from renderer.jit import entry
 from renderer.threads import Team, parts_of
 
-__all__ = ["LEAST_PART", "MOST_PARTS", "BinaryTree", "part_size", "split_all"]
+__all__ = ["LEAST_PART", "MOST_PARTS", "BinaryTree", "build_binary_tree", "part_size"]
 
 LEAST_PART = 1 << 15  # boxes: one megabyte, which fits a core's cache
 MOST_PARTS = 64  # of one tree: more cost time without benefit
@@ -42,7 +42,7 @@ class BinaryTree(NamedTuple):
     order: npt.NDArray[np.int32]  # (N,)
 
 
-def split_all(box: F32, triangles: int, solids: int, team: Team) -> BinaryTree:
+def build_binary_tree(box: F32, triangles: int, solids: int, team: Team) -> BinaryTree:
     """Builds the binary tree over the boxes of all primitives.
 
     triangles, solids: the first primitive number of a sphere, and of an instance. team: the threads that build.
@@ -88,7 +88,7 @@ def _split_top(box: F32, solids: int, part: int, binary: BinaryTree, team: Team)
         node, source = waiting.pop()
         whole, spread = _bounds_of(box, source, part, team)
         if node[2] <= part:
-            clusters = one_cluster(source, whole)
+            clusters = single_cluster(source, whole)
             yield clusters, np.append(node, (0, 1)).reshape(1, JOB)
             continue
         clusters = gathered(box, source, spread, solids, team)

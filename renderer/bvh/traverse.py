@@ -64,7 +64,7 @@ __all__ = [
     "closest_hit",
     "closest_in_instance",
     "new_stack",
-    "place_at",
+    "packet_address_at",
     "shadow_root",
 ]
 
@@ -131,7 +131,7 @@ def _interpolate_packet(packet, leaf, keys, time, stack):
 
 
 @device
-def place_at(bvh, leaf, stack, time):
+def packet_address_at(bvh, leaf, stack, time):
     """Returns the address of a leaf's packet at a shutter time; a packet with motion keys is interpolated onto the stack."""
     if time is not None and (leaf >> 2) >= bvh.keyed_packets[0]:
         _interpolate_packet(bvh.packet, leaf, bvh.keyed_packets[1], time, stack)
@@ -321,7 +321,7 @@ def _closest_hit(bvh, stack, o, d, t_max, time, root, after, facing):
             tie = tie_of(instance, found[2])
             start = _NO, found[1], found[2], found[3], found[4]
             found = _nearest_in_packet(
-                bvh.packet, place_at(bvh, leaf, stack, time), leaf, o, d, constants, start, tie, after, limit
+                bvh.packet, packet_address_at(bvh, leaf, stack, time), leaf, o, d, constants, start, tie, after, limit
             )
             if found[0]:
                 instance = WORLD
@@ -380,7 +380,7 @@ def _any_hit(bvh, stack, o, d, t_max, time, root):
             if bvh.instances is not None and leaf & INSTANCE:
                 if any_in_instance(bvh, stack, top, leaf >> 2, o, d, t_max, time):
                     return True
-            elif _occludes(place_at(bvh, leaf, stack, time), leaf, o, d, constants, t_max):
+            elif _occludes(packet_address_at(bvh, leaf, stack, time), leaf, o, d, constants, t_max):
                 return True
         if top == np.uintp(0):
             return False

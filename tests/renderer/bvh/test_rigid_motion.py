@@ -6,21 +6,21 @@ import numpy as np
 import pytest
 
 from renderer.bvh.layout import KEY_COLUMNS
-from renderer.bvh.motion import ANGLE, PLACE, POINT, STRETCH, TURN, inverse_of, placed_at
-from renderer.bvh.rigid_motion import motion_keys, polar, turned_by
+from renderer.bvh.motion import ANGLE, PLACE, POINT, STRETCH, TURN, inverse_of, transform_at
+from renderer.bvh.rigid_motion import largest_rotation, motion_keys, polar
 from renderer.jit import entry
 
 
 @entry
 def _places(keys, time, out):
     for i in range(len(time)):
-        out[i, 0], out[i, 1], out[i, 2] = placed_at(keys, 0, len(keys), time[i])
+        out[i, 0], out[i, 1], out[i, 2] = transform_at(keys, 0, len(keys), time[i])
 
 
 @entry
 def _inverses(keys, time, out):
     for i in range(len(time)):
-        out[i, 0], out[i, 1], out[i, 2] = inverse_of(placed_at(keys, 0, len(keys), time[i]))
+        out[i, 0], out[i, 1], out[i, 2] = inverse_of(transform_at(keys, 0, len(keys), time[i]))
 
 
 def _filled(kernel, keys, time):
@@ -77,7 +77,7 @@ def test_rotation_about_a_distant_axis_between_keys():
         return placed(turn @ shape, through - turn @ through)
 
     keys = motion_keys(np.array([[at(k / 3) for k in range(4)]]))[0]
-    assert turned_by(keys[None]) == pytest.approx(math.pi / 2)
+    assert largest_rotation(keys[None]) == pytest.approx(math.pi / 2)
     time = np.linspace(0, 1, 41)
     found, back = places(keys, time), inverses(keys, time)
     np.testing.assert_allclose(found, [at(float(np.float32(t))) for t in time], atol=1e-6)
