@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
-__all__ = ["DeformedShapes", "without_bones"]
+__all__ = ["DeformedShapes", "armatures_disabled"]
 
 NEAR = 1e-5  # relative to a coordinate: smaller differences are rounding errors
 MOST = 6_000_000  # vertices of all shape keys: each takes 24 bytes of the file, and a microsecond or two to write
@@ -28,14 +28,14 @@ class DeformedShapes:
         names = [name for name in sorted(visible_names) if _may_deform(scene.objects[name])]
         if len(frames) < 2 or not names:
             return
-        with without_bones([scene.objects[name] for name in names]):
+        with armatures_disabled([scene.objects[name] for name in names]):
             looked = {frames[0], frames[1], frames[len(frames) // 3], frames[len(frames) // 2], frames[-1]}
             bent = self._deformed_names(names, sorted(looked))
             self.left = [name for name in bent if not self._may_have_keys(name)]
             kept = [name for name in bent if name not in self.left]
             self._shapes = self._positions_at_frames(kept)
 
-    def into_keys(self, thing: Any) -> None:
+    def add_shape_keys(self, thing: Any) -> None:
         """Adds an animated shape key per frame to a mesh object whose own shape is that of the first frame."""
         shapes = self._shapes.get(thing.name)
         if shapes is None or len(shapes[0]) != 3 * len(thing.data.vertices):
@@ -96,7 +96,7 @@ class DeformedShapes:
 
 
 @contextmanager
-def without_bones(objects: list[Any]) -> Iterator[None]:
+def armatures_disabled(objects: list[Any]) -> Iterator[None]:
     """Context manager that disables the armature modifiers of these objects."""
     bones = [each for thing in objects for each in thing.modifiers if each.type == "ARMATURE" and each.show_viewport]
     for each in bones:

@@ -7,7 +7,15 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 __all__ = [
-    *("MOST_FRAMES", "animated_paths", "exposed_over", "frames_of", "is_animated", "keyed", "over_frames", "rounded", "scripted")
+    "MOST_FRAMES",
+    "animated_paths",
+    "frames_of",
+    "is_animated",
+    "keyed",
+    "over_frames",
+    "rounded",
+    "scripted",
+    "shutter_frames",
 ]
 
 MOST_FRAMES = 10_000
@@ -100,7 +108,7 @@ def frames_of(bpy: Any, scene: Any) -> list[int]:
     return list(range(scene.frame_start, min(scene.frame_end, scene.frame_start + MOST_FRAMES - 1) + 1)) or [scene.frame_current]
 
 
-def exposed_over(frames: list[int], settings: dict[str, Any]) -> list[int]:
+def shutter_frames(frames: list[int], settings: dict[str, Any]) -> list[int]:
     """Returns the frame numbers, extended by those that the open shutter overlaps; none below 0, the start of time.
 
     Never exactly two frames: for two keys Blender's exporter writes step interpolation. settings: the render settings.

@@ -9,12 +9,12 @@ from typing import Any
 
 from .sentences import Sentence
 
-__all__ = ["as_stills"]
+__all__ = ["replace_movies_by_stills"]
 
 NUMBER = re.compile(r"(\d+)(?=\D*$)")
 
 
-def as_stills(bpy: Any, materials: list[Any], notes: list[str]) -> None:
+def replace_movies_by_stills(bpy: Any, materials: list[Any], notes: list[str]) -> None:
     """Replaces the image sequences in the materials' nodes by still images."""
     made: dict[Any, Any] = {}
     told = set()

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .deforming_meshes import DeformedShapes, without_bones
+from .deforming_meshes import DeformedShapes, armatures_disabled
 from .instances import VISIBLE, instances_as_objects
 from .keys import animated_paths
 from .sentences import Sentence, first_items
@@ -169,14 +169,14 @@ def _apply_modifiers(
         if thing.data.shape_keys is not None and len(thing.data.shape_keys.key_blocks) > 1:
             keyed.append(name)
             continue
-        with without_bones([thing]):
+        with armatures_disabled([thing]):
             graph = bpy.context.evaluated_depsgraph_get()
             shape = bpy.data.meshes.new_from_object(thing.evaluated_get(graph), preserve_all_data_layers=True, depsgraph=graph)
         thing.data = shape
         for each in list(thing.modifiers):
             if each.type not in ("ARMATURE",):
                 thing.modifiers.remove(each)
-        bending.into_keys(thing)
+        bending.add_shape_keys(thing)
     if keyed:
         notes.append(
             Sentence(

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 from .exporter_support import is_placed_by_uv, is_supported
 from .sentences import Sentence
-from .texture_spaces import is_suited
+from .texture_spaces import has_required_encoding
 
 __all__ = ["Extensions", "modules_of", "simplify"]
 
@@ -90,7 +90,7 @@ class _Simplifier:
         self._painter = modules.image_nodes.Painter(material.name, self._texture_path)
 
     def run(self) -> dict[str, Any]:
-        """Converts the material if necessary; returns the properties that the exporter cannot write, for `with_rays`."""
+        """Converts the material if necessary; returns the properties that the exporter cannot write, for `write_extensions`."""
         nodes = self._modules.nodes
         source = nodes.output_of(self._tree)
         output = self._tree.get_output_node("CYCLES") or self._tree.get_output_node("ALL")
@@ -217,7 +217,7 @@ class _Simplifier:
             source is not None
             and not source.groups
             and is_supported(source.node)
-            and is_suited(entry, source.node, source.output)
+            and has_required_encoding(entry, source.node, source.output)
         ):
             if not is_own:
                 self._tree.links.new(source.output, entry)

@@ -9,7 +9,7 @@ from .glb import Glb
 from .lights import is_linked_to_lights
 from .sentences import Sentence
 
-__all__ = ["RAYS", "note_rays", "passed_by", "with_rays"]
+__all__ = ["RAYS", "note_rays", "ray_flags_of", "write_extensions"]
 
 RAYS = "RAYFARM_node_rays"  # read by renderer/scene/readers/gltf/nodes.py
 OTHERS = {
@@ -22,7 +22,7 @@ FACTORS = ("baseColorFactor", "roughnessFactor")
 Flags = dict[str, bool]
 
 
-def passed_by(objects: list[Any], layer: Any) -> dict[str, Flags]:
+def ray_flags_of(objects: list[Any], layer: Any) -> dict[str, Flags]:
     """Returns object name -> flags `camera` and `shadow`: whether such rays hit it. Only objects that one of them ignores."""
     found = {}
     for thing in objects:
@@ -73,7 +73,7 @@ def _set_factors(material: dict[str, Any], flags: dict[str, Any]) -> None:
         surface["baseColorFactor"] = [*(a * b for a, b in zip(color, flags["baseColorFactor"], strict=True)), alpha]
 
 
-def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]], groups: dict[str, str]) -> None:
+def write_extensions(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]], groups: dict[str, str]) -> None:
     """Writes into a GLB what the exporter leaves out, by name.
 
     rays: ray visibility of nodes. surfaces: extensions and factors of materials. groups: light groups of nodes, as extras.

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import Any
 
-__all__ = ["is_suited"]
+__all__ = ["has_required_encoding"]
 
 LEAST = 2 / 255  # least channel difference of a texel that is not grey
 CHANNELS = ("SEPARATE_COLOR", "SEPRGB")
 
 
-def is_suited(entry: Any, node: Any, output: Any) -> bool:
+def has_required_encoding(entry: Any, node: Any, output: Any) -> bool:
     """Returns True if all images on which an input depends have the encoding that glTF requires for it.
 
     entry: the input; node, output: the node and its output that are connected to it.

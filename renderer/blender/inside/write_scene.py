@@ -10,14 +10,14 @@ from .bake_materials import bake
 from .cameras import Cameras
 from .hair import hair_as_meshes
 from .instances import LEFT_OUT
-from .keys import exposed_over, frames_of, is_animated, over_frames, scripted
+from .keys import frames_of, is_animated, over_frames, scripted, shutter_frames
 from .large import replace_by_stand_ins, restore_large_meshes
 from .light_groups import layer_groups, light_group_of, mesh_groups
 from .lights import Lights
-from .movie_textures import as_stills
+from .movie_textures import replace_movies_by_stills
 from .prepare_scene import prepare
 from .principled_materials import modules_of, simplify
-from .ray_visibility import note_rays, passed_by, with_rays
+from .ray_visibility import note_rays, ray_flags_of, write_extensions
 from .sentences import Sentence, first_items, to_text
 from .settings import note_settings, settings_of
 from .surfaces import note_surfaces
@@ -55,14 +55,14 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     settings = settings_of(scene, layer, cycles) if has_settings else {}
     if has_settings and (groups := layer_groups(layer)):
         settings["light_groups"] = groups
-    exposed = exposed_over(frames, settings) if is_animated(bpy, scene) else frames
+    exposed = shutter_frames(frames, settings) if is_animated(bpy, scene) else frames
     scene.frame_set(frames[0])
     note_settings(bpy.data.scenes, scene, layer, notes, cycles)
     shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, exposed, notes), addon, notes)
     _note_left_out(shown, notes)
     _note_hair(shown, notes)
     solid = [thing for thing in shown if thing.type in MESHES]
-    as_stills(bpy, _materials(solid), notes)
+    replace_movies_by_stills(bpy, _materials(solid), notes)
     surfaces = simplify(bpy, solid, addon, notes)
     bake(bpy, scene, solid, notes)
     note_surfaces(_materials(solid), notes, modules is not None)
@@ -88,7 +88,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
         scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
         _write_glb(bpy, out / "blender-scene.glb", is_moving=len(exposed) > 1)
         restore_large_meshes(out / "blender-scene.glb", taken)
-        with_rays(out / "blender-scene.glb", passed_by(solid, layer), surfaces, mesh_groups(solid))
+        write_extensions(out / "blender-scene.glb", ray_flags_of(solid, layer), surfaces, mesh_groups(solid))
         shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:100]})
     document: dict[str, Any] = {
         "name": scene.name[:200],

@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.arrays.rows import SHADELESS, UNSEEN
 from renderer.blender.inside.light_groups import layer_groups, light_group_of
-from renderer.blender.inside.ray_visibility import RAYS, with_rays
+from renderer.blender.inside.ray_visibility import RAYS, write_extensions
 from renderer.scene.compile import compile_scene
 from tests.renderer.scene.builders import Gltf
 
@@ -39,7 +39,7 @@ def test_ray_visibility_is_written_by_node_name(scene, tmp_path):
     path.write_bytes(g.glb())
     leaf: dict = {"roughnessFactor": 0.3, "baseColorFactor": [0.5, 1.0, 1.0]}
     leaf |= {"KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.5}}
-    with_rays(path, {"hidden": {"camera": False, "shadow": False}}, {"leaf": leaf}, {})
+    write_extensions(path, {"hidden": {"camera": False, "shadow": False}}, {"leaf": leaf}, {})
     found = scene("b.glb", path.read_bytes())
     assert [i.material is not None for i in found.instances] == [False, True]
     hidden = found.materials[found.instances[1].material]
@@ -62,7 +62,7 @@ def test_light_groups_in_extras(scene, tmp_path):
     g.node(extensions={lights: {"light": 0}}, extras={"light_group": "no.name"})
     path = tmp_path / "b.glb"
     path.write_bytes(g.glb())
-    with_rays(path, {}, {}, {"other": "practical"})
+    write_extensions(path, {}, {}, {"other": "practical"})
     found = scene("b.glb", path.read_bytes())
     materials = [found.materials[found.meshes[i.mesh].material if i.material is None else i.material] for i in found.instances]
     assert [m.light_group for m in materials][-2:] == ["key", "practical"]
