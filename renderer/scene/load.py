@@ -22,7 +22,7 @@ from renderer.scene.presets import is_named, light_by_name
 from renderer.scene.readers.by_format import read_file
 from renderer.scene.readers.polygon_meshes import of_triangles, triangulated
 from renderer.scene.readers.up_axis import turn_up
-from renderer.scene.shutter_merge import between_files, merge_over_shutter
+from renderer.scene.shutter_merge import interpolate_numbered_files, merge_over_shutter
 from renderer.scene.studio import NO_LIGHTS_WARNING, add_floor, light_studio
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence, first_items, joined_faults, reason_of
@@ -167,7 +167,7 @@ class Shot:
             return first
         moving = merge_over_shutter(lambda each: first if each == moment else self.scene_at(each), moment, shutter)
         if self._files.is_numbered:
-            between_files(
+            interpolate_numbered_files(
                 moving, shutter, self._read_neighbouring_files(moment, -1.0), self._read_neighbouring_files(moment, 1.0)
             )
         return moving

@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from renderer.bvh.rigid_motion import motion_keys, turned_by
+from renderer.bvh.rigid_motion import largest_rotation, motion_keys
 from renderer.kernel.camera import axes_of
 from renderer.scene.animation import Moment, Shutter
 from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescription, Sphere, Texture, UvTransform
@@ -24,7 +24,7 @@ from renderer.scene.texture_motion import merge_moving_textures
 from renderer.sentences import Sentence
 from renderer.settings import MOST_KEYS
 
-__all__ = ["between_files", "merge_over_shutter"]
+__all__ = ["interpolate_numbered_files", "merge_over_shutter"]
 
 _FIRST_KEYS = 5
 _MOST_TURN = math.radians(50.0)  # maximum rotation between keys, so that full turns are recognised
@@ -90,7 +90,7 @@ def _merge_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) 
     return moving
 
 
-def between_files(
+def interpolate_numbered_files(
     moving: SceneDescription, shutter: Shutter, before: SceneDescription | None, after: SceneDescription | None
 ) -> None:
     """Adds vertex keys to the meshes of numbered files, interpolated linearly between the previous, this and the next file.
@@ -240,4 +240,4 @@ def _max_rotation(places: list[list[np.ndarray]]) -> float:
         return 0.0
     whole = np.array(places, np.float64)
     sane = np.isfinite(whole).all(axis=(1, 2, 3)) & (np.abs(np.linalg.det(whole[..., :3])) > 0).all(axis=1)
-    return turned_by(motion_keys(whole[sane])) if sane.any() else 0.0
+    return largest_rotation(motion_keys(whole[sane])) if sane.any() else 0.0

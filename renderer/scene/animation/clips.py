@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from renderer.sentences import Sentence
 
-__all__ = ["Clip", "others_of"]
+__all__ = ["Clip", "other_clips_sentence"]
 
 _NAMED = 8
 
@@ -24,7 +24,7 @@ class Clip:
     end: float
 
 
-def others_of(file: str, clips: Sequence[Clip]) -> str:
+def other_clips_sentence(file: str, clips: Sequence[Clip]) -> str:
     """Returns the sentence for users that names the clip shown (the file's first) and lists its other clips."""
     others = [clip.name[:60] for clip in clips[1:]]
     shown, listed = repr(clips[0].name[:60]), others[:_NAMED]

@@ -15,7 +15,7 @@ from renderer.errors import RayfarmError, SceneError
 from renderer.formats import FORMATS, Format
 from renderer.library_messages import library_message
 from renderer.scene.animation import Moment
-from renderer.scene.animation.clips import others_of
+from renderer.scene.animation.clips import other_clips_sentence
 from renderer.scene.animation.moment import ALL_CLIPS
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
@@ -109,7 +109,7 @@ def read_file(
     make_readable(description, files, name)
     clips = description.clips
     if moment.clip is None and clips is not before and len(clips) > 1 and clips[0].name != ALL_CLIPS:
-        description.warnings.append(others_of(name, clips))
+        description.warnings.append(other_clips_sentence(name, clips))
     return format
 
 

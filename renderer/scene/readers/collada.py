@@ -15,7 +15,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.description import SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers import assimp
-from renderer.scene.readers.collada_holes import bridged
+from renderer.scene.readers.collada_holes import bridge_holes
 from renderer.scene.readers.expansion_limits import collada_nodes
 from renderer.scene.readers.xml import refuse_entities
 from renderer.sentences import Sentence
@@ -42,7 +42,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     refuse_entities(data, main, doctype_too=False)
     own = files.get_or_make(("Collada's own", main), lambda: _extra_data(data, main))
     try:
-        whole, filled = bridged(data)
+        whole, filled = bridge_holes(data)
         metres = _metres(data)
         assimp.read(files, main, description, moment, scale=1 / (metres or 1.0), change=lambda _: whole)
         if metres is None:

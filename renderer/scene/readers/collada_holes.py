@@ -13,14 +13,14 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["bridged", "without_holes"]
+__all__ = ["bridge_holes", "without_holes"]
 
 Indices = npt.NDArray[np.int64]
 F64 = npt.NDArray[np.float64]
 _MOST_PAIRS = 200_000  # candidate bridges; with more, the shortest is taken untested
 
 
-def bridged(data: bytes) -> tuple[bytes, int]:
+def bridge_holes(data: bytes) -> tuple[bytes, int]:
     """Returns a Collada document in which each polygon with holes (<ph>) is replaced by a simple one (<p>).
 
     Also returns the number of holes that could not be joined to their outline and are therefore filled.

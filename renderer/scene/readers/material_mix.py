@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.scene.description import Material, Vec3
 from renderer.scene.readers.coats import dielectric_albedo
-from renderer.scene.readers.metals import head_on
+from renderer.scene.readers.metals import normal_reflectance
 
 __all__ = ["mix_materials"]
 
@@ -32,13 +32,13 @@ _HEAD_ON = 0.04  # reflectance at normal incidence for ior 1.5
 class _BaseAndGloss(NamedTuple):
     """A material reduced to a diffuse base and a glossy layer over it.
 
-    matt, texture: colour of the base, and the texture that multiplies it. head_on: reflectance of the glossy layer at normal
-    incidence; None without that layer. all_round: hemispherical albedo of the glossy layer.
+    matt, texture: colour of the base, and the texture that multiplies it. normal_reflectance: reflectance of the glossy layer at
+    normal incidence; None without that layer. all_round: hemispherical albedo of the glossy layer.
     """
 
     matt: np.ndarray
     texture: int | None
-    head_on: np.ndarray | None = None
+    normal_reflectance: np.ndarray | None = None
     all_round: float = 0.0
 
 
@@ -57,7 +57,7 @@ def mix_materials(first: Material, second: Material, share: float) -> Material |
     if looks[0] is None or looks[1] is None:
         return None
     parts = [(each, part, made) for each, part, made in zip(looks, (1 - share, share), (first, second), strict=True) if each]
-    glossy = [entry for entry in parts if entry[0].head_on is not None]
+    glossy = [entry for entry in parts if entry[0].normal_reflectance is not None]
     colored = [entry for entry in parts if entry[0].matt.any()]
     if len({each.texture for each, _, _ in colored}) > 1:
         return None
@@ -69,7 +69,7 @@ def mix_materials(first: Material, second: Material, share: float) -> Material |
         return None
     gloss, _, made = glossy[0]
     weight = sum(part for _, part, _ in glossy)
-    assert gloss.head_on is not None
+    assert gloss.normal_reflectance is not None
     kept = {
         name: getattr(made, name) for name in ("distribution", "anisotropy", "anisotropy_rotation", "metallic_roughness_texture")
     }
@@ -78,7 +78,7 @@ def mix_materials(first: Material, second: Material, share: float) -> Material |
         base_color=_vec(np.minimum(matt / (1 - weight * gloss.all_round), 1)),
         base_color_texture=texture,
         specular=weight,
-        specular_color=_vec(gloss.head_on / _HEAD_ON),
+        specular_color=_vec(gloss.normal_reflectance / _HEAD_ON),
         roughness=made.roughness or 0.0,
         **kept,
     )
@@ -93,7 +93,7 @@ def _lobes_of(material: Material) -> _BaseAndGloss | None:
         return None
     bare = np.zeros(3)
     if material.kind == "conductor":
-        reflected = head_on(material.eta, material.k)
+        reflected = normal_reflectance(material.eta, material.k)
     elif (material.kind == "mirror" or (material.kind == "metallic_roughness" and material.metallic == 1)) and texture is None:
         reflected = color
     elif material.kind == "metallic_roughness" and material.metallic == 0:

@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import Vec3
 
-__all__ = ["METALS", "head_on"]
+__all__ = ["METALS", "normal_reflectance"]
 
 METALS: dict[str, tuple[Vec3, Vec3]] = {
     "aluminium": ((0.839, 0.575, 0.364), (6.079, 5.223, 4.173)),
@@ -35,7 +35,7 @@ METALS: dict[str, tuple[Vec3, Vec3]] = {
 }
 
 
-def head_on(eta: npt.ArrayLike, k: npt.ArrayLike) -> npt.NDArray[np.float64]:
+def normal_reflectance(eta: npt.ArrayLike, k: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Returns the reflectance at normal incidence for complex indices eta + i k."""
     n, absorbs = np.asarray(eta, np.float64), np.asarray(k, np.float64)
     return np.asarray(((n - 1) ** 2 + absorbs**2) / ((n + 1) ** 2 + absorbs**2))

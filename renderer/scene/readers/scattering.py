@@ -14,12 +14,12 @@ from renderer.scene.material import MOST_DENSE, MOST_FORWARD
 from renderer.scene.readers.number_ranges import clamped, unit_color
 
 __all__ = [
-    "attenuating",
+    "attenuating_medium",
     "dense_medium_surface",
     "diffuse_reflectance",
     "interior_fields",
     "medium",
-    "seen_through_a_boundary",
+    "radius_beneath_a_boundary",
     "single_albedo",
 ]
 
@@ -44,7 +44,7 @@ def interior_fields(found: Medium) -> dict[str, Any]:
     return {"sigma_a": found.sigma_a, "sigma_s": found.sigma_s, "g": found.g}
 
 
-def attenuating(color: Vec3, depth: float, scatter: Vec3, g: float) -> Medium:
+def attenuating_medium(color: Vec3, depth: float, scatter: Vec3, g: float) -> Medium:
     """Returns the medium that transmits `color` over the distance `depth` and has the scattering coefficients scatter / depth.
 
     If scattering exceeds extinction, absorption is raised equally in all channels until none is negative.
@@ -90,7 +90,7 @@ def dense_medium_surface(sigma_a: Vec3, sigma_s: Vec3, ior: float) -> tuple[Vec3
     return _vec(diffuse_reflectance(albedo, ior)), _radius(albedo, 1 / total, ior)
 
 
-def seen_through_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
+def radius_beneath_a_boundary(color: Vec3, path: Vec3, ior: float) -> Vec3:
     """Returns the RGB subsurface radius of a medium that, seen through a dielectric surface, has the diffuse reflectance `color`.
 
     path: RGB mean free paths in the medium; ior: relative index of refraction of the surface.

@@ -11,12 +11,12 @@ from renderer.scene.description import Image
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.linear_images import linear
 
-__all__ = ["FROM_PLUS_Z", "seen_upright"]
+__all__ = ["FROM_PLUS_Z", "rotate_environment"]
 
 FROM_PLUS_Z = np.diag([-1.0, 1.0, -1.0])  # for images with their centre at +Z; ours have it at -Z
 
 
-def seen_upright(image: Image, rotation: Matrix, least_height: int = 1) -> Image:
+def rotate_environment(image: Image, rotation: Matrix, least_height: int = 1) -> Image:
     """Returns an equirectangular image resampled under a rotation or reflection of its directions.
 
     rotation: (3, 3) orthonormal matrix from the image's directions, in which the centre is -Z, to world directions. least_height:

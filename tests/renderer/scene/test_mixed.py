@@ -25,8 +25,8 @@ def test_diffuse_mixtures():
 def test_mixture_of_metal_and_diffuse():
     for made in (mix_materials(RED, METAL, 0.3), mix_materials(METAL, RED, 0.7)):
         assert (made.kind, made.metallic, made.roughness, made.specular) == ("metallic_roughness", 0.0, 0.3, pytest.approx(0.3))
-        head_on = ((0.2 - 1) ** 2 + 3.9**2) / ((0.2 + 1) ** 2 + 3.9**2)
-        assert made.specular_color[0] * 0.04 == pytest.approx(head_on)
+        normal_reflectance = ((0.2 - 1) ** 2 + 3.9**2) / ((0.2 + 1) ** 2 + 3.9**2)
+        assert made.specular_color[0] * 0.04 == pytest.approx(normal_reflectance)
         assert 0.7 * 0.8 < made.base_color[0] < 0.8  # the paint's share is restored after the metal's reflection
 
 

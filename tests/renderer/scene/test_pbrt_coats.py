@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.scene.readers.coats import dielectric_albedo, effective_albedo_under_coat, internal_albedo
-from renderer.scene.readers.metals import head_on
+from renderer.scene.readers.metals import normal_reflectance
 from renderer.scene.readers.pbrt.coats import coat_of, coated_albedo, coated_metal_reflectance
 from tests.renderer.scene.pbrt_files import BALL, HEAD, world
 
@@ -111,7 +111,7 @@ def test_coated_materials_in_files(scene):
     # The metal borders the coat instead of air, so eta and k are divided by the coat's index.
     metal = made('"coatedconductor" "rgb reflectance" [.8 .8 .8] "float thickness" 0')
     k = 2 * math.sqrt(0.8 / 0.2)
-    bare = head_on(1 / 1.5, k / 1.5)
+    bare = normal_reflectance(1 / 1.5, k / 1.5)
     assert bare == pytest.approx(0.7303, abs=1e-4)
     assert metal.base_color[0] == pytest.approx(0.96 * bare / (1 - 0.04 * bare), rel=1e-4)
     assert coated_metal_reflectance(np.array([0.0, 1.0]), 1.5, 0.0) == pytest.approx([0, 1])

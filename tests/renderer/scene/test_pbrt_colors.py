@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer.scene.readers.coats import dielectric_albedo, effective_albedo_under_coat
-from renderer.scene.readers.pbrt.conductors import _match_reflectance, head_on
+from renderer.scene.readers.pbrt.conductors import _match_reflectance, normal_reflectance
 from renderer.scene.readers.pbrt.named_spectra import METALS
 from renderer.scene.readers.pbrt.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck
 from renderer.scene.readers.pbrt.spectra import balanced
@@ -55,7 +55,7 @@ def test_named_metals_match_their_spectra(metal):
     [("Cu", (0.955, 0.638, 0.538)), ("Ag", (0.972, 0.960, 0.915)), ("Al", (0.913, 0.922, 0.924)), ("Au", (1.0, 0.782, 0.344))],
 )
 def test_named_metal_colors(metal, known):
-    np.testing.assert_allclose(head_on(*(np.array(v) for v in METALS[metal])), known, atol=0.003)
+    np.testing.assert_allclose(normal_reflectance(*(np.array(v) for v in METALS[metal])), known, atol=0.003)
 
 
 def lights(scene, words):

@@ -42,7 +42,7 @@ class Stacks:
         chosen = self._stacks[:1]
         if moment.clip is not None and (moment.clip != ALL_CLIPS or ALL_CLIPS in names):
             chosen = [self._stacks[number_of("clip", names, moment.clip, self._file)]]
-        if self._opened.unturned or any(len(_active_layers(stack)) < stack.layers.count for stack in chosen):
+        if self._opened.nodes_with_ignored_rotation or any(len(_active_layers(stack)) < stack.layers.count for stack in chosen):
             return self._combine_layers(chosen)
         return int(chosen[0].anim) if chosen else None
 

@@ -149,11 +149,11 @@ class FbxScene:
             numbers = (ctypes.c_uint32 * len(layers))(*layers)
             options, error = layout.AnimOptions(), layout.Error()
             options.layers.data, options.layers.count = ctypes.addressof(numbers), len(layers)
-            unturned = self.unturned
-            overrides = (layout.PropOverride * (len(unturned) * len(_TURNS)))()
+            nodes_with_ignored_rotation = self.nodes_with_ignored_rotation
+            overrides = (layout.PropOverride * (len(nodes_with_ignored_rotation) * len(_TURNS)))()
             names = [ctypes.create_string_buffer(each) for each in _TURNS]
             for i, override in enumerate(overrides):
-                override.element = unturned[i // len(_TURNS)]
+                override.element = nodes_with_ignored_rotation[i // len(_TURNS)]
                 turn = i % len(_TURNS)
                 override.name.data, override.name.count = ctypes.addressof(names[turn]), len(_TURNS[turn])
             options.overrides.data, options.overrides.count = ctypes.addressof(overrides), len(overrides)
@@ -162,7 +162,7 @@ class FbxScene:
         return self._made[key]
 
     @functools.cached_property
-    def unturned(self) -> list[int]:
+    def nodes_with_ignored_rotation(self) -> list[int]:
         """Returns the ids of nodes on which this version of ufbx wrongly applies rotation order, pre-rotation and post-rotation.
 
         The FBX SDK ignores these three on nodes without RotationActive or with RotationSpaceForLimitOnly; so does ufbx from 0.23

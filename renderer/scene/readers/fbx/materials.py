@@ -20,7 +20,7 @@ from renderer.scene.readers.fbx.textures import Pictures
 from renderer.scene.readers.linear_images import alpha
 from renderer.scene.readers.mtl_maps import as_alpha, holds_normals, inverted, with_opacity, with_roughness_and_metal
 from renderer.scene.readers.number_ranges import clamped, unit, unit_color
-from renderer.scene.readers.scattering import attenuating
+from renderer.scene.readers.scattering import attenuating_medium
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -199,7 +199,7 @@ class Materials:
         if max(scatter) <= 0:
             material.attenuation_color, material.attenuation_distance = tint, depth
             return
-        found = attenuating(tint, depth, scatter, values.value("transmission_scatter_anisotropy", 0.0))
+        found = attenuating_medium(tint, depth, scatter, values.value("transmission_scatter_anisotropy", 0.0))
         material.sigma_a, material.sigma_s, material.g = found.sigma_a, found.sigma_s, found.g
 
     def _subsurface(self, values: _MaterialValues, material: Material) -> None:

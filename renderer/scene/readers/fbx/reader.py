@@ -31,7 +31,7 @@ from renderer.scene.readers.fbx.library import (
 )
 from renderer.scene.readers.fbx.materials import Materials
 from renderer.scene.readers.fbx.meshes import Part, parts_of
-from renderer.scene.readers.fbx.shapes import Skin, blended, turned_with
+from renderer.scene.readers.fbx.shapes import Skin, blended, updated_normals
 from renderer.scene.readers.fbx.targets import aimed
 from renderer.scene.readers.fbx.textures import Pictures
 from renderer.scene.readers.shapes import quad
@@ -84,7 +84,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     moving = stacks.animated_elements(anim)
     description.moves |= len(moving) > 0
     seconds = moment.seconds(description.fps)
-    needs = anim is not None and bool(moving or opened.unturned)
+    needs = anim is not None and bool(moving or opened.nodes_with_ignored_rotation)
     evaluated = opened.evaluate(anim, seconds, main) if anim is not None and needs else opened
     shown = stacks.animated_visibility(anim, evaluated, seconds) if anim is not None else {}
     _Reader(files, main, description, evaluated, moving, shown).read()
@@ -224,7 +224,7 @@ class _Reader:
             skin = self._files.get_or_make(("FBX skin", self._main, mesh.element_id), functools.partial(Skin, skins[0]))
             places = self._finite(Skin.joint_transforms(skins[0], world), node)
         for part in parts:
-            normals = turned_with(part, rest, points) if added is None else None
+            normals = updated_normals(part, rest, points) if added is None else None
             if added is not None and part.normals is not None:
                 normals = (part.normals + added[part.point]).astype(np.float32)
             if skin is None:

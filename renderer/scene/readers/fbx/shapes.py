@@ -15,7 +15,7 @@ from renderer.scene.readers.fbx.library import array, each, matrix, pointed, str
 from renderer.scene.readers.fbx.meshes import Part
 from renderer.scene.readers.skinning import carried
 
-__all__ = ["Skin", "blended", "turned_with"]
+__all__ = ["Skin", "blended", "updated_normals"]
 
 F64 = npt.NDArray[np.float64]
 
@@ -44,7 +44,7 @@ def blended(mesh: Any) -> tuple[F64, F64 | None]:
     return points, turned
 
 
-def turned_with(part: Part, before: F64, after: F64) -> F32 | None:
+def updated_normals(part: Part, before: F64, after: F64) -> F32 | None:
     """Returns a part's normals after the mesh's points moved from `before` to `after`.
 
     To each normal is added the change of the smooth normal (see `_smooth`) at its vertex.

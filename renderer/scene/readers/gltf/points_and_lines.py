@@ -9,13 +9,13 @@ from renderer.scene.description import F32, Mesh
 from renderer.scene.readers.points import MOST_POINTS, sphere_mesh
 from renderer.scene.readers.tubes import tubes
 
-__all__ = ["thickened"]
+__all__ = ["mesh_of_points_or_lines"]
 
 _POINTS, _PAIRS, _LOOP, _STRIP = 0, 1, 2, 3
 _SIDES = 8
 
 
-def thickened(
+def mesh_of_points_or_lines(
     name: str, positions: F32, indices: npt.NDArray[np.integer], mode: int, colors: F32 | None, thickness: float
 ) -> Mesh | None:
     """Returns a mesh of points or lines, `thickness` wide; None if it has no triangles. Very many points are subsampled.

@@ -15,7 +15,7 @@ from renderer.scene.readers.gltf.accessors import Accessors, as_floats
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import Bones
 from renderer.scene.readers.gltf.faults import DamagedError
-from renderer.scene.readers.gltf.points_and_lines import thickened
+from renderer.scene.readers.gltf.points_and_lines import mesh_of_points_or_lines
 from renderer.scene.readers.gltf.textures import UV_SETS
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
@@ -83,7 +83,7 @@ def read_primitive(
                     "has indices outside of its vertices, or positions that are not finite numbers",
                 ),
             )
-        shown = thickened(name, positions, indices, mode, _with_alpha(attributes.get("COLOR_0", (3, 4))), thickness)
+        shown = mesh_of_points_or_lines(name, positions, indices, mode, _with_alpha(attributes.get("COLOR_0", (3, 4))), thickness)
         if shown is None:
             shelf.warn(
                 Sentence(

@@ -20,7 +20,7 @@ from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
 from renderer.scene.readers.height_maps import BumpMaps, rounded
 from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.material_mix import mix_materials
-from renderer.scene.readers.metals import head_on
+from renderer.scene.readers.metals import normal_reflectance
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.media import Media
 from renderer.scene.readers.mitsuba.metals import CONDUCTORS
@@ -267,7 +267,7 @@ class Bsdfs:
             eta, k = tuple(v / outside for v in eta), tuple(v / outside for v in k)  # type: ignore[assignment]
         if color == (1.0, 1.0, 1.0) and texture is None:
             return Material(kind="conductor", eta=eta, k=k, **rough)
-        r, g, b = (unit(c * head) for c, head in zip(color, head_on(eta, k), strict=True))
+        r, g, b = (unit(c * head) for c, head in zip(color, normal_reflectance(eta, k), strict=True))
         return Material(kind="metallic_roughness", base_color=(r, g, b), base_color_texture=texture, metallic=1.0, **rough)
 
     def _plastic(self, source: Element) -> Material:

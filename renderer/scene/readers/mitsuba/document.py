@@ -185,7 +185,7 @@ class Document:
         """Returns the sentences about unsupported content found so far."""
         return list(self._ignored)
 
-    def say_ignored(self) -> None:
+    def warn_of_ignored(self) -> None:
         """Adds a warning for each kind of unsupported content that was counted, with the number of occurrences."""
         for what, count in self._ignored.items():
             self.warn(with_count(what, count))

@@ -13,7 +13,7 @@ from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.sensors import vertical_fov
 from renderer.scene.readers.mitsuba.skies import SKIES, sky_of
 from renderer.scene.readers.mitsuba.textures import Textures, radiance_of
-from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
+from renderer.scene.readers.turned_sky import FROM_PLUS_Z, rotate_environment
 from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
 from renderer.sentences import Sentence
 
@@ -147,7 +147,7 @@ def _image(source: Element, document: Document, shelf: TextureShelf, description
     strength = source.number("scale", 1.0)
     if abs(_unit(world[:3, 1])[1] - 1) > 1e-3 or np.linalg.det(world[:3, :3]) < 0:
         turn = np.stack([_unit(world[:3, k]) for k in range(3)], axis=1) @ FROM_PLUS_Z
-        upright = shelf.add(seen_upright(description.images[image], turn))
+        upright = shelf.add(rotate_environment(description.images[image], turn))
         _set_environment(Environment(image=upright, strength=strength), source, document, description)
         return
     angle = math.degrees(math.atan2(z[0] - x[2], z[2] + x[0]))

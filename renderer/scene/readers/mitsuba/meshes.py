@@ -19,7 +19,7 @@ from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.serialized import read_serialized
 from renderer.sentences import Sentence
 
-__all__ = ["FORMULAS", "MESH_FILES", "file_of", "flipped", "meshes_of", "wound_to_normals"]
+__all__ = ["FORMULAS", "MESH_FILES", "file_of", "flipped", "meshes_of", "wind_to_normals"]
 
 MESH_FILES = ("obj", "ply", "serialized")
 _NORMALS = {"obj": rb"(?m)^\s*vn\s", "ply": rb"\A[^\0]{0,20000}?property\s+\w+\s+nx\b"}  # match files with normals
@@ -123,7 +123,7 @@ def flipped(mesh: Mesh) -> Mesh:
     return replace(mesh, triangles=np.ascontiguousarray(mesh.triangles[:, ::-1]), normals=normals)
 
 
-def wound_to_normals(mesh: Mesh) -> Mesh:
+def wind_to_normals(mesh: Mesh) -> Mesh:
     """Returns the mesh with its triangles facing along their vertex normals, the side on which Mitsuba's lights emit."""
     if mesh.normals is None:
         return mesh

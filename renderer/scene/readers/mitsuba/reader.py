@@ -41,4 +41,4 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
     media.surround(description)
     for sentence in unused_notes(document.scene, document.ignored):
         document.ignore(sentence)
-    document.say_ignored()
+    document.warn_of_ignored()

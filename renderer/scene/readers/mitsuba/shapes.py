@@ -15,7 +15,7 @@ from renderer.scene.readers.height_maps import spans_of
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
 from renderer.scene.readers.mitsuba.curves import CURVES, mesh_of_curves
 from renderer.scene.readers.mitsuba.document import Document, Element
-from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, flipped, meshes_of, wound_to_normals
+from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, flipped, meshes_of, wind_to_normals
 from renderer.scene.readers.mitsuba.parametric_shapes import sphere
 from renderer.scene.readers.mitsuba.values import Matrix
 from renderer.sentences import Sentence
@@ -95,7 +95,7 @@ class Shapes:
                 if material in self._bsdfs.bumpy:
                     mesh = replace(mesh, tangents=None)  # bump maps follow the image's own axes
                 if any(shape.children_of("emitter")):
-                    mesh = wound_to_normals(mesh)
+                    mesh = wind_to_normals(mesh)
                 self._description.meshes.append(mesh)
                 found.append((len(self._description.meshes) - 1, place))
             self._meshes[id(shape)] = found

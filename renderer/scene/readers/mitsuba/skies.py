@@ -14,7 +14,7 @@ import numpy.typing as npt
 from renderer.scene.description import Environment, Image, Light, Sky, Vec3
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.values import rgb
-from renderer.scene.readers.turned_sky import seen_upright
+from renderer.scene.readers.turned_sky import rotate_environment
 from renderer.scene.sky import image_of_sky, sun_of_sky
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
@@ -71,7 +71,7 @@ def _sky_above_horizon(sky: Sky, up: _F64, towards: _F64, shelf: TextureShelf, s
     back = -_unit(level) if float(np.linalg.norm(level)) > 1e-6 else -_horizontal_direction(up)
     turn = np.column_stack([np.cross(up, back), up, back])
     image = Image("sky", pixels, False)
-    return Environment(_SKY, image=shelf.add(seen_upright(image, turn)), strength=strength)
+    return Environment(_SKY, image=shelf.add(rotate_environment(image, turn)), strength=strength)
 
 
 def _sun(sky: Sky, towards: _F64, strength: float, name: str) -> Light | None:

@@ -8,12 +8,12 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Vec3
-from renderer.scene.readers.metals import head_on
+from renderer.scene.readers.metals import normal_reflectance
 from renderer.scene.readers.pbrt.named_spectra import METALS
 from renderer.scene.readers.pbrt.parameters import Parameter, text_of
 from renderer.scene.readers.pbrt.spectra import WEIGHTS, Colors
 
-__all__ = ["absorbing", "index_of", "of_reflectance"]
+__all__ = ["absorbing", "index_of", "index_of_reflectance"]
 
 F64 = npt.NDArray[np.float64]
 _BRIGHTEST = 0.9999  # pbrt's limit
@@ -46,7 +46,7 @@ def _metal(name: str, part: str) -> str | None:
 
 def _match_reflectance(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
     mean = np.maximum(WEIGHTS @ eta, 1e-3)
-    wanted = np.clip(WEIGHTS @ head_on(eta, k), 0.0, _BRIGHTEST_METAL)  # gold is outside Rec.709's gamut
+    wanted = np.clip(WEIGHTS @ normal_reflectance(eta, k), 0.0, _BRIGHTEST_METAL)  # gold is outside Rec.709's gamut
     square = (wanted * (mean + 1) ** 2 - (mean - 1) ** 2) / (1 - wanted)
     # If no k reflects so little, eta is changed instead.
     root = np.sqrt(wanted)
@@ -54,7 +54,7 @@ def _match_reflectance(eta: F64, k: F64) -> tuple[Vec3, Vec3]:
     return _vec(mean), _vec(np.sqrt(np.maximum(square, 0)))
 
 
-def of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:
+def index_of_reflectance(rgb: Vec3) -> tuple[Vec3, Vec3]:
     """Returns the index of a metal with a given reflectance at normal incidence, as pbrt chooses it: eta = 1 and a matching k."""
     return (1.0, 1.0, 1.0), _vec(absorbing(np.array(rgb)))
 

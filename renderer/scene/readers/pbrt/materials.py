@@ -17,9 +17,9 @@ from renderer.scene.readers.coats import pane_ior
 from renderer.scene.readers.height_maps import BumpMaps
 from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.material_mix import mix_materials
-from renderer.scene.readers.metals import head_on
+from renderer.scene.readers.metals import normal_reflectance
 from renderer.scene.readers.pbrt.coats import coat_of, coated_albedo, coated_metal_reflectance
-from renderer.scene.readers.pbrt.conductors import absorbing, index_of, of_reflectance
+from renderer.scene.readers.pbrt.conductors import absorbing, index_of, index_of_reflectance
 from renderer.scene.readers.pbrt.hair import hair
 from renderer.scene.readers.pbrt.mappings import Mapping
 from renderer.scene.readers.pbrt.media import Interface, Media, subsurface
@@ -198,7 +198,7 @@ class Materials:
             return Material(kind="conductor", eta=eta, k=k, **rough)
         color = self._textures.color(source, "reflectance", _HALF)
         if color.is_constant:
-            eta, k = of_reflectance(color.value)
+            eta, k = index_of_reflectance(color.value)
             return Material(kind="conductor", eta=eta, k=k, **rough)
         return replace(_diffuse_material(color), kind="metallic_roughness", metallic=1.0, **rough)
 
@@ -213,12 +213,12 @@ class Materials:
         thickness = self._thickness(source)
 
         def reflectance_under_coat(eta: np.ndarray, k: np.ndarray) -> np.ndarray:
-            return coated_metal_reflectance(head_on(eta / ior, k / ior), ior, thickness)
+            return coated_metal_reflectance(normal_reflectance(eta / ior, k / ior), ior, thickness)
 
         if source.get("reflectance") is not None:
             color = self._textures.color(source, "reflectance", _HALF)
             if color.texture is None:
-                r, g, b = (float(v) for v in reflectance_under_coat(*(np.array(v) for v in of_reflectance(color.value))))
+                r, g, b = (float(v) for v in reflectance_under_coat(*(np.array(v) for v in index_of_reflectance(color.value))))
                 color = Varying((r, g, b))
             else:
                 factor = np.array(color.value, np.float32)

@@ -14,7 +14,7 @@ from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.readers.pbrt.notes import Notes, Place
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.pbrt.textures import Textures
-from renderer.scene.readers.scattering import dense_medium_surface, interior_fields, medium, seen_through_a_boundary
+from renderer.scene.readers.scattering import dense_medium_surface, interior_fields, medium, radius_beneath_a_boundary
 from renderer.scene.readers.substances import SUBSTANCES
 from renderer.sentences import Sentence
 
@@ -169,7 +169,7 @@ def subsurface(source: Parameters, textures: Textures, notes: Notes) -> Material
             )
         color = textures.color(source, "reflectance", (1.0, 1.0, 1.0))
         path = coefficients(source, "mfp", (1.0,) * 3, textures)
-        radius = seen_through_a_boundary(textures.mean_value(color), tuple(scale * c for c in path), ior)  # type: ignore[arg-type]
+        radius = radius_beneath_a_boundary(textures.mean_value(color), tuple(scale * c for c in path), ior)  # type: ignore[arg-type]
         return replace(made, base_color=color.value, base_color_texture=color.texture, subsurface_radius=radius)
     if wanted and wanted not in SUBSTANCES:
         notes.add(

@@ -10,7 +10,7 @@ from pxr import UsdLux
 
 from renderer.scene.description import Environment, SceneDescription
 from renderer.scene.matrices import Matrix
-from renderer.scene.readers.turned_sky import FROM_PLUS_Z, seen_upright
+from renderer.scene.readers.turned_sky import FROM_PLUS_Z, rotate_environment
 from renderer.scene.readers.usd.lights import radiance_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.textures import Images
@@ -75,7 +75,7 @@ def add_dome(
     upright = abs(turned[1, 1] - 1) < 1e-6
     image = found[0]
     if not upright:
-        image = shelf.add(seen_upright(description.images[image], turned, _LEAST_HEIGHT))
+        image = shelf.add(rotate_environment(description.images[image], turned, _LEAST_HEIGHT))
         description.environment = Environment(color, image)
         return
     description.environment = Environment(color, image, rotation=math.degrees(math.atan2(turned[0, 2], turned[0, 0])))

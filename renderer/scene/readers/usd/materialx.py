@@ -133,7 +133,7 @@ def _fill_base_and_subsurface(inputs: SurfaceInputs, read: Read, names: subsurfa
     """
     color, weight = subsurface.mixed_color(inputs, read, names, weight, default)
     fill_base(read, _scaled(color, weight, default), (0.0, 0.0, 0.0))
-    subsurface.scatter_beneath(inputs, read, names)
+    subsurface.fill_subsurface(inputs, read, names)
     return color
 
 

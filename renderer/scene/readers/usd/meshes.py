@@ -16,7 +16,7 @@ from renderer.scene.normals import face_normals, smoothed_together
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, joined, triangles_of
-from renderer.scene.readers.usd.refining import of_boundary, refine
+from renderer.scene.readers.usd.refining import boundary_faces, refine
 from renderer.sentences import Sentence
 
 __all__ = ["UsedPrimvars", "area_of", "deforms", "read_mesh"]
@@ -120,7 +120,7 @@ def read_mesh(
     is_refined = scheme in REFINED
     if is_refined:
         if mesh.GetInterpolateBoundaryAttr().Get(time) == "none":
-            solid &= ~of_boundary(faces)
+            solid &= ~boundary_faces(faces)
         points, faces, attributes, parent = refine(mesh, points, faces, attributes, time)
         part_of_face, solid = None if part_of_face is None else part_of_face[parent], solid[parent]
     mirrored = mesh.GetOrientationAttr().Get(time) == "leftHanded"

@@ -12,7 +12,7 @@ from renderer.scene.description import F32
 from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces
 from renderer.scene.readers.usd.subdivision import Cage, limit, refined
 
-__all__ = ["of_boundary", "refine"]
+__all__ = ["boundary_faces", "refine"]
 
 MAX_LEVEL = 2
 MAX_REFINED = 4_000_000  # maximum number of triangles after subdivision
@@ -150,7 +150,7 @@ def _face_varying_cage(cage: Cage, values: AtCorners, interpolation: str) -> Cag
     )
 
 
-def of_boundary(faces: Faces) -> npt.NDArray[np.bool_]:
+def boundary_faces(faces: Faces) -> npt.NDArray[np.bool_]:
     """Returns (F,) a mask of the faces: True for those with a point on the mesh's border."""
     outer = _on_boundary(faces, int(faces.corners.max(initial=-1)) + 1)
     found: npt.NDArray[np.bool_] = np.bincount(faces.face, outer[faces.corners], len(faces.counts)) > 0

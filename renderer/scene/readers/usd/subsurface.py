@@ -10,14 +10,14 @@ from typing import NamedTuple
 from renderer.scene.description import Vec3
 from renderer.scene.material import MOST_DENSE, MOST_FORWARD
 from renderer.scene.readers.number_ranges import clamped, unit, unit_color
-from renderer.scene.readers.scattering import attenuating, interior_fields
+from renderer.scene.readers.scattering import attenuating_medium, interior_fields
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.preview_surface import Read
 from renderer.scene.readers.usd.surface_inputs import SurfaceInputs
 from renderer.scene.readers.usd.textures import colored
 from renderer.sentences import Sentence
 
-__all__ = ["OPEN_PBR", "STANDARD", "Names", "fill_glass", "mixed_color", "scatter_beneath"]
+__all__ = ["OPEN_PBR", "STANDARD", "Names", "fill_glass", "fill_subsurface", "mixed_color"]
 
 _WHITE: Vec3 = (1.0, 1.0, 1.0)
 
@@ -66,7 +66,7 @@ def mixed_color(inputs: SurfaceInputs, read: Read, names: Names, weight: float, 
     return (under, 1.0) if share > 0.5 or (share == 0.5 and _varies(under)) else (color, weight)
 
 
-def scatter_beneath(inputs: SurfaceInputs, read: Read, names: Names) -> None:
+def fill_subsurface(inputs: SurfaceInputs, read: Read, names: Names) -> None:
     """Fills the material's subsurface parameters; for thin sheets, its diffuse transmission.
 
     The base colour must be filled first.
@@ -99,7 +99,7 @@ def fill_glass(inputs: SurfaceInputs, read: Read, tint: Vec3, depth: float) -> N
     if max(scatter) <= 0:
         material.attenuation_color, material.attenuation_distance = unit_color(tint), depth * read.network.unit
         return
-    found = attenuating(tint, depth * read.network.unit, scatter, inputs.number("transmission_scatter_anisotropy", 0.0))
+    found = attenuating_medium(tint, depth * read.network.unit, scatter, inputs.number("transmission_scatter_anisotropy", 0.0))
     for name, value in interior_fields(found).items():
         setattr(material, name, value)
 
