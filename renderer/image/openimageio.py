@@ -16,7 +16,7 @@ from renderer.image.channels import Colour, colour_of
 from renderer.image.unread import header_notes, primaries_notes, profile_notes
 from renderer.sentences import Sentence
 
-__all__ = ["Decoded", "Limits", "straightened", "through_openimageio"]
+__all__ = ["Decoded", "Limits", "decode_with_openimageio", "unpremultiplied"]
 
 _MOST_CHANNELS = 1024  # of all layers together
 _BAND = 1 << 22  # pixels that are decoded at a time where an image is made smaller
@@ -66,7 +66,7 @@ class Limits(NamedTuple):
         return factor
 
 
-def through_openimageio(data: bytes, name: str, suffix: str, limits: Limits, straight: bool) -> Decoded:
+def decode_with_openimageio(data: bytes, name: str, suffix: str, limits: Limits, straight: bool) -> Decoded:
     """Decodes an image with OpenImageIO. straight: divides premultiplied colours by alpha.
 
     Raises SceneError if the image is damaged or not supported.
@@ -160,7 +160,7 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
     is_associated = suffix == ".exr" or (suffix in (".tif", ".tiff") and not spec.getattribute("oiio:UnassociatedAlpha"))
     if str(spec.getattribute("compression")) in ("DXT2", "DXT4"):
         is_associated = True
-    return Decoded(straightened(rgba) if straight and is_associated else np.ascontiguousarray(rgba), notes)
+    return Decoded(unpremultiplied(rgba) if straight and is_associated else np.ascontiguousarray(rgba), notes)
 
 
 def _select_part(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
@@ -306,7 +306,7 @@ def _apply_orientation(pixels: npt.NDArray[Any], data: bytes) -> npt.NDArray[Any
     return np.flip(pixels, flips)
 
 
-def straightened(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
+def unpremultiplied(pixels: npt.NDArray[Any]) -> npt.NDArray[Any]:
     """Returns the pixels with premultiplied colours divided by alpha; unchanged where alpha is 0."""
     if pixels.shape[2] < 4:
         return np.ascontiguousarray(pixels)

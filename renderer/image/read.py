@@ -13,7 +13,7 @@ from PIL import Image
 
 from renderer.errors import SceneError
 from renderer.image.kinds import IMAGE_SUFFIXES, KTX2, PILLOW, is_deep_png, suffix_of, targa_alpha
-from renderer.image.openimageio import Decoded, Limits, straightened, through_openimageio
+from renderer.image.openimageio import Decoded, Limits, decode_with_openimageio, unpremultiplied
 from renderer.image.unread import pillow_notes
 from renderer.library_messages import library_message
 from renderer.sentences import Sentence
@@ -53,7 +53,7 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
             return Decoded(_decode_with_basisu(data, name, limits), [])
         if suffix in PILLOW and not (suffix == ".png" and is_deep_png(data)):
             return _decode_with_pillow(data, name, suffix, limits)
-        found = through_openimageio(data, name, suffix, limits, straight=not is_environment)
+        found = decode_with_openimageio(data, name, suffix, limits, straight=not is_environment)
     except (SceneError, MemoryError):
         raise
     except Image.DecompressionBombError as error:  # Pillow's own limit is above ours, and is checked first
@@ -117,7 +117,7 @@ def _decode_with_pillow(data: bytes, name: str, suffix: str, limits: Limits) -> 
         if alpha == "none":
             pixels[..., 3] = 255
         elif alpha == "premultiplied":
-            pixels = straightened(pixels)
+            pixels = unpremultiplied(pixels)
     return Decoded(pixels, notes)
 
 

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.layout import KEY_COLUMNS
-from renderer.bvh.motion import placed_at, step_at
+from renderer.bvh.motion import step_at, transform_at
 from renderer.bvh.rigid_motion import motion_keys
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
@@ -184,7 +184,7 @@ def _camera_at(camera, x, y, u, v, time):
 
     u, v: two numbers that select the lens point.
     """
-    a, b, c = placed_at(camera.motion, 0, len(camera.motion), time)
+    a, b, c = transform_at(camera.motion, 0, len(camera.motion), time)
     step, share = step_at(time, len(camera.motion))
     pixel = _of_lens(camera, 0, step, share)
     right = np.float32(a[0]), np.float32(b[0]), np.float32(c[0])

@@ -12,7 +12,7 @@ from renderer.film import SAMPLE_MAX
 from renderer.jit import device
 from renderer.wide.operators import lifted
 
-__all__ = ["add_fixed8", "fixed", "in_half", "of_sample"]
+__all__ = ["add_fixed8", "fixed", "in_half", "sample_contribution"]
 
 _MOST = np.float32(SAMPLE_MAX)
 _MANTISSA_TOP = np.int32(22)
@@ -38,7 +38,7 @@ def in_half(sample):
 
 
 @intrinsic
-def of_sample(typingctx, light, one, halved):
+def sample_contribution(typingctx, light, one, halved):
     """Returns a sample's contribution to its pixel, f32x8: three channels of light and `one`, twice.
 
     The second copy, for the half buffer, is 0 unless `halved` is True.

@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from renderer.arrays.rows import LAMP, TRANSPARENT
-from renderer.bvh.motion import placed_at
+from renderer.bvh.motion import transform_at
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, entry, never_inline, subroutine
 from renderer.kernel.camera import moving_ray
@@ -78,7 +78,7 @@ def _triangle_position(scene, hit, time):
     if len(scene.bvh.instance_motion) > 0:
         first, count = scene.bvh.instance_motion[hit.instance, 0], scene.bvh.instance_motion[hit.instance, 1]
         if count > 0:
-            p, q, r = placed_at(scene.bvh.motion, first, count, time)
+            p, q, r = transform_at(scene.bvh.motion, first, count, time)
             return (
                 p[0] * x + p[1] * y + p[2] * z + p[3],
                 q[0] * x + q[1] * y + q[2] * z + q[3],

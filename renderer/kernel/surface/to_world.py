@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from renderer.bvh.motion import inverse_of, placed_at
+from renderer.bvh.motion import inverse_of, transform_at
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 
@@ -53,7 +53,7 @@ def _moving_normal(motion, first, keys, time, n):
     motion: table of the instances' transforms at keys. first, keys: the instance's first row in it, and the number of its keys.
     """
     never_inline()
-    a, b, c = inverse_of(placed_at(motion, first, keys, time))
+    a, b, c = inverse_of(transform_at(motion, first, keys, time))
     x, y, z = np.float64(n[0]), np.float64(n[1]), np.float64(n[2])
     x, y, z = a[0] * x + b[0] * y + c[0] * z, a[1] * x + b[1] * y + c[1] * z, a[2] * x + b[2] * y + c[2] * z
     away = max(abs(x), max(abs(y), abs(z)))
@@ -68,7 +68,7 @@ def _moving_point(motion, first, keys, time, p, w):
     motion, first, keys: as for `_moving_normal`.
     """
     never_inline()
-    a, b, c = placed_at(motion, first, keys, time)
+    a, b, c = transform_at(motion, first, keys, time)
     x, y, z, w = np.float64(p[0]), np.float64(p[1]), np.float64(p[2]), np.float64(w)
     return (
         np.float32(a[0] * x + a[1] * y + a[2] * z + a[3] * w),

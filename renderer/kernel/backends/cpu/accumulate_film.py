@@ -9,7 +9,7 @@ from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.backends.cpu.lists import DONE, length, put, row, truncate
 from renderer.kernel.backends.cpu.rows import FIRST_GROUP, PATHS, Sample, at, column
-from renderer.kernel.fixed_point import add_fixed8, in_half, of_sample
+from renderer.kernel.fixed_point import add_fixed8, in_half, sample_contribution
 from renderer.kernel.light_groups import add_sample_by_group, forget_groups
 from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit
 from renderer.kernel.steps.state import PathState
@@ -57,7 +57,7 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
         free += _1
         sample, place = load_int(pool, at(path, _SAMPLE)), load_int(pool, at(path, _PIXEL))
         found = load(pool, at(path, _RADIANCE)) + load(pool, at(path + _PATHS, _RADIANCE))
-        light = of_sample(found, one, in_half(sample))
+        light = sample_contribution(found, one, in_half(sample))
         first = at(path, _FIRST)
         is_finite = abs(light) < _INF
         for group in range(_GROUPS):

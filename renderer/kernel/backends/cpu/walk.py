@@ -22,7 +22,7 @@ from renderer.bvh.packet import intersect_spheres, intersect_triangles
 from renderer.bvh.prefetch import prefetch_child
 from renderer.bvh.simd import bits, load, load_int, lowest_bit, select, splat, store, store_int
 from renderer.bvh.slabs import MORE
-from renderer.bvh.traverse import FACING, NO_PRIMITIVE, SHADOW_REACH, any_in_instance, closest_in_instance, place_at
+from renderer.bvh.traverse import FACING, NO_PRIMITIVE, SHADOW_REACH, any_in_instance, closest_in_instance, packet_address_at
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import ENDED, NODES, OTHERS, PACKETS, append, clear, length, row
@@ -218,7 +218,7 @@ def _test_packets(bvh, motion, alone, pool, stack, lists, count):
     for k in range(count):
         number = row(lists, PACKETS, k)
         path, held = at(number, np.uintp(0)), HELD + np.uintp(k) * HELD_SIZE
-        place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
+        place = packet_address_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
         axes, shear, origin = _axes_of(pool, path)
         limit = pool[path + BEST] * MORE
         hit, t, b, c, determinant = intersect_triangles(place, axes, shear, origin, pool[path + MARGIN], limit)
@@ -261,7 +261,7 @@ def _occlude(bvh, motion, alone, pool, lists, count):
     for k in range(count):
         number = row(lists, PACKETS, k)
         path = at(number, np.uintp(0))
-        place = place_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
+        place = packet_address_at(bvh, ~load_int(pool, path + CHILD), alone, time_of(motion, pool, number))
         axes, shear, origin = _axes_of(pool, path)
         occluded = bits(intersect_triangles(place, axes, shear, origin, None, SHADOW_REACH)[0]) != _NONE
         pool[path + OCCLUDED] = select(occluded, _ONE, _ZERO)
@@ -287,7 +287,7 @@ def _meet_spheres(bvh, alone, pool, path, leaf, best, time):
 
     path: flat offset in the pool of the ray's row.
     """
-    place = place_at(bvh, leaf, alone, time)
+    place = packet_address_at(bvh, leaf, alone, time)
     hit, t = intersect_spheres(place, load_vector(pool, path + _O), load_vector(pool, path + _D), best * MORE, None, None, None)
     distance, lane = nearest(hit, t)
     found = primitive_of(bvh.packet, leaf, lane)
@@ -328,7 +328,9 @@ def _occlude_by_others(bvh, alone, pool, path, leaf, time):
     if bvh.instances is not None and leaf & INSTANCE:
         occluded = any_in_instance(bvh, alone, np.uintp(0), leaf >> 2, o, d, SHADOW_REACH, time)
     else:
-        occluded = bits(intersect_spheres(place_at(bvh, leaf, alone, time), o, d, SHADOW_REACH, None, None, None)[0]) != _NONE
+        occluded = (
+            bits(intersect_spheres(packet_address_at(bvh, leaf, alone, time), o, d, SHADOW_REACH, None, None, None)[0]) != _NONE
+        )
     pool[path + OCCLUDED] = select(occluded, _ONE, _ZERO)
 
 
