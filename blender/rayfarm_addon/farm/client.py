@@ -80,7 +80,7 @@ class Client:
         except urllib.error.HTTPError as error:
             if error.code == 304:
                 return 304, error.headers, b""
-            raise FarmError(_sentence(error), error.code) from None
+            raise FarmError(_error_sentence(error), error.code) from None
         except Cancelled:
             raise
         except (urllib.error.URLError, http.client.HTTPException, OSError, ValueError) as error:
@@ -145,7 +145,7 @@ class Client:
         return f"Connected{name}: {len(workers)} worker{'s' * (len(workers) != 1)}, {slots} slot{'s' * (slots != 1)}."
 
 
-def _sentence(error: urllib.error.HTTPError) -> str:
+def _error_sentence(error: urllib.error.HTTPError) -> str:
     try:
         detail = json.loads(error.read(1 << 16)).get("detail")
     except (ValueError, AttributeError, OSError):

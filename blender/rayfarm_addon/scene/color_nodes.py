@@ -63,7 +63,7 @@ def _soft(t: Any, a: Any, b: Any) -> Any:
     return (1 - t) * a + t * ((1 - a) * b * a + a * screen)
 
 
-def _of_hsv(make: Callable[[F32, F32], tuple[Any, Any, Any]], by_hue: bool) -> Callable[..., Any]:
+def _hsv_blend(make: Callable[[F32, F32], tuple[Any, Any, Any]], by_hue: bool) -> Callable[..., Any]:
     def blend(t: Any, a: F32, b: F32) -> Any:
         a, b = (np.broadcast_to(each, (*each.shape[:-1], 3)) for each in (a, b))
         a, b = np.broadcast_arrays(a, b)
@@ -92,9 +92,9 @@ BLENDS: dict[str, Callable[..., Any]] = {
     "BURN": _burn,
     "SOFT_LIGHT": _soft,
     "LINEAR_LIGHT": lambda t, a, b: a + t * (2 * b - 1),
-    "HUE": _of_hsv(lambda a, b: (b[..., 0], a[..., 1], a[..., 2]), True),
-    "COLOR": _of_hsv(lambda a, b: (b[..., 0], b[..., 1], a[..., 2]), True),
-    "SATURATION": _of_hsv(lambda a, b: (a[..., 0], b[..., 1], a[..., 2]), False),
+    "HUE": _hsv_blend(lambda a, b: (b[..., 0], a[..., 1], a[..., 2]), True),
+    "COLOR": _hsv_blend(lambda a, b: (b[..., 0], b[..., 1], a[..., 2]), True),
+    "SATURATION": _hsv_blend(lambda a, b: (a[..., 0], b[..., 1], a[..., 2]), False),
 }
 
 

@@ -145,7 +145,7 @@ def _look_of(source: Source | None, warn: Callable[[str], None]) -> PrincipledLo
         return made
     if source.node.type == "MIX_SHADER":
         return _mix_shaders(source, warn)
-    return _added(source, warn) if source.node.type == "ADD_SHADER" else None
+    return _add_shaders(source, warn) if source.node.type == "ADD_SHADER" else None
 
 
 def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
@@ -292,7 +292,7 @@ def _with_reflection(
     return beneath.with_inputs({"Coat Weight": ConstantValue(1.0), "Coat Roughness": roughness})
 
 
-def _added(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
+def _add_shaders(source: Source, warn: Callable[[str], None]) -> PrincipledLook | None:
     """Returns the look of an Add Shader. Emission is added; of several surfaces, only one is used."""
     parts = [look for look in (_look_of(source_of(source.input_at(i))[0], warn) for i in (0, 1)) if look is not None]
     shining = [each for each in parts if _is_black(each) and constant_value(each.input("Emission Strength")) != 0.0]

@@ -32,12 +32,12 @@ def photographed(bpy: Any, world: Any, folder: Path, width: int) -> dict[str, An
     for output in [node for node in world.node_tree.nodes if node.type == "OUTPUT_WORLD"]:
         for link in list(output.inputs["Volume"].links):  # a medium would hide the world
             world.node_tree.links.remove(link)
-    sky = _sky_with_a_sun(world)
+    sky = _find_sun_sky(world)
     studio = _Studio(bpy, world)
     sun = None
     try:
         if sky is not None:
-            sun = _measured(bpy, studio, sky, folder)
+            sun = _measure_sun(bpy, studio, sky, folder)
             sky.sun_disc = sun is None
         studio.render_world(folder / PICTURE, width, width // 2, FORWARD, None)
     finally:
@@ -47,14 +47,14 @@ def photographed(bpy: Any, world: Any, folder: Path, width: int) -> dict[str, An
     return sun
 
 
-def _sky_with_a_sun(world: Any) -> Any:
+def _find_sun_sky(world: Any) -> Any:
     found = [node for node in world.node_tree.nodes if node.type == "TEX_SKY" and hasattr(node, "sun_disc") and node.sun_disc]
     found = [node for node in found if node.sky_type not in ("PREETHAM", "HOSEK_WILKIE")]
     vectors = [entry for node in world.node_tree.nodes if node.type == "TEX_SKY" for entry in node.inputs if entry.is_linked]
     return found[0] if len(found) == 1 and not vectors else None
 
 
-def _measured(bpy: Any, studio: _Studio, sky: Any, folder: Path) -> dict[str, Any] | None:
+def _measure_sun(bpy: Any, studio: _Studio, sky: Any, folder: Path) -> dict[str, Any] | None:
     """Returns the direction, irradiance and angle of the sky's sun disk; None if it is too weak.
 
     The irradiance is the difference of two renderings, with and without the disk. studio: the scene that renders the world. sky:

@@ -129,7 +129,9 @@ class _Reader:
         self._more.setdefault(f"KHR_materials_{name}", {}).update(fields)
 
     def _shader(self, source: Source) -> None:
-        read = {"BSDF_TRANSPARENT": self._clear, "MIX_SHADER": self._mix, "ADD_SHADER": self._sum}.get(source.node.type)
+        read = {"BSDF_TRANSPARENT": self._transparent_shader, "MIX_SHADER": self._mix, "ADD_SHADER": self._sum}.get(
+            source.node.type
+        )
         if read is not None:
             read(source)
             return
@@ -159,12 +161,12 @@ class _Reader:
         if number(transmission.factor) > 0:
             self._extend("transmission", transmissionFactor=number(transmission.factor))
             self._slot(transmission, "KHR_materials_transmission", "transmissionTexture", 0)
-            self._filled()
+            self._interior()
         self._coat(value, source)
         self._sheen(source)
         self._translucent(value)
         self._emission(source)
-        self._brushed(source, number(roughness.factor))
+        self._anisotropy(source, number(roughness.factor))
         self._film(source)
         self._normal(source.input("Normal"), self._said, "normalTexture")
         if (beneath := subsurface.subsurface(source)) is not None:
@@ -231,7 +233,7 @@ class _Reader:
         if tint.image is not None:
             self._slot(tint, "KHR_materials_specular", "specularColorTexture", None, as_color=True)
 
-    def _filled(self) -> None:
+    def _interior(self) -> None:
         # Cycles refracts at every surface; the thickness requests that for open meshes too.
         self._extend("volume", thicknessFactor=1.0)
 
@@ -280,7 +282,7 @@ class _Reader:
             if picture is not None:
                 self._said["emissiveTexture"] = picture
 
-    def _brushed(self, source: PrincipledLook, roughness: float) -> None:
+    def _anisotropy(self, source: PrincipledLook, roughness: float) -> None:
         strength, turns = constant_value(source.input("Anisotropic")), constant_value(source.input("Anisotropic Rotation"))
         if not strength or strength <= 0:
             return
@@ -328,7 +330,7 @@ class _Reader:
             if picture is not None:
                 owner[name] = replace(picture, strength=1.0 if strength is None else strength)
 
-    def _clear(self, source: Source) -> None:
+    def _transparent_shader(self, source: Source) -> None:
         color = self._values.read(source.input("Color"), WHITE, "colour")
         if min(as_list(color.factor)) < 1 - SHARP or color.image is not None:
             self._pbr(as_list(color.factor), 0.0, 0.0)
@@ -368,13 +370,13 @@ class _Reader:
             if solid is not None:
                 share = self._values.read(source.input_at(0), 0.5, "mix")
                 self._shader(solid)
-                self._see_through(share if clear[0] else one_minus(share))
+                self._make_transparent(share if clear[0] else one_minus(share))
                 return
         look = principled_look(source, self._warn)
         if look is not None:
             self._principled(look)
 
-    def _see_through(self, opacity: Value) -> None:
+    def _make_transparent(self, opacity: Value) -> None:
         found = self._said.get("pbrMetallicRoughness")
         if found is None:
             return
@@ -402,7 +404,7 @@ class _Reader:
             solid = parts[1] if clear[0] else parts[0]
             if solid is not None and not all(clear):
                 self._shader(solid)
-                self._see_through(Value(0.5))
+                self._make_transparent(Value(0.5))
             return
         look = principled_look(source, self._warn)
         if look is not None:

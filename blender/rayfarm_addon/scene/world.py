@@ -53,7 +53,7 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
         return World([0.0] * 3, medium=inside)
     top = output_of(world.node_tree)
     if bake is not None and top is not None and not _is_known(scene, top) and (made := bake(world)) is not None:
-        return _baked(scene, world, *made)
+        return _baked_world(scene, world, *made)
     source = _background(scene, top)
     if source is None:
         return World([0.0] * 3)
@@ -73,7 +73,7 @@ def read_world(scene: Scene, world: Any, bake: Bake | None = None) -> World:
     if node is not None and node.node.type == "TEX_SKY":
         return _sky(scene, node.node, strength)
     at = source.input("Color")
-    painted = _painted(scene, at, strength)
+    painted = _evaluated_panorama(scene, at, strength)
     if painted is not None:
         return painted
     scene.warn("World: what makes its colour is not read; a plain colour stands for it.")
@@ -97,10 +97,10 @@ def _is_known(scene: Scene, top: Source) -> bool:
     probe = Scene()  # collects the warnings of a trial export
     if node.node.type == "TEX_ENVIRONMENT" and node.node.image is not None:
         return node.node.projection == "EQUIRECTANGULAR" and _environment_rotation(probe, node) is not None and not probe.warnings
-    return _painted(probe, top.input("Color"), 1.0) is not None and not probe.warnings
+    return _evaluated_panorama(probe, top.input("Color"), 1.0) is not None and not probe.warnings
 
 
-def _baked(scene: Scene, world: Any, content: bytes, sun: dict[str, Any] | None) -> World:
+def _baked_world(scene: Scene, world: Any, content: bytes, sun: dict[str, Any] | None) -> World:
     if sun is not None:
         is_seen = getattr(getattr(world, "cycles_visibility", None), "camera", True)
         said = {
@@ -132,7 +132,7 @@ def _background(scene: Scene, source: Source | None) -> Source | None:
     return source
 
 
-def _painted(scene: Scene, socket: SocketInGroups | None, strength: float) -> World | None:
+def _evaluated_panorama(scene: Scene, socket: SocketInGroups | None, strength: float) -> World | None:
     """Returns the light of a world whose nodes modify panoramas, evaluated texel by texel.
 
     Returns None if a node is not supported, or if an image is not an equirectangular panorama.

@@ -27,7 +27,7 @@ def baked_panorama(world: Any) -> tuple[bytes, dict[str, Any] | None] | None:
     """Returns a world's panorama as an EXR file and the sun omitted from it (see `skies.photographed`); None if baking fails."""
     key = _digest(world.node_tree)
     if key not in _known:
-        made = _made(world)
+        made = _run_baking(world)
         if made is None:
             return None
         _known[key] = made
@@ -36,7 +36,7 @@ def baked_panorama(world: Any) -> tuple[bytes, dict[str, Any] | None] | None:
     return _known[key]
 
 
-def _made(world: Any) -> tuple[bytes, Any] | None:
+def _run_baking(world: Any) -> tuple[bytes, Any] | None:
     with tempfile.TemporaryDirectory(prefix="rayfarm-world-") as name:
         folder = Path(name)
         bpy.data.libraries.write(str(folder / "world.blend"), {world.original}, path_remap="ABSOLUTE", fake_user=True)
