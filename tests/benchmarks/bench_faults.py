@@ -114,21 +114,21 @@ class Campaign:
         except (UnrecoveredError, pytest.fail.Exception, psutil.Error, redis.RedisError, OSError, ValueError) as error:
             fault.undone = f"{type(error).__name__}: {error}"
             attack.over()
-        self._until_it_is_back(ground, job, attack.since, fault)
+        self._wait_for_recovery(ground, job, attack.since, fault)
         fault.repeated = stream.repeated - repeated
         took = "never" if fault.recovered_s is None else f"{fault.recovered_s:5.1f} s"
         number = len(self.faults) + 1
         print(f"{number:4}+ {drawn.name:55} {took}  {fault.repeated} repeated {fault.undone}{' asked' * fault.asked}", flush=True)
         return fault
 
-    def _until_it_is_back(self, ground: Ground, job: str, since: float, fault: Fault) -> None:
+    def _wait_for_recovery(self, ground: Ground, job: str, since: float, fault: Fault) -> None:
         """Waits until the job has new samples after the fault, and stores the recovery time in `fault`.
 
         since: when recovery could begin.
         """
         known = -1
 
-        def grows() -> bool:
+        def has_new_samples() -> bool:
             nonlocal known
             now = ground.samples(job)
             if now >= 0 and (known < 0 or now < known):
@@ -139,7 +139,7 @@ class Campaign:
             return 0 <= known < now or now == OVER
 
         with contextlib.suppress(UnrecoveredError):
-            fault.recovered_s = round(ground.wait(grows, "samples come") - since, 2)
+            fault.recovered_s = round(ground.wait(has_new_samples, "samples come") - since, 2)
         fault.asked = job in self._asked
         self._asked.discard(job)
         if fault.recovered_s is None:
@@ -193,14 +193,14 @@ class Campaign:
         """
         found = ""
 
-        def is_told() -> bool:
+        def has_digest() -> bool:
             nonlocal found
             with contextlib.suppress(ClientError, OSError), ground.client() as client:
                 if client.job(job).state == "finished":
                     found = client.digest(job)
             return bool(found)
 
-        ground.wait(is_told, "the digest is told")
+        ground.wait(has_digest, "the digest is told")
         return found
 
 

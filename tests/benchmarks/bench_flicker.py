@@ -89,23 +89,23 @@ def indoors() -> SceneDescription:
     return found
 
 
-def stands_still(found: SceneDescription, t: float) -> View:
+def static_camera(found: SceneDescription, t: float) -> View:
     """Returns the camera view at time t of a shot without motion."""
     return STILL
 
 
-def camera_goes(found: SceneDescription, t: float) -> View:
+def moving_camera(found: SceneDescription, t: float) -> View:
     """Returns the view at time t of a camera that moves across the texture."""
     return replace(STILL, eye=(0.12 * t, 2.2, 5.5 - 0.05 * t), target=(0.08 * t, 0.4, 0.0))
 
 
-def body_flies(found: SceneDescription, t: float) -> View:
+def flying_ball(found: SceneDescription, t: float) -> View:
     """Adds a flying ball to the scene at its position at time t, and returns the view of the static camera."""
     found.spheres.append(Sphere((0.3 + 0.1 * t, 0.9, 0.6), 0.35, RED, "flies", moves=True))
     return STILL
 
 
-def board_turns(found: SceneDescription, t: float) -> View:
+def rotating_board(found: SceneDescription, t: float) -> View:
     """Adds a rotating board to the scene at its angle at time t, and returns the view of the static camera."""
     turned = np.eye(4)
     sine, cosine = math.sin(0.12 * t), math.cos(0.12 * t)
@@ -116,18 +116,18 @@ def board_turns(found: SceneDescription, t: float) -> View:
     return STILL
 
 
-def mirror_passes(found: SceneDescription, t: float) -> View:
+def passing_mirror(found: SceneDescription, t: float) -> View:
     """Adds a mirror ball to the scene, and returns the view at time t of a camera that moves past the ball."""
     found.spheres.append(Sphere((0.4, 0.7, 0.8), 0.7, MIRROR, "mirror"))
-    return camera_goes(found, t)
+    return moving_camera(found, t)
 
 
 MOVES: dict[str, Callable[[SceneDescription, float], View]] = {
-    "nothing moves": stands_still,
-    "camera over texture": camera_goes,
-    "body and its shadow": body_flies,
-    "board that turns": board_turns,
-    "camera past a mirror": mirror_passes,
+    "nothing moves": static_camera,
+    "camera over texture": moving_camera,
+    "body and its shadow": flying_ball,
+    "board that turns": rotating_board,
+    "camera past a mirror": passing_mirror,
 }
 LIGHTS = {
     "a lamp": (room, 8, 256),

@@ -23,7 +23,7 @@ from renderer.formats import pick_main
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.load import Shot
 from renderer.scene.readers import assimp, collada, fbx, gltf, mitsuba, obj, pbrt, ply, stl, threemf, trimesh_files, usd, yaml  # noqa: F401 - before the fork
-from tests.benchmarks.bench_mutations import placed
+from tests.benchmarks.bench_mutations import write_files
 from tests.benchmarks.many.gltf import GLTF
 from tests.benchmarks.many.text import TEXT
 from tests.benchmarks.many.usd import USD
@@ -55,7 +55,7 @@ def read(folder: Path, main: str) -> dict[str, Any]:
 def measured(files: dict[str, bytes], folder: Path, memory: int, seconds: float) -> dict[str, Any]:
     """Writes these files to the folder, and returns the result of `read` from a new child process."""
     main = pick_main(list(files))[0]
-    placed(folder, files)
+    write_files(folder, files)
     try:
         return run_bounded(lambda _: read(folder, main), lambda _: None, memory, seconds, subject=main)
     except WorkError as error:
@@ -79,7 +79,7 @@ def main() -> int:
     with tempfile.TemporaryDirectory(prefix="rayfarm-many-") as name:
         folder = Path(name)
         for thing, make in chosen.items():
-            read(placed(folder / "few", make(2)), pick_main(list(make(2)))[0])  # loads modules before children are forked
+            read(write_files(folder / "few", make(2)), pick_main(list(make(2)))[0])  # loads modules before children are forked
             gc.freeze()
             found = [measured(make(count), folder / "many", memory, options.seconds) for count in counts]
             few, many = (max(each["seconds"], 1e-3) for each in found)

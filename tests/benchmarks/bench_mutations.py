@@ -139,7 +139,7 @@ class Campaign:
         for kind, given in self._seeds.items():
             for each in given:
                 files = packed(each.main, each.files) if each.is_package else each.files
-                result = read(placed(self._folder / "sound", files), each.main)
+                result = read(write_files(self._folder / "sound", files), each.main)
                 if result["outcome"] != "read":
                     sys.exit(f"The sound file {each.main} of {kind} is not read: {result['sentence']}")
 
@@ -158,17 +158,17 @@ class Campaign:
                     yield came.number, came.seconds, came.answer
                 else:
                     doubtful.append(came)
-            yield from map(self._again, doubtful)
+            yield from map(self._read_again_alone, doubtful)
 
     def _read(self, number: int, slot: int) -> dict[str, Any]:
         """Reads the file of this number in a child process that reads many files. slot: index of that child process."""
         _, main, files, _ = self.of(number)
-        return read(placed(self._folder / f"case-{slot}", files), main)
+        return read(write_files(self._folder / f"case-{slot}", files), main)
 
-    def _again(self, came: Came) -> tuple[int, float, dict[str, Any]]:
+    def _read_again_alone(self, came: Came) -> tuple[int, float, dict[str, Any]]:
         _, main, files, _ = self.of(came.number)
         begun = time.monotonic()
-        result = outcome(placed(self._folder / "again", files), main)
+        result = outcome(write_files(self._folder / "again", files), main)
         return came.number, time.monotonic() - begun, result
 
 
@@ -212,7 +212,7 @@ def main() -> int:
             if result["outcome"] not in ("read", "refused"):
                 print(f"{number} {kind} {how}: {result['outcome']}: {result['sentence'][:300]}", flush=True)
                 if options.keep:
-                    placed(options.keep / str(number), files)
+                    write_files(options.keep / str(number), files)
             elif seconds > SLOW:
                 print(f"{number} {kind} {how}: {result['outcome']} after {seconds:.1f} s", flush=True)
             if done % 250 == 0:
@@ -227,7 +227,7 @@ def main() -> int:
     return 0
 
 
-def placed(folder: Path, files: dict[str, bytes]) -> Path:
+def write_files(folder: Path, files: dict[str, bytes]) -> Path:
     """Empties the folder, writes `files` (contents by name) to it, and returns the folder."""
     shutil.rmtree(folder, ignore_errors=True)
     for name, data in files.items():

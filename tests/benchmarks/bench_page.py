@@ -103,12 +103,12 @@ def hand(farm: Farm, browser: Browser, _: argparse.Namespace) -> None:
             page.keyboard.press(key)
             for gesture in ("pan", "zoom"):
                 if gesture == "pan" or key == "f":
-                    print(f"  {gesture:4s} {scale:6s} {'no shader' * is_dry:9s}{moved(page, cdp, gesture)}", flush=True)
+                    print(f"  {gesture:4s} {scale:6s} {'no shader' * is_dry:9s}{repeat_gesture(page, cdp, gesture)}", flush=True)
     print("  asked                           60           16.7 ms, 16.7 ms")
     page.context.close()
 
 
-def moved(page: Page, cdp: Any, gesture: str) -> str:
+def repeat_gesture(page: Page, cdp: Any, gesture: str) -> str:
     """Repeats a gesture on the page for some seconds; returns its processor time per frame, and the frame intervals, as text."""
     box = page.locator("canvas.film").bounding_box()
     assert box is not None
@@ -144,8 +144,8 @@ def live(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
         if name not in ("service", "redis"):
             for process in (psutil.Process(pid), *psutil.Process(pid).children(recursive=True)):
                 process.nice(10)
-    job = submitted(farm, width=1920, height=1080, spp=1 << 16)
-    wait_until(lambda: described(farm, job)["samples"] > 4 * 1920 * 1080, 600, "the job renders")
+    job = submit_job(farm, width=1920, height=1080, spp=1 << 16)
+    wait_until(lambda: job_json(farm, job)["samples"] > 4 * 1920 * 1080, 600, "the job renders")
     service = psutil.Process(farm.pids()["service"])
     alone = share(service, options.seconds / 2)
     page = opened(browser, f"{farm.url}/#/jobs/{job}")
@@ -153,11 +153,11 @@ def live(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
     page.wait_for_timeout(5000)
     first = memory(page)
     page.evaluate("() => { Object.assign(seen, {tiles: 0, received: 0, draws: 0}); }")
-    samples = described(farm, job)["samples"]
+    samples = job_json(farm, job)["samples"]
     watched = share(service, options.seconds)
     seen = page.evaluate("seen")
     rate = {name: seen[name] / options.seconds for name in ("tiles", "received", "draws")}
-    samples = described(farm, job)["samples"] - samples
+    samples = job_json(farm, job)["samples"] - samples
     last = memory(page)
     page.context.close()
     httpx.delete(f"{farm.url}/api/jobs/{job}", verify=False)
@@ -239,7 +239,7 @@ def first(farm: Farm, browser: Browser, options: argparse.Namespace) -> None:
             for _ in range(rounds):
                 context = browser.new_context(viewport=WINDOW)
                 for visits in told.values():
-                    visits.append(visited(context, farm.url + path, wanted, speed))
+                    visits.append(visit_page(context, farm.url + path, wanted, speed))
                 context.close()
             for which, visits in told.items():
                 times = ", ".join(f"{median(each):.2f}" for each in zip(*(visit.seconds for visit in visits), strict=True))
@@ -260,7 +260,7 @@ class Visit:
     kb: float
 
 
-def visited(context: BrowserContext, url: str, wanted: Sequence[str], line: tuple[float, float] | None) -> Visit:
+def visit_page(context: BrowserContext, url: str, wanted: Sequence[str], line: tuple[float, float] | None) -> Visit:
     """Visits the page, waits for each of the selectors `wanted`, and returns the measurements.
 
     line: (bits per second, latency in ms) of the connection; None: unlimited.
@@ -305,7 +305,7 @@ def opened(browser: Browser, url: str, is_watched: bool = True) -> Page:
     return page
 
 
-def submitted(farm: Farm, **request: Any) -> str:
+def submit_job(farm: Farm, **request: Any) -> str:
     """Submits a job of the example scene `spheres` and returns its id."""
     with farm.client() as client:
         scene = httpx.post(f"{farm.url}/api/examples/spheres", verify=False).raise_for_status().json()["id"]
@@ -315,12 +315,12 @@ def submitted(farm: Farm, **request: Any) -> str:
 
 def rendered(farm: Farm, **request: Any) -> str:
     """Renders a job, and returns its id once it is finished."""
-    job = submitted(farm, **request)
-    wait_until(lambda: described(farm, job)["state"] == "finished", 600, "the job is finished")
+    job = submit_job(farm, **request)
+    wait_until(lambda: job_json(farm, job)["state"] == "finished", 600, "the job is finished")
     return job
 
 
-def described(farm: Farm, job: str) -> dict[str, Any]:
+def job_json(farm: Farm, job: str) -> dict[str, Any]:
     """Returns the job's JSON from the API."""
     found: dict[str, Any] = httpx.get(f"{farm.url}/api/jobs/{job}", verify=False, timeout=60).raise_for_status().json()
     return found

@@ -70,7 +70,7 @@ def main() -> None:
         folder = Path(name)
         (folder / "scene").mkdir()
         (folder / "scene" / "shot.glb").write_bytes(SHOTS[options.shot][0](still_set(TRIANGLES)).glb())
-        frames = prepared(folder, options.frames)
+        frames = compile_frames(folder, options.frames)
         warm_up(frames[0][1], variant_for(frames[0][1], frames[0][0]))
         walls: dict[int, list[float]] = {}
         print(f"{SHOTS[options.shot][2]}: {options.frames} frames at {SIZE['width']}x{SIZE['height']}, {options.spp} spp")
@@ -79,7 +79,7 @@ def main() -> None:
                 scene = ready_scene(farm, folder / "scene" / "shot.glb")
                 for _ in range(options.rounds):
                     alone = samples_alone(frames, slots, options.spp)
-                    taken, digests = through(farm, scene, options.frames, options.spp)
+                    taken, digests = render_on_farm(farm, scene, options.frames, options.spp)
                     walls.setdefault(slots, []).append(taken.all)
                     check(frames, digests, options.spp)
                     print(report(slots, alone, taken, options.frames), flush=True)
@@ -110,7 +110,7 @@ def report(slots: int, alone: tuple[float, float], taken: Taken, frames: int) ->
     )
 
 
-def prepared(folder: Path, count: int) -> list[tuple[CompiledScene, RenderSettings]]:
+def compile_frames(folder: Path, count: int) -> list[tuple[CompiledScene, RenderSettings]]:
     """Compiles the scene of each of the first `count` frames in parts, as a farm does; returns each with its render settings."""
     stage, out = OpenScene(Shot(folder / "scene", "shot.glb")), folder / "parts"
     out.mkdir()
@@ -139,7 +139,7 @@ def samples_alone(frames: list[tuple[CompiledScene, RenderSettings]], threads: i
     return time.perf_counter() - begun[0], time.process_time() - begun[1]
 
 
-def through(farm: Farm, scene: str, frames: int, spp: int) -> tuple[Taken, list[str]]:
+def render_on_farm(farm: Farm, scene: str, frames: int, spp: int) -> tuple[Taken, list[str]]:
     """Renders the frames as a job on the farm while a client watches; returns (times, digests of the first frames)."""
     before = processor(farm)
     with farm.client() as client:

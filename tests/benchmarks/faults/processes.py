@@ -77,7 +77,7 @@ def everything(attack: Attack) -> None:
 
 
 @kind("a slot stands still")
-def slot_stands(attack: Attack) -> None:
+def slot_suspended(attack: Attack) -> None:
     slots = attack.ground.slots()
     with stopped([attack.draw.choice(slots)] if slots else []):
         attack.pause(0.3, 8.0)
@@ -85,21 +85,21 @@ def slot_stands(attack: Attack) -> None:
 
 
 @kind("a worker and its slots stand still")
-def worker_stands(attack: Attack) -> None:
+def worker_suspended(attack: Attack) -> None:
     with stopped(tree(attack.ground.part("worker"))):
         attack.pause(0.5, 10.0)
     attack.over()
 
 
 @kind("the service stands still")
-def service_stands(attack: Attack) -> None:
+def service_suspended(attack: Attack) -> None:
     with stopped([attack.ground.part("service")]):
         attack.pause(0.3, 6.0)
     attack.over()
 
 
 @kind("Redis stands still")
-def broker_stands(attack: Attack) -> None:
+def broker_suspended(attack: Attack) -> None:
     with stopped([attack.ground.part("redis")]):
         attack.pause(0.3, 8.0)
     attack.over()

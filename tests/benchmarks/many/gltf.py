@@ -60,7 +60,7 @@ def missing_textures(n: int) -> bytes:
     return g.glb()
 
 
-def shining_textures(n: int) -> bytes:
+def emissive_textures(n: int) -> bytes:
     """Returns a glTF file of n materials with the same emissive texture."""
     g = _base()
     at = g.root["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
@@ -193,7 +193,7 @@ _ALL = (
         meshes,
         primitives,
         missing_textures,
-        shining_textures,
+        emissive_textures,
         cameras,
         lights,
         channels,

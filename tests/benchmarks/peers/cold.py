@@ -45,7 +45,7 @@ def cold_lines(sizes: Sizes, folder: Path) -> Iterator[Line]:
 
     farm = start_farm(folder / "compiled", 1, RAYFARM_CACHE=str(cache))
     try:
-        _until_handed_in(farm, cache)
+        _wait_until_uploaded(farm, cache)
         yield _line(_JOINS, [_join(farm, folder / f"joining-{i}") for i in range(sizes.rounds)])
     finally:
         stop_farm(farm)
@@ -55,7 +55,7 @@ def _line(name: str, seconds: list[float]) -> Line:
     return Line("cold", name, statistics.median(seconds), (min(seconds), max(seconds)), "s", tuple(seconds))
 
 
-def _until_handed_in(farm: Farm, cache: Path) -> None:
+def _wait_until_uploaded(farm: Farm, cache: Path) -> None:
     """Waits until the farm's first worker has compiled all kernels and has uploaded them to the farm.
 
     cache: the worker's cache folder.

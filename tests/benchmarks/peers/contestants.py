@@ -46,7 +46,7 @@ class Mitsuba:
         made = mitsuba_dict(self.mi, case.twin or case.description, case.settings(pixels), folder)
         made["integrator"] = {"type": "path", "max_depth": DEPTH}
         made["sensor"]["sampler"] = {"type": sampler}
-        made = _shared(made)
+        made = _share_materials(made)
         if case.theirs is not None:
             case.theirs(self.mi, made)
         self.scene = self.mi.load_dict(made)
@@ -62,7 +62,7 @@ def converged(picture: Callable[[int, int], np.ndarray], spp: int) -> np.ndarray
     return np.mean([picture(min(spp, _AT_ONCE), 1000 + part) for part in range(parts)], axis=0)
 
 
-def _shared(made: dict[str, Any]) -> dict[str, Any]:
+def _share_materials(made: dict[str, Any]) -> dict[str, Any]:
     """Returns Mitsuba's scene dictionary with each material defined only once, and referred to by its shapes.
 
     Two-sided materials become one-sided, since no view shows a back face.

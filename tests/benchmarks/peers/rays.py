@@ -127,11 +127,11 @@ def _rays(bvh: Bvh, position: np.ndarray, triangle: np.ndarray, count: int) -> d
     return {
         "camera": (eye, looking),
         "random": (ends[0], ends[1] - ends[0]),
-        "bounce": _bounced(bvh, position, triangle, eye, looking),
+        "bounce": _bounce_rays(bvh, position, triangle, eye, looking),
     }
 
 
-def _bounced(bvh: Bvh, position: np.ndarray, triangle: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> Rays:
+def _bounce_rays(bvh: Bvh, position: np.ndarray, triangle: np.ndarray, origin: np.ndarray, direction: np.ndarray) -> Rays:
     distance, primitive = np.empty(len(origin), np.float32), np.empty(len(origin), np.int32)
     trace_closest(bvh, new_stack(), origin, direction, _FAR, distance, primitive)
     met = primitive != NO_PRIMITIVE

@@ -59,7 +59,7 @@ def cornell_box(sizes: Sizes) -> Case:
 def displaced(triangles: int, material: Material | None = None) -> Case:
     """Returns a bumpy sphere under a sky."""
     material = material or Material(base_color=(0.7, 0.6, 0.5))
-    description = _under_a_sky([material], [displaced_sphere(triangles)])
+    description = _with_sky([material], [displaced_sphere(triangles)])
     return Case("large mesh, diffuse", description, View((0.0, 0.8, 3.2), (0.0, 0.0, 0.0), fov=42))
 
 
@@ -96,13 +96,13 @@ def glass_and_metal(sizes: Sizes) -> Case:
     places = [(-2.1, 1), (0.0, 2), (2.1, 1), (-1.05, 2), (1.05, 1)]
     spheres = [Sphere((x, 0.9, 0.0 if i < 3 else 1.9), 0.9, material) for i, (x, material) in enumerate(places)]
     floor = square((0, -0.02, 0), (12, 0, 0), (0, 0, -12), 0)
-    description = _under_a_sky(materials, [floor], spheres=spheres)
+    description = _with_sky(materials, [floor], spheres=spheres)
     return Case("glass and rough metal", description, View((0.0, 3.2, 8.5), (0.0, 0.8, 0.4), fov=36))
 
 
 def textured_mesh(sizes: Sizes) -> Case:
     """Returns a mesh of six thousand triangles with one texture."""
-    description = _under_a_sky([Material(base_color=gray(0.9), base_color_texture=0)], [torus(6_000)])
+    description = _with_sky([Material(base_color=gray(0.9), base_color_texture=0)], [torus(6_000)])
     description.images.append(checks(sizes.texture))
     description.textures.append(Texture(len(description.images) - 1))
     return Case("textured mesh", description, View((0.6, -1.8, 2.6), (0.0, 0.0, 0.0), fov=45))
@@ -145,7 +145,7 @@ CASES: dict[str, Callable[[Sizes], Case]] = {
 }
 
 
-def _under_a_sky(materials: list[Material], meshes: list[Mesh], **more: Any) -> SceneDescription:
+def _with_sky(materials: list[Material], meshes: list[Mesh], **more: Any) -> SceneDescription:
     return SceneDescription(
         meshes=meshes,
         instances=[Instance(i) for i in range(len(meshes))],

@@ -251,7 +251,7 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
             taken.rounds_s, taken.packets = seen["rounds_s"], seen["packets"]
         served.http.patch(f"/api/jobs/{job}", json={"state": "paused"}).raise_for_status()
         time.sleep(2.0)  # until all workers have reported after the pause
-        said = _settled(served, slots, taken, (begun, begun + taken.seconds))
+        said = _wait_until_merged(served, slots, taken, (begun, begun + taken.seconds))
         taken.in_all = served.counts()
         served.stop()
         film = served.film(job, load)
@@ -320,13 +320,15 @@ def _between(spent: list[list[float]], column: int, begin: float, end: float) ->
     return float(np.interp(end, times, values := [row[column] for row in spent]) - np.interp(begin, times, values))
 
 
-def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, measured: tuple[float, float]) -> dict[str, int]:
+def _wait_until_merged(
+    served: Served, slots: list[subprocess.Popen[str]], taken: Taken, measured: tuple[float, float]
+) -> dict[str, int]:
     """Waits until the service has merged all batches that were sent, then ends the slots; returns the sums of their counts.
 
     measured: interval (begin, end) of which the slots' time without work, and their lost time, are added to `taken`.
     """
     deadline = time.monotonic() + SETTLES_S
-    while time.monotonic() < deadline and (_in_hand(served) or served.store.xlen(RESULTS)):
+    while time.monotonic() < deadline and (_held_batches(served) or served.store.xlen(RESULTS)):
         time.sleep(0.5)
     said = Counter[str]()
     for process in slots:
@@ -342,7 +344,7 @@ def _settled(served: Served, slots: list[subprocess.Popen[str]], taken: Taken, m
     return said | {"unread": int(served.store.xlen(RESULTS))}
 
 
-def _in_hand(served: Served) -> int:
+def _held_batches(served: Served) -> int:
     """Returns the number of batches and messages that workers and sites hold, according to their latest reports in Redis."""
     keys = [*served.store.scan_iter(WORKER_KEYS), *served.store.scan_iter(site_key("*"))]
     found = 0

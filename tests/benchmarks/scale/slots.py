@@ -226,7 +226,7 @@ class Slots(PeerWorker):
                 break
         self._found_none = not found
         for message in found or []:
-            machine = self._with_a_free_slot()
+            machine = self._machine_with_free_slot()
             id, arguments = json.loads(message)["headers"]["id"], _arguments(message)
             if "joint" in arguments:
                 work = JointBatch.from_json(arguments["joint"])
@@ -242,7 +242,7 @@ class Slots(PeerWorker):
                 self._help(now, machine)
         return bool(found)
 
-    def _with_a_free_slot(self) -> _Machine:
+    def _machine_with_free_slot(self) -> _Machine:
         while True:  # machines take turns, as if they consumed one queue
             self._next = (self._next + 1) % len(self._machines)
             if self._machines[self._next].free:
