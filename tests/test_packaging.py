@@ -201,7 +201,7 @@ def test_slim_image_installs_its_imports(image: str, runs: list[str], graph: gri
     known = {normal(Requirement(line).name) for line in PROJECT["dependencies"] + extras}
     assert {normal(each.name) for each in wanted} <= known, "the image wants what a whole farm does not have"
 
-    installed = with_their_own(wanted)
+    installed = with_dependencies(wanted)
     imported = {name.partition(".")[0] for each in runs for name in graph.find_upstream_modules(each, as_package=True)}
     foreign = imported - set(OURS) - sys.stdlib_module_names - BLENDERS_OWN
     owners = importlib.metadata.packages_distributions()
@@ -210,7 +210,7 @@ def test_slim_image_installs_its_imports(image: str, runs: list[str], graph: gri
     assert foreign, "the graph sees what is imported"
 
 
-def with_their_own(wanted: list[Requirement]) -> set[str]:
+def with_dependencies(wanted: list[Requirement]) -> set[str]:
     """Returns the names of the required distributions and of all that they depend on, directly or indirectly."""
     found: set[str] = set()
     seen: set[tuple[str, str]] = set()

@@ -44,7 +44,7 @@ def _mix(name: str, first: tuple[str, dict], second: tuple[str, dict], share: fl
     return material, mix
 
 
-def _behind(name: str, build, image: bpy.types.Image, socket: str = "Base Color", **values) -> bpy.types.Material:
+def _textured_material(name: str, build, image: bpy.types.Image, socket: str = "Base Color", **values) -> bpy.types.Material:
     """Returns a principled material with one input taken from an image through other nodes.
 
     build: function of (node tree, the image's colour output) that adds these nodes and returns their output.
@@ -111,7 +111,7 @@ def shaders() -> bpy.types.Scene:
         made.node.mapping.update()
         return _new(tree, "ShaderNodeBrightContrast", {"Contrast": 0.4}, made, "Color")
 
-    _row([_behind(build.__name__, build, colors) for build in (ramp, hue, overlay, curves)], -0.5)
+    _row([_textured_material(build.__name__, build, colors) for build in (ramp, hue, overlay, curves)], -0.5)
     return scene
 
 
@@ -171,7 +171,7 @@ def bumps() -> bpy.types.Scene:
         lambda x, y: (0.5 + 0.5 * math.sin(24 * math.pi * x) * math.sin(12 * math.pi * y),) * 3,
         space="Non-Color",
     )
-    bent = painted("bent", 128, 64, _leaning, space="Non-Color")
+    bent = painted("bent", 128, 64, _tilted_normal_color, space="Non-Color")
     matt = {"Base_Color": (0.7, 0.65, 0.6, 1), "Specular_IOR_Level": 0.0}
 
     def bump(strength: float, distance: float, inverted: bool = False):
@@ -186,13 +186,13 @@ def bumps() -> bpy.types.Scene:
         return lambda tree, source: _new(tree, "ShaderNodeNormalMap", {"Strength": strength}, source, "Color", 0)
 
     high = [bump(1.0, 0.03), bump(0.5, 0.03), bump(1.0, 0.03, True), bump(1.0, 0.01)]
-    _row([_behind(f"bump {i}", build, waves, "Normal", **matt) for i, build in enumerate(high)], 0.8)
+    _row([_textured_material(f"bump {i}", build, waves, "Normal", **matt) for i, build in enumerate(high)], 0.8)
     low = [normals(1.0), normals(0.5)]
-    _row([_behind(f"normals {i}", build, bent, "Normal", **matt) for i, build in enumerate(low)], -0.5)
+    _row([_textured_material(f"normals {i}", build, bent, "Normal", **matt) for i, build in enumerate(low)], -0.5)
     return scene
 
 
-def _leaning(x: float, y: float) -> tuple[float, float, float]:
+def _tilted_normal_color(x: float, y: float) -> tuple[float, float, float]:
     """Returns the colour at x, y of a test normal map, whose normals are tilted to alternating sides."""
     a, b = 0.5 * math.sin(20 * math.pi * x), 0.4 * math.cos(14 * math.pi * y)
     length = math.sqrt(a * a + b * b + 1)

@@ -115,7 +115,7 @@ def surveyed(own_farm: Farm, tmp_path_factory: pytest.TempPathFactory) -> tuple[
     return folder, blender(folder, own_farm.url, "survey")["survey"]
 
 
-def judged(name: str, ours: np.ndarray, theirs: np.ndarray) -> None:
+def assert_same_pictures(name: str, ours: np.ndarray, theirs: np.ndarray) -> None:
     """Asserts that two pictures, ours and Cycles', differ by less than MOST on average over blocks. name: of the scene."""
     both = [blocks(np.minimum(each, BRIGHTEST)) for each in (ours, theirs)]
     difference = float(np.abs(both[0] - both[1]).mean() / both[1].mean())
@@ -149,7 +149,7 @@ def test_add_on_supports_or_reports_each_feature(name: str, word: str, _: str, s
     if word:
         assert_said(word, said[name])
         return
-    judged(name, image(folder / f"{name}-rayfarm.exr"), image(folder / f"{name}-cycles.exr"))
+    assert_same_pictures(name, image(folder / f"{name}-rayfarm.exr"), image(folder / f"{name}-cycles.exr"))
 
 
 @pytest.mark.parametrize(("name", "_", "word"), survey_table())
@@ -166,7 +166,7 @@ def test_blend_reader_supports_or_reports_each_feature(
     theirs = image(folder / f"{name}-cycles.exr")
     settings = RenderSettings(theirs.shape[1], theirs.shape[0], found.cameras[0].view, max_depth=14, filter="box")
     ours = mean(render_frame(compile_scene(found), settings, SAMPLES), settings.film_exponent)[..., :3]
-    judged(name, ours, theirs)
+    assert_same_pictures(name, ours, theirs)
 
 
 def test_objects_with_ray_visibility_have_pass_indices(own_farm: Farm, tmp_path: Path) -> None:

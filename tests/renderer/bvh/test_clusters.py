@@ -32,13 +32,13 @@ def doubled_centroids(box):
     return centroid.max(axis=0)
 
 
-def by_so_many(threads, box):
+def gathered_by_threads(threads, box):
     with Team(threads) as team:
         return gathered(box, np.arange(COUNT, dtype=np.int32), doubled_centroids(box), SOLIDS, team)
 
 
 def test_each_primitive_is_in_one_cluster_with_a_tight_box(boxes):
-    clusters = by_so_many(1, boxes)
+    clusters = gathered_by_threads(1, boxes)
     assert sorted(clusters.source) == list(range(COUNT))
     assert 1000 < len(clusters.box) < COUNT
     ends = np.append(clusters.first[1:], COUNT)
@@ -52,13 +52,13 @@ def test_each_primitive_is_in_one_cluster_with_a_tight_box(boxes):
 
 
 def test_clusters_do_not_depend_on_threads(boxes):
-    one, three = by_so_many(1, boxes), by_so_many(3, boxes)
+    one, three = gathered_by_threads(1, boxes), gathered_by_threads(3, boxes)
     for array, other in zip(one, three, strict=True):
         assert array.tobytes() == other.tobytes()
 
 
 def test_parts_are_disjoint(boxes):
-    clusters = by_so_many(2, boxes)
+    clusters = gathered_by_threads(2, boxes)
     tree_box, tree = np.empty((2 * COUNT, 8), np.float32), np.full((2 * COUNT, 3), -2, np.int32)
     node = np.array([0, 0, COUNT, 1, 0, 0, len(clusters.box)])
     parts = split_clusters(clusters, node, doubled_centroids(clusters.box), 500, tree_box, tree)

@@ -21,7 +21,7 @@ from renderer.threads import Team
 from tests.renderer.builders import kept
 from tests.renderer.bvh.test_instances import forest
 from tests.renderer.bvh.test_ray_masks import laid
-from tests.renderer.bvh.test_traverse import directions, soup
+from tests.renderer.bvh.test_traverse import directions, random_primitives
 
 
 class Hits(NamedTuple):
@@ -93,7 +93,9 @@ def rays(seed: int, count: int = 3000, spread: float = 1.5) -> tuple[np.ndarray,
 @pytest.mark.parametrize("scale", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize(("triangles", "spheres"), [(0, 0), (1, 0), (0, 1), (7, 0), (9, 9), (2000, 300)])
 def test_random_rays_have_equal_hits(triangles: int, spheres: int, scale: float) -> None:
-    position, triangle, sphere = soup(np.random.default_rng(triangles), triangles, spheres, 0.1 if triangles > 100 else 0.4)
+    position, triangle, sphere = random_primitives(
+        np.random.default_rng(triangles), triangles, spheres, 0.1 if triangles > 100 else 0.4
+    )
     o, d = rays(1)
     scaled = np.float32(scale)
     hits = assert_same_hits(build(position * scaled, triangle, sphere * scaled), o * scaled, d * scaled)
@@ -104,7 +106,7 @@ def test_random_rays_have_equal_hits(triangles: int, spheres: int, scale: float)
 
 def test_axis_parallel_rays_have_equal_hits() -> None:
     random = np.random.default_rng(8)
-    position, triangle, sphere = soup(random, 300, 60, 0.2)
+    position, triangle, sphere = random_primitives(random, 300, 60, 0.2)
     position = np.round(position * 8) / 8  # many planes that contain rays, and degenerate triangles
     o = np.round(random.uniform(-1.5, 1.5, (6000, 3)) * 8) / 8
     d = random.integers(-1, 2, (6000, 3)).astype(np.float32)
@@ -136,7 +138,7 @@ def test_lowest_primitive_number_wins_at_equal_distance() -> None:
     Each triangle occurs four times, each sphere three times, in random order.
     """
     random = np.random.default_rng(5)
-    position, triangle, sphere = soup(random, 60, 20, 0.4)
+    position, triangle, sphere = random_primitives(random, 60, 20, 0.4)
     triangle = triangle[random.permutation(np.repeat(np.arange(60), 4))]
     sphere = sphere[random.permutation(np.repeat(np.arange(20), 3))]
     hits = assert_same_hits(build(position, triangle, sphere), *rays(2))
@@ -158,7 +160,7 @@ def test_instances_have_the_same_hits(instances: int) -> None:
 
 def test_primitives_in_motion_have_the_same_hits() -> None:
     random = np.random.default_rng(6)
-    position, triangle, sphere = soup(random, 400, 80, 0.15)
+    position, triangle, sphere = random_primitives(random, 400, 80, 0.15)
     moved = position + random.normal(0, 0.3, (4, *position.shape)).astype(np.float32)
     spheres = np.abs(sphere + random.normal(0, 0.05, (4, *sphere.shape)).astype(np.float32))
     with Team(1) as team:
@@ -171,7 +173,7 @@ def test_primitives_in_motion_have_the_same_hits() -> None:
 
 def test_rays_with_hidden_primitives_have_equal_hits() -> None:
     random = np.random.default_rng(9)
-    position, triangle, sphere = soup(random, 500, 50, 0.15)
+    position, triangle, sphere = random_primitives(random, 500, 50, 0.15)
     unseen, shadeless = random.random((2, 550)) < 0.3
     bvh = exclude_primitives(laid(build(position, triangle, sphere)), unseen, shadeless).bvh
     hits = assert_same_hits(bvh, *rays(10))
@@ -182,12 +184,14 @@ def test_rays_with_hidden_primitives_have_equal_hits() -> None:
 
 @pytest.mark.parametrize("bad", [(np.nan, 0, 1), (0, 0, np.nan), (np.nan,) * 3, (np.inf, 0, 0), (0, 0, 0), (np.inf, -np.inf, 0)])
 def test_invalid_ray_terminates(bad: tuple[float, float, float]) -> None:
-    hits = trace(card_tree(build(*soup(np.random.default_rng(9), 9, 9))), np.zeros(3), np.array([bad], np.float32), 0.5)
+    hits = trace(
+        card_tree(build(*random_primitives(np.random.default_rng(9), 9, 9))), np.zeros(3), np.array([bad], np.float32), 0.5
+    )
     assert not hits.occluded.any()
 
 
 def test_the_tree_does_not_depend_on_the_number_of_threads() -> None:
-    bvh = build(*soup(np.random.default_rng(11), 100_000, 100, 0.01))
+    bvh = build(*random_primitives(np.random.default_rng(11), 100_000, 100, 0.01))
     one, three = card_tree(bvh, 1).compressed, card_tree(bvh, 3).compressed
     np.testing.assert_array_equal(one.node, three.node)
     np.testing.assert_array_equal(one.leaf.view(np.uint32), three.leaf.view(np.uint32))
@@ -202,7 +206,10 @@ def test_a_triangle_takes_at_most_120_bytes(triangles: int) -> None:
     i = (np.arange(side)[:, None] * (side + 1) + np.arange(side)).ravel()
     surface = np.concatenate([np.stack([i, i + side + 1, i + side + 2], 1), np.stack([i, i + side + 2, i + 1], 1)])
     none = np.zeros((0, 4), np.float32)
-    for bvh in (build(position, surface.astype(np.int32), none), build(*soup(np.random.default_rng(12), triangles, 0, 0.02))):
+    for bvh in (
+        build(position, surface.astype(np.int32), none),
+        build(*random_primitives(np.random.default_rng(12), triangles, 0, 0.02)),
+    ):
         tree = card_tree(bvh).compressed
         assert tree.node.nbytes + tree.leaf.nbytes <= 120 * triangles
         assert len(tree.leaf) in (triangles, len(surface))

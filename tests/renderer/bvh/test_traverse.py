@@ -18,7 +18,7 @@ def directions(rng, n):
     return (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
 
 
-def soup(rng, triangles, spheres, size=0.3):
+def random_primitives(rng, triangles, spheres, size=0.3):
     center = rng.uniform(-1, 1, (triangles, 1, 3))
     position = (center + size * rng.standard_normal((triangles, 3, 3))).reshape(-1, 3).astype(np.float32)
     triangle = np.arange(3 * triangles, dtype=np.int32).reshape(-1, 3)
@@ -40,7 +40,7 @@ def assert_same(found, expected):
 @pytest.mark.parametrize(("triangles", "spheres"), [(1, 0), (0, 1), (7, 0), (9, 9), (300, 60), (0, 100), (500, 0)])
 def test_tree_hits_equal_brute_force(triangles, spheres, scale):
     rng = np.random.default_rng(triangles + 7 * spheres)
-    position, triangle, sphere = soup(rng, triangles, spheres, 0.3 if triangles + spheres < 100 else 0.1)
+    position, triangle, sphere = random_primitives(rng, triangles, spheres, 0.3 if triangles + spheres < 100 else 0.1)
     position *= np.float32(scale)
     sphere *= np.float32(scale)
     o = (rng.uniform(-1.5, 1.5, (3000, 3)) * scale).astype(np.float32)
@@ -53,7 +53,7 @@ def test_tree_hits_equal_brute_force(triangles, spheres, scale):
 
 def test_hits_are_those_of_double_precision():
     rng = np.random.default_rng(3)
-    position, triangle, sphere = soup(rng, 200, 40, 0.2)
+    position, triangle, sphere = random_primitives(rng, 200, 40, 0.2)
     o = rng.uniform(-1.5, 1.5, (4000, 3)).astype(np.float32)
     d = directions(rng, 4000)
     found = trace(build(position, triangle, sphere), o, d)
@@ -75,7 +75,7 @@ def test_hits_are_those_of_double_precision():
 
 def test_t_max_ends_a_ray():
     rng = np.random.default_rng(4)
-    position, triangle, sphere = soup(rng, 100, 20)
+    position, triangle, sphere = random_primitives(rng, 100, 20)
     bvh = build(position, triangle, sphere)
     o, d = rng.uniform(-1.5, 1.5, (2000, 3)), directions(rng, 2000)
     full = trace(bvh, o, d)
@@ -91,7 +91,7 @@ def test_t_max_ends_a_ray():
 
 def test_hits_do_not_depend_on_direction_length():
     rng = np.random.default_rng(5)
-    position, triangle, sphere = soup(rng, 100, 20)
+    position, triangle, sphere = random_primitives(rng, 100, 20)
     bvh = build(position, triangle, sphere)
     o, d = rng.uniform(-1.5, 1.5, (2000, 3)), directions(rng, 2000)
     unit, long = trace(bvh, o, d), trace(bvh, o, d * np.float32(1024))
@@ -171,7 +171,7 @@ def test_ray_in_the_plane_of_a_box_face_hits_the_triangle(side, zero):
 
 def test_axis_parallel_rays_match_brute_force():
     rng = np.random.default_rng(8)
-    position, triangle, sphere = soup(rng, 200, 40, 0.2)
+    position, triangle, sphere = random_primitives(rng, 200, 40, 0.2)
     o = np.round(rng.uniform(-1.5, 1.5, (6000, 3)) * 4) / 4
     d = rng.integers(-1, 2, (6000, 3)).astype(np.float32)
     keep = d.any(1)
@@ -185,7 +185,7 @@ def test_axis_parallel_rays_match_brute_force():
 )
 def test_invalid_ray_hits_nothing(bad):
     """Invalid rays (zero or not finite) hit nothing and do not overrun the stack, in a tree whose nodes have empty lanes."""
-    bvh = build(*soup(np.random.default_rng(9), 9, 9))
+    bvh = build(*random_primitives(np.random.default_rng(9), 9, 9))
     assert not trace(bvh, np.zeros(3), np.array([bad])).shadow.any()
     if not np.isfinite(bad).all():
         assert (trace(bvh, np.array(bad), np.array([(0, 0, 1)])).primitive == NO_PRIMITIVE).all()

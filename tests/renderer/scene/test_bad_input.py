@@ -247,7 +247,7 @@ def mutated(data, sample):
     return bytes(found)
 
 
-def compiled_or_told(description):
+def assert_compiles_or_fails(description):
     """Asserts that the description compiles into finite numbers, or is rejected with a SceneError."""
     try:
         scene = compile_scene(description)
@@ -276,7 +276,7 @@ def test_damaged_scene_is_read_or_rejected(tmp_path, png, kind, data):
     except SceneError as error:
         assert f"a.{kind}" in str(error)
         return
-    compiled_or_told(description)
+    assert_compiles_or_fails(description)
 
 
 @settings(deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -301,7 +301,7 @@ def test_gltf_with_arbitrary_values_is_read_or_rejected(tmp_path, png, data):
         assert "a.gltf" in str(error)
         assert "could not be read as" not in str(error), "the backstop spoke: a reader let a value through unchecked"
         return
-    compiled_or_told(description)
+    assert_compiles_or_fails(description)
 
 
 def test_lone_surrogates_in_names_are_replaced_or_rejected(scene):

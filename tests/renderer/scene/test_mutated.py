@@ -74,7 +74,7 @@ def test_mutated_glb_is_read_or_rejected(samples, tmp_path, png, file):
             assert all(np.isfinite(i.transform).all() for i in description.instances)
             assert all(m.triangles.max(initial=-1) < len(m.positions) for m in description.meshes)
             if file == "full":
-                compiled_or_told(description)
+                assert_compiles_or_fails(description)
     assert 0 < told / FILES[file] < 0.9  # some mutations are refused; most only cost a part of the scene
 
 
@@ -84,7 +84,7 @@ def sample(samples, png, file):
     return made(png).glb() if made else (samples / file).read_bytes()
 
 
-def compiled_or_told(description):
+def assert_compiles_or_fails(description):
     """Asserts that the description compiles into finite numbers, or is rejected with a SceneError."""
     try:
         scene = compile_scene(description)

@@ -21,7 +21,7 @@ def pbrt(scene):
     return lambda inside, others=None: scene("scene.pbrt", world(inside, RIGHT), others)
 
 
-def area_and_way(mesh):
+def area_and_orientation(mesh):
     """Returns a mesh's area, and its area with faces weighted by the cosine between their normal and their vertex normals."""
     faces = face_normals(mesh.positions, mesh.triangles)
     along = np.einsum("tc,tc->t", faces, mesh.normals[mesh.triangles].mean(axis=1))
@@ -44,7 +44,7 @@ def area_and_way(mesh):
 )
 def test_shape_areas(pbrt, shape, area):
     (mesh,) = pbrt(f"Shape {shape}").meshes
-    found, outside = area_and_way(mesh)
+    found, outside = area_and_orientation(mesh)
     assert found == pytest.approx(area, rel=6e-2 if "curve" in shape else 2e-3)
     assert outside == pytest.approx(found, rel=0.05)
     turned = pbrt(f"ReverseOrientation Shape {shape}").meshes[0]
@@ -94,7 +94,7 @@ def test_loop_normals_side_matches_pbrt(pbrt):
     points = "1 1 1 1 -1 -1 -1 1 -1 -1 -1 1"
     (mesh,) = pbrt(f'Shape "loopsubdiv" "integer indices" [0 1 2 0 3 1 0 2 3 1 3 2] "point3 P" [{points}]').meshes
     assert (mesh.normals * mesh.positions).sum(axis=1).max() < 0
-    _, outside = area_and_way(mesh)
+    _, outside = area_and_orientation(mesh)
     assert outside > 0  # triangles face along their normals
 
 

@@ -25,7 +25,7 @@ FLOOR = square((0, 0, 0), (50, 0, 0), (0, 0, -50), 0)
 
 
 @pytest.fixture(autouse=True, scope="module")
-def one_integral_a_sky():
+def shared_scattering():
     """Shares the scattering integral between skies of one sun height: it takes almost a second and does not depend on azimuth."""
     known = {}
 

@@ -47,7 +47,7 @@ def shell(thickness: float, material: int = GLASS) -> Mesh:
     )
 
 
-def opened(mesh: Mesh, below: float) -> Mesh:
+def without_bottom(mesh: Mesh, below: float) -> Mesh:
     """Returns a mesh without the triangles that lie wholly below a height."""
     return replace(mesh, triangles=mesh.triangles[(mesh.positions[mesh.triangles][:, :, 1] > below).any(axis=1)])
 
@@ -73,8 +73,8 @@ def test_fine_glass_is_sampled(monkeypatch):
 
 def test_bulb_may_be_open_below_but_bowl_does_not_enclose():
     lamp = (Sphere(PLACE, 0.1, LAMP),)
-    assert len(targets(described((opened(shell(0.05), 0.7),), lamp))) == 2
-    assert len(targets(described((opened(icosphere(3, GLASS, 0.5, PLACE), 1.2),), lamp))) == 0
+    assert len(targets(described((without_bottom(shell(0.05), 0.7),), lamp))) == 2
+    assert len(targets(described((without_bottom(icosphere(3, GLASS, 0.5, PLACE), 1.2),), lamp))) == 0
 
 
 def test_lamp_filling_its_glass_has_one_target():

@@ -30,7 +30,7 @@ def lit(tmp_path):
     return make
 
 
-def shining(found):
+def emissive_material(found):
     """Returns the material of the emissive mesh or sphere."""
     return next(m for m in found.materials if max(m.emission) > 0)
 
@@ -45,7 +45,7 @@ def test_intensity_exposure_color_and_temperature(lit):
     options = {"intensity": 3.0, "exposure": 2.0, "color": Gf.Vec3f(*color), "enableColorTemperature": True}
     found = lit("RectLight", colorTemperature=3200.0, **options)
     expected = 3 * 2**2 * color * UsdLux.BlackbodyTemperatureAsRgb(3200.0)
-    np.testing.assert_allclose(shining(found).emission, expected, rtol=1e-5)
+    np.testing.assert_allclose(emissive_material(found).emission, expected, rtol=1e-5)
 
 
 @pytest.mark.parametrize(
@@ -60,7 +60,7 @@ def test_intensity_exposure_color_and_temperature(lit):
 def test_normalized_light_power_is_independent_of_size(lit, kind, inputs, size):
     place = Gf.Matrix4d().SetScale(Gf.Vec3d(2, 4, 3))
     found = lit(kind, "Z", 0.01, place, normalize=True, intensity=10.0, **inputs)
-    assert shining(found).emission[0] == pytest.approx(10 / size)
+    assert emissive_material(found).emission[0] == pytest.approx(10 / size)
     if kind in ("RectLight", "DiskLight"):
         assert area(found) == pytest.approx(size * 1e-4, rel=2e-4)
 
@@ -190,7 +190,7 @@ def test_blender_lights_in_centimetres(lit, tmp_path):
     layer.Save()
     found = read(tmp_path / "a.usda")
     assert found.spheres[0].radius == pytest.approx(0.1)
-    assert shining(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
+    assert emissive_material(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
 
 
 def test_parent_scale_does_not_enlarge_blender_lamps(lit, tmp_path):
@@ -202,7 +202,7 @@ def test_parent_scale_does_not_enlarge_blender_lamps(lit, tmp_path):
     layer.Save()
     found = read(tmp_path / "a.usda")
     assert found.spheres[0].radius == pytest.approx(0.1)
-    assert shining(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
+    assert emissive_material(found).emission[0] == pytest.approx(3.0 / (4 * np.pi * 0.1**2))
 
 
 @pytest.mark.parametrize(("mode", "glow", "expected"), [

@@ -44,7 +44,7 @@ def assert_scatters_alike(eight, one, given):
 
 
 @device
-def _of_boundaries(v):
+def _boundaries_formula(v):
     cosine, eta, k, u = v[2], v[3], v[4], v[5]
     wo, tint = (v[0], v[1], v[2]), (v[4], v[5], v[6])
     wi, weight, transmitted = sample_glass(tint, eta, wo, u)
@@ -55,7 +55,7 @@ def _of_boundaries(v):
 
 @entry
 def _boundaries(given, order, eight, one):
-    in_both(_of_boundaries, 7, given, order, eight, one)
+    in_both(_boundaries_formula, 7, given, order, eight, one)
 
 
 def test_smooth_boundaries():
@@ -75,7 +75,7 @@ def test_smooth_boundaries():
 
 
 @device
-def _of_diffuse(v):
+def _diffuse_formula(v):
     albedo, wo, wi = (v[3], v[4], v[5]), (v[0], v[1], v[2]), (v[6], v[7], v[8])
     found, weight, pdf = sample_diffuse(albedo, wo, (v[4], v[5]))
     return *eval_diffuse(albedo, wo, wi), pdf_diffuse(wo, wi), *found, *weight, pdf
@@ -83,7 +83,7 @@ def _of_diffuse(v):
 
 @entry
 def _diffuse(given, order, eight, one):
-    in_both(_of_diffuse, 9, given, order, eight, one)
+    in_both(_diffuse_formula, 9, given, order, eight, one)
 
 
 def test_diffuse():
@@ -95,7 +95,7 @@ def test_diffuse():
 
 
 @device
-def _of_facets(v):
+def _facets_formula(v):
     w, alpha_x, alpha_y, u = (v[0], v[1], v[2]), v[6], v[7], (v[8], v[9])
     h = sample_visible_normal(w, alpha_x, alpha_y, u)
     g = v[3], v[4], abs(v[5])
@@ -112,7 +112,7 @@ def _of_facets(v):
 
 @entry
 def _facets(given, order, eight, one):
-    in_both(_of_facets, 10, given, order, eight, one)
+    in_both(_facets_formula, 10, given, order, eight, one)
 
 
 def test_microfacets_and_their_energy():
@@ -133,7 +133,7 @@ def test_nan_lane_reads_inside_the_table():
 
 
 @device
-def _of_metallic(v):
+def _metallic_formula(v):
     wo, wi, u = (v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7])
     base, f0 = (v[8], v[9], v[10]), (v[11], v[12], v[13])
     metallic, roughness, f90, choose = v[14], v[15], v[16], v[17]
@@ -144,7 +144,7 @@ def _of_metallic(v):
 
 @entry
 def _metallic(given, order, eight, one):
-    in_both(_of_metallic, 18, given, order, eight, one)
+    in_both(_metallic_formula, 18, given, order, eight, one)
 
 
 def test_metallic_roughness():
@@ -159,7 +159,7 @@ def test_metallic_roughness():
 
 
 @device
-def _of_conductors(v):
+def _conductors_formula(v):
     wo, wi, u = (v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7])
     eta, k, mean = (v[8], v[9], v[10]), (v[11], v[12], v[13]), (v[14], v[15], v[16])
     roughness, alpha_x, alpha_y, choose = v[17], v[18], v[19], v[20]
@@ -171,7 +171,7 @@ def _of_conductors(v):
 
 @entry
 def _conductors(given, order, eight, one):
-    in_both(_of_conductors, 21, given, order, eight, one)
+    in_both(_conductors_formula, 21, given, order, eight, one)
 
 
 def test_conductors():

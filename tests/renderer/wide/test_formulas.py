@@ -25,7 +25,7 @@ pytestmark = pytest.mark.long  # pictures cover this in tests/renderer/kernel/ba
 
 
 @device
-def _of_numbers(v):
+def _numbers_formula(v):
     x, y = v
     sine, cosine = polynomial.sincos_turns(x)
     arcs = sine, cosine, polynomial.atan2(y, x), polynomial.acos(x), polynomial.floor(x)
@@ -35,7 +35,7 @@ def _of_numbers(v):
 
 @entry
 def _numbers(given, order, eight, one):
-    in_both(_of_numbers, 2, given, order, eight, one)
+    in_both(_numbers_formula, 2, given, order, eight, one)
 
 
 def test_polynomials_and_mis_heuristics():
@@ -54,7 +54,7 @@ def test_polynomials_and_mis_heuristics():
 
 
 @device
-def _of_squares(v):
+def _squares_formula(v):
     u, w = (v[0], v[1]), (v[2], v[3], v[4])
     bent = warp.square_to_cosine_hemisphere(u)
     pdfs = (
@@ -72,7 +72,7 @@ def _of_squares(v):
 
 @entry
 def _squares(given, order, eight, one):
-    in_both(_of_squares, 5, given, order, eight, one)
+    in_both(_squares_formula, 5, given, order, eight, one)
 
 
 def test_warps():
@@ -85,7 +85,7 @@ def test_warps():
 
 
 @device
-def _of_vectors(v):
+def _vectors_formula(v):
     a, b, s = (v[0], v[1], v[2]), (v[3], v[4], v[5]), v[6]
     n = vec.normalize(a)
     x, y = vec.basis(n)
@@ -96,7 +96,7 @@ def _of_vectors(v):
 
 @entry
 def _vectors(given, order, eight, one):
-    in_both(_of_vectors, 7, given, order, eight, one)
+    in_both(_vectors_formula, 7, given, order, eight, one)
 
 
 def test_vectors():
@@ -110,14 +110,14 @@ def test_vectors():
 
 
 @device
-def _of_triangles(v):
+def _triangles_formula(v):
     a, b, c = (v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7], v[8])
     return edge_margins(a, b, c, vec.cross(vec.sub(b, a), vec.sub(c, a)))
 
 
 @entry
 def _triangles(given, order, eight, one):
-    in_both(_of_triangles, 9, given, order, eight, one)
+    in_both(_triangles_formula, 9, given, order, eight, one)
 
 
 def test_margins():
@@ -132,14 +132,14 @@ def test_margins():
 
 
 @device
-def _of_normals(v):
+def _normals_formula(v):
     n, geometric, wo = (v[0], v[1], v[2]), (v[3], v[4], v[5]), (v[6], v[7], v[8])
     return consistent_normal(n, geometric, wo)
 
 
 @entry
 def _normals(given, order, eight, one):
-    in_both(_of_normals, 9, given, order, eight, one)
+    in_both(_normals_formula, 9, given, order, eight, one)
 
 
 def test_consistent_normals():
@@ -169,7 +169,7 @@ class Tables(NamedTuple):
 
 
 @device
-def _of_lifts(tables, v):
+def _lifts_formula(tables, v):
     number, u, w = to_int(v[0]), v[1], v[2]
     i, j, k, _ = row(tables.triangle, number, 4)
     a, b, c = row(tables.position, i, 3), row(tables.position, j, 3), row(tables.position, k, 3)
@@ -184,9 +184,9 @@ def _of_lifts(tables, v):
 def _lifts(tables, given, order, eight, one):
     for i in range(0, len(given), LANES):
         number = load_ints(order, np.uintp(i))
-        keep(eight, i, number, _of_lifts(tables, row(given, number, 7)))
+        keep(eight, i, number, _lifts_formula(tables, row(given, number, 7)))
         for j in range(i, i + LANES):
-            keep(one, j, j, _of_lifts(tables, row(given, j, 7)))
+            keep(one, j, j, _lifts_formula(tables, row(given, j, 7)))
 
 
 def test_lifts():

@@ -63,7 +63,7 @@ SKIES = {
 
 
 @template
-def _of_environment(made, given):
+def _environment_formula(made, given):
     d, pdf = sample_environment(made, given[0], (given[1], given[2]))
     light, density = environment_light(made, (given[3], given[4], given[5]), given[0] < np.float32(0.5))
     return *d, pdf, *light, density
@@ -71,7 +71,7 @@ def _of_environment(made, given):
 
 @entry
 def _environment(made, given, order, eight, one):
-    in_both(_of_environment, made, 6, given, order, eight, one)
+    in_both(_environment_formula, made, 6, given, order, eight, one)
 
 
 def unit(rng, n):
@@ -90,7 +90,7 @@ def test_environment_sampling_for_eight_lanes(name):
 
 
 @template
-def _of_tables(tables, given):
+def _tables_formula(tables, given):
     cdf, cdfs, start, starts = tables
     i, rest, width = sample_cdf(cdf, given[0])
     k, again, _ = sample_cdf_row(cdfs, starts, np.uint32(2), given[1])
@@ -100,7 +100,7 @@ def _of_tables(tables, given):
 
 @entry
 def _choices(tables, given, order, eight, one):
-    in_both(_of_tables, tables, 2, given, order, eight, one)
+    in_both(_tables_formula, tables, 2, given, order, eight, one)
 
 
 @pytest.mark.parametrize("count", [1, 5, 9, 300])
@@ -118,7 +118,7 @@ def test_cdf_choices_for_eight_lanes(count):
 
 
 @template
-def _of_lights(made, given):
+def _lights_formula(made, given):
     p, n, hit = (given[0], given[1], given[2]), (given[3], given[4], given[5]), (given[6], given[7], given[8])
     u, number = (given[9], given[10]), u32(to_int(given[12]))
     light, chance = choose_light(made, p, n, given[11])
@@ -134,7 +134,7 @@ def _of_lights(made, given):
 
 @entry
 def _lights(made, given, order, eight, one):
-    in_both(_of_lights, made, 14, given, order, eight, one)
+    in_both(_lights_formula, made, 14, given, order, eight, one)
 
 
 SHINING = [Material(), emitter(2.0, double_sided=True), emitter(3.0)]

@@ -56,7 +56,7 @@ def assert_both(kernel, given, expected):
 
 
 @device
-def _of_arithmetic(v):
+def _arithmetic_formula(v):
     a, b, _ = v
     sums = a + b, a + P, P + a, a - b, a - P, P - a
     products = a * b, a * P, P * a, a / b, a / P, P / a
@@ -67,7 +67,7 @@ def _of_arithmetic(v):
 
 @entry
 def _arithmetic(given, order, eight, one):
-    in_both(_of_arithmetic, 3, given, order, eight, one)
+    in_both(_arithmetic_formula, 3, given, order, eight, one)
 
 
 def test_arithmetic():
@@ -88,7 +88,7 @@ def test_arithmetic():
 
 
 @device
-def _of_comparisons(v):
+def _comparisons_formula(v):
     a, b, _ = v
     p = P
     less = a < b, a < p, p < a, a <= b, a <= p, p <= a
@@ -100,7 +100,7 @@ def _of_comparisons(v):
 
 @entry
 def _comparisons(given, order, eight, one):
-    in_both(_of_comparisons, 3, given, order, eight, one)
+    in_both(_comparisons_formula, 3, given, order, eight, one)
 
 
 def test_comparisons_and_choices():
@@ -119,7 +119,7 @@ def test_comparisons_and_choices():
 
 
 @device
-def _of_choices(v):
+def _choices_formula(v):
     a, b, c = v
     m = a < b
     numbers = where(m, a, b), where(m, a, P), where(m, P, a), where(m, P, Q), where(m, b == c, a < c)
@@ -130,7 +130,7 @@ def _of_choices(v):
 
 @entry
 def _choices(given, order, eight, one):
-    in_both(_of_choices, 3, given, order, eight, one)
+    in_both(_choices_formula, 3, given, order, eight, one)
 
 
 def test_selections():
@@ -152,7 +152,7 @@ def test_selections():
 
 
 @device
-def _of_branches(v):
+def _branches_formula(v):
     a, b, c = v
     m = a > b
     result = zero_like(a)
@@ -163,7 +163,7 @@ def _of_branches(v):
 
 @entry
 def _branches(given, order, eight, one):
-    in_both(_of_branches, 3, given, order, eight, one)
+    in_both(_branches_formula, 3, given, order, eight, one)
 
 
 def test_branches():
@@ -180,7 +180,7 @@ def test_branches():
 
 
 @device
-def _of_whole_numbers(v):
+def _whole_numbers_formula(v):
     i, j, s = as_ints(v[0]), as_ints(v[1]), as_ints(v[2])
     k = u32(zero_like(i) | K)
     sums = i + j, i + K, K + i, i - j, i - K, K - i, i * j, i * K, K * i
@@ -199,7 +199,7 @@ def _of_whole_numbers(v):
 
 @entry
 def _whole_numbers(given, order, eight, one):
-    in_both(_of_whole_numbers, 3, given, order, eight, one)
+    in_both(_whole_numbers_formula, 3, given, order, eight, one)
 
 
 def test_whole_numbers():
@@ -221,14 +221,14 @@ def test_whole_numbers():
 
 
 @device
-def _of_conversions(v):
+def _conversions_formula(v):
     near, place, far = to_int(v[0]), u32(to_int(v[1])), as_ints(v[2])
     return near, to_float(near), lookup(FLOATS, place), lookup(INTS, place), as_floats(far)
 
 
 @entry
 def _conversions(given, order, eight, one):
-    in_both(_of_conversions, 3, given, order, eight, one)
+    in_both(_conversions_formula, 3, given, order, eight, one)
 
 
 def test_conversions_and_tables():

@@ -28,7 +28,7 @@ _FOUR_PI = np.float32(4 * math.pi)
 
 
 @entry
-def _by_lights(made, stack, p, n, u, out):
+def _sample_lights(made, stack, p, n, u, out):
     o, normal = (p[0], p[1], p[2]), (n[0], n[1], n[2])
     for i in range(len(u)):
         light = sample_light(made, o, normal, u[i, 0], (u[i, 1], u[i, 2]), None)
@@ -40,7 +40,7 @@ def _by_lights(made, stack, p, n, u, out):
 
 
 @entry
-def _by_chance(made, stack, p, n, u, out):
+def _brute_force(made, stack, p, n, u, out):
     o, normal = (p[0], p[1], p[2]), (n[0], n[1], n[2])
     for i in range(len(u)):
         d = square_to_sphere((u[i, 0], u[i, 1]))
@@ -123,8 +123,8 @@ def test_light_sampling_mean_equals_brute_force(name):
     p, n = np.zeros(3, np.float32), np.array([0, 1, 0], np.float32)
     u = np.random.default_rng(6).random((2, N, 3), np.float32)
     lights, chance = np.zeros(N, np.float32), np.zeros(N, np.float32)
-    _by_lights(made, new_stack(), p, n, u[0], lights)
-    _by_chance(made, new_stack(), p, n, u[1], chance)
+    _sample_lights(made, new_stack(), p, n, u[0], lights)
+    _brute_force(made, new_stack(), p, n, u[1], chance)
     errors = [x.astype(float).std() / math.sqrt(N) for x in (lights, chance)]
     means = [x.astype(float).mean() for x in (lights, chance)]
     assert errors[1] < 0.03 * means[1]
