@@ -33,14 +33,14 @@ def hit_keys(typingctx, mask, distance):
     return f32x8(mask8, f32x8), codegen
 
 
-def _least(builder, values):
+def _minimum_of_lanes(builder, values):
     function = ir.FunctionType(_I32, [_KEYS])
     return builder.call(
         cgutils.get_or_insert_function(builder.module, function, f"llvm.vector.reduce.smin.v{LANES}i32"), [values]
     )
 
 
-def _all(builder, value):
+def _broadcast(builder, value):
     """Returns an integer broadcast to all lanes."""
     nothing = ir.Constant(_KEYS, ir.Undefined)
     return builder.shuffle_vector(
@@ -51,7 +51,7 @@ def _all(builder, value):
 @intrinsic
 def minimum_key(typingctx, keys):
     """Returns the minimum, an int32, of sort keys from `hit_keys`."""
-    return types.int32(keys), lambda context, builder, sig, args: _least(builder, builder.bitcast(args[0], _KEYS))
+    return types.int32(keys), lambda context, builder, sig, args: _minimum_of_lanes(builder, builder.bitcast(args[0], _KEYS))
 
 
 @intrinsic
@@ -60,7 +60,7 @@ def keys_beyond(typingctx, keys, key):
 
     def codegen(context, builder, sig, args):
         values = builder.bitcast(args[0], _KEYS)
-        further = builder.icmp_signed(">", values, _all(builder, args[1]))
+        further = builder.icmp_signed(">", values, _broadcast(builder, args[1]))
         kept = builder.select(further, values, ir.Constant(_KEYS, [_DONE] * LANES))
         return builder.bitcast(kept, args[0].type)
 
@@ -72,7 +72,7 @@ def greater_ints(typingctx, numbers, number):
     """Returns a mask of the lanes whose int32 (stored as bits in an f32x8) is greater than `number`."""
 
     def codegen(context, builder, sig, args):
-        return builder.icmp_signed(">", builder.bitcast(args[0], _KEYS), _all(builder, args[1]))
+        return builder.icmp_signed(">", builder.bitcast(args[0], _KEYS), _broadcast(builder, args[1]))
 
     return mask8(f32x8, types.int32), codegen
 
@@ -104,8 +104,8 @@ def nearest_of(typingctx, distances):
 
     def codegen(context, builder, sig, args):
         values = builder.bitcast(args[0], _KEYS)
-        value = _least(builder, values)
-        found = builder.icmp_signed("==", values, _all(builder, value))
+        value = _minimum_of_lanes(builder, values)
+        found = builder.icmp_signed("==", values, _broadcast(builder, value))
         lane = builder.cttz(builder.zext(builder.bitcast(found, ir.IntType(LANES)), _I32), ir.Constant(ir.IntType(1), 1))
         return context.make_tuple(builder, sig.return_type, [builder.bitcast(value, _FLOAT), lane])
 

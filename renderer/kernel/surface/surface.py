@@ -150,17 +150,17 @@ def sphere_point(sphere, number, o, d, t):
 
     Computed in float64: for a radius of 1e5, float32 cannot represent the point's distance from the surface.
     """
-    return _on_ball(row(sphere, number, 4), o, d, t)
+    return _project_onto_sphere(row(sphere, number, 4), o, d, t)
 
 
 @subroutine
 def _moving_sphere_point(ball, o, d, t):
     """Returns the point o + t d projected onto a sphere given by its centre and radius; see `sphere_point`."""
-    return _on_ball(ball, o, d, t)
+    return _project_onto_sphere(ball, o, d, t)
 
 
 @device
-def _on_ball(ball, o, d, t):
+def _project_onto_sphere(ball, o, d, t):
     center_x, center_y, center_z, radius = ball
     cx, cy, cz = double(center_x), double(center_y), double(center_z)
     far = double(t)
@@ -318,7 +318,7 @@ def _sphere_surface(scene, o, d, hit):
 
 
 @device
-def _turned(scene, surface, wo):
+def _with_normal_towards_viewer(scene, surface, wo):
     """Returns the Surface with its shading normal turned to the viewer, and made consistent with the facet if necessary."""
     shading = _facing(surface.shading, surface.geometric, wo)
     # Materials without reflection keep their normal for any view direction.
@@ -347,13 +347,13 @@ def _turned(scene, surface, wo):
 def triangle_at(scene, d, hit):
     """Returns the Surface at a triangle's Hit by a ray of unit direction d; for one ray or for eight lanes."""
     wo = vec.neg(d)
-    return _turned(scene, _triangle_surface(scene, wo, hit), wo)
+    return _with_normal_towards_viewer(scene, _triangle_surface(scene, wo, hit), wo)
 
 
 @device
 def sphere_at(scene, o, d, hit):
     """Returns the Surface at a sphere's Hit by the ray o + t d (d unit); for one ray or for eight lanes."""
-    return _turned(scene, _sphere_surface(scene, o, d, hit), vec.neg(d))
+    return _with_normal_towards_viewer(scene, _sphere_surface(scene, o, d, hit), vec.neg(d))
 
 
 @device
@@ -364,7 +364,7 @@ def surface_at(scene, o, d, hit):
         surface = _triangle_surface(scene, wo, hit)
     else:
         surface = _sphere_surface(scene, o, d, hit)
-    return _turned(scene, surface, wo)
+    return _with_normal_towards_viewer(scene, surface, wo)
 
 
 @device

@@ -49,9 +49,9 @@ def filaments_of(names: Collection[str], read: Callable[[str], bytes], file: str
         return Filaments(is_damaged=True)
     found = Filaments({}, {})
     for each in root.iter("object"):
-        _add(found.objects, each, colors)
+        _add_color(found.objects, each, colors)
         for part in each.iter("part"):
-            _add(found.parts, part, colors)
+            _add_color(found.parts, part, colors)
     return found
 
 
@@ -64,7 +64,7 @@ def _colors(names: Collection[str], read: Callable[[str], bytes]) -> list[str]:
     return max((line.strip().split(";") for line in lines), key=lambda line: sum(map(bool, line)), default=[])
 
 
-def _add(found: dict[str, str], thing: ElementTree.Element, colors: list[str]) -> None:
+def _add_color(found: dict[str, str], thing: ElementTree.Element, colors: list[str]) -> None:
     for said in thing.findall("metadata"):
         number = said.get("value", "")
         if said.get("key") == "extruder" and number.isdigit() and 0 < int(number) <= len(colors):

@@ -229,7 +229,7 @@ def resolve_shadow_rays(scene, alone, stack, pool, lists, options):
 
 
 @device
-def _go_on(pool, lists, which):
+def _list_for_next_stage(pool, lists, which):
     """Lists the paths of the list `which` for the next stage: those that continue on ACTIVE, the others on DONE.
 
     Those with a shadow ray are also added to the list WAITING.
@@ -258,9 +258,9 @@ def trace_shadow_rays(scene, alone, stack, pool, lists, options):
     never_inline()
     truncate(lists, WAITING, np.uintp(0))
     for which in range(SCATTERING):
-        _go_on(pool, lists, np.uintp(which))
+        _list_for_next_stage(pool, lists, np.uintp(which))
     if scene.has.media is not None:
-        _go_on(pool, lists, MEDIUM_VERTICES)
+        _list_for_next_stage(pool, lists, MEDIUM_VERTICES)
     waiting = np.uintp(length(lists, WAITING))
     for k in range(length(lists, PASSED)):
         append(lists, ACTIVE, row(lists, PASSED, k))

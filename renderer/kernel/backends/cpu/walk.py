@@ -90,7 +90,7 @@ def _boxes(node, base, pool, path, t_max):
 
 
 @device
-def _go_on(bvh, pool, lists, number, path, child, top, over):
+def _list_for_next_step(bvh, pool, lists, number, path, child, top, over):
     """Appends a ray to the list of its next traversal step: node, triangle packet, other leaf, or end.
 
     number: the ray's row of the pool. path: the row's flat offset. child: the node or leaf to visit. top: the stack's top. over:
@@ -142,7 +142,7 @@ def _pop(node, pool, path, stack, closest):
 
 
 @device
-def _send_on(bvh, pool, stack, lists, which, count, closest):
+def _advance_rays(bvh, pool, stack, lists, which, count, closest):
     """Pops the next child for each of the first `count` rays of a cleared list, and lists the ray for its next traversal step.
 
     This is a separate loop because the number of stack entries dropped is unpredictable: a misprediction here discards only this
@@ -152,7 +152,7 @@ def _send_on(bvh, pool, stack, lists, which, count, closest):
         number = row(lists, which, k)
         path = at(number, np.uintp(0))
         child, top, over = _pop(bvh.node, pool, path, stack, closest)
-        _go_on(bvh, pool, lists, number, path, child, top, over)
+        _list_for_next_step(bvh, pool, lists, number, path, child, top, over)
 
 
 @subroutine
@@ -182,7 +182,7 @@ def _visit_nodes(bvh, pool, stack, lists, closest):
             store_int(stack, above + _1, this)
             is_met = children != _NONE
         store_int(pool, path + TOP, np.int32(select(is_met, above, top)))
-    _send_on(bvh, pool, stack, lists, NODES, count, closest)
+    _advance_rays(bvh, pool, stack, lists, NODES, count, closest)
 
 
 @device
@@ -278,7 +278,7 @@ def _visit_packets(bvh, motion, alone, pool, stack, lists, closest):
         _keep_nearest(bvh, pool, stack, lists, count)
     else:
         _occlude(bvh, motion, alone, pool, lists, count)
-    _send_on(bvh, pool, stack, lists, PACKETS, count, closest)
+    _advance_rays(bvh, pool, stack, lists, PACKETS, count, closest)
 
 
 @device
@@ -350,7 +350,7 @@ def _visit_others(bvh, motion, alone, pool, stack, lists, closest):
             _meet_instance(bvh, alone, pool, path, leaf >> 2, pool[path + BEST], time)
         else:
             _meet_spheres(bvh, alone, pool, path, leaf, pool[path + BEST], time)
-    _send_on(bvh, pool, stack, lists, OTHERS, count, closest)
+    _advance_rays(bvh, pool, stack, lists, OTHERS, count, closest)
 
 
 @device

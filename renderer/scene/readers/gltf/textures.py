@@ -80,7 +80,7 @@ class Textures:
         extension = info.extension("KHR_texture_transform")
         if extension:
             uv_set = extension.integer("texCoord", uv_set, high=64)
-            transform = _matrix(extension)
+            transform = _uv_transform(extension)
         if uv_set not in self.uv_sets:
             self._shelf.warn_of_surface(
                 Sentence(
@@ -149,7 +149,7 @@ class Textures:
         return self._shelf.image_bytes(name, bytes(self._accessors.view_bytes(view)), srgb)
 
 
-def _matrix(source: Json) -> UvTransform:
+def _uv_transform(source: Json) -> UvTransform:
     # translation * rotation * scale on (u, v), as in the extension's specification.
     (x, y), (width, height) = source.vector("offset", (0.0, 0.0)), source.vector("scale", (1.0, 1.0))
     angle = source.number("rotation", 0.0)

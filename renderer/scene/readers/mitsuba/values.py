@@ -51,8 +51,8 @@ class Spectrum:
             return (float(self.values[0]),) * 3
         at = np.arange(380.0, 781.0, 5.0)
         inside = np.interp(at, self.wavelengths, self.values, left=0.0, right=0.0)
-        weights = _TO_RGB @ _matching(at)
-        found = weights @ inside / (_matching(at)[1].sum() if is_light else weights.sum(axis=1))
+        weights = _TO_RGB @ _color_matching(at)
+        found = weights @ inside / (_color_matching(at)[1].sum() if is_light else weights.sum(axis=1))
         r, g, b = np.maximum(found, 0.0)
         return float(r), float(g), float(b)
 
@@ -84,7 +84,7 @@ def _cached_matching(key: bytes) -> F64:
     return np.stack([x, y, z])
 
 
-def _matching(wavelengths: F64) -> F64:
+def _color_matching(wavelengths: F64) -> F64:
     """Returns (3, W) the CIE 1931 colour matching functions at wavelengths in nanometres.
 
     Source: Wyman, Sloan and Shirley, JCGT 2(2), 2013, multi-lobe fit.

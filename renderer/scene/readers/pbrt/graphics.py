@@ -255,7 +255,7 @@ class Graphics:
         self._state = replace(self._state, ctm=found.ctm, active=found.active)
 
     def _on_object_begin(self, statement: Statement) -> None:
-        shapes = self._in_world(statement)
+        shapes = self._world_shapes(statement)
         if shapes.in_object:
             raise statement.place.error(
                 Sentence("pbrt-object-nested", "an object cannot be defined within another; end the first one before")
@@ -265,10 +265,10 @@ class Graphics:
 
     def _on_object_end(self, statement: Statement) -> None:
         self._state = self._restore(statement, "ObjectBegin")
-        self._in_world(statement).end_object()
+        self._world_shapes(statement).end_object()
 
     def _on_object_instance(self, statement: Statement) -> None:
-        shapes = self._in_world(statement)
+        shapes = self._world_shapes(statement)
         if shapes.in_object:
             raise statement.place.error(
                 Sentence("pbrt-object-instance-nested", "an object cannot contain an instance of another; move it out")
@@ -419,7 +419,7 @@ class Graphics:
         self._all.append((found, len(found.used)))
 
     def _on_light_source(self, statement: Statement) -> None:
-        self._in_world(statement)
+        self._world_shapes(statement)
         source = self._parameters(statement, "light")
         ctm = self._state.ctm
         if ctm[0] is not ctm[1]:
@@ -431,7 +431,7 @@ class Graphics:
         self._state.area = self._deferred_parameters(statement, "light")
 
     def _on_shape(self, statement: Statement) -> None:
-        shapes = self._in_world(statement)
+        shapes = self._world_shapes(statement)
         state = self._state
         source = self._parameters(statement, "shape")
         shapes.add(source, ShapeState(state.ctm, state.material, state.area, state.reverse, state.medium))
@@ -457,7 +457,7 @@ class Graphics:
 
     # Helpers
 
-    def _in_world(self, statement: Statement) -> Shapes:
+    def _world_shapes(self, statement: Statement) -> Shapes:
         if self._shapes is None:
             raise statement.place.error(
                 Sentence(

@@ -250,10 +250,10 @@ class Textures:
         """Returns the value of a texture that is the same everywhere; None if it varies."""
         key = id(definition.parameters)
         if key not in self._constants:
-            self._constants[key] = self._same_everywhere(definition, depth)
+            self._constants[key] = self._constant_value(definition, depth)
         return self._constants[key]
 
-    def _same_everywhere(self, definition: Definition, depth: int) -> Vec3 | None:
+    def _constant_value(self, definition: Definition, depth: int) -> Vec3 | None:
         kind, source, *_ = definition
         if depth > _MAX_NESTED:
             raise source.place.error(

@@ -44,7 +44,7 @@ class Stage:
     @cached_property
     def span(self) -> tuple[float, float] | None:
         """Returns the first and last time code with authored values; None if nothing is animated."""
-        times = [time for layer in self._layers for time in (*_time_samples(layer), *_knots(layer))]
+        times = [time for layer in self._layers for time in (*_time_samples(layer), *_spline_knot_times(layer))]
         if times and any(
             _has_time_offset(layer) or layer.timeCodesPerSecond != self.stage.GetTimeCodesPerSecond() for layer in self._layers
         ):
@@ -295,7 +295,7 @@ def _time_samples(layer: Any) -> list[float]:
     return [float(times[0]), float(times[-1])] if times else []
 
 
-def _knots(layer: Any) -> list[float]:
+def _spline_knot_times(layer: Any) -> list[float]:
     """Returns the times of the first and last knot of a layer's splines; [] without splines.
 
     USD does not list knots as time samples.

@@ -120,7 +120,7 @@ def _face_varying_cage(cage: Cage, values: AtCorners, interpolation: str) -> Cag
         still = np.bincount(old, minlength=len(cage.points))[point] == 1
     faces = Faces(cage.faces.counts, corner)
     if interpolation == "boundaries":
-        still = still | _on_boundary(faces, len(keys))
+        still = still | _boundary_points(faces, len(keys))
     ahead = np.arange(len(old)) + 1
     ahead[faces.first_corners + faces.counts - 1] = faces.first_corners
     edges, sharpness = np.zeros((0, 2), np.int64), np.zeros(0)
@@ -152,12 +152,12 @@ def _face_varying_cage(cage: Cage, values: AtCorners, interpolation: str) -> Cag
 
 def boundary_faces(faces: Faces) -> npt.NDArray[np.bool_]:
     """Returns (F,) a mask of the faces: True for those with a point on the mesh's border."""
-    outer = _on_boundary(faces, int(faces.corners.max(initial=-1)) + 1)
+    outer = _boundary_points(faces, int(faces.corners.max(initial=-1)) + 1)
     found: npt.NDArray[np.bool_] = np.bincount(faces.face, outer[faces.corners], len(faces.counts)) > 0
     return found
 
 
-def _on_boundary(faces: Faces, points: int) -> npt.NDArray[np.bool_]:
+def _boundary_points(faces: Faces, points: int) -> npt.NDArray[np.bool_]:
     """Returns (P,) a mask of the points: True for the end points of edges that belong to a single face."""
     ahead = np.arange(len(faces.corners)) + 1
     some = faces.counts > 0
