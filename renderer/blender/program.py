@@ -17,7 +17,7 @@ __all__ = ["BPY", "NAMED", "Blender", "BlenderError", "environment_python", "fin
 
 NAMED = "RAYFARM_BLENDER"
 BPY = "bpy>=4.5,<4.6"  # a release with long-term support
-LEAST = (4, 2)
+MIN_VERSION = (4, 2)
 PATIENCE_S = 120.0
 _MODULE = "import importlib.metadata as m, sys; print(m.version('bpy')); print(sys.prefix); print(sys.base_prefix)"
 
@@ -111,15 +111,15 @@ def inspect_blender(path: str) -> Blender:
     else:
         said = next((line for line in lines if line.startswith("Blender ")), "")
         version, folders = said.removeprefix("Blender ").split(" ")[0], (str(Path(program).resolve().parent),)
-    if _numbers(version) < LEAST:
+    if _numbers(version) < MIN_VERSION:
         raise BlenderError(
             Sentence(
                 "blender-too-old",
                 "{program} is Blender {version}; .blend files need {least_major}.{least_minor} or later.",
                 program=program,
                 version=version or "?",
-                least_major=LEAST[0],
-                least_minor=LEAST[1],
+                least_major=MIN_VERSION[0],
+                least_minor=MIN_VERSION[1],
             )
         )
     return Blender(program, version, is_module, folders)

@@ -22,7 +22,7 @@ from .websocket import Closed, Socket
 __all__ = ["LiveView", "ViewPicture"]
 
 WAIT_S = 0.02
-AGAIN_S = 2.0
+RETRY_S = 2.0
 
 
 @dataclass(frozen=True)
@@ -114,11 +114,11 @@ class LiveView:
                 continue
             except (FarmError, Closed) as error:
                 self._report(str(error) or "The farm has ended the connection")
-                self._wake.wait(AGAIN_S)
+                self._wake.wait(RETRY_S)
                 self._wake.clear()
             except Exception as error:
                 self._report(f"The add-on failed: {error!r}")
-                self._wake.wait(AGAIN_S)
+                self._wake.wait(RETRY_S)
                 self._wake.clear()
 
     def _report_upload(self, sent: int, size: int) -> None:

@@ -16,11 +16,11 @@ __all__ = ["Flags", "depths_of", "takes_time", "warn_of_material", "warn_of_pass
 
 Warn = Callable[[str], None]
 ENGINES = ("CYCLES", "RAYFARM")  # other engines ignore Cycles' settings
-FEW = 4  # Cycles' default number of bounces: further ones add little light
+MIN_RELEVANT_BOUNCES = 4  # Cycles' default number of bounces: further ones add little light
 MOST_DEPTH = 1024
 USUAL_CLAMP = 10.0
 USUAL_WIDTH = 1.5
-NEAR = 1e-3
+TOLERANCE = 1e-3
 MOST_NAMES = 5
 
 
@@ -37,7 +37,7 @@ class _CheckedSetting(NamedTuple):
 
 
 def _greater_than(limit: float) -> Callable[[Any], bool]:
-    return lambda value: value > limit + NEAR
+    return lambda value: value > limit + TOLERANCE
 
 
 def _less_than(limit: float) -> Callable[[Any], bool]:
@@ -106,7 +106,7 @@ ROWS = (
     _CheckedSetting(
         "cycles",
         "film_exposure",
-        lambda value: abs(value - 1) > NEAR,
+        lambda value: abs(value - 1) > TOLERANCE,
         lambda value: Sentence(
             "cycles-film-exposure",
             "The film's exposure of {value} is ignored; set the exposure in the viewer (Color Management)",
@@ -193,7 +193,7 @@ def takes_time(scene: Any, layer: Any) -> bool:
 
 def _is_curved(shutter: Any) -> bool:
     """Returns True if a shutter curve transmits less light while the shutter opens or closes."""
-    return any(point.location[1] < 1 - NEAR for curve in shutter.curves[:1] for point in curve.points)
+    return any(point.location[1] < 1 - TOLERANCE for curve in shutter.curves[:1] for point in curve.points)
 
 
 def depths_of(scene: Any) -> dict[str, int]:
@@ -229,7 +229,7 @@ def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_f
             warn(row.sentence(value))
     if moves and _is_curved(render.motion_blur_shutter_curve):
         warn(Sentence("cycles-shutter-curve", "The shutter opens and closes at once; its curve is ignored"))
-    if abs(render.pixel_aspect_x - render.pixel_aspect_y) > NEAR:
+    if abs(render.pixel_aspect_x - render.pixel_aspect_y) > TOLERANCE:
         warn(Sentence("cycles-pixel-aspect", "Pixels are square; the pixel aspect is ignored"))
     if cycles is None:
         return
@@ -241,7 +241,7 @@ def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_f
         )
     if not has_filter:
         told = cycles.pixel_filter_type.replace("_", "-").title()
-        if told == "Gaussian" or (told == "Blackman-Harris" and abs(cycles.filter_width - USUAL_WIDTH) > NEAR):
+        if told == "Gaussian" or (told == "Blackman-Harris" and abs(cycles.filter_width - USUAL_WIDTH) > TOLERANCE):
             warn(
                 Sentence(
                     "cycles-pixel-filter",
@@ -255,8 +255,8 @@ def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_f
 
 def warn_of_volumes(scene: Any, warn: Warn) -> None:
     """Warns about the unsupported volume settings of a scene with scattering volumes."""
-    most = getattr(getattr(scene, "cycles", None), "volume_bounces", FEW)
-    if scene.render.engine in ENGINES and most < FEW:
+    most = getattr(getattr(scene, "cycles", None), "volume_bounces", MIN_RELEVANT_BOUNCES)
+    if scene.render.engine in ENGINES and most < MIN_RELEVANT_BOUNCES:
         warn(
             Sentence(
                 "cycles-volume-bounces",

@@ -27,8 +27,8 @@ WITHIN = {
     "Subsurface Scale": Sentence("cycles-input-subsurface-scale", "subsurface scale"),
     "Subsurface Anisotropy": Sentence("cycles-input-subsurface-anisotropy", "subsurface anisotropy"),
 }
-PALE = 0.9
-NEAR = 0.01
+MIN_CHANNEL = 0.9
+TOLERANCE = 0.01
 FILMS_ON_METALS = (5, 0)  # first Blender version in which Cycles supports thin films on metals
 OTHER_FACETS = {"BECKMANN": "Beckmann", "ASHIKHMIN_SHIRLEY": "Ashikhmin-Shirley"}
 
@@ -51,18 +51,18 @@ def warn_of_surface(surface: Any, warn: Warn) -> None:
         at = surface.input(name)
         if at is not None and constant_value(at) is None:
             warn(Sentence("cycles-input-nodes", "nodes of its {input} are ignored; its constant value is used", input=words))
-    if number("Coat Weight", 1.0) > 0 and abs(number("Coat IOR", 1.5) - 1.5) > NEAR:
+    if number("Coat Weight", 1.0) > 0 and abs(number("Coat IOR", 1.5) - 1.5) > TOLERANCE:
         warn(Sentence("cycles-coat-ior", "its coat has an index of refraction of 1.5"))
     if number("Sheen Weight", 1.0) > 0 and surface.input("Sheen Weight") is not None:
         warn(Sentence("cycles-sheen", "its sheen follows glTF, which is brighter at grazing angles than Cycles"))
     if (
         number("Metallic", 1.0) > 0
         and surface.input("Metallic") is not None
-        and _is_tinted(surface.input("Specular Tint"), 1 - NEAR)
+        and _is_tinted(surface.input("Specular Tint"), 1 - TOLERANCE)
     ):
         warn(Sentence("cycles-specular-tint", "the edge tint of its metal (specular tint) is ignored"))
     is_half = 0 < number("Transmission Weight", 0.5) < 1 and surface.input("Transmission Weight") is not None
-    if is_half and _is_tinted(surface.input("Base Color"), PALE):
+    if is_half and _is_tinted(surface.input("Base Color"), MIN_CHANNEL):
         warn(Sentence("cycles-transmission-tint", "transmitted light is tinted by its base color, darker than in Cycles"))
     base = constant_value(surface.input("Base Color"))
     if isinstance(base, list) and max(base) > 1:
@@ -82,7 +82,7 @@ def warn_of_shader(source: Source, warn: Warn) -> None:
     if source.node.type == "BSDF_REFRACTION":
         warn(Sentence("cycles-refraction-bsdf", "its Refraction BSDF also reflects, like glass"))
     is_edged = source.node.type == "BSDF_METALLIC" and source.node.fresnel_type == "F82"
-    if is_edged and _is_tinted(source.input("Edge Tint"), 1 - NEAR):
+    if is_edged and _is_tinted(source.input("Edge Tint"), 1 - TOLERANCE):
         warn(Sentence("cycles-edge-tint", "the edge tint of its metal is ignored"))
 
 

@@ -22,7 +22,7 @@ __all__ = ["FILE", "gltf_files", "object_names"]
 FILE = "geometry.gltf"
 LARGE = 1 << 17
 PACKS = 32
-MANY = 8  # instances of a mesh from which on their transforms are stored in an array
+MIN_INSTANCES = 8  # instances of a mesh from which on their transforms are stored in an array
 FLOAT, UINT = 5126, 5125
 WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
 INSTANCING = "EXT_mesh_gpu_instancing"
@@ -42,14 +42,14 @@ def object_names(scene: Scene) -> list[Node]:
 def _groups(scene: Scene) -> list[list[Node]]:
     """Returns groups of nodes; each group is exported as one glTF node, with an instance for each member.
 
-    Static nodes that are equal except for their transforms form a group if there are at least MANY of them; every other node is a
-    group by itself.
+    Static nodes that are equal except for their transforms form a group if there are at least MIN_INSTANCES of them. Every other
+    node is a group by itself.
     """
     alike: dict[Any, list[Node]] = defaultdict(list)
     for node in scene.nodes:
         if not node.places and not scene.meshes[node.mesh].shapes:
             alike[_appearance_key(node)].append(node)
-    many = {key: nodes for key, nodes in alike.items() if len(nodes) >= MANY}
+    many = {key: nodes for key, nodes in alike.items() if len(nodes) >= MIN_INSTANCES}
     straight: dict[int, bool] = {}
     for nodes in many.values():
         whole = decompose(np.stack([node.place for node in nodes]))[3]

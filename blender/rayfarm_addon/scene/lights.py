@@ -21,9 +21,9 @@ from .nodes import constant_value, output_of, source_of
 __all__ = ["add_light", "bounce_limit", "constant_emission_factor", "is_linked_to_lights", "is_stretched"]
 
 F64 = npt.NDArray[np.float64]
-LEAST = 1e-6  # smaller sizes are treated as 0
+MIN_SIZE = 1e-6  # smaller sizes are treated as 0
 NEAR = 1e-3
-WIDE = 0.1  # radius from which on a spot has no sharp cone edge
+MAX_SPOT_RADIUS = 0.1  # radius from which on a spot has no sharp cone edge
 ALL_BOUNCES = 64
 
 
@@ -39,7 +39,7 @@ def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
     if light.type == "SUN":
         angle = min(float(light.angle), math.pi)
         said = {"type": "directional", "direction": to_y_up(-place[:3, 2]), "intensity": [c * sun_area(light) for c in strength]}
-        if angle > LEAST:
+        if angle > MIN_SIZE:
             said["seen"] = "always" if getattr(thing, "visible_camera", True) else "mirrored"
         scene.lights.append({"name": name, **said, "angle": math.degrees(angle)})
     elif light.type == "AREA":
@@ -91,7 +91,7 @@ def sun_area(light: Any) -> float:
     The factor is 1 if the sun is normalised, else pi sin^2(a) for its half angle a.
     """
     half = min(float(light.angle), math.pi) / 2
-    return math.pi * math.sin(half) ** 2 if is_of_a_square_metre(light) and half > LEAST else 1.0
+    return math.pi * math.sin(half) ** 2 if is_of_a_square_metre(light) and half > MIN_SIZE else 1.0
 
 
 def _warn_of_differences(scene: Scene, thing: Any, name: str, place: F64) -> None:
@@ -101,7 +101,7 @@ def _warn_of_differences(scene: Scene, thing: Any, name: str, place: F64) -> Non
         scene.warn(f"Lamp {name}: casts shadows here, though not in Blender.")
     if light.type == "SPOT" and is_stretched(np.linalg.norm(place[:3, :3], axis=0)):
         scene.warn(f"Lamp {name}: its cone is round, and as wide as it says, whatever its scale.")
-    if light.type == "SPOT" and light.shadow_soft_size > WIDE and not getattr(light, "use_soft_falloff", True):
+    if light.type == "SPOT" and light.shadow_soft_size > MAX_SPOT_RADIUS and not getattr(light, "use_soft_falloff", True):
         scene.warn(f"Lamp {name}: its cone is that of a point, though in Blender that of a ball.")
     if (bounces := bounce_limit(light)) is not None:
         scene.warn(f"Lamp {name}: lights however often its light was scattered, though no more than {bounces} times in Blender.")
@@ -144,16 +144,16 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
     radius = float(light.shadow_soft_size)
     is_spot = light.type == "SPOT"
     is_facing = bool(getattr(light, "use_soft_falloff", False))
-    if is_of_a_square_metre(light) and radius > LEAST:
+    if is_of_a_square_metre(light) and radius > MIN_SIZE:
         strength = [c * size_factor(radius) for c in strength]
-    if not is_spot and radius > LEAST:
+    if not is_spot and radius > MIN_SIZE:
         radiance = [c / (4 * math.pi**2 * radius**2) for c in strength]
         scene.lamp_materials[name] = _emissive_material(thing, radiance) | ({"facing": True} if is_facing else {})
         scene.lamps.append({"type": "sphere", "name": name, "material": name, "center": to_y_up(place[:3, 3]), "radius": radius})
         return
     said: dict[str, Any] = {"type": "spot" if is_spot else "point", "name": name, "position": to_y_up(place[:3, 3])}
-    said |= {"intensity": [c / (4 * math.pi) for c in strength], "radius": radius if radius > LEAST else 0}
-    if is_facing and radius > LEAST:
+    said |= {"intensity": [c / (4 * math.pi) for c in strength], "radius": radius if radius > MIN_SIZE else 0}
+    if is_facing and radius > MIN_SIZE:
         said["facing"] = True
     if is_spot:
         half = float(light.spot_size) / 2
@@ -183,7 +183,7 @@ def _add_area(scene: Scene, thing: Any, name: str, place: F64, strength: list[fl
     turned = place @ np.diag([width / 2, height / 2, 1.0, 1.0]) @ np.diag([1.0, -1.0, -1.0, 1.0])
     sides = turned[:3, :2]
     area = float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]))) * (math.pi if is_round else 4.0)
-    if area < LEAST**2:
+    if area < MIN_SIZE**2:
         return
     if is_of_a_square_metre(light):
         strength = [c * area for c in strength]

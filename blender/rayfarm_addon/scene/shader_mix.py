@@ -21,7 +21,8 @@ __all__ = ["PrincipledLook", "brushed", "input_for_camera_rays", "principled_loo
 BLACK, WHITE = ConstantValue([0.0] * 3), ConstantValue([1.0] * 3)
 SHARE = 0.5
 CLEAR = 0.999
-WAY = 1.15  # mean path length through a coat, relative to its thickness, of light from a matt surface, for an IOR of 1.5
+# Mean path length through a coat, relative to its thickness, of light from a matt surface, for an IOR of 1.5.
+COAT_PATH_LENGTH = 1.15
 MOST_POLISHED = 0.95  # weight of the metal in a mix from which on the mix is a metal
 # Inputs of a Principled BSDF that other shaders lack, with the values equivalent to their absence.
 DEFAULTS: dict[str, ConstantValue] = {
@@ -98,7 +99,7 @@ def under_coat(surface: PrincipledLook) -> list[float] | None:
     if not isinstance(weight, float) or not isinstance(tint, list) or weight <= 0 or min(tint) > CLEAR:
         return None
     share = min(weight, 1.0)
-    return [1 + share * (min(max(c, 0.0), 1.0) ** WAY - 1) for c in tint]
+    return [1 + share * (min(max(c, 0.0), 1.0) ** COAT_PATH_LENGTH - 1) for c in tint]
 
 
 def _principled_anisotropy(anisotropy: Any, rotation: Any) -> dict[str, Any]:

@@ -18,7 +18,7 @@ __all__ = ["baked_panorama"]
 
 WIDTH, MOST_WIDTH = 2048, 8192
 PATIENCE_S = 120.0
-KEPT = 4  # number of cached worlds
+MAX_CACHED_WORLDS = 4  # number of cached worlds
 
 _known: dict[str, tuple[bytes, Any]] = {}
 
@@ -31,7 +31,7 @@ def baked_panorama(world: Any) -> tuple[bytes, dict[str, Any] | None] | None:
         if made is None:
             return None
         _known[key] = made
-        while len(_known) > KEPT:
+        while len(_known) > MAX_CACHED_WORLDS:
             del _known[next(iter(_known))]
     return _known[key]
 

@@ -15,7 +15,7 @@ from ..scene.view import Shot
 __all__ = ["PASSES", "Pass", "enabled_passes", "planes_of", "values"]
 
 F32 = npt.NDArray[np.float32]
-FAR = 1e10  # Cycles' depth where no object is hit
+MISS_DEPTH = 1e10  # Cycles' depth where no object is hit
 
 
 class Pass(NamedTuple):
@@ -95,4 +95,4 @@ def _depth(channels: Mapping[str, F32], shot: Shot) -> F32:
         y = (2 * (np.arange(height) + 0.5) / height - 1 - 2 * up) * slope
         x = ((2 * (np.arange(width) + 0.5) - width) / height + 2 * right) * slope
         share = 1 / np.sqrt(1 + x[None, :] ** 2 + y[:, None] ** 2)
-    return np.where(depth > 0, depth * share, FAR).astype(np.float32)[..., None]
+    return np.where(depth > 0, depth * share, MISS_DEPTH).astype(np.float32)[..., None]

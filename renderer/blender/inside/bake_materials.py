@@ -12,7 +12,7 @@ __all__ = ["bake"]
 
 BAKED = ("Base Color", "Metallic", "Roughness", "Alpha", "Emission Color")
 LIT = ("Base Color", "Emission Color")  # inputs that may exceed 1
-BENT = ("Normal", "Coat Normal")  # inputs whose bumps are baked as normal maps
+NORMAL_INPUTS = ("Normal", "Coat Normal")  # inputs whose bumps are baked as normal maps
 LAYER = "rayfarm"
 SIZE, LEAST_SIZE = 1024, 256
 MARGIN = 8  # texels around each island
@@ -116,7 +116,7 @@ def _unsupported_inputs(material: Any) -> list[Any]:
     node = links[0].from_node if links else None
     if node is None or node.type != "BSDF_PRINCIPLED":
         return []
-    entries = [node.inputs[name] for name in (*BAKED, *BENT) if name in node.inputs and node.inputs[name].is_linked]
+    entries = [node.inputs[name] for name in (*BAKED, *NORMAL_INPUTS) if name in node.inputs and node.inputs[name].is_linked]
     return [entry for entry in entries if not is_supported(entry.links[0].from_node)]
 
 
@@ -166,7 +166,7 @@ def _bake_inputs(bpy: Any, scene: Any, material: Any, entries: list[Any], owners
             target = tree.nodes.new("ShaderNodeTexImage")
             target.image = image
             tree.nodes.active = target
-            is_bent = entry.name in BENT
+            is_bent = entry.name in NORMAL_INPUTS
             tree.links.new(entry.links[0].from_socket, shining.inputs["Color"])
             tree.links.new(surface if is_bent else shining.outputs[0], output.inputs["Surface"])
             _select(bpy, owners)

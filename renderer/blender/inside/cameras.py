@@ -11,7 +11,7 @@ from .sentences import Sentence
 
 __all__ = ["Cameras", "to_ours"]
 
-LEAST = 1e-6  # of a lens shift: smaller values are rounding errors
+MIN_SHIFT = 1e-6  # of a lens shift: smaller values are rounding errors
 
 
 def to_ours(v: Any) -> tuple[float, float, float]:
@@ -71,7 +71,7 @@ class Cameras:
         height = max(c.y for c in corners) - min(c.y for c in corners)
         middle = [sum(getattr(c, axis) for c in corners) / 4 / max(height, 1e-12) for axis in ("x", "y")]
         if data.type != "PANO":
-            found["shift_x"], found["shift_y"] = (each if abs(each) > LEAST else 0.0 for each in middle)
+            found["shift_x"], found["shift_y"] = (each if abs(each) > MIN_SHIFT else 0.0 for each in middle)
         if data.type == "PERSP":
             depth = abs(corners[0].z) or 1.0
             found["fov"] = min(max(math.degrees(2 * math.atan(height / 2 / depth)), 0.01), 179.0)

@@ -8,8 +8,8 @@ from typing import Any
 
 __all__ = ["DeformedShapes", "armatures_disabled"]
 
-NEAR = 1e-5  # relative to a coordinate: smaller differences are rounding errors
-MOST = 6_000_000  # vertices of all shape keys: each takes 24 bytes of the file, and a microsecond or two to write
+RELATIVE_TOLERANCE = 1e-5  # relative to a coordinate: smaller differences are rounding errors
+MAX_KEYED_VERTICES = 6_000_000  # vertices of all shape keys: each takes 24 bytes of the file, and a microsecond or two to write
 
 
 class DeformedShapes:
@@ -60,7 +60,7 @@ class DeformedShapes:
             if len(before) != len(points):
                 found.add(name)
                 self._other.add(name)
-            elif len(points) and abs(before - points).max() > NEAR * max(1.0, abs(before).max()):
+            elif len(points) and abs(before - points).max() > RELATIVE_TOLERANCE * max(1.0, abs(before).max()):
                 found.add(name)
         return sorted(found)
 
@@ -75,7 +75,7 @@ class DeformedShapes:
         """
         size = {name: len(self._first[name]) // 3 * len(self._frames) for name in names}
         for name in sorted(names, key=lambda each: -size[each]):
-            if sum(size.values()) > MOST:
+            if sum(size.values()) > MAX_KEYED_VERTICES:
                 del size[name]
                 self.left.append(name)
         found: dict[str, list[Any]] = {name: [] for name in size}

@@ -31,7 +31,7 @@ ALEMBIC = ".abc"
 COPIES = ".copies"
 NOWHERE = "//missing-files/"
 MOST_FILES = 20_000
-LEAST = (4, 2)
+MIN_VERSION = (4, 2)
 
 
 class UploadedFiles:
@@ -159,12 +159,12 @@ def imported(path: Path) -> Any:
 def _start_blender() -> Any:
     import bpy
 
-    if bpy.app.version[:2] < LEAST:
+    if bpy.app.version[:2] < MIN_VERSION:
         raise DamagedError(
             Sentence(
                 "blend-blender-too-old",
                 "needs Blender {needed} or later; this worker has {version}",
-                needed=f"{LEAST[0]}.{LEAST[1]}",
+                needed=f"{MIN_VERSION[0]}.{MIN_VERSION[1]}",
                 version=bpy.app.version_string,
             )
         )

@@ -8,7 +8,7 @@ __all__ = ["differs_by_object", "is_placed_by_uv", "is_supported", "view_depende
 
 ENDS = {"ATTRIBUTE", "VERTEX_COLOR", "VALUE", "RGB"}
 PASSED = {"REROUTE", "SEPARATE_COLOR", "SEPRGB"}
-NEAR = 1e-6
+TOLERANCE = 1e-6
 # Nodes that depend on the view, and so cannot be baked to an image.
 FROM_ELSEWHERE = {"FRESNEL", "LAYER_WEIGHT", "LIGHT_PATH"}
 OUTPUTS_FROM_ELSEWHERE = {"Reflection", "Incoming"}
@@ -43,7 +43,7 @@ def _is_factor(node: Any) -> bool:
     if node.type not in ("MIX", "MIX_RGB") or node.blend_type != "MULTIPLY" or getattr(node, "data_type", "RGBA") != "RGBA":
         return False
     share = node.inputs[0]
-    return not share.is_linked and abs(share.default_value - 1) < NEAR
+    return not share.is_linked and abs(share.default_value - 1) < TOLERANCE
 
 
 def is_placed_by_uv(node: Any) -> bool:
@@ -67,7 +67,7 @@ def _is_flat(mapping: Any) -> bool:
     if any(entry.is_linked for entry in mapping.inputs if entry.name != "Vector"):
         return False
     turn = mapping.inputs["Rotation"].default_value
-    return abs(turn[0]) < NEAR and abs(turn[1]) < NEAR
+    return abs(turn[0]) < TOLERANCE and abs(turn[1]) < TOLERANCE
 
 
 def view_dependent_label(node: Any, output: str) -> str:

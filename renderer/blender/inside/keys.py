@@ -19,7 +19,7 @@ __all__ = [
 ]
 
 MOST_FRAMES = 10_000
-ALIKE = 1e-9
+TOLERANCE = 1e-9
 
 
 def rounded(value: Any) -> Any:
@@ -152,5 +152,5 @@ def _are_nearly_equal(a: Any, b: Any) -> bool:
     if isinstance(a, list) and isinstance(b, list):
         return len(a) == len(b) and all(_are_nearly_equal(x, y) for x, y in zip(a, b, strict=True))
     if isinstance(a, int | float) and isinstance(b, int | float):
-        return abs(a - b) <= ALIKE * max(1.0, abs(a), abs(b))
+        return abs(a - b) <= TOLERANCE * max(1.0, abs(a), abs(b))
     return bool(a == b)

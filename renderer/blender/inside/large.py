@@ -14,13 +14,13 @@ from .principled_materials import modules_of
 
 __all__ = ["replace_by_stand_ins", "restore_large_meshes"]
 
-LEAST = 20_000  # faces
+MIN_FACES = 20_000  # faces
 COLORED = {
     "VERTEX_COLOR",
     "ATTRIBUTE",
 }  # nodes for which the exporter writes attributes that `restore_large_meshes` does not restore
 FLOAT, UINT = 5126, 5125
-DEEPEST = 16
+MAX_GROUP_DEPTH = 16
 
 Taken = dict[str, Any]  # rayfarm_addon's meshes, by the names of their stand-ins
 
@@ -62,14 +62,14 @@ def restore_large_meshes(path: Path, stand_ins: Taken) -> None:
 
 def _is_plain(thing: Any) -> bool:
     mesh = thing.data
-    if len(mesh.polygons) < LEAST or mesh.shape_keys is not None or any(each.type == "ARMATURE" for each in thing.modifiers):
+    if len(mesh.polygons) < MIN_FACES or mesh.shape_keys is not None or any(each.type == "ARMATURE" for each in thing.modifiers):
         return False
     materials = [slot.material for slot in thing.material_slots]
     return not mesh.color_attributes or not (not any(materials) or any(_is_colored(each) for each in materials if each))
 
 
 def _is_colored(material: Any) -> bool:
-    return material.use_nodes and material.node_tree is not None and _has_colors(material.node_tree, DEEPEST)
+    return material.use_nodes and material.node_tree is not None and _has_colors(material.node_tree, MAX_GROUP_DEPTH)
 
 
 def _has_colors(tree: Any, depth: int) -> bool:

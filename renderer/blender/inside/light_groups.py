@@ -9,7 +9,7 @@ __all__ = ["layer_groups", "light_group_of", "mesh_groups"]
 
 UNUSABLE = re.compile(r"[^\w -]")  # such as the dot of "Lightgroup.001"
 MOST_NAME = 40  # characters; renderer/setting_declaration.py
-MOST = 16  # renderer/settings.py
+MAX_GROUPS = 16  # renderer/settings.py
 
 
 def light_group_of(thing: Any) -> str:
@@ -25,7 +25,7 @@ def mesh_groups(objects: list[Any]) -> dict[str, str]:
 def layer_groups(layer: Any) -> str:
     """Returns the light groups of a view layer, for the setting `light_groups`; at most as many as that takes."""
     names = dict.fromkeys(_valid_name(group.name) for group in getattr(layer, "lightgroups", ()))
-    return ",".join([name for name in names if name not in ("", "rest")][:MOST])
+    return ",".join([name for name in names if name not in ("", "rest")][:MAX_GROUPS])
 
 
 def _valid_name(name: Any) -> str:

@@ -14,11 +14,11 @@ from .keys import animated_paths
 
 __all__ = ["EmissionImage", "is_animated_light", "needs_emission_image", "render_emission_image"]
 
-WIDE = 120.0  # degrees: cones up to this are rendered by a perspective camera
+MAX_WINDOW_ANGLE = 120.0  # degrees: cones up to this are rendered by a perspective camera
 SIDE, AROUND = 512, 1024  # pixels: side of a perspective image, and width of a panorama
 MOST = 2048
 SAMPLES = 4
-FINE = (256, 128)  # faces of the sphere: around, and from pole to pole
+SPHERE_FACES = (256, 128)  # faces of the sphere: around, and from pole to pole
 VIEW_DEPENDENT_NODES = ("LIGHT_FALLOFF", "LIGHT_PATH")  # nodes that depend on the distance or the kind of ray
 
 
@@ -41,7 +41,7 @@ def needs_emission_image(bpy: Any, data: Any) -> bool:
 
 def render_emission_image(bpy: Any, lamp: Any, out: Path, name: str) -> EmissionImage:
     """Renders the emission image of the light object `lamp` to the file `name` in the folder `out`."""
-    is_window = lamp.data.type == "SPOT" and math.degrees(lamp.data.spot_size) <= WIDE
+    is_window = lamp.data.type == "SPOT" and math.degrees(lamp.data.spot_size) <= MAX_WINDOW_ANGLE
     sizes = [max(node.image.size) for node in _nodes(lamp.data.node_tree) if getattr(node, "image", None) is not None]
     width = min(max([SIDE if is_window else AROUND, *sizes]), MOST)
     studio = _Studio(bpy, lamp, is_window)
@@ -111,7 +111,7 @@ class _Studio:
         from mathutils import Matrix
 
         shape = bmesh.new()
-        bmesh.ops.create_uvsphere(shape, u_segments=FINE[0], v_segments=FINE[1], radius=1.0)
+        bmesh.ops.create_uvsphere(shape, u_segments=SPHERE_FACES[0], v_segments=SPHERE_FACES[1], radius=1.0)
         bmesh.ops.transform(shape, matrix=Matrix.Translation(place.translation), verts=shape.verts)
         for face in shape.faces:
             face.smooth = True

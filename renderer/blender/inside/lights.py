@@ -16,9 +16,9 @@ from .sentences import Sentence
 __all__ = ["Lights", "is_linked_to_lights"]
 
 AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
-MOST = 1e9
-WIDE = 0.1  # scene units: larger points are spheres, whose spot cone has no single edge
-LEAST = 1e-4  # the least radius of a point light
+MAX_INTENSITY = 1e9
+MAX_POINT_RADIUS = 0.1  # scene units: larger points are spheres, whose spot cone has no single edge
+MIN_RADIUS = 1e-4  # the least radius of a point light
 MOST_PICTURES = 64  # of emission images: each takes a second or two
 RAYS = {
     "diffuse": Sentence("blend-matte-surfaces", "matte surfaces"),
@@ -110,7 +110,7 @@ class Lights:
         graph = self._bpy.context.evaluated_depsgraph_get()
         lamp = thing.evaluated_get(graph)
         data, world = lamp.data, lamp.matrix_world
-        watts = [min(c * max(data.energy, 0.0) * _size_factor(data, world.to_scale()), MOST) for c in self._color(data)]
+        watts = [min(c * max(data.energy, 0.0) * _size_factor(data, world.to_scale()), MAX_INTENSITY) for c in self._color(data)]
         forward = to_ours((world.to_3x3() @ self._math.Vector((0, 0, -1))).normalized())
         if data.type == "SUN":
             return {"intensity": watts, "direction": forward, "angle": min(math.degrees(data.angle), 180.0)}
@@ -119,9 +119,9 @@ class Lights:
             return self._area(thing.name, data, world, scale, watts)
         radius = data.shadow_soft_size
         thrown = self._thrown.get(thing.name)
-        if data.type == "POINT" and thing.data.shadow_soft_size > LEAST and thrown is None:
-            radius = max(radius, LEAST)
-            radiance = [min(c / (4 * math.pi**2 * radius**2), MOST) for c in watts]
+        if data.type == "POINT" and thing.data.shadow_soft_size > MIN_RADIUS and thrown is None:
+            radius = max(radius, MIN_RADIUS)
+            radiance = [min(c / (4 * math.pi**2 * radius**2), MAX_INTENSITY) for c in watts]
             return {"emission": radiance, "center": to_ours(world.translation), "radius": radius}
         found = {"intensity": [c / (4 * math.pi) for c in watts], "position": to_ours(world.translation), "radius": radius}
         if thrown is not None:
@@ -148,7 +148,7 @@ class Lights:
             turn.make_compatible(self._turns[name])
         self._turns[name] = turn
         return {
-            "emission": [min(c * AREA / area, MOST) for c in watts],
+            "emission": [min(c * AREA / area, MAX_INTENSITY) for c in watts],
             "size": [width / 2, height / 2, 1.0],
             "turn": [math.degrees(a) for a in turn],
             "place": to_ours(world.translation),
@@ -174,7 +174,7 @@ class Lights:
     def _note_limits(self, thing: Any, notes: list[str]) -> None:
         data = thing.data
         if thing.name in self._thrown:
-            if data.type == "POINT" and data.shadow_soft_size > LEAST:
+            if data.type == "POINT" and data.shadow_soft_size > MIN_RADIUS:
                 notes.append(
                     Sentence(
                         "blend-light-not-in-mirrors",
@@ -196,7 +196,7 @@ class Lights:
                     "blend-light-nodes", "Light {light}: its nodes are ignored; it has its own colour and power", light=thing.name
                 )
             )
-        if data.type == "SPOT" and data.shadow_soft_size > WIDE and not getattr(data, "use_soft_falloff", True):
+        if data.type == "SPOT" and data.shadow_soft_size > MAX_POINT_RADIUS and not getattr(data, "use_soft_falloff", True):
             notes.append(
                 Sentence(
                     "blend-light-cone-of-point",

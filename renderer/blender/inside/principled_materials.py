@@ -17,8 +17,8 @@ from .texture_spaces import has_required_encoding
 
 __all__ = ["Extensions", "modules_of", "simplify"]
 
-LEFT = {"Normal", "Coat Normal", "Tangent", "Weight"}  # vector inputs, which no colour image represents
-BENT = {"Normal", "Coat Normal"}
+VECTOR_INPUTS = {"Normal", "Coat Normal", "Tangent", "Weight"}  # vector inputs, which no colour image represents
+NORMAL_INPUTS = {"Normal", "Coat Normal"}
 MODULES = (
     "cycles",
     "cycles_differences",
@@ -116,9 +116,9 @@ class _Simplifier:
             if entry.type == "SHADER" or entry.name in shines:
                 continue
             at = look.input(entry.name)
-            if entry.name in BENT and self._convert_bump(entry, at):
+            if entry.name in NORMAL_INPUTS and self._convert_bump(entry, at):
                 continue
-            if entry.name in LEFT and is_own:
+            if entry.name in VECTOR_INPUTS and is_own:
                 continue
             if at is not None:
                 self._set(entry, at, is_own)
@@ -222,7 +222,7 @@ class _Simplifier:
             if not is_own:
                 self._tree.links.new(source.output, entry)
             return
-        if entry.name in LEFT:
+        if entry.name in VECTOR_INPUTS:
             return
         if entry.name in self._modules.cycles_differences.NUMBERS:
             self._set_input(entry, entry.default_value)

@@ -6,7 +6,7 @@ from typing import Any
 
 __all__ = ["has_required_encoding"]
 
-LEAST = 2 / 255  # least channel difference of a texel that is not grey
+MIN_COLOR_DIFFERENCE = 2 / 255  # least channel difference of a texel that is not grey
 CHANNELS = ("SEPARATE_COLOR", "SEPRGB")
 
 
@@ -47,4 +47,4 @@ def _is_grey(image: Any) -> bool:
     texels = np.empty(len(image.pixels), np.float32)
     image.pixels.foreach_get(texels)
     colors = texels.reshape(-1, image.channels)[:, :3]
-    return not len(colors) or float(np.ptp(colors, axis=1).max()) < LEAST
+    return not len(colors) or float(np.ptp(colors, axis=1).max()) < MIN_COLOR_DIFFERENCE
