@@ -7,7 +7,7 @@ from typing import Any
 
 __all__ = ["brushed"]
 
-_LEAST = 1e-3  # minimum alpha
+_MIN_ALPHA = 1e-3  # minimum alpha
 
 
 def brushed(along: float, across: float) -> dict[str, Any]:
@@ -21,7 +21,7 @@ def brushed(along: float, across: float) -> dict[str, Any]:
     least, most = min(along, across), max(along, across)
     strength = math.sqrt((most - least) / (1 - least)) if least < 1 else 0.0
     return {
-        "roughness": math.sqrt(max(least, _LEAST)),
+        "roughness": math.sqrt(max(least, _MIN_ALPHA)),
         "anisotropy": strength,
         "anisotropy_rotation": 0.0 if along > across else math.pi / 2,
     }

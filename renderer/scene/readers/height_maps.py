@@ -24,8 +24,8 @@ MOST_STRENGTH = 100.0
 _MEASURED = 200_000  # maximum number of triangles sampled per mesh
 _ASPECTS = 1.05  # ratio of aspect ratios above which meshes get separate maps
 _MOST_ASPECT = 1e6
-_ALIKE = 1.02
-_WITHIN = 3.0  # largest encoded slope, in multiples of the RMS slope; steeper ones lose precision
+_LENGTH_RATIO = 1.02
+_MAX_RELATIVE_SLOPE = 3.0  # largest encoded slope, in multiples of the RMS slope; steeper ones lose precision
 
 
 class Bumps(NamedTuple):
@@ -72,7 +72,7 @@ def _mean_lengths(p: F64, q: F64, a: F64, b: F64, area: F64) -> tuple[float, flo
 
 def rounded(span: float) -> float:
     """Returns a length rounded to a geometric series with steps of 2 %, so that meshes of similar size share a material."""
-    return float(_ALIKE ** round(math.log(span) / math.log(_ALIKE)))
+    return float(_LENGTH_RATIO ** round(math.log(span) / math.log(_LENGTH_RATIO)))
 
 
 class BumpMaps:
@@ -109,7 +109,7 @@ class BumpMaps:
         with np.errstate(all="ignore"):
             slopes = _slopes(linear(self._shelf.image_of(heights)) @ self._channels, texture)
             slopes[..., 1] /= np.float32(_ASPECTS**step)
-            size = _WITHIN * math.sqrt(float((slopes**2).mean(dtype=np.float64)))
+            size = _MAX_RELATIVE_SLOPE * math.sqrt(float((slopes**2).mean(dtype=np.float64)))
         if not (size > 0 and math.isfinite(size)):
             return None
         what = f"normals of heights {step} {texture.transform} {texture.wrap_s} {texture.wrap_t}"

@@ -33,7 +33,7 @@ _MOST_NUMBER = 1e12
 _MOST_CANDELA = 1e12
 _HUNDREDTHS = 100  # angles are compared in hundredths of a degree
 _FINEST = 0.25  # degrees between rows if the angles have no larger common step
-_CLOSE = 0.011  # degrees
+_ANGLE_TOLERANCE = 0.011  # degrees
 _LEAST_STEP = 1e-4  # degrees
 
 _LAMP_GEOMETRY = Sentence("ies-lamp-geometry", "lamp geometry")
@@ -251,14 +251,14 @@ def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
     if len(angles) == 1:
         return np.zeros(1), candela
     first, last = angles[0], angles[-1]
-    if abs(first) < _CLOSE and abs(last - 90) < _CLOSE:  # symmetric in all quadrants
+    if abs(first) < _ANGLE_TOLERANCE and abs(last - 90) < _ANGLE_TOLERANCE:  # symmetric in all quadrants
         angles, candela = np.r_[angles, 180 - angles[-2::-1]], np.r_[candela, candela[-2::-1]]
         last = 180.0
-    if abs(first) < _CLOSE and abs(last - 180) < _CLOSE:  # symmetric about the plane C0-C180
+    if abs(first) < _ANGLE_TOLERANCE and abs(last - 180) < _ANGLE_TOLERANCE:  # symmetric about the plane C0-C180
         angles, candela = np.r_[angles, 360 - angles[-2::-1]], np.r_[candela, candela[-2::-1]]
-    elif abs(first - 90) < _CLOSE and abs(last - 270) < _CLOSE:  # symmetric about the plane C90-C270
+    elif abs(first - 90) < _ANGLE_TOLERANCE and abs(last - 270) < _ANGLE_TOLERANCE:  # symmetric about the plane C90-C270
         angles, candela = np.r_[angles, 540 - angles[-2:0:-1]], np.r_[candela, candela[-2:0:-1]]
-    elif not (last - first <= 360 + _CLOSE and 360 - (last - first) <= 1.5 * np.diff(angles).max()):
+    elif not (last - first <= 360 + _ANGLE_TOLERANCE and 360 - (last - first) <= 1.5 * np.diff(angles).max()):
         raise SceneError(
             Sentence(
                 "ies-horizontal-angles-wrong",
@@ -269,7 +269,7 @@ def _whole_circle(web: _Web, name: str) -> tuple[F64, F64]:
                 last=f"{last:g}",
             )
         )
-    if angles[-1] - angles[0] > 360 - _CLOSE:
+    if angles[-1] - angles[0] > 360 - _ANGLE_TOLERANCE:
         angles, candela = angles[:-1], candela[:-1]
     order = np.argsort(angles % 360, kind="stable")
     return np.asarray((angles % 360)[order]), candela[order]
@@ -286,7 +286,7 @@ def _step(angles: F64, max_steps: int) -> float:
     if (
         step > 0
         and span / step < max_steps
-        and abs(np.cumsum(hundredths) / _HUNDREDTHS - (angles[1:] - angles[0])).max() < _CLOSE
+        and abs(np.cumsum(hundredths) / _HUNDREDTHS - (angles[1:] - angles[0])).max() < _ANGLE_TOLERANCE
     ):
         return step
     return span / max(1, min(max_steps - 1, round(span / _FINEST)))
@@ -330,7 +330,7 @@ def _bilinear(web: _Web, across: F64, above: F64) -> F64:
     places = []
     for own, wanted in ((web.horizontal, across), (web.vertical, above)):
         wanted = np.abs(wanted) if own[0] == 0 else wanted
-        lit &= (wanted >= own[0] - _CLOSE) & (wanted <= own[-1] + _CLOSE) if len(own) > 1 else True
+        lit &= (wanted >= own[0] - _ANGLE_TOLERANCE) & (wanted <= own[-1] + _ANGLE_TOLERANCE) if len(own) > 1 else True
         place = np.interp(wanted, own, np.arange(len(own)))
         low = np.minimum(place.astype(int), max(len(own) - 2, 0))
         places.append((low, np.minimum(low + 1, len(own) - 1), place - low))

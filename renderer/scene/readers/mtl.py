@@ -24,17 +24,17 @@ from renderer.sentences import Sentence
 __all__ = ["names_of", "read_mtl", "without_comment"]
 
 # Statements about ambient light, rasterised reflections and antialiasing, which have no effect here.
-_IDLE = ("map_ka", "map_ao", "map_aat", "ka", "km", "illum", "sharpness")
+_IGNORED_STATEMENTS = ("map_ka", "map_ao", "map_aat", "ka", "km", "illum", "sharpness")
 _GLASS_MODELS = (4, 6, 7, 9)
 _MATTE_MODELS = (0, 1)
 # _BLENDERS_COATS: Blender imports clear coats at a quarter of their strength.
 _METAL_MODEL, _SMOOTHEST, _BLENDERS_COATS = 3, 1000.0, 4.0
-_BY_TABLE = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
+_PARAMETER_STATEMENTS = {p.mtl.lower(): p for p in PARAMETERS if p.mtl}
 _BLENDERS = re.compile(r"# Blender \d+\.\d+")  # first line of files written by Blender 3.2 and later
 _COMMENT = re.compile(r"(?:^|\s)#")
 _CONTINUED = re.compile(r"\\[ \t]*\r?\n")
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
-_PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_BY_TABLE)  # statements of physically based materials only
+_PHYSICAL = ("pr", "ps", "map_pr", "map_pm", *_PARAMETER_STATEMENTS)  # statements of physically based materials only
 
 
 def read_mtl(files: SceneFiles, name: str, shelf: TextureShelf) -> dict[str, Material]:
@@ -172,7 +172,7 @@ class _Statements:
         ]
 
     def _unread_keywords(self) -> list[str]:
-        return [keyword for keyword in self.values if keyword not in self._asked and keyword not in _IDLE]
+        return [keyword for keyword in self.values if keyword not in self._asked and keyword not in _IGNORED_STATEMENTS]
 
 
 def _is_map(keyword: str) -> bool:
@@ -300,7 +300,7 @@ def _choose_kind(statements: _Statements, material: Material, specular: Vec3, sh
 
 def _physical(statements: _Statements, material: Material, roughness: float, specular: Vec3) -> None:
     material.roughness = roughness
-    for keyword, parameter in _BY_TABLE.items():
+    for keyword, parameter in _PARAMETER_STATEMENTS.items():
         setattr(material, parameter.name, parameter.clamped(statements.number(keyword, getattr(material, parameter.name))))
     rough, metal = statements.texture("map_pr"), statements.texture("map_pm")
     material.metallic_roughness_texture = with_roughness_and_metal(statements.shelf, rough, metal)

@@ -44,7 +44,7 @@ _OPTION_BEHIND = re.compile(rf"\s(?=(?:{'|'.join(map(re.escape, (*_OPTIONS, *_SE
 _BEHIND = re.compile(rf"{_COMMENT.pattern}|{_OPTION_BEHIND.pattern}", re.IGNORECASE)
 _DECIMAL_COMMA = re.compile(r"(?<=\d),(?=\d)")
 _CHANNELS = {"r": 0, "g": 1, "b": 2, "m": 3}
-_MOST = 1e9  # radiance
+_MAX_RADIANCE = 1e9  # radiance
 
 
 class Map(NamedTuple):
@@ -270,7 +270,7 @@ def _with_base_and_gain(image: Image, span: tuple[float, float]) -> Image:
     base, gain = span
     name = f"{image.name} from {base:g} by {gain:g}"
     if image.pixels.dtype == np.float32:
-        moved = np.clip(base + gain * image.pixels[..., :3].astype(np.float64), 0, _MOST).astype(np.float32)
+        moved = np.clip(base + gain * image.pixels[..., :3].astype(np.float64), 0, _MAX_RADIANCE).astype(np.float32)
         return Image(name, np.concatenate([moved, image.pixels[..., 3:]], axis=2), image.srgb)
     if image.pixels.dtype == np.uint16:
         moved = np.clip(base + gain * linear(image), 0, 1)

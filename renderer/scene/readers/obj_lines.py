@@ -25,7 +25,7 @@ Offsets = npt.NDArray[np.int64]
 
 _TAB, _NEWLINE, _RETURN, _SPACE, _HASH, _PLUS, _MINUS, _DOT, _SLASH, _BACKSLASH = 9, 10, 13, 32, 35, 43, 45, 46, 47, 92
 _OTHER, _V, _VT, _VN, _F, _USEMTL, _MTLLIB, _NO_SURFACE, _S, _O = range(10)
-_FINE, _TOO_FEW, _NO_CORNER, _NOT_THERE = range(4)
+_NO_ERROR, _TOO_FEW, _NO_CORNER, _NOT_THERE = range(4)
 _ABSENT, _LOST = -1, -2  # a corner's UV or normal index: absent, or out of range
 
 
@@ -58,7 +58,7 @@ def parse(data: bytes, file: str) -> Statements:
     corners, starts = np.empty((counts[_OTHER], 3), np.int32), np.zeros(counts[_F] + 1, np.int64)
     names = np.empty((counts[_USEMTL] + counts[_MTLLIB] + counts[_S] + counts[_O], 4), np.int64)
     code, at, value, known, colored = _fill(text, positions, colors, uvs, normals, corners, starts, names)
-    if code != _FINE:
+    if code != _NO_ERROR:
         raise _error(code, at, value, known, data, file)
     corners = corners[: starts[-1]]
     lost = 0
@@ -250,7 +250,7 @@ def _row(text: Bytes, i: int, needed: int, wanted: int, row: F64) -> tuple[int, 
             row[count] = np.nan
         count += 1
         i = end
-    return (_FINE if count >= needed else _TOO_FEW), count
+    return (_NO_ERROR if count >= needed else _TOO_FEW), count
 
 
 @device
@@ -286,7 +286,7 @@ def _fill(
         i = end
         if kind == _V:
             code, count = _row(text, i, 3, 6, row)
-            if code != _FINE:
+            if code != _NO_ERROR:
                 return code, begin, 0, 3, False
             colored = colored or count == 6
             for c in range(3):
@@ -296,13 +296,13 @@ def _fill(
         elif kind == _VT:
             row[1] = 0
             code, count = _row(text, i, 1, 2, row)
-            if code != _FINE:
+            if code != _NO_ERROR:
                 return code, begin, 0, 2, False
             uvs[known[1], 0], uvs[known[1], 1] = row[0], row[1]
             known[1] += 1
         elif kind == _VN:
             code, count = _row(text, i, 3, 3, row)
-            if code != _FINE:
+            if code != _NO_ERROR:
                 return code, begin, 0, 3, False
             for c in range(3):
                 normals[known[2], c] = row[c]
@@ -333,4 +333,4 @@ def _fill(
             names[name, 2], names[name, 3] = i, _line_end(text, i)
             name += 1
         i = _line_end(text, i) + 1
-    return _FINE, 0, 0, 0, colored
+    return _NO_ERROR, 0, 0, 0, colored

@@ -16,7 +16,7 @@ from renderer.sentences import Sentence
 
 __all__ = ["Materials"]
 
-_OF_LIGHT = (".exr", ".hdr", ".pic", ".pfm")  # environment maps, not surface textures
+_ENVIRONMENT_SUFFIXES = (".exr", ".hdr", ".pic", ".pfm")  # environment maps, not surface textures
 
 
 class Materials:
@@ -138,7 +138,9 @@ class Materials:
         return next((self._found[key] for key in others if any(text == name for _, text in possible_decodings(key))), None)
 
     def _lone_texture(self, material: Material) -> int | None:
-        images = [name for name in self._files.siblings(self._file, IMAGE_SUFFIXES) if not name.lower().endswith(_OF_LIGHT)]
+        images = [
+            name for name in self._files.siblings(self._file, IMAGE_SUFFIXES) if not name.lower().endswith(_ENVIRONMENT_SUFFIXES)
+        ]
         if len(images) != 1:
             return None
         texture = self._shelf.texture(self._shelf.image_file(images[0]))

@@ -17,7 +17,7 @@ from renderer.sentences import Sentence
 __all__ = ["MOST_POINTS", "add_points", "spacing", "sphere_mesh"]
 
 MOST_POINTS = 1_000_000
-_FINE = 200_000  # up to this many points become spheres of 20 triangles, more of 8
+_MAX_FINE_POINTS = 200_000  # up to this many points become spheres of 20 triangles, more of 8
 _SAMPLES = 48
 _GOLDEN = (1 + 5**0.5) / 2
 
@@ -65,7 +65,7 @@ def sphere_mesh(
 
     colors: (P, 3 or 4) sRGB, as 8-bit integers or fractions, or None.
     """
-    corners, faces = _icosahedron() if len(points) <= _FINE else _octahedron()
+    corners, faces = _icosahedron() if len(points) <= _MAX_FINE_POINTS else _octahedron()
     extent = float(np.ptp(points, axis=0).max(initial=0.0))
     radius = radius or spacing(points) or extent / 100 or 0.01
     positions = (points[:, None] + np.float32(radius) * corners.astype(np.float32)[None]).reshape(-1, 3)

@@ -12,7 +12,7 @@ __all__ = ["Strand", "line_of", "strands_mesh"]
 
 F64 = npt.NDArray[np.float64]
 Strand = tuple[F64, F64]  # (S, 3) points along it, and (S,) radii
-_FEW = 500  # up to this many curves get more sides
+_MAX_FINE_CURVES = 500  # up to this many curves get more sides
 
 
 def line_of(points: F64, basis: str) -> F64:
@@ -27,7 +27,7 @@ def line_of(points: F64, basis: str) -> F64:
 
 def strands_mesh(strands: list[Strand]) -> Mesh:
     """Returns one mesh with a tube for each curve; with many curves, tubes have fewer sides."""
-    sides = 12 if len(strands) <= _FEW else 4
+    sides = 12 if len(strands) <= _MAX_FINE_CURVES else 4
     groups: dict[int, list[Strand]] = {}
     for strand in strands:
         groups.setdefault(len(strand[0]), []).append(strand)

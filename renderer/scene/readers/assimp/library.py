@@ -37,7 +37,7 @@ MAX_NODES = 200_000
 _SETTINGS = {b"IMPORT_SMD_LOAD_ANIMATION_LIST": 0, b"IMPORT_MD5_NO_ANIM_AUTOLOAD": 1}
 
 # Logged warnings and errors that do not affect the image.
-_IDLE = (
+_IGNORED_LOG_LINES = (
     "Collada: Orthographic cameras are not supported",  # renderer/scene/readers/collada.py reads them
     "Collada: Unexpected effect input mapping",
     "IRRMESH: Ignoring non buffer node",
@@ -285,7 +285,11 @@ def _count_log_line(line: bytes, counts: Counter[str]) -> None:
     """Counts a line of assimp's log if it is a warning or an error, such as `Warn,  T0: 3DS: Skipping TCB animation info`."""
     kind, _, text = line.decode("utf-8", "replace").strip().partition(": ")
     text = " ".join(text.split())[:160].rstrip(".")
-    if kind.startswith(("Warn", "Error")) and not text.startswith(_IDLE) and (text in counts or len(counts) < MAX_SAID):
+    if (
+        kind.startswith(("Warn", "Error"))
+        and not text.startswith(_IGNORED_LOG_LINES)
+        and (text in counts or len(counts) < MAX_SAID)
+    ):
         counts[text] += 1
 
 

@@ -23,7 +23,7 @@ __all__ = ["Materials"]
 
 # aiTextureType
 _DIFFUSE, _EMISSIVE, _HEIGHT, _NORMALS, _OPACITY, _BASE, _METAL, _ROUGH = 1, 4, 5, 6, 8, 12, 15, 16
-_TAKEN = {_DIFFUSE, _EMISSIVE, _HEIGHT, _NORMALS, _OPACITY, _BASE, _METAL, _ROUGH}
+_READ_TEXTURES = {_DIFFUSE, _EMISSIVE, _HEIGHT, _NORMALS, _OPACITY, _BASE, _METAL, _ROUGH}
 _NAMES: dict[int, str] = {
     2: Sentence("texture-use-specular", "specular reflection"),
     3: Sentence("texture-use-ambient", "ambient light"),
@@ -38,7 +38,7 @@ _UNSHADED = 9
 _MAX_RADIANCE = 1e9
 # Properties without effect on the image or redundant ones: opacity includes both kinds of transparency.
 # assimp converts texture mappings to UVs.
-_IDLE = (
+_IGNORED_PROPERTIES = (
     "$clr.ambient",
     "$clr.transparent",
     "$mat.transparencyfactor",
@@ -82,7 +82,12 @@ class _MaterialProperties(dict[tuple[str, int], Any]):
         for (key, kind), value in self.items():
             name = key.rpartition(".")[2]
             is_of_texture = key.startswith("$tex.")
-            if (key, kind) in self._asked or key in _IDLE or not key.startswith("$") or (is_of_texture and kind not in _TAKEN):
+            if (
+                (key, kind) in self._asked
+                or key in _IGNORED_PROPERTIES
+                or not key.startswith("$")
+                or (is_of_texture and kind not in _READ_TEXTURES)
+            ):
                 continue
             numbers = value if isinstance(value, np.ndarray) else np.zeros(0)
             numbers = numbers[:3] if key.startswith("$clr.") else numbers  # without alpha
@@ -130,7 +135,7 @@ class Materials:
         self._surface(properties, material)
         self._opacity(properties, material)
         self._normals(properties, material)
-        left = [_texture_use_name(kind) for key, kind in properties if key == "$tex.file" and kind not in _TAKEN]
+        left = [_texture_use_name(kind) for key, kind in properties if key == "$tex.file" and kind not in _READ_TEXTURES]
         if left:
             self._shelf.warn_of_surface(
                 Sentence(

@@ -13,7 +13,7 @@ from renderer.scene.readers.name_lookup import number_of
 
 __all__ = ["Stacks"]
 
-_STILL = 1e-9  # relative range of a curve's values that rounding can cause
+_ROUNDING = 1e-9  # relative range of a curve's values that rounding can cause
 
 
 class Stacks:
@@ -98,6 +98,6 @@ def _animated_element_ids(anim: int | None) -> Iterator[int]:
 def _is_animated(value: Any) -> bool:
     for address in value.curves:
         curve = struct_at(layout.AnimCurve, address)
-        if curve is not None and curve.most - curve.least > _STILL * max(1.0, abs(curve.most)):
+        if curve is not None and curve.most - curve.least > _ROUNDING * max(1.0, abs(curve.most)):
             return True
     return False

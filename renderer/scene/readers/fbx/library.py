@@ -39,7 +39,7 @@ _OUT_OF_MEMORY = {5, 6, 7}  # ufbx_error_type: memory, memory limit, allocation 
 _RIGHT_Y_FRONT = (0, 2, 4)  # +X to the right, +Y up, +Z to the front
 _DEPTH = 1000
 _FBX = 1
-_AS_WRITTEN = 5  # ufbx_unicode_error_handling: strings are returned as in the file
+_KEEP_BYTES = 5  # ufbx_unicode_error_handling: strings are returned as in the file
 _TURNS = (b"RotationOrder", b"PreRotation", b"PostRotation")
 
 
@@ -125,7 +125,7 @@ class FbxScene:
         options.axes.right, options.axes.up, options.axes.front = _RIGHT_Y_FRONT
         options.unit_meters = 1.0
         options.format = _FBX
-        options.unsafe, options.unicode_errors = True, _AS_WRITTEN
+        options.unsafe, options.unicode_errors = True, _KEEP_BYTES
         error = layout.Error()
         found = _library().ufbx_load_memory(data, len(data), ctypes.byref(options), ctypes.byref(error))
         return cls(found) if found else _raise_error(error, name)

@@ -28,7 +28,7 @@ __all__ = ["Materials"]
 
 _UNKNOWN, _LAMBERT, _PHONG = 0, 1, 2
 _BLENDER, _PLASTIC = 11, 0.25
-_BY_ABBE = (3, 4, 9)  # ufbx_shader_type: OSL's and Arnold's standard surface, and OpenPBR, store an Abbe number
+_ABBE_SHADER_TYPES = (3, 4, 9)  # ufbx_shader_type: OSL's and Arnold's standard surface, and OpenPBR, store an Abbe number
 _MAX_RADIANCE = 1e9
 _MOST_SCATTER = 1e6
 _LEFT_OUT = {
@@ -174,7 +174,7 @@ class Materials:
             else:
                 material.base_color = tint
             dispersion = values.value("transmission_dispersion", 0.0)
-            if dispersion > 0 and values.source.shader in _BY_ABBE:
+            if dispersion > 0 and values.source.shader in _ABBE_SHADER_TYPES:
                 dispersion = 20 / dispersion
             material.dispersion = clamped(dispersion, 0.0, 20.0)
         self._subsurface(values, material)

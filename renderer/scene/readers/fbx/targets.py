@@ -14,7 +14,8 @@ from renderer.scene.readers.fbx.library import each, matrix, pointed, struct_at,
 __all__ = ["aimed"]
 
 F64 = npt.NDArray[np.float64]
-_NEAR = math.cos(math.radians(0.5))  # nodes that point within 0.5 degrees of the target retain their rotation, and so their roll
+# Nodes that point within 0.5 degrees of the target retain their rotation, and so their roll.
+_MIN_COSINE = math.cos(math.radians(0.5))
 
 
 def aimed(node: Any, scene: Any, world: F64, along: F64) -> F64:
@@ -31,7 +32,7 @@ def aimed(node: Any, scene: Any, world: F64, along: F64) -> F64:
     if not all(math.isfinite(length) and length > 0 for length in lengths):
         return world
     towards, now = towards / lengths[0], now / lengths[1]
-    if now @ towards > _NEAR:
+    if now @ towards > _MIN_COSINE:
         return world
     turned = world.copy()
     side = np.cross(towards, (0.0, 1.0, 0.0))

@@ -29,7 +29,7 @@ __all__ = ["EXTENSION", "Animations"]
 EXTENSION = "KHR_animation_pointer"
 
 _WIDTHS: dict[pointers.Kind, int] = {"number": 1, "list": 1, "flag": 1, "pair": 2, "triple": 3, "quadruple": 4, "rotation": 4}
-_NAMED = 8  # properties that a warning names
+_MAX_LISTED = 8  # properties that a warning names
 
 
 class Channel(NamedTuple):
@@ -177,7 +177,7 @@ class Animations:
                 Sentence(
                     "gltf-animation-not-read",
                     "Animated properties that are missing or not supported stand still: {targets}.",
-                    targets=first_items(dict.fromkeys(left_out), _NAMED),
+                    targets=first_items(dict.fromkeys(left_out), _MAX_LISTED),
                 )
             ],
         )

@@ -9,7 +9,7 @@ from renderer.sentences import Sentence, first_items
 
 __all__ = ["DamagedError", "Faults"]
 
-_NAMED = 6  # places that a warning lists
+_MAX_LISTED = 6  # places that a warning lists
 EXPORT_AGAIN = Sentence("advice-export-again", "export the file again")
 
 
@@ -99,4 +99,4 @@ class Faults:
 
 
 def _listed(places: dict[str, None]) -> list[str]:
-    return first_items(places, _NAMED)
+    return first_items(places, _MAX_LISTED)

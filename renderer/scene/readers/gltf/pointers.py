@@ -55,8 +55,14 @@ _KINDS: dict[str, Kind] = {
     f"{_GLOSSY}/glossinessFactor": "number",
 }
 _TEXTURES = [f"{_MATERIAL}/emissiveTexture", f"{_GLOSSY}/diffuseTexture", f"{_GLOSSY}/specularGlossinessTexture"]
-_OF_FORM: dict[str, Kind] = {"number": "number", "degrees": "number", "color": "triple", "radiance": "triple", "triple": "triple"}
-_OF_TEXTURE: dict[str, Kind] = {"offset": "pair", "rotation": "number", "scale": "pair"}
+_KIND_OF_FORM: dict[str, Kind] = {
+    "number": "number",
+    "degrees": "number",
+    "color": "triple",
+    "radiance": "triple",
+    "triple": "triple",
+}
+_TEXTURE_TRANSFORM_KINDS: dict[str, Kind] = {"offset": "pair", "rotation": "number", "scale": "pair"}
 
 
 def _pointer_of(parameter: Parameter) -> str:
@@ -67,10 +73,10 @@ def _pointer_of(parameter: Parameter) -> str:
 for _each in PARAMETERS:
     if _each.gltf and _each.form == "texture":
         _TEXTURES.append(_pointer_of(_each))
-    elif _each.gltf and _each.form in _OF_FORM:
-        _KINDS[_pointer_of(_each)] = _OF_FORM[_each.form]
+    elif _each.gltf and _each.form in _KIND_OF_FORM:
+        _KINDS[_pointer_of(_each)] = _KIND_OF_FORM[_each.form]
 for _texture in _TEXTURES:
-    _KINDS |= {f"{_texture}/extensions/KHR_texture_transform/{key}": kind for key, kind in _OF_TEXTURE.items()}
+    _KINDS |= {f"{_texture}/extensions/KHR_texture_transform/{key}": kind for key, kind in _TEXTURE_TRANSFORM_KINDS.items()}
 
 # Animated properties without effect on the image: hints for rasterisers, and interactivity.
 _OCCLUSION = f"{_MATERIAL}/occlusionTexture"
@@ -79,7 +85,7 @@ IDLE = {
     *(f"/cameras/{{}}/perspective/{key}" for key in ("aspectRatio", "zfar")),
     f"{_LIGHT}/range",
     f"{_OCCLUSION}/strength",
-    *(f"{_OCCLUSION}/extensions/KHR_texture_transform/{key}" for key in _OF_TEXTURE),
+    *(f"{_OCCLUSION}/extensions/KHR_texture_transform/{key}" for key in _TEXTURE_TRANSFORM_KINDS),
     "/nodes/{}/extensions/KHR_node_selectability/selectable",
     "/nodes/{}/extensions/KHR_node_hoverability/hoverable",
 }

@@ -19,7 +19,7 @@ __all__ = ["EXTENSION", "Profiles"]
 
 EXTENSION = "EXT_lights_ies"
 
-_MOST = 1e12
+_MAX_INTENSITY = 1e12
 
 
 class Profiles:
@@ -46,7 +46,7 @@ class Profiles:
             return None
         for note in photometry.notes:
             self._shelf.warn(with_full_stop(note))
-        scale = clamped(source.number("multiplier", 1.0), 0.0, _MOST) / LUMENS_PER_WATT
+        scale = clamped(source.number("multiplier", 1.0), 0.0, _MAX_INTENSITY) / LUMENS_PER_WATT
         r, g, b = (c * scale for c in unit_color(source.vector("color", (1.0, 1.0, 1.0))))
         # Vertical angles are in the XZ plane; horizontal ones go from X to Y, clockwise for types A and B.
         up = world[:3, 1] if photometry.goniometry == "C" else world[:3, 0]

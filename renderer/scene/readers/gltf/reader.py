@@ -28,7 +28,7 @@ from renderer.sentences import Sentence
 
 __all__ = ["read"]
 
-_READ = {
+_SUPPORTED_EXTENSIONS = {
     animation.EXTENSION,
     draco.EXTENSION,
     instancing.EXTENSION,
@@ -42,7 +42,7 @@ _READ = {
     *meshopt.EXTENSIONS,
     *textures.EXTENSIONS,
 }
-_OF_CHARACTERS = "VRM"  # poses and toon shading; the surfaces are plain glTF
+_CHARACTER_PREFIX = "VRM"  # poses and toon shading; the surfaces are plain glTF
 _WITHOUT_EFFECT = {"KHR_xmp_json_ld"}  # metadata
 
 
@@ -95,8 +95,8 @@ def _check_extensions(root: Json, shelf: TextureShelf) -> None:
         names = root.value.get(key, [])
         if not isinstance(names, list) or not all(isinstance(n, str) for n in names):
             raise root.damage(key, Sentence("gltf-not-name-list", "is not a list of names"))
-        unknown = [n[:60] for n in names if n not in _READ and n not in _WITHOUT_EFFECT]
-        needed = [name for name in unknown if not name.startswith(_OF_CHARACTERS)]
+        unknown = [n[:60] for n in names if n not in _SUPPORTED_EXTENSIONS and n not in _WITHOUT_EFFECT]
+        needed = [name for name in unknown if not name.startswith(_CHARACTER_PREFIX)]
         if needed and key == "extensionsRequired":
             raise SceneError(
                 Sentence(

@@ -40,8 +40,8 @@ _OBJECTS = (
     "volume",
 )
 _OLD_NAMES = {"subsurface": "medium", "luminaire": "emitter", "camera": "sensor", "spectrum": "texture"}
-_OF_OBJECTS = ("type", "id", "name", "version")  # attributes of objects
-_OF_VALUES = {"intent", "unit"}  # of Mitsuba 0.6's spectra: redundant, or always nanometres
+_OBJECT_ATTRIBUTES = ("type", "id", "name", "version")  # attributes of objects
+_IGNORED_VALUE_ATTRIBUTES = {"intent", "unit"}  # of Mitsuba 0.6's spectra: redundant, or always nanometres
 MAX_INCLUDES = 32
 MAX_ELEMENTS = 2_000_000
 MAX_DEPTH = 60
@@ -217,7 +217,7 @@ class Document:
             )
         tag = _OLD_NAMES.get(source.tag, source.tag)
         made = Element(tag, self._text(source, "type", file), source.get("id", ""), self._key(source.get("name", "")), file)
-        self._ignore_unknown_attributes(source, _OF_OBJECTS)
+        self._ignore_unknown_attributes(source, _OBJECT_ATTRIBUTES)
         for part, where in self._with_includes(source, file):
             if part.tag == "default":
                 self._defaults.setdefault(part.get("name", ""), part.get("value", ""))
@@ -354,7 +354,7 @@ class Document:
             )
         try:
             found = values.value(part.tag, written, steps, lambda name: self._curve(name, file))
-            self._ignore_unknown_attributes(part, written.asked | _OF_VALUES)
+            self._ignore_unknown_attributes(part, written.asked | _IGNORED_VALUE_ATTRIBUTES)
             for step, (_, said) in zip(inner if steps else (), steps, strict=True):
                 self._ignore_unknown_attributes(step, said.asked)
             is_even = part.tag == "spectrum" and not self.is_old and isinstance(found, np.ndarray) and len(set(found)) == 1

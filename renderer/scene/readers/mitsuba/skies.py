@@ -23,7 +23,7 @@ __all__ = ["SKIES", "sky_of"]
 
 SKIES = ("sunsky", "sky", "sun")
 _SKY, _SUN = (0.88, 1.02, 0.97), (0.495, 0.493, 0.465)  # factors from our radiance to Mitsuba's
-_BENT = 1.37  # exponent from turbidity to dust
+_TURBIDITY_EXPONENT = 1.37  # exponent from turbidity to dust
 _F64 = npt.NDArray[np.float64]
 
 
@@ -53,7 +53,7 @@ def sky_of(source: Element, document: Document, shelf: TextureShelf) -> tuple[En
     both = source.number("scale", 1.0)
     sky_scale = both * source.number("sky_scale", 1.0) if source.type != "sun" else 0.0
     sun_scale = both * source.number("sun_scale", 1.0) if source.type != "sky" else 0.0
-    dust = min(max((source.number("turbidity", 3.0) - 1) / 2, 0.0) ** _BENT, 10.0)
+    dust = min(max((source.number("turbidity", 3.0) - 1) / 2, 0.0) ** _TURBIDITY_EXPONENT, 10.0)
     r, g, b = (min(max(v, 0.0), 1.0) for v in rgb(source.get("albedo", 0.3)))
     aperture = min(max(source.number("sun_aperture", 0.5358) * source.number("sun_radius_scale", 1.0), 0.01), 30.0)
     sky = Sky(elevation, dust=dust, sun_size=aperture, ground_albedo=(r, g, b))

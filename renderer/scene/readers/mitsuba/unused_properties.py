@@ -10,7 +10,7 @@ from renderer.sentences import Sentence
 __all__ = ["unused_notes"]
 
 # Properties without effect on the image, or with their own note, by kind of object.
-_IDLE = {
+_IGNORED_PROPERTIES = {
     "integrator": {"rr_depth", "samples_per_pass", "block_size", "timeout", "strict_normals", "max_depth", "hide_emitters"}
     | {"emitter_samples", "bsdf_samples", "shading_samples", "luminaire_samples", "aovs"},
     "scene": set(),
@@ -31,7 +31,7 @@ _UNREAD = {  # codes of objects that are left out as a whole
     *("light-type-unsupported", "shape-type-unsupported", "mitsuba-sensor-type-unsupported"),
     *("mitsuba-medium-type-unsupported", "mitsuba-phase-type-unsupported"),
 }
-_SHOWN = ("shape", "emitter", "sensor", "integrator")  # rendered children of a scene; others only if referenced
+_RENDERED_TAGS = ("shape", "emitter", "sensor", "integrator")  # rendered children of a scene; others only if referenced
 
 
 def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
@@ -70,7 +70,7 @@ def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
         for child in element.children:
             if child.tag == "volume":
                 continue  # reported by its medium
-            is_named = element.tag == "scene" and (child.type == "shapegroup" or (child.id and child.tag not in _SHOWN))
+            is_named = element.tag == "scene" and (child.type == "shapegroup" or (child.id and child.tag not in _RENDERED_TAGS))
             if child.used or child.description in said:
                 stack.append(child)
             elif not is_named:
@@ -86,4 +86,4 @@ def unused_notes(scene: Element, sentences: list[str]) -> Iterator[str]:
 
 def _affects_image(element: Element, name: str) -> bool:
     """Returns True if a property can affect the image."""
-    return element.tag in _IDLE and name not in _IDLE[element.tag]
+    return element.tag in _IGNORED_PROPERTIES and name not in _IGNORED_PROPERTIES[element.tag]

@@ -29,8 +29,18 @@ _FAR = 1e6
 _FILTERS = {"box": "box", "triangle": "tent", "gaussian": "tent"}
 FILTER = "tent"  # default
 _SAMPLERS = ("halton", "independent", "paddedsobol", "pmj02bn", "sobol", "stratified", "zsobol")
-_OF_SAMPLERS = ("seed", "randomization", "jitter", "pixelsamples", "xsamples", "ysamples")  # choice of samples only
-_UNSAID = ("filename", "savefp16", "diagonal", "coordinatesystem", "buckets", "nbuckets", "lambdamin", "lambdamax")
+# These affect only the choice of samples.
+_IGNORED_SAMPLER_PARAMETERS = ("seed", "randomization", "jitter", "pixelsamples", "xsamples", "ysamples")
+_IGNORED_FILM_PARAMETERS = (
+    "filename",
+    "savefp16",
+    "diagonal",
+    "coordinatesystem",
+    "buckets",
+    "nbuckets",
+    "lambdamin",
+    "lambdamax",
+)
 
 
 def mirrors(source: Parameters | None, to_world: Matrix) -> bool:
@@ -87,7 +97,7 @@ def set_film(source: Parameters, description: SceneDescription, notes: Notes) ->
                 sensor=repr(sensor[:40]),
             ),
         )
-    source.used.update(_UNSAID)
+    source.used.update(_IGNORED_FILM_PARAMETERS)
     return _film_window(source, description.defaults["width"], description.defaults["height"])
 
 
@@ -139,7 +149,7 @@ def set_sampler(source: Parameters, description: SceneDescription, notes: Notes)
     if source.type == "stratified":
         count = source.integer("xsamples", 4) * source.integer("ysamples", 4)
     description.defaults["spp"] = min(max(count, 1), MAX_SPP)
-    source.used.update(_OF_SAMPLERS)
+    source.used.update(_IGNORED_SAMPLER_PARAMETERS)
 
 
 def balance_of(film: Parameters | None, notes: Notes) -> Matrix | None:

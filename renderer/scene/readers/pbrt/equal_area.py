@@ -17,7 +17,7 @@ F64 = npt.NDArray[np.float64]
 
 _MOST_ROWS = 2048
 _ROWS = 64  # rows computed at a time
-_FINE = 2  # supersampling per axis
+_SUPERSAMPLING = 2  # supersampling per axis
 
 
 def to_square(directions: F64) -> tuple[F64, F64]:
@@ -40,16 +40,16 @@ def equirectangular(pixels: F32, rotation: Matrix) -> F32:
     """
     height = min(len(pixels), _MOST_ROWS)
     whole = np.empty((height, 2 * height, 3), np.float32)
-    fine = _FINE * height
+    fine = _SUPERSAMPLING * height
     phi = (np.arange(2 * fine) + 0.5) * np.pi / fine - np.pi
     back = np.ascontiguousarray(rotation.T)
     for first in range(0, height, _ROWS):
         rows = min(_ROWS, height - first)
-        theta = ((np.arange(rows * _FINE) + first * _FINE + 0.5) * np.pi / fine)[:, None]
+        theta = ((np.arange(rows * _SUPERSAMPLING) + first * _SUPERSAMPLING + 0.5) * np.pi / fine)[:, None]
         around = np.stack(np.broadcast_arrays(np.sin(theta) * np.sin(phi), np.cos(theta), -np.sin(theta) * np.cos(phi)), axis=-1)
         u, v = to_square(product(back, around[..., None])[..., 0])
         found = _bilinear_samples(pixels, u, v)
-        whole[first : first + rows] = found.reshape(rows, _FINE, 2 * height, _FINE, 3).mean(axis=(1, 3))
+        whole[first : first + rows] = found.reshape(rows, _SUPERSAMPLING, 2 * height, _SUPERSAMPLING, 3).mean(axis=(1, 3))
     weight = np.sin((np.arange(height) + 0.5) * np.pi / height)
     seen = (whole.mean(axis=1, dtype=np.float64) * weight[:, None]).sum(axis=0) / weight.sum()
     meant = pixels.mean(axis=(0, 1), dtype=np.float64)

@@ -24,7 +24,7 @@ from renderer.sentences import Sentence
 
 __all__ = ["Lights"]
 
-_MOST = 1e9
+_MAX_RADIANCE = 1e9
 _MOST_LIGHTS = 1_000_000
 
 
@@ -131,7 +131,7 @@ class Lights:
 
     def _times(self, rgb: Vec3, factor: float) -> Vec3:
         seen = rgb if self.balance is None else (float((row * rgb).sum()) for row in self.balance)
-        r, g, b = (min(max(v * factor * self.exposure, 0.0), _MOST) for v in seen)
+        r, g, b = (min(max(v * factor * self.exposure, 0.0), _MAX_RADIANCE) for v in seen)
         return r, g, b
 
     @staticmethod
@@ -239,7 +239,7 @@ class Lights:
         turn = _rotation(world[:3, :3])
         around = Image(f"{name} all around", equirectangular(pixels, turn), srgb=False)
         self._description.images[image] = around  # replaces the square image, which has no other use
-        strength = min(max(scale * self.exposure, 0.0), _MOST)
+        strength = min(max(scale * self.exposure, 0.0), _MAX_RADIANCE)
         self._surround(Environment((strength,) * 3, image), source)
 
     def _surround(self, environment: Environment, source: Parameters) -> None:

@@ -10,7 +10,7 @@ from renderer.sentences import Sentence, with_count
 
 __all__ = ["Notes", "Place"]
 
-_MOST = 200  # distinct notes; a damaged file may cause one per line
+_MAX_NOTES = 200  # distinct notes; a damaged file may cause one per line
 
 
 class Place(NamedTuple):
@@ -41,7 +41,7 @@ class Notes:
     def add(self, place: Place, sentence: str) -> None:
         """Adds a note; a repeated note is counted."""
         first, count = self._found.get(sentence, (place, 0))
-        if count or len(self._found) < _MOST:
+        if count or len(self._found) < _MAX_NOTES:
             self._found[sentence] = (first, count + 1)
         else:
             self._left += 1

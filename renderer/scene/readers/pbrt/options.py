@@ -8,7 +8,7 @@ from renderer.sentences import Sentence
 
 __all__ = ["note_option"]
 
-_OF_THE_PICTURE = {
+_IMAGE_OPTIONS = {
     "forcediffuse": Sentence("pbrt-force-diffuse-ignored", "The option forcediffuse is ignored: materials are used as defined"),
     "disablepixeljitter": Sentence(
         "pbrt-pixel-jitter-kept", "The option disablepixeljitter is ignored: samples are spread over the pixel"
@@ -17,7 +17,7 @@ _OF_THE_PICTURE = {
         "pbrt-texture-filtering-kept", "The option disabletexturefiltering is ignored: textures are interpolated"
     ),
 }
-_OF_THE_RUN = (
+_RUN_OPTIONS = (
     *("disablewavelengthjitter", "displacementedgescale", "fullscreen", "gpudevice", "interactive", "msereferenceimage"),
     *("msereferenceout", "nthreads", "pixelstats", "quickrender", "quiet", "recordpixelstatistics", "rendercoordsys", "seed"),
     *("upgrade", "usegpu", "wavefront", "writepartialimages"),
@@ -29,9 +29,9 @@ def note_option(name: str, statement: Statement, notes: Notes) -> None:
     key = name.split()[-1].replace("_", "").replace("-", "").lower()
     said = statement.arguments[1] if len(statement.arguments) > 1 else ""
     is_on = said == "true" or (isinstance(said, tuple) and said[:1] in ((True,), ("true",)))
-    if is_on and key in _OF_THE_PICTURE:
-        notes.add(statement.place, _OF_THE_PICTURE[key])
-    elif key not in _OF_THE_PICTURE and key not in _OF_THE_RUN:
+    if is_on and key in _IMAGE_OPTIONS:
+        notes.add(statement.place, _IMAGE_OPTIONS[key])
+    elif key not in _IMAGE_OPTIONS and key not in _RUN_OPTIONS:
         notes.add(
             statement.place,
             Sentence("pbrt-option-unknown", "The option {name} is unknown and ignored", name=repr(name[:60])),

@@ -16,9 +16,9 @@ from renderer.scene.readers.pbrt.equal_area import to_square
 
 __all__ = ["goniometric", "projected_power", "projection"]
 
-_FINE = 512  # minimum pixels per side
+_MIN_SIDE = 512  # minimum pixels per side
 _ROWS = (256, 1024)  # minimum and maximum of spherical images
-_INSIDE = 2  # supersampling per axis
+_SUPERSAMPLING = 2  # supersampling per axis
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722])
 
 
@@ -30,14 +30,14 @@ def goniometric(pixels: F32, is_mirrored: bool) -> EmissionMap:
     """
     size = len(pixels)
     height = min(max(2 * size, _ROWS[0]), _ROWS[1])
-    fine = _INSIDE * height
+    fine = _SUPERSAMPLING * height
     phi = (np.arange(2 * fine) + 0.5) * math.pi / fine
     theta = ((np.arange(fine) + 0.5) * math.pi / fine)[:, None]
     side = 1.0 if is_mirrored else -1.0
     x, y = side * np.sin(theta) * np.cos(phi), np.sin(theta) * np.sin(phi)
     u, v = to_square(np.stack([x, np.broadcast_to(np.cos(theta), x.shape), y], axis=-1))
     column, row = (np.minimum((place * size).astype(np.int64), size - 1) for place in (u, v))
-    found = pixels[row, column].reshape(height, _INSIDE, 2 * height, _INSIDE).mean(axis=(1, 3))
+    found = pixels[row, column].reshape(height, _SUPERSAMPLING, 2 * height, _SUPERSAMPLING).mean(axis=(1, 3))
     values = np.repeat(found[..., None], 3, axis=2).astype(np.float32)
     return EmissionMap("sphere", values, (0.0, 2 * math.pi, 0.0, math.pi))
 
@@ -49,7 +49,7 @@ def projection(pixels: F32, fov: float, is_mirrored: bool) -> EmissionMap:
     """
     half_width, half_height = _half_extents(pixels, fov)
     pixels = pixels if is_mirrored else pixels[:, ::-1]
-    times = max(1, _FINE // max(pixels.shape[:2]))
+    times = max(1, _MIN_SIDE // max(pixels.shape[:2]))
     return projected_map(np.repeat(np.repeat(pixels, times, axis=0), times, axis=1), half_width, half_height)
 
 

@@ -24,7 +24,7 @@ __all__ = ["calculated", "calculates", "combined"]
 F64 = npt.NDArray[np.float64]
 Formula = Callable[[list[F64]], F64]
 _STEPS = np.linspace(0, 1, 6)  # sample positions of the linearity test, 0..1
-_NEAR = 1e-6
+_TOLERANCE = 1e-6
 
 
 def calculates(kind: str) -> bool:
@@ -113,15 +113,15 @@ def _as_scale_and_bias(shelf: TextureShelf, given: Input, formula: Formula) -> I
     scale, bias = map(np.array, (given.taken.scale, given.taken.bias) if is_color else given.taken.span(given.taken.channel))
     ends = scale * low + bias, scale * high + bias
     span = np.broadcast_to(ends[1] - ends[0], 4)
-    if (np.abs(span) < _NEAR).any():
+    if (np.abs(span) < _TOLERANCE).any():
         return None
     points = np.broadcast_to(ends[0], 4) + _STEPS[:, None] * span
     found = np.broadcast_to(formula([points]), points.shape)
     factor = (found[-1] - found[0]) / span
     addend = found[0] - factor * points[0]
-    if not np.allclose(found, factor * points + addend, rtol=1e-6, atol=_NEAR * float(np.abs(found).max())):
+    if not np.allclose(found, factor * points + addend, rtol=1e-6, atol=_TOLERANCE * float(np.abs(found).max())):
         return None
-    if not is_color and (np.ptp(factor) > _NEAR or np.ptp(addend) > _NEAR):
+    if not is_color and (np.ptp(factor) > _TOLERANCE or np.ptp(addend) > _TOLERANCE):
         return None  # a scalar input with three different outputs
     return Input(
         None, replace(given.taken, scale=_tuple(given.taken.scale * factor), bias=_tuple(given.taken.bias * factor + addend))

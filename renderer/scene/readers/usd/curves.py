@@ -19,7 +19,7 @@ __all__ = ["PointSpheres", "spheres_of_points", "tubes_of"]
 F64 = npt.NDArray[np.float64]
 MAX_VERTICES = 1 << 25
 _WIDTHS = Sentence("usd-point-width-count-wrong", "Points whose number of widths is wrong are shown with width 1")
-_FEW = 500  # up to this many curves get more sides
+_MAX_FINE_CURVES = 500  # up to this many curves get more sides
 
 
 class PointSpheres:
@@ -104,7 +104,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         widths = np.nan_to_num(widths, posinf=0.0, neginf=0.0)
     tint = primvars.find_primvar(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
-    sides = 12 if len(counts) <= _FEW else 4
+    sides = 12 if len(counts) <= _MAX_FINE_CURVES else 4
     if curves.GetNormalsAttr().HasAuthoredValue() or primvars.find_primvar(prim, "normals") is not None:
         notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbon curves are drawn as tubes"), path)
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve

@@ -24,7 +24,7 @@ MAX_DEPTH = 32
 _NOTHING = Input()
 _UV_SETS = 2
 _ODD = (TypeError, ValueError, IndexError, OverflowError)  # values of wrong types or lengths
-_OF_ODD_TYPES = Sentence("usd-materialx-input-types-wrong", "MaterialX nodes whose inputs have wrong types are left out")
+_WRONG_TYPES = Sentence("usd-materialx-input-types-wrong", "MaterialX nodes whose inputs have wrong types are left out")
 
 
 @dataclass
@@ -78,7 +78,7 @@ class Network:
             try:
                 return follow_node(self, shader, kind, output, srgb, depth, self._follow)
             except _ODD:
-                self.notes.add(_OF_ODD_TYPES, kind)
+                self.notes.add(_WRONG_TYPES, kind)
                 return Input()
         if kind.startswith(ARNOLD):
             return follow_arnold(self, shader, kind, output, srgb, depth, self._follow)
@@ -154,7 +154,7 @@ class Network:
                 try:
                     name, moved, source = follow_coordinates(self, shader, kind, depth, self._follow)
                 except _ODD:
-                    self.notes.add(_OF_ODD_TYPES, kind)
+                    self.notes.add(_WRONG_TYPES, kind)
                     break
                 transform = composed_transform(moved, transform)
                 if name is not None:

@@ -13,7 +13,7 @@ __all__ = ["UNREADABLE", "Notes"]
 # Errors raised for prims with values of wrong types or arrays of wrong sizes.
 UNREADABLE = (Tf.ErrorException, TypeError, ValueError, AttributeError, IndexError, OverflowError)
 
-_NAMED = 3
+_MAX_LISTED = 3
 
 
 class Notes:
@@ -39,8 +39,8 @@ class Notes:
         for sentence in self._sentences:
             warn(sentence)
         for what, names in self._names.items():
-            first = [name if isinstance(name, Sentence) else name[-80:] for name in list(names)[:_NAMED]]
-            if len(names) > _NAMED:
+            first = [name if isinstance(name, Sentence) else name[-80:] for name in list(names)[:_MAX_LISTED]]
+            if len(names) > _MAX_LISTED:
                 warn(Sentence("usd-note-some", "{note} ({count}): {names} and others.", note=what, count=len(names), names=first))
             else:
                 warn(Sentence("usd-note-all", "{note} ({count}): {names}.", note=what, count=len(names), names=first))

@@ -25,7 +25,7 @@ from renderer.sentences import Sentence
 
 __all__ = ["Surface", "Surfaces"]
 
-_SHOWN = ("displayColor", "Cd")  # Cd: Houdini's own name
+_COLOR_PRIMVARS = ("displayColor", "Cd")  # Cd: Houdini's own name
 _VARIES = "varies"
 _SURFACE, _MDL = "surface", "mdl"
 _CONTEXTS = ("mtlx", "", "kma", "arnold", _MDL)  # render contexts in order of preference; "" is the universal one
@@ -117,7 +117,7 @@ class Surfaces:
 
     def _display_color_surface(self, prim: Any) -> Surface:
         """Returns a diffuse surface with a prim's display colour and opacity, for prims without a material."""
-        shown = next((name for name in _SHOWN if primvars.find_primvar(prim, name) is not None), _SHOWN[0])
+        shown = next((name for name in _COLOR_PRIMVARS if primvars.find_primvar(prim, name) is not None), _COLOR_PRIMVARS[0])
         color, opacity = (primvars.constant(prim, name, n, self._time) for name, n in ((shown, 3), ("displayOpacity", 1)))
         varying = [
             None if c is not None or primvars.find_primvar(prim, n) is None else n

@@ -33,7 +33,7 @@ Matrix = transforms.Matrix
 Place = tuple[str, Matrix]  # name and transform
 
 # Fields that may be animated without changing the mesh.
-_OF_PLACES = {"name", "transform", "instances", "shapes", "material", "center", "radius", "guide"}
+_PLACEMENT_FIELDS = {"name", "transform", "instances", "shapes", "material", "center", "radius", "guide"}
 MAX_PLACES = 1_000_000  # instances of shapes; nested groups could expand to billions
 
 
@@ -74,7 +74,7 @@ class Shapes:
         """
         whole, fields = self._moving.is_animated(path), self._moving.animated_fields(path)
         moves = moves or whole or not fields.isdisjoint(("transform", "instances", "material", "center", "radius"))
-        deforms = whole or not fields <= _OF_PLACES
+        deforms = whole or not fields <= _PLACEMENT_FIELDS
         name = source.get("name", f"{source['type']} {path[-1]}")
         own = transforms.matrix(source.get("transform", []), self._document, (*path, "transform"))
         placed = [(name, own)]

@@ -23,7 +23,7 @@ __all__ = ["CURVES", "AnimatedPaths", "Keys", "find_keys"]
 
 CURVES = ("linear", "step", "smooth")  # or the four numbers of a cubic Bezier
 MAX_KEYS = 100_000
-_OF_THE_WHOLE = ("name", "fps", "settings", "notes")
+_UNKEYED_FIELDS = ("name", "fps", "settings", "notes")
 _NAMING = ("file", "image", "picture", "profile")
 _COLOR = re.compile(r"#[0-9a-fA-F]{6}")
 
@@ -89,7 +89,7 @@ def find_keys(document: Yaml) -> Keys:
     tracks: dict[Path, Track] = {}
     ends: list[float] = []
     for path, source in _find_keys(document.data, ()):
-        if path[0] in _OF_THE_WHOLE:
+        if path[0] in _UNKEYED_FIELDS:
             raise document.error(path, Sentence("keys-not-allowed", "has keys, but {path} cannot be animated", path=path[0]))
         times = _times(source["keys"], document, (*path, "keys"))
         make = _interpolation(source.get("curve", "linear"), times, document, (*path, "curve"))

@@ -14,18 +14,19 @@ from renderer.sentences import Sentence
 
 __all__ = ["SPELLINGS", "read_material"]
 
-_BY_NAME = {parameter.in_file: parameter for parameter in PARAMETERS}
+_PARAMETERS_BY_NAME = {parameter.in_file: parameter for parameter in PARAMETERS}
 # Alternative fields for parameters.
 SPELLINGS = {"abbe": "dispersion", "metal": "eta"}
 
 _FIELDS: dict[str, frozenset[str]] = {
     kind: frozenset(
-        {name for name, p in _BY_NAME.items() if kind in p.kinds}
-        | {name for name, same in SPELLINGS.items() if kind in _BY_NAME[same].kinds}
+        {name for name, p in _PARAMETERS_BY_NAME.items() if kind in p.kinds}
+        | {name for name, same in SPELLINGS.items() if kind in _PARAMETERS_BY_NAME[same].kinds}
     )
     for kind in EVERY_KIND
 }
-_OWN = _FIELDS["metallic_roughness"] - frozenset.intersection(*map(_FIELDS.__getitem__, SURFACES))  # fields that imply this kind
+# Fields that imply the kind "metallic_roughness".
+_PRINCIPLED_FIELDS = _FIELDS["metallic_roughness"] - frozenset.intersection(*map(_FIELDS.__getitem__, SURFACES))
 
 
 def read_material(name: str, source: dict[str, Any], textures: Textures, document: Yaml, path: Path) -> Material:
@@ -48,8 +49,8 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
             )
     fields: dict[str, Any] = {"name": name, "kind": kind}
     for key, value in source.items():
-        if key in _BY_NAME:
-            fields[_BY_NAME[key].name] = _value(_BY_NAME[key], value, textures, document, (*path, key))
+        if key in _PARAMETERS_BY_NAME:
+            fields[_PARAMETERS_BY_NAME[key].name] = _value(_PARAMETERS_BY_NAME[key], value, textures, document, (*path, key))
     white = "texture" in source or kind in ("glass", "mirror")
     if kind == "interface":
         return Material(**fields)
@@ -86,7 +87,7 @@ def _kind_of(source: dict[str, Any]) -> MaterialKind:
         return "blinn_phong"
     if "nonlinear" in source:
         return "plastic"
-    return "metallic_roughness" if _OWN & source.keys() else "diffuse"
+    return "metallic_roughness" if _PRINCIPLED_FIELDS & source.keys() else "diffuse"
 
 
 def _conductor(source: dict[str, Any], fields: dict[str, Any], document: Yaml, path: Path) -> None:

@@ -14,7 +14,7 @@ __all__ = ["schema_fault", "yaml_fault"]
 _MOST_NAMED = 12
 _MOST_SHOWN = 80  # characters of a value
 
-_OF_YAML: dict[str, str] = {
+_YAML_MESSAGES: dict[str, str] = {
     str.__str__(each): each
     for each in (
         Sentence("yaml-mapping-not-allowed", "mapping values are not allowed in this context"),
@@ -52,7 +52,7 @@ _TYPES: dict[str, str] = {
 def yaml_fault(error: yaml.MarkedYAMLError) -> str:
     """Returns the sentence for an error of the YAML parser; an unknown message is returned unchanged."""
     text = error.problem or error.context or ""
-    return _OF_YAML.get(text, text)
+    return _YAML_MESSAGES.get(text, text)
 
 
 def schema_fault(error: Any) -> str:
