@@ -26,7 +26,7 @@ MOST_RUNS = 200  # runs written in full
 MOST_NAMED = 2 * MAX_FRAMES  # including repeated ones
 MAX_FRAME = 10_000_000
 _NUMBER = r"(\d{1,8}(?:\.[05])?)"
-_PART = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
+_RANGE_PATTERN = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
 
 
 def parse_frames(text: str) -> list[float]:
@@ -42,7 +42,7 @@ def _parse(text: str) -> tuple[float, ...]:
     found: dict[float, None] = {}
     named = 0
     for part in text.replace(" ", "").split(","):
-        match = _PART.fullmatch(part)
+        match = _RANGE_PATTERN.fullmatch(part)
         if match is None:
             raise SettingsError(
                 Sentence(

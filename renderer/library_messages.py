@@ -17,9 +17,9 @@ from renderer.sentences import Sentence
 
 __all__ = ["library_message"]
 
-_MOST = 200  # characters of a message
+_MAX_CHARACTERS = 200  # characters of a message
 
-_OF_SYSTEM: dict[int, str] = {
+_SYSTEM_MESSAGES: dict[int, str] = {
     errno.ENOENT: Sentence("os-not-found", "No such file or directory"),
     errno.EACCES: Sentence("os-permission-denied", "Permission denied"),
     errno.EPERM: Sentence("os-not-permitted", "Operation not permitted"),
@@ -44,7 +44,7 @@ _OF_SYSTEM: dict[int, str] = {
 
 
 # Messages of Redis, its client and SQLite: the errors have no codes of their own, or only the text contains them.
-_OF_TEXT: tuple[tuple[str, str], ...] = (
+_TEXT_MESSAGES: tuple[tuple[str, str], ...] = (
     (r"Connection closed by server|closed the connection", Sentence("connection-closed", "the connection was closed")),
     (r"Timeout (reading|connecting|writing)|timed out", Sentence("connection-timeout", "no answer in time")),
     (r"WRONGPASS|invalid username-password|invalid password", Sentence("redis-password-wrong", "wrong user name or password")),
@@ -63,7 +63,7 @@ _CERTIFICATE = re.compile(r"certificate verify failed(?:: ([^(\n]+))?")  # the n
 _ERRNO = re.compile(r"\[Errno (-?\d+)\]")
 _CONNECTING = re.compile(r"Error (\d+) connecting to ([^ ]+)\.")  # of Redis's client
 # Errors of the object store's client, by class.
-_OF_STORE: dict[str, str] = {
+_STORE_MESSAGES: dict[str, str] = {
     "PermissionDeniedError": Sentence("store-permission-denied", "access is denied"),
     "UnauthenticatedError": Sentence("store-unauthenticated", "the credentials are not accepted"),
     "NotFoundError": Sentence("store-not-found", "the bucket or object does not exist"),
@@ -93,12 +93,12 @@ def library_message(error: BaseException) -> str:
         reason = (found[1] or "no reason given").strip()
         return Sentence("tls-certificate-rejected", "certificate verify failed: {reason}", reason=reason)
     if isinstance(error, OSError) and error.errno is not None and "[SSL" not in own:
-        return _OF_SYSTEM.get(error.errno) or str(error.strerror)
+        return _SYSTEM_MESSAGES.get(error.errno) or str(error.strerror)
     if isinstance(error, ValueError) and (
         found := re.search(r"(?:could not convert string to float|invalid literal for int.*?): (.*)", own)
     ):
         return Sentence("number-malformed", "{text} is not a number", text=found[1][:60])
-    return _of_service_library(error, own) or (own.strip().splitlines() or [type(error).__name__])[0][:_MOST]
+    return _of_service_library(error, own) or (own.strip().splitlines() or [type(error).__name__])[0][:_MAX_CHARACTERS]
 
 
 def _of_service_library(error: BaseException, own: str) -> str | None:
@@ -109,17 +109,17 @@ def _of_service_library(error: BaseException, own: str) -> str | None:
             return Sentence("multipart-boundary-malformed", "a boundary between its parts is malformed")
         return Sentence("multipart-header-malformed", "the header of a part is malformed")
     if module == "obstore":
-        if (found := _OF_STORE.get(type(error).__name__)) is not None:
+        if (found := _STORE_MESSAGES.get(type(error).__name__)) is not None:
             return found
         if "error sending request" in own or "dns error" in own:
             return Sentence("store-not-reachable", "its server cannot be reached")
     if "[SSL" in own:
         return None
-    if (place := _CONNECTING.search(own)) and (cause := _OF_SYSTEM.get(int(place[1]))) is not None:
+    if (place := _CONNECTING.search(own)) and (cause := _SYSTEM_MESSAGES.get(int(place[1]))) is not None:
         return Sentence("redis-connection-failed", "{address}: {error}", address=place[2], error=cause)
-    if (number := _ERRNO.search(own)) and (cause := _OF_SYSTEM.get(int(number[1]))) is not None:
+    if (number := _ERRNO.search(own)) and (cause := _SYSTEM_MESSAGES.get(int(number[1]))) is not None:
         return cause
-    return next((sentence for pattern, sentence in _OF_TEXT if re.search(pattern, own)), None)
+    return next((sentence for pattern, sentence in _TEXT_MESSAGES if re.search(pattern, own)), None)
 
 
 def _of_xml(error: expat.ExpatError | ElementTree.ParseError) -> str:

@@ -157,7 +157,7 @@ class NoEnvironment:
         """Does nothing: the library has no environment."""
 
 
-_KEPT: dict[str, type[_Kernel]] = {_PART: InlinedLibrary, _KERNEL: _Kernel}
+_LIBRARY_CLASSES: dict[str, type[_Kernel]] = {_PART: InlinedLibrary, _KERNEL: _Kernel}
 
 
 def restore_compiled(context: Any, kept: Any) -> Any:
@@ -165,7 +165,7 @@ def restore_compiled(context: Any, kept: Any) -> Any:
     (name, kind, code), descriptor, environment, signature, objectmode, lifted, annotation, reload_init, environments = kept
     for function in reload_init:
         function()
-    library = _KEPT[kind].restored(context.codegen(), name, code)
+    library = _LIBRARY_CLASSES[kind].restored(context.codegen(), name, code)
     for each in environments:
         library.codegen.set_env(each.env_name, each)
     return compile_result(

@@ -28,7 +28,7 @@ ENDS: dict[End, str] = {
     "unlit": "the material scatters no light",
     "passed": "it passed too many surfaces by their alpha",
 }
-_BY_KIND: dict[float, End] = {DIFFUSE_LIMIT: "diffuse", GLOSSY_LIMIT: "glossy", TRANSMISSION_LIMIT: "transmission"}
+_LIMIT_REASONS: dict[float, End] = {DIFFUSE_LIMIT: "diffuse", GLOSSY_LIMIT: "glossy", TRANSMISSION_LIMIT: "transmission"}
 FAR = 1e17  # scene units; the kernel puts infinitely distant points slightly beyond
 
 
@@ -143,7 +143,7 @@ def _end_reason(row: npt.NDArray[np.float64], is_last: bool, settings: RenderSet
     if row[record.KIND] == record.PASSED:
         return "passed"
     if stage != record.SCATTERED:
-        return "depth" if is_last else _BY_KIND.get(float(row[record.LIMIT]), "unlit")
+        return "depth" if is_last else _LIMIT_REASONS.get(float(row[record.LIMIT]), "unlit")
     survival = row[record.SURVIVAL]
     if survival == UNCOUNTED:
         return "transmission" if settings.transmission_depth == MAX_DEPTH else "caught"  # that limit is not counted separately

@@ -28,9 +28,9 @@ Mask = npt.NDArray[np.bool_]
 REACH = 2  # frames before and after
 _LEAST_COSINE = 0.9
 _MOTION_TOLERANCE = 0.5  # pixels: tolerance between a motion vector and the reverse one
-_ALIKE = 0.12  # relative difference of light with weight exp(-1)
+_LIGHT_TOLERANCE = 0.12  # relative difference of light with weight exp(-1)
 _SHIFT_TOLERANCE = 0.05  # pixels: tolerance of a whole-pixel shift
-_DARK = 0.02  # minimum divisor for albedo
+_MIN_ALBEDO = 0.02  # minimum divisor for albedo
 
 
 class DenoisedFrame(NamedTuple):
@@ -79,7 +79,7 @@ def stabilised_frame(frames: Mapping[float, DenoisedFrame], number: float) -> F3
 
 
 def _surface(still: DenoisedFrame) -> F64:
-    return np.maximum(still.clean.albedo, _DARK).astype(np.float64)
+    return np.maximum(still.clean.albedo, _MIN_ALBEDO).astype(np.float64)
 
 
 def _light(still: DenoisedFrame) -> F64:
@@ -142,5 +142,5 @@ def _light_similarity(light: F64, found: F64) -> F64:
     """Returns the similarity of the luminances of two light values: 1 if equal, towards 0 as their relative difference grows."""
     a, b = ((each * REC_709).sum(axis=-1) for each in (light, found))
     apart = (a - b) / np.maximum(0.5 * (a + b), 1e-6)
-    alike: F64 = np.exp(-((apart / _ALIKE) ** 2))
+    alike: F64 = np.exp(-((apart / _LIGHT_TOLERANCE) ** 2))
     return alike

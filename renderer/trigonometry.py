@@ -13,7 +13,7 @@ __all__ = ["angle_between", "sin_cos"]
 _BITS = 160  # fraction bits; enough for correct rounding near multiples of pi
 _ONE = 1 << _BITS
 _PI = (314159265358979323846264338327950288419716939937510582097494459230781640 << _BITS) // 10**71
-_MOST = 1e6
+_MAX_ANGLE = 1e6
 _SMALL = 2.0**-28  # below it sin(x) = x and cos(x) = 1
 
 _ARCTANGENT = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
@@ -21,7 +21,7 @@ _ARCTANGENT = tuple((-1.0) ** k / (2 * k + 1) for k in range(12))
 
 def sin_cos(angle: float) -> tuple[float, float]:
     """Returns the floats nearest to the sine and the cosine of an angle in radians, at most 1e6 in size."""
-    if not abs(angle) <= _MOST:
+    if not abs(angle) <= _MAX_ANGLE:
         raise ValueError(f"{angle:g} radians are too many turns to tell where they end")
     if abs(angle) < _SMALL:
         return angle, 1.0

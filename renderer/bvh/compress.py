@@ -24,7 +24,7 @@ __all__ = ["compressed"]
 Array = npt.NDArray[Any]
 
 _NOTHING: Any = None  # replaces the arrays of the tree that is compressed
-_PART = 1 << 12  # nodes
+_NODES_PER_JOB = 1 << 12  # nodes
 _SLACK = np.float32(4 * 2.0**-24)  # as that of the boxes of wide nodes (renderer/bvh/collapse.py)
 
 
@@ -98,7 +98,7 @@ def compressed(bvh: Bvh, team: Team) -> Bvh:
     target = _Target(
         *tree, tree.leaf.view(np.int32), np.empty((listed, NODE_WORDS), np.uint32), np.empty((listed, WIDTH), np.int32)
     )
-    parts = parts_of(0, listed, _PART)
+    parts = parts_of(0, listed, _NODES_PER_JOB)
     team.each(lambda part: _fill_nodes(source, plan, *part, target, _new_scratch()), parts)
     index = np.empty(len(bvh.node), np.int32)
     index[plan.order[:listed]] = np.arange(listed, dtype=np.int32)

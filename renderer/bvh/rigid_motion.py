@@ -15,9 +15,9 @@ __all__ = ["largest_rotation", "motion_keys", "polar"]
 F64 = npt.NDArray[np.float64]
 
 _ROUNDS = 24  # Newton iterations; scaled, ten suffice for a condition of 1e6
-_STEADY = 1e-12  # for a body that rotates by less than about 1e-3 a key, the origin moves straight
+_MIN_ROTATION = 1e-12  # for a body that rotates by less than about 1e-3 a key, the origin moves straight
 _SLACK = 1e-9
-_NEAR = 1e-9
+_TOLERANCE = 1e-9
 
 
 def motion_keys(places: F64) -> F64:
@@ -130,7 +130,7 @@ def _half_angles(rotation: F64) -> tuple[F64, F64]:
     before, after = rotation[:, :-1], rotation[:, 1:]
     across, along = after - before, after + before  # an arc cosine is imprecise for small angles (Kahan 2006)
     far, near = np.sqrt(_dot(across, across)), np.sqrt(_dot(along, along))
-    apart = far > _NEAR
+    apart = far > _TOLERANCE
     with np.errstate(divide="ignore"):
         inverse = (far * far + near * near) / (2.0 * far * near)
     return np.where(apart, 2.0 * _arctangent(far / near), 0.0), np.where(apart, inverse, 0.0)
@@ -161,7 +161,7 @@ def _straightest_points(places: F64) -> F64:
         side = side - _product(transposed, bend[:, k, :, 3:])[..., 0]
     trace = square[:, 0, 0] + square[:, 1, 1] + square[:, 2, 2]
     whole = _norm(places[:, 0, :, :3])
-    turns = trace > _STEADY * whole * whole
+    turns = trace > _MIN_ROTATION * whole * whole
     square = square + np.where(turns, _SLACK * trace, 1.0)[:, None, None] * np.eye(3)
     inverse = np.swapaxes(_inverse_transposed(square), -1, -2)
     return np.where(turns[:, None], _product(inverse, side[..., None])[..., 0], 0.0)

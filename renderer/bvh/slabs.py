@@ -24,7 +24,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TINY = np.float32(1e-18)
 _SLACK = np.float32(4 * 2.0**-24)
-_GAP = np.float32(2.0**-30)  # least slack of a plane's coordinate: relative slack is zero for planes and origins at 0
+_MIN_SLACK = np.float32(2.0**-30)  # least slack of a plane's coordinate: relative slack is zero for planes and origins at 0
 _OF_ORIGIN = np.float32(0.25)
 _LEAD = np.float32(2.0**-18)
 _EARLIER = np.float32(1 - 2.0**-16)
@@ -60,7 +60,7 @@ def _planes_of(o, inverse, margin):
     inverse: reciprocal of the direction's component, times `_NEARER`.
     """
     constant = -o * inverse
-    slack = abs(constant) * _SLACK + abs(inverse) * _GAP
+    slack = abs(constant) * _SLACK + abs(inverse) * _MIN_SLACK
     return constant - (slack + margin * _LEAD), constant + slack
 
 

@@ -46,7 +46,7 @@ __all__ = [
 BINS = 16
 SAH_DEPTH = 40  # below this depth ranges are halved: see STACK_SIZE in layout.py
 _FEW_BINS = 8
-_FEW = 24  # number of primitives up to which few bins find an equally good plane
+_MAX_FOR_FEW_BINS = 24  # number of primitives up to which few bins find an equally good plane
 _LEAST_BINS = 4  # for nodes that fit a leaf
 _NODE_COST = np.float32(0.2)  # cost of one binary level, in units of a packet test; measured on meshes and on Cornell boxes
 _LEAF_SIZE = 8
@@ -258,7 +258,7 @@ def split(box, clusters, parts, local, bins, spread, stack, triangles, solids, o
                 continue
 
             plane = Plane(-1, 0, _INF)
-            used = BINS if count > _FEW else (_FEW_BINS if count > _LEAF_SIZE else _LEAST_BINS)
+            used = BINS if count > _MAX_FOR_FEW_BINS else (_FEW_BINS if count > _LEAF_SIZE else _LEAST_BINS)
             if depth < SAH_DEPTH:
                 set_up_bins(bins.grid, spread, top, used)
                 fill_bins(bins, local, first, end, used, solids, None)

@@ -44,7 +44,7 @@ _MOST_TRACE = 4000
 _OUT_OF_MEMORY_SCORE = "900"  # the kernel ends this process before others
 
 # File system or kernel errors independent of the file: full, read-only, damaged, or out of processes, files, memory.
-_OF_MACHINE = {
+_MACHINE_ERRORS = {
     *(errno.ENOSPC, errno.EDQUOT, errno.EROFS, errno.EIO, errno.EACCES, errno.EPERM),
     *(errno.EMFILE, errno.ENFILE, errno.EAGAIN, errno.ESTALE, errno.EFBIG),
 }
@@ -52,7 +52,7 @@ _OF_MACHINE = {
 
 def is_of_machine(error: OSError) -> bool:
     """Returns True if an error that ended a job is caused by this machine, not by the file."""
-    return error.errno in _OF_MACHINE
+    return error.errno in _MACHINE_ERRORS
 
 
 @dataclass(frozen=True)

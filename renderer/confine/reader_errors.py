@@ -16,7 +16,7 @@ __all__ = ["Bounds", "TooLargeError", "error_of", "error_of_exit", "timeout_erro
 
 log = logging.getLogger(__name__)
 
-_OF_ALLOCATION = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGTRAP, signal.SIGILL)  # of failed allocations
+_ALLOCATION_SIGNALS = (signal.SIGABRT, signal.SIGSEGV, signal.SIGBUS, signal.SIGTRAP, signal.SIGILL)  # of failed allocations
 
 
 @dataclass(frozen=True)
@@ -136,7 +136,7 @@ def error_of_exit(status: int, bounds: Bounds, memory: int | None = None, needed
             )
         )
     name = signal.Signals(number).name if number in set(signal.Signals) else ""
-    if number in _OF_ALLOCATION and memory is not None and memory < needed:
+    if number in _ALLOCATION_SIGNALS and memory is not None and memory < needed:
         limit = callers_limit_phrase("-v")
         return MachineError(
             Sentence(

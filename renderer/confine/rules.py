@@ -37,7 +37,7 @@ _CREATE, _ADD_RULE, _RESTRICT = 444, 445, 446
 _VERSION, _PATH_BENEATH = 1, 1
 _RIGHTS = {1: 13, 2: 14, 3: 15, 4: 15}  # number of file rights by Landlock's version
 _MOST_RIGHTS = 16
-_OF_FILES = 0b1100000000000111  # the rights that apply to a file; the others apply to folders
+_FILE_RIGHTS = 0b1100000000000111  # the rights that apply to a file; the others apply to folders
 _NO_TCP, _SCOPES = 0b11, 0b11
 
 _EXECUTE, _WRITE_FILE, _READ_FILE, _READ_FOLDER, _REMOVE_FOLDER, _REMOVE_FILE = (1 << bit for bit in range(6))
@@ -126,7 +126,7 @@ def restrict_files(grants: Iterable[tuple[str, int]]) -> bool:
             opened = os.open(path, _O_PATH | os.O_CLOEXEC)
         except OSError:
             continue
-        allowed = granted & rights & (~0 if Path(path).is_dir() else _OF_FILES)
+        allowed = granted & rights & (~0 if Path(path).is_dir() else _FILE_RIGHTS)
         _libc.syscall(_ADD_RULE, rules, _PATH_BENEATH, struct.pack("<Qi", allowed, opened), 0)
         os.close(opened)
     forbid_new_privileges()

@@ -22,7 +22,7 @@ _MOST_CHANNELS = 1024  # of all layers together
 _BAND = 1 << 22  # pixels that are decoded at a time where an image is made smaller
 _RESOLUTION = re.compile(rb"\n([-+])([XY])\s+\d+\s+([-+])([XY])\s+\d+\s*\n")
 _LONGEST_HEADER = 1 << 20
-_MOST = 65504.0  # replaces infinity: the greatest half
+_MAX_HALF = 65504.0  # replaces infinity: the greatest half
 _FLOATS = (oiio.HALF, oiio.FLOAT, oiio.DOUBLE)
 # Luminance weights of Rec. 709, by which OpenEXR's Y, RY and BY are made.
 _YR, _YG, _YB = 0.2126, 0.7152, 0.0722
@@ -156,7 +156,7 @@ def _read(source: Any, data: bytes, name: str, suffix: str, limits: Limits, stra
                     count=odd,
                 )
             )
-        rgba = np.nan_to_num(rgba, nan=0.0, posinf=_MOST, neginf=0.0)
+        rgba = np.nan_to_num(rgba, nan=0.0, posinf=_MAX_HALF, neginf=0.0)
     is_associated = suffix == ".exr" or (suffix in (".tif", ".tiff") and not spec.getattribute("oiio:UnassociatedAlpha"))
     if str(spec.getattribute("compression")) in ("DXT2", "DXT4"):
         is_associated = True

@@ -14,7 +14,7 @@ from renderer.wide.operators import lifted
 
 __all__ = ["add_fixed8", "fixed", "in_half", "sample_contribution"]
 
-_MOST = np.float32(SAMPLE_MAX)
+_MAX_SAMPLE = np.float32(SAMPLE_MAX)
 _MANTISSA_TOP = np.int32(22)
 _DOUBLES = ir.VectorType(ir.DoubleType(), LANES)
 _WORDS = ir.VectorType(ir.IntType(64), LANES)
@@ -24,7 +24,7 @@ _ROUNDER = 1.5 * 2.0**52  # added to a double below 2**51, rounds it to an integ
 @device
 def fixed(value, scale):
     """Converts a value to the film's fixed point, clamped. Scaling by a power of two is exact; the conversion rounds once."""
-    return np.int64(np.rint(min(max(value, -_MOST), _MOST) * scale))
+    return np.int64(np.rint(min(max(value, -_MAX_SAMPLE), _MAX_SAMPLE) * scale))
 
 
 @device
@@ -78,4 +78,4 @@ def _add_rounded(typingctx, sums, index, values, scale):
 @device
 def add_fixed8(sums, index, values, scale):
     """Adds eight values (f32x8) in the film's fixed point to eight int64 of an array, from the flat index `index` on."""
-    _add_rounded(sums, index, min(max(values, -_MOST), _MOST), scale)
+    _add_rounded(sums, index, min(max(values, -_MAX_SAMPLE), _MAX_SAMPLE), scale)

@@ -55,7 +55,7 @@ class CausticTables(NamedTuple):
 
 
 # The arrays of a scene that its tables depend on. Frames of a shot may share some of them and differ in others.
-_READ = (
+_USED_ARRAYS = (
     *("position", "triangle", "part", "color", "triangle_light", "sphere", "sphere_material", "sphere_light", "material"),
     *("material_kind", "material_flags", "medium", "light_primitive", "punctual", "punctual_kind", "emission_frame", "bounds"),
     *("key_position", "key_sphere", "key_punctual"),
@@ -69,7 +69,7 @@ def with_caustics(scene: CompiledScene) -> CompiledScene:
 
     The tables of the last scenes are kept, since each batch of a frame needs them again.
     """
-    arrays = [getattr(scene, name) for name in _READ]
+    arrays = [getattr(scene, name) for name in _USED_ARRAYS]
     for references, tables in list(_kept):
         if all(each() is array for each, array in zip(references, arrays, strict=True)):
             return scene._replace(caustics=tables)

@@ -25,7 +25,7 @@ from renderer.sentences import Sentence
 __all__ = ["CompiledScene", "load", "save", "seal"]
 
 _FORMAT = {"format": "rayfarm-scene", "version": "1"}
-_NAMES = {"<f4": "F32", "<f8": "F64", "<i4": "I32", "|u1": "U8"}
+_DTYPE_NAMES = {"<f4": "F32", "<f8": "F64", "<i4": "I32", "|u1": "U8"}
 _ALIGN = 64
 _MAX_HEADER = 1 << 20
 
@@ -37,7 +37,7 @@ def save(scene: CompiledScene, path: Path) -> None:
     arrays = flat(scene)
     for name, array in arrays.items():
         start, end = end, end + array.nbytes
-        header[name] = {"dtype": _NAMES[LAYOUT[name][0]], "shape": list(array.shape), "data_offsets": [start, end]}
+        header[name] = {"dtype": _DTYPE_NAMES[LAYOUT[name][0]], "shape": list(array.shape), "data_offsets": [start, end]}
     text = json.dumps(header, separators=(",", ":")).encode()
     text += b" " * (-(8 + len(text)) % _ALIGN)
     path = Path(path)
@@ -127,7 +127,7 @@ def _views(mapped: mmap.mmap, size: int) -> dict[str, Any]:
             start, stop = entry["data_offsets"]
             count = int(np.prod(shape, dtype=object)) if shape else 1
             if (
-                entry["dtype"] != _NAMES[dtype]
+                entry["dtype"] != _DTYPE_NAMES[dtype]
                 or start != end
                 or min(shape) < 0
                 or stop - start != count * np.dtype(dtype).itemsize

@@ -38,7 +38,7 @@ _MOST_PARTS = 64
 _IS_SHA256 = re.compile("[0-9a-f]{64}")
 _MOST_SEEN = 10_000  # pieces
 _VERTICES = ("position", "normal", "tangent", "uv", "uv1", "color")
-_BENT = ("position", "normal", "tangent")  # the arrays that change in a deforming mesh
+_DEFORMED_ARRAYS = ("position", "normal", "tangent")  # the arrays that change in a deforming mesh
 _MATERIALS = (
     "material_kind",
     "material_flags",
@@ -187,7 +187,7 @@ def _slices(arrays: dict[str, Array], cuts: PartOffsets) -> dict[str, dict[str, 
         parts[name]["triangle"] = arrays["triangle"][cuts.triangle[i] : cuts.triangle[i + 1]]
     loose = parts["loose"]
     parts["shape of what is loose"] = {
-        n: loose.pop(n) for n in list(loose) if n == "triangle" or (n in _VERTICES and n not in _BENT)
+        n: loose.pop(n) for n in list(loose) if n == "triangle" or (n in _VERTICES and n not in _DEFORMED_ARRAYS)
     }
     parts["lights of triangles"] = {"triangle_light": arrays["triangle_light"]}
     parts["materials"] = {n: arrays[n] for n in _MATERIALS}

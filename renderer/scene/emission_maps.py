@@ -22,7 +22,7 @@ _KINDS = {"sphere": SPHERE, "window": WINDOW, "screen": SCREEN}
 _MOST_TEXELS = 1 << 28  # of all maps together: 3 GiB
 _AROUND = 1e9  # columns: beyond any angle
 _SLACK = 1e-3  # rows, by which float32 may miss a pole
-_FINE = 64  # least side of the grid over which projected images are integrated
+_MIN_GRID_SIDE = 64  # least side of the grid over which projected images are integrated
 _NO_EDGE = 1e-9
 
 
@@ -92,7 +92,7 @@ def flux_of(emission: EmissionMap) -> F64:
     left, right, top, bottom = emission.edges
     if emission.kind == "screen":
         return np.asarray(values.mean(axis=(0, 1)) * abs((right - left) * (bottom - top)))
-    height, width = (max(1, -(-_FINE // n)) for n in values.shape[:2])
+    height, width = (max(1, -(-_MIN_GRID_SIDE // n)) for n in values.shape[:2])
     fine = np.repeat(np.repeat(values, height, axis=0), width, axis=1)
     y, x = (_middles(start, end, n) for start, end, n in ((top, bottom, fine.shape[0]), (left, right, fine.shape[1])))
     weight = (1 + x * x + (y * y)[:, None]) ** -1.5

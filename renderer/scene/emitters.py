@@ -14,7 +14,8 @@ from renderer.scene.material_packing import Packed
 
 __all__ = ["emitting_triangles", "is_uniform_emitter"]
 
-_SPREAD = 0.05  # fraction of a mesh's light spread evenly over its triangles: a mean over few points may miss a bright texel
+# Fraction of a mesh's light spread evenly over its triangles: a mean over few points may miss a bright texel.
+_UNIFORM_FRACTION = 0.05
 
 
 def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
@@ -38,7 +39,7 @@ def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
         mean_texels(*table, number, geometry.uv, uv1, geometry.triangle[triangle[of_it]], mean)
         factor = packed.material[material, rows.EMISSION : rows.EMISSION + 3].astype(np.float64)
         sides = 2.0 if packed.material[material, rows.DOUBLE_SIDED] else 1.0
-        emitted[of_it] = (1 - _SPREAD) * sides * luminance(mean * factor) + _SPREAD * packed.emitted[material]
+        emitted[of_it] = (1 - _UNIFORM_FRACTION) * sides * luminance(mean * factor) + _UNIFORM_FRACTION * packed.emitted[material]
     shines = emitted > 0
     return Emitters(triangle[shines], material_of[shines], emitted[shines])
 

@@ -19,7 +19,7 @@ __all__ = ["TREE_FROM", "Emitters", "LightList", "cumulative", "emitters_with_ar
 
 TREE_FROM = 3  # lights; for two single triangles the tree costs more than it saves (docs/speed-notes.md)
 _BETWEEN_KEYS = 0.1  # radians, by which a normal may deviate further between two keys
-_SPREAD = 0.01  # fraction of the choices by power that are uniform over all lights
+_UNIFORM_FRACTION = 0.01  # fraction of the choices by power that are uniform over all lights
 
 
 class Emitters(NamedTuple):
@@ -93,7 +93,7 @@ def list_lights(
         )
         order, node = build_light_tree(LightBounds(*(np.concatenate(column) for column in zip(*bounds, strict=True))))
         primitive, area, power = primitive[order], area[order], power[order]
-    chance = (1 - _SPREAD) * power / max(power.sum(), 1e-300) + _SPREAD / max(len(power), 1)
+    chance = (1 - _UNIFORM_FRACTION) * power / max(power.sum(), 1e-300) + _UNIFORM_FRACTION / max(len(power), 1)
     bodies = len(geometry.triangle) if len(triangles) else 0  # nothing to look up if no triangle emits
     light = np.full(bodies + len(sphere) + len(rest), -1, np.int32)
     light[primitive - (len(geometry.triangle) - bodies)] = np.arange(len(primitive))

@@ -29,7 +29,7 @@ __all__ = [
 
 F64 = npt.NDArray[np.float64]
 
-_FAR = 16.0  # relative to a scene's size: beyond, a float32 coordinate is wrong by up to 1e-6 of the size
+_MAX_RELATIVE_DISTANCE = 16.0  # relative to a scene's size: beyond, a float32 coordinate is wrong by up to 1e-6 of the size
 _STRAYS_FAR = 4096.0  # the same, for the size without outliers (10th to 90th percentile)
 _SAMPLES = 4096
 _WORLD = np.zeros(3)
@@ -76,7 +76,7 @@ def _origin(points: F64) -> F64:
     finite = np.isfinite(points).all(axis=1)
     points = points if finite.all() else points[finite]
     with np.errstate(invalid="ignore", over="ignore"):
-        found = _centre(points, _FAR)
+        found = _centre(points, _MAX_RELATIVE_DISTANCE)
         if found.any() or not len(points):
             return found
         some = points[:: max(1, len(points) // _SAMPLES)]

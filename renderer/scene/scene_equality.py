@@ -11,7 +11,7 @@ from renderer.scene.description import SceneDescription
 
 __all__ = ["are_equal", "compiles_alike"]
 
-_ASIDE = {
+_IGNORED_FIELDS = {
     "name",
     "cameras",
     "clips",
@@ -32,7 +32,9 @@ def compiles_alike(first: SceneDescription, second: SceneDescription) -> bool:
     Cameras and texts may differ. Neither description may have been compiled before.
     """
     return all(
-        are_equal(getattr(first, f.name), getattr(second, f.name)) for f in fields(SceneDescription) if f.name not in _ASIDE
+        are_equal(getattr(first, f.name), getattr(second, f.name))
+        for f in fields(SceneDescription)
+        if f.name not in _IGNORED_FIELDS
     )
 
 

@@ -83,7 +83,7 @@ def _merge_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) 
     )
     if any(thing.keys for thing in things):
         moving.keys = len(found)
-    still: list[str] = [name for name, parts in _STILL.items() if any(_differs(part, found) for part in parts)]
+    still: list[str] = [name for name, parts in _UNMOVABLE_FIELDS.items() if any(_differs(part, found) for part in parts)]
     still += [Sentence("motion-textures-still", "textures other than their placement")] * changes + changed
     if still:
         moving.warnings.append(_unblurred_warning(still))
@@ -140,7 +140,7 @@ def _changes(mesh: Mesh) -> str:
     return Sentence("motion-mesh-triangles-change", "the mesh {name}, whose triangles change", name=mesh.name)
 
 
-_STILL: dict[str, tuple[str, ...]] = {
+_UNMOVABLE_FIELDS: dict[str, tuple[str, ...]] = {
     Sentence("motion-materials-still", "materials"): ("materials",),
     Sentence("motion-pictures-still", "pictures"): ("images",),
     Sentence("motion-environment-still", "the environment"): ("environment", "medium"),

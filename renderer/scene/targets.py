@@ -36,8 +36,8 @@ _LEAST_SHARE = 0.01  # of all light, for a light to be worth half of all directi
 _ENCLOSED = 3 * math.pi  # solid angle, steradians, that glass covers as seen from an enclosed light: a bulb's foot may be open
 _SHELL = 6 * math.pi  # solid angle from which on the glass is hollow: its inside and its outside are both counted
 _MARGIN = 1.05
-_WITHIN = 1.001  # points nearer than this, in radii of the guard sphere, do not aim: they may lie on the body
-_LIKE = 0.7  # a light that appears larger than this, in radii of the glass, gives one target
+_MIN_GUARD_DISTANCE = 1.001  # points nearer than this, in radii of the guard sphere, do not aim: they may lie on the body
+_MAX_APPARENT_SIZE = 0.7  # a light that appears larger than this, in radii of the glass, gives one target
 
 F64 = npt.NDArray[np.float64]
 
@@ -71,7 +71,7 @@ def list_targets(description: SceneDescription, packed: Packed, all_power: float
         row[TARGET_CENTER : TARGET_CENTER + 3] = aim.center
         row[TARGET_RADIUS] = aim.radius
         row[TARGET_GUARD : TARGET_GUARD + 3] = guard.center
-        row[TARGET_GUARD2] = (_WITHIN * reach) ** 2
+        row[TARGET_GUARD2] = (_MIN_GUARD_DISTANCE * reach) ** 2
         row[TARGET_STRENGTH] = strength
     return table
 
@@ -108,7 +108,7 @@ def _enclosed_lights(description: SceneDescription, packed: Packed, all_power: f
         is_solid = max(covered for _, covered in enclosed) < _SHELL
         larger = max(float(packed.material[glass[k].material, IOR]), 1.0) if is_solid else 1.0
         seen = _Ball(lamp.center, _MARGIN * larger * lamp.radius)
-        if seen.radius + float(np.linalg.norm(seen.center - guard.center)) < _LIKE * guard.radius:
+        if seen.radius + float(np.linalg.norm(seen.center - guard.center)) < _MAX_APPARENT_SIZE * guard.radius:
             found += [(0.5 * strength, seen, guard), (0.5 * strength, guard, guard)]
         else:
             found.append((strength, guard, guard))
@@ -154,7 +154,7 @@ class _Glass:
         light, found = _tight_sphere(self._description, lamp), {}
         for k in np.flatnonzero(np.linalg.norm(self._centers - light.center, axis=1) < self._radii).tolist():
             ball: _Ball = self.ball(k)
-            if float(np.linalg.norm(ball.center - light.center)) + light.radius <= _WITHIN * ball.radius:
+            if float(np.linalg.norm(ball.center - light.center)) + light.radius <= _MIN_GUARD_DISTANCE * ball.radius:
                 covered = 4 * math.pi if self._bodies[k].is_sphere else _solid_angle(self._corners(k), light.center)
                 if covered >= _ENCLOSED:
                     found[k] = covered

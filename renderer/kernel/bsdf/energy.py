@@ -23,7 +23,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TABLE = np.load(table_path("ggx_albedo"))
 _LAST = np.float32(SIZE - 1)
-_MOST = np.float32(SIZE - 2)
+_LAST_INTERVAL = np.float32(SIZE - 2)
 _COSINES = np.uint32(SIZE)
 _MEANS = np.uint32(SIZE * SIZE)
 _NEXT = np.uint32(1)
@@ -42,7 +42,7 @@ def _node(x):
     x: position along a table axis, 0 at the first node to 1 at the last. For NaN, as in unused lanes, the node is valid too.
     """
     x = min(_ONE, max(_ZERO, x)) * _LAST
-    i = to_int(min(_MOST, x))
+    i = to_int(min(_LAST_INTERVAL, x))
     return i, x - to_float(i)
 
 

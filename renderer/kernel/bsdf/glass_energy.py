@@ -15,7 +15,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TABLE = np.concatenate([np.load(table_path(name)) for name in ("glass_albedo", "beckmann_glass_albedo")])
 _LAST = np.float32(GLASS_SIZE - 1)
-_MOST = GLASS_SIZE - 2
+_LAST_INTERVAL = GLASS_SIZE - 2
 _BENDS = np.float32((GLASS_SIZE - 1) / (2 * MOST_BEND))
 _MOST_BEND = np.float32(MOST_BEND)
 
@@ -27,7 +27,7 @@ def _node(x):
     x: position along a table axis, 0 at the first node to 1 at the last.
     """
     x = min(max(x, _ZERO), _LAST)
-    i = min(np.int64(x), _MOST)
+    i = min(np.int64(x), _LAST_INTERVAL)
     return i, x - np.float32(i)
 
 

@@ -31,7 +31,7 @@ _SMOOTH = tuple(np.float32(c) for c in CHARLIE_LAMBDA[0])
 _ROUGH = tuple(np.float32(c) for c in CHARLIE_LAMBDA[1])
 _TABLE = np.load(table_path("sheen_albedo"))
 _LAST = np.float32(SIZE - 1)
-_MOST = SIZE - 2
+_LAST_INTERVAL = SIZE - 2
 
 
 @device
@@ -89,8 +89,8 @@ def sheen_albedo(cosine, roughness):
     """Returns the albedo of white sheen for one direction."""
     x = min(max(roughness, _MIN_ROUGHNESS), _ONE) * _LAST
     y = math.sqrt(min(max(cosine, _ZERO), _ONE)) * _LAST
-    i = min(np.int64(x), _MOST)
-    j = min(np.int64(y), _MOST)
+    i = min(np.int64(x), _LAST_INTERVAL)
+    j = min(np.int64(y), _LAST_INTERVAL)
     t = y - np.float32(j)
     smoother = _between(_TABLE[i, j], _TABLE[i, j + 1], t)
     rougher = _between(_TABLE[i + 1, j], _TABLE[i + 1, j + 1], t)
@@ -101,5 +101,5 @@ def sheen_albedo(cosine, roughness):
 def sheen_mean_albedo(roughness):
     """Returns the mean albedo of white sheen over the cosine-weighted hemisphere."""
     x = min(max(roughness, _MIN_ROUGHNESS), _ONE) * _LAST
-    i = min(np.int64(x), _MOST)
+    i = min(np.int64(x), _LAST_INTERVAL)
     return _between(_TABLE[SIZE, i], _TABLE[SIZE, i + 1], x - np.float32(i))

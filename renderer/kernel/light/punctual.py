@@ -40,7 +40,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _THREE = np.float32(3.0)
-_FAR = np.float32(1e18)
+_INFINITE_DISTANCE = np.float32(1e18)
 _INV_4PI = np.float32(0.25 / math.pi)
 _UP = (_ZERO, _ZERO, _ONE)
 _NOWHERE = (_ZERO, _ZERO, _ZERO)
@@ -151,7 +151,7 @@ def _sample(kind, light, p, u):
             s, t = vec.basis(place)
             w = vec.to_world(s, t, place, square_to_cone(u, extent))
             pdf = square_to_cone_pdf(extent)
-        return w, vec.add(p, vec.scale(w, _FAR)), value, pdf
+        return w, vec.add(p, vec.scale(w, _INFINITE_DISTANCE)), value, pdf
     d = vec.sub(place, p)
     square = vec.dot(d, d)
     if not square > _ZERO:

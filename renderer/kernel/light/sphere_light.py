@@ -24,7 +24,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _INV_4PI = np.float32(0.25 / math.pi)
 _ERROR = np.float32(32 * 2.0**-24)
-_CLOSE = np.float32(1.001)  # squared distance in radii; nearer points may be on the sphere, by rounding
+_MIN_DISTANCE2 = np.float32(1.001)  # squared distance in radii; nearer points may be on the sphere, by rounding
 _LEAST = np.float32(1e-30)
 _FIRST = np.uint32(0)
 _FACING = np.uint32(FACING)
@@ -67,7 +67,7 @@ def sample_sphere(scene, number, p, u, time):
     center, radius = _sphere(scene, number, time)
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
-    outside = square > _CLOSE * radius * radius
+    outside = square > _MIN_DISTANCE2 * radius * radius
     pdf = zero_like(square)
     normal = pdf, pdf, pdf
     if any_of(outside):
@@ -154,7 +154,7 @@ def sphere_light_pdf(scene, number, p, square, cosine, chance, time):
     to_center = vec.sub(center, p)
     center2 = vec.dot(to_center, to_center)
     facing = faces_viewer(scene, number)
-    outside = facing | (center2 > _CLOSE * radius * radius)
+    outside = facing | (center2 > _MIN_DISTANCE2 * radius * radius)
     pdf = chance * square_to_cone_pdf(where(facing, disk_cone(center2, radius), sphere_cone(center2, radius)))
     if any_of(not_(outside)):
         pdf = where(outside, pdf, chance * square * _INV_4PI / max(cosine * radius * radius, _LEAST))

@@ -72,7 +72,7 @@ _NONE = np.uint32(0)
 _TRANSPARENT = np.uint32(rows.TRANSPARENT)
 _NO_TEXTURE = np.uint32(2**32 - 1)
 _MATCHED = np.float32(5e-3)  # indices of refraction closer to 1 than this do not refract
-_SPREAD = np.float32(0.025)  # spread of the index over the channels, KHR_materials_dispersion
+_DISPERSION_SPREAD = np.float32(0.025)  # spread of the index over the channels, KHR_materials_dispersion
 
 
 class Material(NamedTuple):
@@ -242,7 +242,7 @@ def colored_index(scene, number, throughput, u):
     """
     channel, weight = _channel(throughput, u)
     ior = scene.material[number, rows.IOR]
-    ior += (ior - _ONE) * _SPREAD * scene.material[number, rows.DISPERSION] * np.float32(channel - 1)
+    ior += (ior - _ONE) * _DISPERSION_SPREAD * scene.material[number, rows.DISPERSION] * np.float32(channel - 1)
     red, green, blue = throughput
     return ior, (
         red * weight if channel == 0 else _ZERO,

@@ -26,7 +26,7 @@ __all__ = ["bent_frame", "coat_normal", "map_normal", "shading_frame"]
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
-_BENT, _NONE = np.uint32(NORMAL_MAPPED | NEEDS_TANGENT), np.uint32(0)
+_NEEDS_FRAME, _NONE = np.uint32(NORMAL_MAPPED | NEEDS_TANGENT), np.uint32(0)
 _LEAST_TANGENT = np.float32(1e-4)
 
 
@@ -75,7 +75,7 @@ def shading_frame(scene, surface, wo, time):
     n = surface.shading
     s, t = vec.basis(n)
     if scene.has.textures is not None:
-        bent = (u32(lookup(scene.material_flags, surface.material)) & _BENT) != _NONE
+        bent = (u32(lookup(scene.material_flags, surface.material)) & _NEEDS_FRAME) != _NONE
         if any_of(bent):
             turned = (surface.front, surface.tangent, surface.uv, surface.uv1, surface.geometric, n, wo, time)
             along, across, up = each_lane(bent_frame, bent, (scene, surface.material, *turned))

@@ -8,7 +8,7 @@ from renderer.jit import builder, device
 
 __all__ = ["measure_corners", "number_points", "round_corners", "sort_corners"]
 
-_FINE = 1e4  # normals are compared after rounding to 1 / _FINE
+_NORMAL_PRECISION = 1e4  # normals are compared after rounding to 1 / _NORMAL_PRECISION
 _MOST_KINDS = 64  # limit of comparisons per corner; beyond it, equal corners at one point may stay separate
 
 
@@ -162,7 +162,7 @@ def _blended(unit, angle, order, begin, degree, r, limit, most):
 @device
 def _equals_normal(normal, i, x, y, z):
     return (
-        np.rint(normal[i, 0] * _FINE) == np.rint(x * _FINE)
-        and np.rint(normal[i, 1] * _FINE) == np.rint(y * _FINE)
-        and np.rint(normal[i, 2] * _FINE) == np.rint(z * _FINE)
+        np.rint(normal[i, 0] * _NORMAL_PRECISION) == np.rint(x * _NORMAL_PRECISION)
+        and np.rint(normal[i, 1] * _NORMAL_PRECISION) == np.rint(y * _NORMAL_PRECISION)
+        and np.rint(normal[i, 2] * _NORMAL_PRECISION) == np.rint(z * _NORMAL_PRECISION)
     )

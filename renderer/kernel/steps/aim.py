@@ -40,7 +40,7 @@ _ONE = np.float32(1.0)
 NOT_AIMED = np.float32(-1.0)  # in place of a target's number
 _SHARE = np.float32(0.25)  # probability of aiming where a target is in view
 _LEAST = np.float32(1e-30)
-_MOST = np.float32(1e6)  # of the factor for roulette
+_MAX_FACTOR = np.float32(1e6)  # of the factor for roulette
 _FIRST = np.uint32(0)
 _CLEAR = np.uint32(CLEAR)
 
@@ -151,7 +151,7 @@ def aim(scene, last, targets, choose, u):
 @device
 def unguided_factor(pdf, bsdf_pdf):
     """Returns the field `unguided` of the BsdfSample for a direction that was sampled with another pdf than the BSDF's."""
-    return min(pdf / max(bsdf_pdf, _LEAST), _MOST)
+    return min(pdf / max(bsdf_pdf, _LEAST), _MAX_FACTOR)
 
 
 @device

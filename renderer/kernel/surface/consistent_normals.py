@@ -24,7 +24,7 @@ _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
 _INV_2PI = np.float32(0.5 / math.pi)
 _LEAST_HEIGHT = np.float32(0.01)  # sine of the least angle between reflected ray and facet, or
-_OF_VIEWER = np.float32(0.9)  # this fraction of the sine of the viewer's angle, if that is less
+_VIEWER_FRACTION = np.float32(0.9)  # this fraction of the sine of the viewer's angle, if that is less
 
 
 @device
@@ -33,7 +33,7 @@ def least_height(height):
 
     height: the sine of the angle between the direction to the viewer and the facet.
     """
-    return min(_OF_VIEWER * height, _LEAST_HEIGHT)
+    return min(_VIEWER_FRACTION * height, _LEAST_HEIGHT)
 
 
 @device

@@ -9,7 +9,7 @@ from renderer.sentences import Sentence
 
 __all__ = ["Clip", "other_clips_sentence"]
 
-_NAMED = 8
+_MAX_LISTED = 8
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Clip:
 def other_clips_sentence(file: str, clips: Sequence[Clip]) -> str:
     """Returns the sentence for users that names the clip shown (the file's first) and lists its other clips."""
     others = [clip.name[:60] for clip in clips[1:]]
-    shown, listed = repr(clips[0].name[:60]), others[:_NAMED]
-    if len(others) <= _NAMED:
+    shown, listed = repr(clips[0].name[:60]), others[:_MAX_LISTED]
+    if len(others) <= _MAX_LISTED:
         return Sentence(
             "animation-clip-chosen",
             "{file}: shows the animation {name}. Other clips: {others}.",
@@ -42,5 +42,5 @@ def other_clips_sentence(file: str, clips: Sequence[Clip]) -> str:
         file=file,
         name=shown,
         others=listed,
-        count=len(others) - _NAMED,
+        count=len(others) - _MAX_LISTED,
     )
