@@ -16,6 +16,7 @@ _TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANS
 _HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING | rows.BECKMANN
 _NOTHING: Any = None  # replaces an array of a feature that the variant lacks
+_LINKS = ("light_link", "object_links")
 _MEDIA = ("medium", "material_medium")
 _KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
 _PART_OF = {kind.number: kind.part for kind in rows.KINDS}
@@ -37,6 +38,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "motion": camera_moves or _moves(scene),
         "media": "media" in parts or bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
         "targets": len(scene.target) > 0,
+        "links": len(scene.object_links) > 0,
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
@@ -53,6 +55,8 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
         bvh = bvh._replace(ray_roots=_NOTHING)
     if has.targets is None:
         scene = scene._replace(target=_NOTHING)
+    if has.links is None:
+        scene = scene._replace(**dict.fromkeys(_LINKS, _NOTHING))
     if has.media is None:
         scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
     if has.motion is None:
