@@ -57,12 +57,22 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
         scene = scene._replace(target=_NOTHING)
     if has.links is None:
         scene = scene._replace(**dict.fromkeys(_LINKS, _NOTHING))
+    elif len(scene.object_links) == 0:  # a kernel looks up light 0 and object 0 where there is none
+        scene = scene._replace(light_link=_zeros(len(scene.light_primitive)), object_links=_zeros(0) + np.int32(1))
+        scene.object_links.flags.writeable = False
     if has.media is None:
         scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
     if has.motion is None:
         scene = scene._replace(**dict.fromkeys(_KEYS, _NOTHING))
         bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed_packets"), _NOTHING))
     return scene._replace(has=has, bvh=bvh)
+
+
+def _zeros(count: int) -> np.ndarray:
+    """Returns read-only zeros, i32, at least one."""
+    zeros = np.zeros(max(count, 1), np.int32)
+    zeros.flags.writeable = False
+    return zeros
 
 
 def _parts_of_kinds(scene: CompiledScene) -> set[str]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel.light.light_sample import LightSample
-from renderer.kernel.surface.surface import NO_OBJECT
 from renderer.wide.values import as_wide, lookup, u32, where, where3, zero_like
 
 __all__ = ["is_linked", "linked_sample"]
@@ -22,9 +21,9 @@ _FIRST, _NOTHING, _BIT = np.uint32(0), np.uint32(0), np.uint32(1)
 def is_linked(scene, light, number):
     """Returns True if light number `light` illuminates object `number`.
 
-    number: NO_OBJECT for a point in a medium or on the camera, which all lights illuminate.
+    number: NO_OBJECT for a point in a medium or on the camera, which all lights illuminate; so are objects beyond the table.
     """
-    nowhere = number == NO_OBJECT
+    nowhere = number >= np.uint32(len(scene.object_links))
     links = u32(lookup(scene.object_links, where(nowhere, as_wide(_FIRST, number), number)))
     return nowhere | (((links >> u32(lookup(scene.light_link, light))) & _BIT) != _NOTHING)
 
