@@ -62,10 +62,11 @@ class LinkSets:
             for members, link in zip(things, links, strict=True):
                 state = str(getattr(getattr(link, "light_linking", None), "link_state", "INCLUDE"))
                 by_state[state] += [self._names[each.name] for each in members if each.name in self._names]
-        members = {"exclude": [*dict.fromkeys(by_state["EXCLUDE"])]}
-        if by_state["INCLUDE"] or not by_state["EXCLUDE"]:
-            members["include"] = [*dict.fromkeys(by_state["INCLUDE"])]
-        return {key: names for key, names in members.items() if names or key == "include"}
+        include, exclude = ([*dict.fromkeys(by_state[state])] for state in ("INCLUDE", "EXCLUDE"))
+        found = {"exclude": exclude} if exclude else {}
+        if include or not exclude:
+            found["include"] = include
+        return found
 
 
 def has_shadow_links(thing: Any) -> bool:
