@@ -57,9 +57,9 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
         scene = scene._replace(target=_NOTHING)
     if has.links is None:
         scene = scene._replace(**dict.fromkeys(_LINKS, _NOTHING))
-    elif len(scene.object_links) == 0:  # a kernel looks up light 0 and object 0 where there is none
-        scene = scene._replace(light_link=_zeros(len(scene.light_primitive)), object_links=_zeros(0) + np.int32(1))
-        scene.object_links.flags.writeable = False
+    elif len(scene.light_link) == 0:  # a kernel looks up light 0 and object 0 where there is none
+        objects = scene.object_links if len(scene.object_links) else _zeros(0)
+        scene = scene._replace(light_link=_zeros(len(scene.light_primitive)), object_links=objects)
     if has.media is None:
         scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
     if has.motion is None:
