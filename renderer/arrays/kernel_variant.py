@@ -58,8 +58,8 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
     if has.links is None:
         scene = scene._replace(**dict.fromkeys(_LINKS, _NOTHING))
     elif len(scene.light_link) == 0:  # a kernel looks up light 0 and object 0 where there is none
-        objects = scene.object_links if len(scene.object_links) else _zeros(0)
-        scene = scene._replace(light_link=_zeros(len(scene.light_primitive)), object_links=objects)
+        objects = scene.object_links if len(scene.object_links) else _filled(1, 1)
+        scene = scene._replace(light_link=_filled(max(len(scene.light_primitive), 1), 0), object_links=objects)
     if has.media is None:
         scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
     if has.motion is None:
@@ -68,11 +68,11 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
     return scene._replace(has=has, bvh=bvh)
 
 
-def _zeros(count: int) -> np.ndarray:
-    """Returns read-only zeros, i32, at least one."""
-    zeros = np.zeros(max(count, 1), np.int32)
-    zeros.flags.writeable = False
-    return zeros
+def _filled(count: int, value: int) -> np.ndarray:
+    """Returns a read-only array of equal numbers, (count,) i32."""
+    array = np.full(count, value, np.int32)
+    array.flags.writeable = False
+    return array
 
 
 def _parts_of_kinds(scene: CompiledScene) -> set[str]:
