@@ -32,6 +32,7 @@ COMMANDS = (
     "workers",
     "shares",
     "watch",
+    "mcp",
     "user",
     "project",
     "quota",
