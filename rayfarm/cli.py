@@ -28,6 +28,7 @@ COMMANDS = (
     "site",
     "render",
     "submit",
+    "openjd",
     "jobs",
     "workers",
     "shares",

@@ -23,9 +23,7 @@ def mcp(
     server: options.Server = None,
     folder: Annotated[
         list[Path] | None,
-        typer.Option(
-            metavar="DIR", help="A folder whose scenes may be uploaded, none by default; may be given several times."
-        ),
+        typer.Option(metavar="DIR", help="A folder whose scenes may be uploaded, none by default; may be given several times."),
     ] = None,
 ) -> None:
     """Serve a farm to an assistant by the Model Context Protocol, over standard input and output.
