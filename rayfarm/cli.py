@@ -27,6 +27,7 @@ COMMANDS = (
     "worker",
     "site",
     "render",
+    "husk",
     "submit",
     "openjd",
     "jobs",
