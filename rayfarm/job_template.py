@@ -19,7 +19,7 @@ import yaml
 from rayfarm.errors import CommandError
 from renderer.frames import MAX_FRAMES, equal_steps, frames_text, parse_frames
 
-__all__ = ["RenderCall", "is_template", "range_expression", "read_template", "template_of"]
+__all__ = ["RenderCall", "is_template", "range_expression", "read_template", "scene_of", "template_of"]
 
 VERSION = "jobtemplate-2023-09"
 CHUNKING = "TASK_CHUNKING"
@@ -66,6 +66,11 @@ class RenderCall:
     frames: str | None = None
     needs: list[str] = field(default_factory=list)
     name: str = ""
+
+
+def scene_of(words: Sequence[str]) -> Path:
+    """Returns the scene of a command line after `rayfarm render`. Raises CommandError."""
+    return Path(_parsed(words)[1]["scene"])
 
 
 def template_of(words: Sequence[str], folder: Path, chunk: int = 1, name: str | None = None) -> tuple[dict[str, Any], list[str]]:

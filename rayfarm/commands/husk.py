@@ -93,8 +93,9 @@ def husk(
       rayfarm husk shot.usd --frame 1001 --frame-count 24 -o out.####.exr
       rayfarm husk shot.usd -f 1001 -n 24 -s /Render/rendersettings --res-scale 50 --make-output-path
     """
-    if context.args:
-        raise CommandError(f"{context.args[0]} is not an option of husk that Rayfarm has; `rayfarm husk --help` lists those")
+    unknown = [word for word in (str(stage), *context.args) if word.startswith("-")] or context.args
+    if unknown:
+        raise CommandError(f"{unknown[0]} is not an option of husk that Rayfarm has; `rayfarm husk --help` lists those")
     if stage.suffix.lower() not in SUFFIXES:
         raise CommandError(f"{stage.name} is no USD file: {', '.join(SUFFIXES)}. Others are rendered by `rayfarm render`")
     found = render_settings(stage, frame, frame_count, frame_inc, root)

@@ -11,7 +11,7 @@ import yaml
 
 from rayfarm.console import err
 from rayfarm.errors import CommandError
-from rayfarm.job_template import template_of
+from rayfarm.job_template import scene_of, template_of
 from rayfarm.output_files import check_writable, write
 
 __all__ = ["register"]
@@ -43,8 +43,7 @@ def openjd(
     """
     if not context.args:
         raise CommandError("Name the scene: `rayfarm openjd SCENE -o out.####.exr --frames 1-250`")
-    scene = next((word for word in context.args if Path(word).exists()), context.args[0])
-    path = template or Path(f"{Path(scene).resolve().stem}.openjd.yaml")
+    path = template or Path(f"{scene_of(context.args).resolve().stem}.openjd.yaml")
     found, missing = template_of(context.args, path.parent, chunk, name)
     check_writable(path)
     made_by = f"# rayfarm openjd {shlex.join(context.args)}\n".replace("\n", " ").rstrip() + "\n"

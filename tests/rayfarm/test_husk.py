@@ -97,22 +97,33 @@ def test_options_replace_what_the_settings_say(shot: Path, tmp_path: Path) -> No
     assert pixels(tmp_path / "b.exr").shape == (32, 32, 3)
 
 
-def test_what_cannot_be_rendered_is_said(shot: Path, tmp_path: Path) -> None:
+def refusals(*cases: tuple[list[str | Path], str]) -> None:
+    for words, said in cases:
+        done = rayfarm("husk", *words, COLUMNS="300")
+        assert done.returncode == 1, (words, done.stderr)
+        assert said in done.stderr.splitlines()[-1], done.stderr
+
+
+def test_what_is_not_in_the_stage_or_not_known_is_refused(shot: Path, tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_text("v 0 0 0\n")
-    for words, said in (
+    refusals(
         ([shot, "--slap-comp", "x"], "--slap-comp is not an option of husk that Rayfarm has"),
+        (["--slap-comp", "x", shot], "--slap-comp is not an option of husk that Rayfarm has"),
         ([shot, "-R", "BRAY_HdKarma"], "-R is not an option"),
         ([tmp_path / "a.obj"], "a.obj is no USD file"),
         ([shot, "-s", "/nowhere"], "its render settings are /Render/main, /Render/other"),
         ([shot, "-f", "1000", "-o", "x.exr"], "begins at 1001"),
+    )
+
+
+@pytest.mark.long
+def test_further_requests_that_give_no_picture_are_refused(shot: Path) -> None:
+    refusals(
         ([shot, "-n", "3", "-o", "x.exr"], "is one file for 3 frames"),
         ([shot, "-s", "/Render/other"], "no render product with a name"),
         ([shot, "-c", "/cameras/none", "-o", "x.exr"], "none"),
         ([shot, "-n", "2"], "There is no folder"),
-    ):
-        done = rayfarm("husk", *words, COLUMNS="300")
-        assert done.returncode == 1, (words, done.stderr)
-        assert said in done.stderr.splitlines()[-1], done.stderr
+    )
 
 
 @pytest.mark.parametrize(
