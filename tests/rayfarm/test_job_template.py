@@ -71,7 +71,7 @@ def run_tasks(job: Any, parameters: Any, folder: Path) -> list[Any]:
 
 def test_the_runtime_of_openjd_renders_what_render_does(shot: Path) -> None:
     done = rayfarm(
-        "openjd", shot / "shot.glb", "-o", shot / "far.###.exr", "--frames=0-2x2,3", "--size=24x16", "--spp=4", "--env=1,1,1",
+        "openjd", shot / "shot.glb", "-o", shot / "far.###.exr", "--frames=0-2x2", "--size=24x16", "--spp=4", "--env=1,1,1",
         "--chunk=2", "--template", shot / "job.yaml",
     )  # fmt: skip
     assert done.returncode == 0, done.stderr
@@ -80,12 +80,12 @@ def test_the_runtime_of_openjd_renders_what_render_does(shot: Path) -> None:
         [0, 2],
         [3],
     ]
-    assert run_tasks(job, parameters, shot) == [ActionState.SUCCESS, ActionState.SUCCESS]
-    arguments = ["--frames=0,2,3", "--size=24x16", "--spp=4", "--env=1,1,1"]
+    assert run_tasks(job, parameters, shot) == [ActionState.SUCCESS]
+    arguments = ["--frames=0,2", "--size=24x16", "--spp=4", "--env=1,1,1"]
     assert rayfarm("render", shot / "shot.glb", "-o", shot / "near.###.exr", *arguments).returncode == 0
-    for number in ("000", "002", "003"):
+    for number in ("000", "002"):
         assert np.array_equal(pixels(shot / f"far.{number}.exr"), pixels(shot / f"near.{number}.exr"))
-    assert not np.array_equal(pixels(shot / "far.000.exr"), pixels(shot / "far.003.exr")), "the triangle moves"
+    assert not np.array_equal(pixels(shot / "far.000.exr"), pixels(shot / "far.002.exr")), "the triangle moves"
 
 
 def test_a_farm_takes_the_template_as_a_shot(farm: Farm, shot: Path) -> None:
