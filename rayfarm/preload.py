@@ -15,7 +15,7 @@ PRELOAD = (
     # Kernels of readers, which those import only for files of their format.
     *("renderer.scene.readers.obj_lines", "renderer.scene.readers.threemf_rows", "renderer.scene.readers.gltf.deform"),
 )
-_READING = ("info", "render")
+_READING = ("info", "render", "husk")
 _FARM = {"up": ("service.standby", "worker.standby"), "worker": ("worker.standby",)}
 
 
