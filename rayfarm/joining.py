@@ -60,10 +60,11 @@ def run(
     waiting: subprocess.Popen[bytes] | None = None,
     more: Mapping[str, list[str]] = MappingProxyType({}),
 ) -> None:
-    """Runs and restarts a process until Ctrl-C, and shows its log. sentence: printed at the start. Raises CommandError.
+    """Runs and restarts a process until Ctrl-C, and shows its log. Raises CommandError if the process fails permanently.
 
-    arguments: options for a process that imports first and then reads them from stdin; None for others. waiting: such a process,
-    if already started. more: the options of further processes of the same command, by name.
+    sentence: text to print at the start. arguments: options for a process that imports first and then reads them from standard
+    input; None for other processes. waiting: such a process, if it is already started. more: options of further processes of
+    the same command, by name.
     """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor

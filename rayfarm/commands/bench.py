@@ -60,7 +60,7 @@ def bvh(
     scene: Scene = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = SIZE,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel.")] = 1,
-    patience: Annotated[float, typer.Option(metavar="S", help="Refuse what would take longer than this.")] = 600.0,
+    patience: Annotated[float, typer.Option(metavar="S", help="Do not run if the estimated time exceeds this.")] = 600.0,
     as_json: Json = False,
 ) -> None:
     """Render one picture four times: with and without the BVH, with one thread and with all.

@@ -34,21 +34,22 @@ def gc(
         float | None, typer.Option(min=0, metavar="GB", help="Delete the oldest films until all take no more than this.")
     ] = None,
     compiled_older_than: Annotated[
-        float | None, typer.Option(min=0, metavar="DAYS", help="Delete compiled scenes that nobody has used for this long.")
+        float | None, typer.Option(min=0, metavar="DAYS", help="Delete compiled scenes unused for this long.")
     ] = None,
     uploads_older_than: Annotated[
-        float | None, typer.Option(min=0, metavar="DAYS", help="Delete scenes that nobody has used for this long, for good.")
+        float | None,
+        typer.Option(min=0, metavar="DAYS", help="Delete uploaded scenes unused for this long; they cannot be restored."),
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be deleted.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List what would be deleted, and delete nothing.")] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")] = False,
     server: options.Server = None,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
-    """Delete what a farm need not keep: old films, compiled scenes nobody uses, unused uploads.
+    """Delete data that can be restored or is unused: old films, unused compiled scenes and uploads.
 
     Without options it follows the farm's own rules, RAYFARM_KEEP_FILMS_DAYS and the like, which the farm applies every hour by
     itself; by default they keep everything. A deleted film is rendered again, to the same bits, when its job is set to running;
-    a scene is compiled again when it is next used. What unfinished and pinned jobs need is kept.
+    a scene is compiled again when it is next used. Data of unfinished and pinned jobs is kept.
 
     [bold]Examples[/bold]
 

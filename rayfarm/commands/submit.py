@@ -59,7 +59,10 @@ def submit(
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     project: Annotated[
-        str, typer.Option(metavar="NAME", help="The project whose members alone see it; by default everybody does.")
+        str,
+        typer.Option(
+            metavar="NAME", help="The project to add it to, visible only to the project's members; by default all users see it."
+        ),
     ] = "",
     strict: options.Strict = False,
     root: options.Root = None,
@@ -72,7 +75,7 @@ def submit(
         str | None,
         typer.Option(
             metavar="TIME",
-            help="When it is wanted: the next 08:00, or an ISO time such as 2026-05-01T08:00. Warns if the forecast is later.",
+            help="Deadline: a time such as 08:00, or an ISO time such as 2026-05-01T08:00. Warns if the forecast is later.",
             rich_help_panel=QUEUE,
         ),
     ] = None,
@@ -94,10 +97,10 @@ def submit(
         ),
     ] = None,
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Render it from the first sample, whatever earlier jobs have of the same picture.")
+        bool, typer.Option("--fresh", help="Render all samples, without reusing those of earlier jobs of the same picture.")
     ] = False,
 ) -> None:
-    """Upload a scene to a farm and ask for its picture.
+    """Upload a scene to a farm and submit a job that renders it.
 
     Prints the job's id. Without --wait it returns at once; Ctrl-C while waiting leaves the job running. Checks first whether
     the picture can be written. Exits with 1 and a sentence if anything fails, with 130 on Ctrl-C.

@@ -58,7 +58,7 @@ def watch(
     server: options.Server = None,
     frame: Annotated[
         float | None,
-        typer.Option(metavar="N", help="Stay with this frame of a shot; by default the one being rendered is shown."),
+        typer.Option(metavar="N", help="The frame of a shot to show; by default the one being rendered."),
     ] = None,
     graphics: Annotated[
         str, typer.Option(metavar="NAME", help="auto asks the terminal; or kitty, sixel, blocks, or none (lines only).")
