@@ -37,7 +37,7 @@ class RedisRelease:
     def flaw(self) -> str | None:
         """A warning sentence if the release lacks security fixes; None if it has them.
 
-        A distribution may have backported the fixes without changing the version number.
+        The check uses the version number only. A distribution may have backported the fixes without changing the number.
         """
         fixed = FIXED[self.name]
         series = self.numbers[:2]

@@ -39,7 +39,7 @@ class Need:
 
     @property
     def weight(self) -> tuple[bool, int, bool]:
-        """Key by which requirements are sorted: a stricter requirement has a larger key."""
+        """Sort key of the requirement: a stricter requirement has a larger key."""
         return self.role is None, self.role or 0, self.known
 
 

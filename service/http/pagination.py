@@ -31,9 +31,9 @@ class Page:
         return items[self.offset : self.offset + self.limit]
 
     def rows(self, query: Select[Any], session: Session, first: Sequence[T] = ()) -> tuple[Sequence[T], list[Any]]:
-        """Returns the requested range of a list that consists of `first` followed by the rows of an ordered query.
+        """Returns the requested range of a list that consists of the items `first` followed by the rows of an ordered query.
 
-        The range is returned in two lists: entries of `first`, which are in no table, and rows.
+        The range is returned as two lists: items of `first`, which are not stored in a table, and database rows.
         """
         count = session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
         here = self.slice_of(first)

@@ -41,7 +41,7 @@ UPLOAD_FORM = {
 def check_length(request: Request, farm: Farm, what: str, way_out: str = Sentence("advice-shrink", "Make it smaller")) -> None:
     """Rejects a body whose Content-Length exceeds the limit, before any of it is read. Raises Problem.
 
-    what: what is uploaded, and way_out: what to do instead, both as parts of the error message.
+    what: name of the uploaded object, and way_out: advice, both inserted into the error message.
     """
     limit = farm.settings.max_upload_bytes
     if exceeds_limit(request.headers.get("content-length", ""), limit):

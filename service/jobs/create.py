@@ -173,9 +173,9 @@ def _current_request(job: Job) -> JobIn:
 
 
 def _omitted(request: JobIn) -> set[str]:
-    """Returns the names of those fields that are not stored if they have their default.
+    """Returns the names of the request's fields that are not stored while they have their default values.
 
-    So requests that older releases stored, which lack these fields, compare equal.
+    Requests stored by older releases lack these fields, and compare equal to a request in which they have the defaults.
     """
     return {name for name in ("denoise", "fresh", "strict", "verify") if not getattr(request, name)} - (
         {"verify"} if request.verify == 0 else set()

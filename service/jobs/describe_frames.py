@@ -117,7 +117,7 @@ def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
 
 
 def latest_frame_numbers(job: Job, live_numbers: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
-    """Returns the more recent numbers of a shot's frame: the engine's (`live_numbers`) or the stored ones.
+    """Returns the newer statistics of a shot's frame: the engine's (`live_numbers`), or those in the database (`recorded`).
 
     For a job that has ended, the engine's are used only if they have more samples, as shortly after a cancellation.
     """

@@ -55,7 +55,7 @@ class _ReusableJob:
 
     @property
     def end_fields(self) -> tuple[str, int | None, float | None, float | None, str, str]:
-        """The values whose change, while samples are copied, makes the copy unusable: state, goals, shot and doubted samples."""
+        """The job's state, goals, shot and distrusted workers. If these change while samples are copied, the copy is unusable."""
         job = self.job
         return job.state, job.spp, job.noise, job.seconds, json.dumps(job.shot, sort_keys=True), json.dumps(job.doubted)
 

@@ -98,9 +98,9 @@ class Candidate:
         self._engine.dispose()
 
     def _lock_proves_death(self) -> bool:
-        """Returns True if a free lock on the folder proves that the owner is dead, because the owner held the lock.
+        """Returns True if a free lock on the data folder proves that the owner is dead, because the owner held that lock.
 
-        Also returns True until the owner's row was first read.
+        Also returns True while the owner's database row has not been read.
         """
         return self.known is None or self.known.locked
 

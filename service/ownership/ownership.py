@@ -69,10 +69,10 @@ class Ownership:
         self._thread = threading.Thread(target=self._run, name="owning", daemon=True)
 
     def start(self, on_lost: Callable[[], None], moves: Callable[[], bool]) -> None:
-        """Starts the thread that answers candidates.
+        """Starts the thread that answers services that want to take over the farm.
 
-        on_lost: called once, from a thread, after another service has taken over. moves: function that returns whether this
-        service makes progress; if not, candidates get no answer, so that one of them takes over.
+        on_lost: called once, from a thread, after another service has taken over. moves: returns whether this service makes
+        progress; while it returns False, requests are not answered, so that another service takes over.
         """
         self._on_lost, self._moves = on_lost, moves
         self._thread.start()

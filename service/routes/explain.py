@@ -209,7 +209,7 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
 def _film_sums_at(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
     """Returns a pixel's sums in the film, for colour and sample count, and the number of consecutive samples from sample 0.
 
-    key: the frame's key, twice its number. The sums are None if the film has samples after a gap, or more than can be
+    key: key of the frame (2 * frame number). The sums are None if the film has samples after a gap, or more than can be
     explained.
     """
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)

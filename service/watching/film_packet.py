@@ -26,7 +26,8 @@ PIECE = 1 << 18
 def film_packet(film: ReadableFilm, frame: int, folder: Path, gzip: bool) -> PictureBody:
     """Returns the packet of a frame. Raises the errors of reading a film.
 
-    frame: the frame's key, twice its number. folder: for temporary files. gzip: whether to compress the packet.
+    frame: key of the frame: 2 * frame number, since frame numbers are multiples of 0.5. folder: for temporary files. gzip:
+    whether to compress the packet.
     """
     # Counted before radiance is read: a tile that gets samples in between reports too few, and is sent again.
     samples = [film.coverage(frame, tile).total for tile in range(len(film.tiles))]

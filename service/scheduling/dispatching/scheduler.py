@@ -119,9 +119,10 @@ class Scheduler:
     def _fill_cards(
         self, cards: list[CardWorker], turns: dict[int, list[ActiveJob]], kind: str, slots: int, start: StartJob
     ) -> None:
-        """Dispatches batches to the workers `cards`, which have graphics cards. Raises QueueError.
+        """Dispatches batches to the workers `cards`, whose slots have graphics cards. Raises QueueError.
 
-        turns: jobs by priority. kind: worker kind. slots: number of CPU slots of this kind. start: as for `hand_out`.
+        turns: jobs by priority. kind: worker kind. slots: number of CPU slots of this kind. start(job, kind): starts a job on
+        workers of this kind; returns False if the job is not ready.
         """
         for each in (job for jobs in turns.values() for job in jobs):
             each.card_rate = sum(
@@ -194,8 +195,9 @@ class Scheduler:
     ) -> int:
         """Dispatches batches of jobs of one priority for up to `free_slots` slots. Returns the number of slots used.
 
-        queue: the jobs. kind: worker kind. slots: number of CPU slots of this kind. start: as for `hand_out`. capacities:
-        capacities of the queues of jobs with requirements, by queue; extended on demand.
+        queue: the jobs. kind: worker kind. slots: number of CPU slots of this kind. start(job, kind): starts a job on workers
+        of this kind; returns False if the job is not ready. capacities: capacities of the queues of jobs with requirements, by
+        queue; computed on demand.
         """
         handed_out = 0
         while handed_out < free_slots and (job := queue.next_job()) is not None:
@@ -237,7 +239,8 @@ class Scheduler:
     def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: StartJob, max_slots: int) -> None:
         """Dispatches the next batches of a job for at most `max_slots` slots, if it has any. Raises QueueError.
 
-        slots: number of slots that may render the job. start: as for `hand_out`.
+        slots: number of slots that may render the job. start(job, kind): starts the job on workers of this kind; returns False
+        if it is not ready.
         """
         if not start(job, kind):
             return

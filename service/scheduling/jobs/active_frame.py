@@ -315,7 +315,7 @@ class ActiveFrame:
         return self._json[1]
 
     def _noise_for_plan(self, tile: int) -> float:
-        """Estimates the noise of a tile now, and returns it. Called by the plan."""
+        """Estimates the noise of a tile from its samples in the film, and returns it. The plan calls this at each checkpoint."""
         self._measure_tile(tile, self._coverage(tile).total)
         self._is_told_anew = True
         return self._measured[tile][1]
