@@ -232,7 +232,7 @@ class ScenePreview:
 class PrepareFrames:
     """Request to prepare frames of a shot (an animated scene) in the given order. The worker sends one answer per frame.
 
-    frames: keys of the frames, twice their numbers (renderer.frames.frame_key).
+    frames: keys of the frames: 2 * frame number, since frame numbers are multiples of 0.5 (renderer.frames.frame_key).
     """
 
     work: str  # unique for every time it is handed out
@@ -277,7 +277,8 @@ class FrameInfo:
 class RenderBatch:
     """A batch, the unit of work: samples first to first + count - 1 of every pixel of one tile of one frame.
 
-    frame: the frame's key, twice its number. compiled: SHA-256 of the compiled scene.
+    frame: the frame's key, which is 2 * frame number, since frame numbers are multiples of 0.5. compiled: SHA-256 of the
+    compiled scene.
     """
 
     batch: str  # unique for every time it is handed out

@@ -163,8 +163,8 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
 def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes: Collection[int] | None = None) -> None:
     """Adds packed sums, or some of their planes, to `total` in place.
 
-    stored, planes: as in `unpack_sums`. Raises ValueError if the sums do not fit the tile or the planes of `total`, which is
-    then unchanged.
+    stored: whether to accept sums that an older release stored with fewer planes. planes: numbers of the planes to add; None:
+    all. Raises ValueError if the sums do not fit the tile or the planes of `total`, which is then unchanged.
     """
     known = dict(_planes(data, tile, stored))
     if len(known) > len(total) or (not stored and len(known) < len(total)):
@@ -228,7 +228,10 @@ def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None)
 
 
 def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
-    """Yields (plane number, (code, value, body)) of each plane. code: ALIKE, COPY, or the width of its integers."""
+    """Yields (plane number, (code, value, body)) of each plane.
+
+    code: ALIKE (all pixels equal `value`), COPY (equal to the plane with the number `value`), or the number of bytes per pixel.
+    """
     if not data or data[0] not in (PACKED, WITH_HITS):
         yield from _planes_of_old_format(data, tile, stored)
         return

@@ -86,7 +86,7 @@ class Reducer:
         return any(secrets.compare_digest(signature(secret, body).encode(), claimed.encode()) for _, secret in self._secrets)
 
     def is_announced(self, size: int, signature: str) -> bool:
-        """Returns True if `signature` is a worker's valid signature of this size, which it sends before the body."""
+        """Returns True if `signature` is a worker's valid signature of the body's size, which is sent before the body."""
         return any(
             secrets.compare_digest(size_signature(secret, size).encode(), signature.encode()) for _, secret in self._secrets
         )

@@ -65,7 +65,7 @@ def collect_warnings() -> Iterator[BatchWarnings]:
 
 @contextlib.contextmanager
 def step(name: str, **attributes: Any) -> Iterator[None]:
-    """Context manager that measures a step of a batch, and records it as a span."""
+    """Context manager that measures the duration of a step of a batch, and records the step as a tracing span."""
     begun = time.perf_counter()
     try:
         with tracing.span(name, **attributes):
