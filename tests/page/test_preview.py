@@ -15,7 +15,7 @@ VIEW: dict[str, Any] = {"eye": [3, 2, 5], "target": [0.5, 1, -1], "up": [0, 1, 0
 LOW, HIGH = [-1.0, 0.0, -2.0], [2.0, 3.0, 1.0]
 
 
-def test_a_mesh_is_decoded_as_python_encodes_it(node: Node) -> None:
+def test_mesh_packet_is_decoded_as_python_encodes_it(node: Node) -> None:
     positions = np.array([[-1.0, 0, -2], [2, 3, 1], [0.5, 1.5, -0.5]])
     mesh = Mesh(positions, np.eye(3, dtype=np.float32), np.uint8([[1, 2, 3, 255]] * 3), np.uint32([[0, 1, 2]]))
     body = """
@@ -38,7 +38,7 @@ def projected(node: Node, view: dict[str, Any], point: list[float], aspect: floa
     return np.asarray(clip[:3] / clip[3])
 
 
-def test_the_mesh_is_seen_as_the_path_tracer_sees_it(node: Node) -> None:
+def test_preview_projection_equals_path_tracer(node: Node) -> None:
     """The preview projects points as the path tracer does.
 
     The view's target is in the picture's centre; a point half the view's height above it, at the same distance, is at the upper
@@ -61,13 +61,13 @@ def test_the_mesh_is_seen_as_the_path_tracer_sees_it(node: Node) -> None:
 
 
 @pytest.mark.parametrize("more", [{}, {"projection": "orthographic", "height": 4.0}])
-def test_all_of_the_scene_is_between_the_clipping_planes(node: Node, more: dict[str, Any]) -> None:
+def test_scene_is_between_clipping_planes(node: Node, more: dict[str, Any]) -> None:
     corners = [[x, y, z] for x in (LOW[0], HIGH[0]) for y in (LOW[1], HIGH[1]) for z in (LOW[2], HIGH[2])]
     for view in (VIEW, {**VIEW, "eye": [300, 200, 500]}):
         assert all(-1 <= projected(node, {**view, **more}, corner)[2] <= 1 for corner in corners)
 
 
-def test_steps_are_timed_as_they_are_heard_of(node: Node) -> None:
+def test_preparation_steps_are_timed(node: Node) -> None:
     body = """
         const times = new m.StepTimes(0.2);
         for (const [progress, code, now] of a) times.put(m.stepOf({ progress, codes: { step: { code } } }), now);
