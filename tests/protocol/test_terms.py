@@ -28,7 +28,7 @@ def ask(bench: Bench, terms: Terms) -> Offer:  # noqa: F811
 
 
 @pytest.mark.long
-def test_a_worker_obeys_within_seconds_and_loses_nothing(bench: Bench, info: SceneInfo) -> None:  # noqa: F811
+def test_worker_applies_terms_within_seconds_without_losing_batches(bench: Bench, info: SceneInfo) -> None:  # noqa: F811
     first = offer(bench)
     report = bench.report()
     assert report is not None
