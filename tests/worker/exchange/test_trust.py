@@ -53,7 +53,7 @@ def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
     server.server_close()
 
 
-def test_only_the_certificate_that_is_told_is_believed(secure: tuple[str, Path], tmp_path: Path) -> None:
+def test_only_given_certificate_is_accepted(secure: tuple[str, Path], tmp_path: Path) -> None:
     url, own = secure
     with httpx.Client(verify=verify_option(str(own))) as client:
         assert client.get(url).status_code == 501  # the server responds
@@ -70,7 +70,7 @@ def test_only_the_certificate_that_is_told_is_believed(secure: tuple[str, Path],
         client.get(url)
 
 
-def test_workers_and_commands_are_told_by_the_environment(secure: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_certificate_is_read_from_environment(secure: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
     url, own = secure
     with pytest.raises(LinkError, match="certificate verify failed"):
         Link(url, "token").join()

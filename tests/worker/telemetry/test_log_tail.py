@@ -23,7 +23,7 @@ def say(tail: LogTail, text: str) -> None:
     tail.handle(logging.LogRecord("worker", logging.INFO, "", 0, text, (), None))
 
 
-def test_lines_of_slots_are_read_by_the_parent_whole_and_in_order(tail: LogTail) -> None:
+def test_parent_reads_complete_lines_of_slots_in_order(tail: LogTail) -> None:
     children = []
     for child in range(4):
         if (pid := os.fork()) == 0:
@@ -40,7 +40,7 @@ def test_lines_of_slots_are_read_by_the_parent_whole_and_in_order(tail: LogTail)
     assert tail.lines(3) == lines[-3:]
 
 
-def test_it_keeps_its_end_and_stays_small(tail: LogTail, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_log_keeps_last_lines_within_limit(tail: LogTail, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(log_tail, "KEPT", 1000)
     monkeypatch.setattr(log_tail, "LARGEST", 5000)
     for i in range(1000):
@@ -51,7 +51,7 @@ def test_it_keeps_its_end_and_stays_small(tail: LogTail, monkeypatch: pytest.Mon
     assert os.fstat(tail._file.fileno()).st_size < 6000
 
 
-def test_a_file_that_is_gone_ends_nothing(tail: LogTail) -> None:
+def test_missing_file_is_tolerated(tail: LogTail) -> None:
     tail._file.close()
     say(tail, "still here")
     tail.trim()

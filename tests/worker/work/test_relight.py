@@ -62,7 +62,9 @@ def prepared(worker: Any, manifest: Manifest) -> SceneInfo:
 
 @pytest.mark.long
 @grid("light", ["sky:20,40", "window.exr"], ordinary=("sky:20,40",))
-def test_only_the_light_is_made_and_stored(worker: Any, tmp_path: Path, light: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_environment_is_compiled_and_stored(
+    worker: Any, tmp_path: Path, light: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene = worker.link.put("scene.yaml", SCENE)
     pixels = np.random.default_rng(1).random((16, 32, 3))
     window = worker.link.put("window.exr", image(tmp_path / "window.exr", pixels).read_bytes())

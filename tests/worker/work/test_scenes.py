@@ -68,7 +68,7 @@ def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
     return service, refs
 
 
-def test_every_part_is_sent_once_and_fetched_once(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+def test_each_part_is_transferred_once(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
     service, refs = moments
     assert len(service.sent) == len(set(service.sent))
     assert set(service.sent) == {ref.sha256 for ref in refs} | {sha256 for ref in refs for sha256, _ in ref.parts}
@@ -83,7 +83,7 @@ def test_every_part_is_sent_once_and_fetched_once(moments: tuple[Service, list[B
 
 
 @pytest.mark.parametrize("is_here", [True, False], ids=["from beside the manifest", "from the cache"])
-def test_a_part_that_went_meanwhile_is_sent_again(tmp_path: Path, is_here: bool) -> None:
+def test_deleted_part_is_uploaded_again(tmp_path: Path, is_here: bool) -> None:
     service, kept = Service(), ShotCache()
     out = tmp_path / "out"
     out.mkdir()
@@ -100,7 +100,7 @@ def test_a_part_that_went_meanwhile_is_sent_again(tmp_path: Path, is_here: bool)
     assert service.sent.count(sha256) == 2
 
 
-def test_work_is_handed_back_where_a_part_is_nowhere(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+def test_missing_part_returns_the_work(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
     service, refs = moments
     manifest = tmp_path / "out" / refs[2].sha256
     sha256, _ = refs[2].parts[0]
@@ -111,13 +111,13 @@ def test_work_is_handed_back_where_a_part_is_nowhere(moments: tuple[Service, lis
         store_scene(worker(service, tmp_path / "one"), manifest)
 
 
-def test_who_stored_it_need_not_fetch_it(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+def test_uploader_does_not_download_its_scene(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
     service, refs = moments
     open_scene(worker(service, tmp_path / "one").cache, refs[1].sha256)
     assert service.fetched == []
 
 
-def test_a_part_that_has_suffered_is_fetched_anew(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+def test_damaged_part_is_downloaded_again(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
     service, refs = moments
     cache = worker(service, tmp_path / "one").cache
     sha256, size = max(refs[0].parts, key=lambda part: part[1])
@@ -132,7 +132,7 @@ def test_a_part_that_has_suffered_is_fetched_anew(moments: tuple[Service, list[B
     assert cache.path(sha256).read_bytes() == service.blobs[sha256]
 
 
-def test_a_manifest_that_is_wrong_at_the_service_is_an_error(tmp_path: Path) -> None:
+def test_invalid_manifest_raises_error(tmp_path: Path) -> None:
     service = Service()
     data = b'{"format": "what"}'
     service.blobs[hashlib.sha256(data).hexdigest()] = data

@@ -35,7 +35,7 @@ VIEWS = {
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_they_are_those_of_the_command(tmp_path: Path, name: str) -> None:
+def test_motion_vectors_equal_command_output(tmp_path: Path, name: str) -> None:
     (tmp_path / "shot.glb").write_bytes(moving(True, True).glb())
     given, asked = VIEWS[name]
     description = Shot(tmp_path, "shot.glb").scene_at()
