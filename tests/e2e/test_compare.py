@@ -41,7 +41,7 @@ def opened(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.n
 
 
 @pytest.mark.long
-def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_each_side_of_divider_shows_its_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     _, pictures = opened(farm, page, tmp_path)
     assert_screen(page, split(*pictures, page), "the middle")
@@ -52,7 +52,7 @@ def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watche
 
 
 @pytest.mark.long
-def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_divider_position_is_in_url(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     jobs, pictures = opened(farm, page, tmp_path)
     divider = page.get_by_role("slider", name="Wipe")
@@ -100,7 +100,7 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
 
 
 @pytest.mark.long
-def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_shots_are_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     """In a comparison of two shots, each side shows its frame nearest to the selected one.
 
     The link back to the picture, and a new comparison from there, keep the frame.
@@ -138,7 +138,7 @@ def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_pat
 
 
 @pytest.mark.long
-def test_an_examples_comparison_is_one_click_and_the_next_click_finds_it(farm: Farm, watched: Watched) -> None:
+def test_example_comparison_opens_by_one_click(farm: Farm, watched: Watched) -> None:
     page = watched.page
     small = {"spheres": [{"title": "Shallow beside deep", "both": {**SIZE, "spp": 1}, "left": {"max_depth": 1}, "right": {}}]}
     page.route("**/comparisons.json", lambda route: route.fulfill(json=small))
@@ -155,7 +155,7 @@ def test_an_examples_comparison_is_one_click_and_the_next_click_finds_it(farm: F
     assert watched.errors == []
 
 
-def test_the_comparisons_that_are_shipped_can_be_asked_for() -> None:
+def test_shipped_comparisons_can_be_requested() -> None:
     offered = json.loads((ROOT / "web" / "examples" / "comparisons.json").read_text())
     for example, comparisons in offered.items():
         assert any((ROOT / "scenes" / f"{name}.yaml").is_file() for name in (example, f"{example}/{example}")), example

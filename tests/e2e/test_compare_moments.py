@@ -25,7 +25,7 @@ DROP = """([name, bytes]) => {
 
 
 @pytest.mark.long
-def test_a_moment_is_shown_in_the_pictures_place_and_compared_with_now(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_snapshot_is_shown_and_compared_with_current_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     job = rendered(farm, scene, **SIZE, spp=256)
     address = f"{farm.url}/api/jobs/{job}"
@@ -76,7 +76,7 @@ def test_a_moment_is_shown_in_the_pictures_place_and_compared_with_now(farm: Far
 
 
 @pytest.mark.long
-def test_a_dropped_picture_becomes_a_and_is_measured_against(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_dropped_picture_becomes_reference(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     job = rendered(farm, scene, **SIZE, spp=4)
     film = read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path)

@@ -34,7 +34,7 @@ def rgba(picture: np.ndarray) -> list[int]:
 
 
 @pytest.mark.long
-def test_flip_is_the_papers(page: Page) -> None:
+def test_flip_equals_reference_implementation(page: Page) -> None:
     a, b = two_pictures()
     body = "const r = m.flip(new Uint8Array(a[0]), new Uint8Array(a[1]), 64, 48); return [r.mean, [...r.map]];"
     mean, found = call(page, "compare/flip", body, [rgba(a), rgba(b)])
@@ -45,7 +45,7 @@ def test_flip_is_the_papers(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_what_differs_is_measured_and_shown(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_differences_are_measured_and_shown(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     size = {"width": 96, "height": 64}
     jobs = [rendered(farm, scene, **size, spp=4, max_depth=depth) for depth in (2, 9)]

@@ -23,7 +23,7 @@ SIZE = {"width": 96, "height": 64}
 
 
 @pytest.mark.long
-def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_denoised_picture_is_shown_and_film_is_unchanged(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
         pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
@@ -80,7 +80,7 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
     assert watched.errors == []
 
 
-def test_a_job_that_asks_for_it_is_shown_and_saved_denoised_once_it_is_finished(farm: Farm, watched: Watched) -> None:
+def test_job_with_denoise_is_shown_and_saved_denoised(farm: Farm, watched: Watched) -> None:
     if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
         pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]

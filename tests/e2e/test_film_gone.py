@@ -44,7 +44,7 @@ def busy(route: Route) -> None:
 
 
 @pytest.mark.long
-def test_the_page_says_why_a_finished_picture_is_gone(many: Service, finished: str, watched: Watched) -> None:
+def test_page_shows_why_finished_picture_is_lost(many: Service, finished: str, watched: Watched) -> None:
     page = watched.page
     page.route(f"**/jobs/{finished}/frames/0/*", refuse)
     page.route(f"**/jobs/{finished}/frames/0/*?**", refuse)
@@ -70,7 +70,7 @@ def test_the_page_says_why_a_finished_picture_is_gone(many: Service, finished: s
 
 
 @pytest.mark.long
-def test_the_page_says_why_in_german(many: Service, finished: str, watched: Watched) -> None:
+def test_lost_picture_message_is_translated(many: Service, finished: str, watched: Watched) -> None:
     page = watched.page
     page.add_init_script("localStorage['rayfarm.language'] = 'de'")
     page.route(f"**/jobs/{finished}/frames/0/*", refuse)
@@ -79,7 +79,7 @@ def test_the_page_says_why_in_german(many: Service, finished: str, watched: Watc
     expect(page.locator(".stage-missing")).to_contain_text("Der Film dieses Jobs ist weg.")
 
 
-def test_pictures_and_downloads_wait_for_a_busy_service(page: Page) -> None:
+def test_pictures_and_downloads_are_retried_when_service_is_busy(page: Page) -> None:
     tries = 0
 
     def soon(route: Route) -> None:

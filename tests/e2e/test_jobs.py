@@ -23,7 +23,7 @@ def states(service: Service, ids: list[str]) -> set[str]:
 
 
 @pytest.mark.long
-def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many: Service, watched: Watched) -> None:
+def test_jobs_are_searched_and_sorted_by_url(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(f"{many.url}/#/jobs")
     expect(page.get_by_role("button", name="All 10,000")).to_be_visible()
@@ -54,7 +54,7 @@ def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many:
 
 
 @pytest.mark.long
-def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watched) -> None:
+def test_bulk_change_of_selected_jobs_can_be_undone(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(f"{many.url}/#/jobs?show=active")
     expect(rows(page).first).to_contain_text("take 9501")
@@ -97,7 +97,7 @@ def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watche
 
 
 @pytest.mark.long
-def test_news_of_jobs_that_are_not_shown_change_tallies_and_never_the_order(many: Service, watched: Watched) -> None:
+def test_events_of_hidden_jobs_change_only_counts(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(many.url)
     latest = page.get_by_label("Latest pictures")
@@ -115,7 +115,7 @@ def test_news_of_jobs_that_are_not_shown_change_tallies_and_never_the_order(many
 
 
 @pytest.mark.long
-def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: Watched) -> None:
+def test_job_deleted_by_another_client_disappears(many: Service, watched: Watched) -> None:
     page = watched.page
     paused = f"{1001:020x}"
     page.goto(f"{many.url}/#/jobs/{paused}")
@@ -127,7 +127,7 @@ def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: 
 
 
 @pytest.mark.long
-def test_the_same_error_again_is_counted_and_few_are_kept(page: Page, site: Site) -> None:
+def test_repeated_errors_are_counted_and_limited(page: Page, site: Site) -> None:
     page.goto(f"{site.url}/index.html")
     expect(page.locator("main h1").first).to_be_visible()  # a reloaded page has no errors of the previous one
     body = "for (const text of a) m.showError(text[0], text[1], {ofPage: text[2]});"
@@ -149,7 +149,7 @@ STUB = """
 
 
 @pytest.mark.long
-def test_the_end_of_a_job_is_told_where_one_wants_it(many: Service, watched: Watched) -> None:
+def test_end_of_job_is_notified_if_enabled(many: Service, watched: Watched) -> None:
     page = watched.page
     page.add_init_script(STUB)
     ids = [f"{i:020x}" for i in (9994, 9999)]  # cancelled, so the engine ignores them

@@ -51,7 +51,7 @@ def tab_to(page: Page, wanted: Locator) -> None:
     raise AssertionError(f"Tab never reaches {wanted}")
 
 
-def test_a_picture_by_the_keyboard_alone(farm: Farm, watched: Watched) -> None:
+def test_picture_can_be_rendered_by_keyboard_alone(farm: Farm, watched: Watched) -> None:
     page = watched.page
     keys = page.keyboard
     glb = {"name": "small.glb", "mimeType": "model/gltf-binary", "buffer": small_glb()}

@@ -76,7 +76,7 @@ def assert_is_fit(page: Page, locale: str) -> None:
     assert_fits_and_is_named(page)
 
 
-def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, foreign: tuple[Page, str]) -> None:
+def test_every_view_is_in_browser_language(farm: Farm, job: str, foreign: tuple[Page, str]) -> None:
     """On a phone, every view is in the browser's language and fits the screen, and its controls have accessible names."""
     page, locale = foreign
     drop, render, save, jobs, tag = HEADINGS[locale]
@@ -125,7 +125,7 @@ def translated_warning(record: dict[str, Any], language: str) -> str:
     return shown
 
 
-def test_a_warning_of_a_reader_is_translated_by_its_code(farm: Farm, warned: dict[str, Any], program: str) -> None:
+def test_reader_warning_is_translated_by_code(farm: Farm, warned: dict[str, Any], program: str) -> None:
     """The page translates a scene reader's warning by the warning's code, and inserts the count.
 
     The warning passes from a worker through the service to the page's modules, run in Node.js. A problem response has a code too.
@@ -139,14 +139,14 @@ def test_a_warning_of_a_reader_is_translated_by_its_code(farm: Farm, warned: dic
 
 
 @pytest.mark.long
-def test_a_warning_is_shown_in_the_language_of_the_browser(farm: Farm, warned: dict[str, Any], foreign: tuple[Page, str]) -> None:
+def test_warning_is_shown_in_browser_language(farm: Farm, warned: dict[str, Any], foreign: tuple[Page, str]) -> None:
     page, locale = foreign
     page.goto(f"{farm.url}/#/scenes/{warned['id']}")
     expect(page.get_by_text(translated_warning(warned, locale[:2]))).to_be_visible()
 
 
 @pytest.mark.long
-def test_the_menu_changes_the_language_and_it_stays(farm: Farm, foreign: tuple[Page, str]) -> None:
+def test_language_menu_changes_language_permanently(farm: Farm, foreign: tuple[Page, str]) -> None:
     page, locale = foreign
     page.goto(farm.url)
     expect(page.get_by_role("heading", name=HEADINGS[locale][0])).to_be_visible()

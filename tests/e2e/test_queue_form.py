@@ -29,12 +29,12 @@ def form(page: Page) -> Page:
 
 
 @pytest.mark.long
-def test_what_is_left_alone_is_not_asked_for(form: Page) -> None:
+def test_unchanged_options_are_not_requested(form: Page) -> None:
     asked = submitted(form)
     assert not {"deadline", "priority", "max_slots", "needs", "after", "verify", "fresh"} & asked.keys()
 
 
-def test_a_job_is_asked_for_with_its_place_among_the_others(form: Page) -> None:
+def test_queue_options_are_requested(form: Page) -> None:
     fold = form.locator(".queue-fold")
     fold.get_by_label("Wanted by").fill("2035-05-01T08:00")
     fold.get_by_label("Priority").fill("5")
@@ -58,7 +58,7 @@ def test_a_job_is_asked_for_with_its_place_among_the_others(form: Page) -> None:
 
 
 @pytest.mark.long
-def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
+def test_invalid_option_shows_error_at_its_field(form: Page) -> None:
     fold = form.locator(".queue-fold")
     fold.locator("summary").click()
     for label, wrong, said, right in (
@@ -87,7 +87,7 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
 
 
 @pytest.mark.long
-def test_the_request_is_shown_as_a_program_asks_for_it(form: Page) -> None:
+def test_request_is_shown_as_program_code(form: Page) -> None:
     fold = form.locator(".by-program")
     form.locator(".queue-fold").get_by_label("Priority").fill("5")
     curl, python = (fold.get_by_label(name, exact=True) for name in ("curl", "Python"))

@@ -55,7 +55,7 @@ def cell(page: Page, number: int | float) -> Any:
     return page.get_by_role("option", name=re.compile(rf"^Frame {number}\b"))
 
 
-def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_shot_is_rendered_played_and_downloaded(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     scene = uploaded(farm, ("shot.glb", turning().glb()))
     job = asked(farm, scene, frames="0-4", fps=16, spp=4)
@@ -120,7 +120,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
 
 
 @pytest.mark.long
-def test_a_shot_is_opened_at_its_frame_and_more_of_it_is_asked_for(farm: Farm, watched: Watched) -> None:
+def test_shot_opens_at_frame_and_is_extended(farm: Farm, watched: Watched) -> None:
     page = watched.page
     scene = uploaded(farm, ("shot.glb", turning().glb()))
     page.goto(f"{farm.url}/#/scenes/{scene}")
@@ -150,7 +150,7 @@ def test_a_shot_is_opened_at_its_frame_and_more_of_it_is_asked_for(farm: Farm, w
 
 
 @pytest.mark.long
-def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Watched) -> None:
+def test_failed_frame_is_shown_and_frame_is_prioritized(farm: Farm, watched: Watched) -> None:
     page = watched.page
     files = [(f"smoke.{n}.obj", f"v -9 -9 0\nv 9 -9 0\nv 0 {9 + n} 0\nf 1 2 3\n".encode()) for n in (0, 1, 3)]
     scene = uploaded(farm, ("scene.yaml", b"shapes: [{type: mesh, file: smoke.#.obj}]\n"), *files)
@@ -184,7 +184,7 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
 
 @pytest.mark.long
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.long)])
-def test_a_phone_has_all_of_it_below_the_picture(farm: Farm, browser: Browser, scheme: Any) -> None:
+def test_phone_layout_has_controls_below_picture(farm: Farm, browser: Browser, scheme: Any) -> None:
     job = asked(farm, uploaded(farm, ("shot.glb", turning().glb())), frames="0-7", fps=16, spp=4)
     wait_until(finished(farm, job), 120, "the shot is finished")
     context = browser.new_context(viewport={"width": 375, "height": 812}, color_scheme=scheme, has_touch=True)
@@ -205,7 +205,7 @@ def test_a_phone_has_all_of_it_below_the_picture(farm: Farm, browser: Browser, s
 
 
 @pytest.mark.long
-def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> None:
+def test_filmstrip_renders_only_visible_frames(page: Page) -> None:
     body = """
         document.head.innerHTML += '<link rel="stylesheet" href="/css/tokens.css"><link rel="stylesheet" href="/css/shot.css">';
         const { ShotFrames } = await import("/js/shot/shot-frames.js");
@@ -226,7 +226,7 @@ def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> Non
 
 
 @pytest.mark.long
-def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> None:
+def test_playback_keeps_rate_and_skips_late_frames(page: Page) -> None:
     """Playback keeps to the frame rate, and skips frames that would be drawn too late.
 
     The page's clock is simulated, since a busy machine would draw late by itself.
@@ -271,7 +271,7 @@ def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> No
 
 
 @pytest.mark.long
-def test_a_small_picture_that_does_not_come_is_asked_for_again(page: Page) -> None:
+def test_failed_frame_thumbnail_is_requested_again(page: Page) -> None:
     asked: list[int] = []
 
     def answer(route: Route) -> None:

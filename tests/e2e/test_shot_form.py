@@ -25,7 +25,7 @@ STILL = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 
 
 
 @pytest.mark.long
-def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
+def test_default_frames_cover_the_clip(page: Page) -> None:
     open_form(page, scene=MOVES)
     expect(page.get_by_label("Frames", exact=True)).to_be_hidden()
     page.get_by_text("Shot", exact=True).click()
@@ -49,7 +49,7 @@ def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
 
 @pytest.mark.long
 @grid(("scene", "frames"), [(MOVES, "0-50"), (SCENE, None)], ordinary=[MOVES])
-def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: dict[str, Any], frames: str | None) -> None:
+def test_form_opened_as_shot_requests_whole_clip(page: Page, scene: dict[str, Any], frames: str | None) -> None:
     open_form(page, scene=scene, as_shot=True)
     shown = page.get_by_label("Frames", exact=True)
     if frames is None:
@@ -60,7 +60,7 @@ def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: di
 
 
 @pytest.mark.long
-def test_an_example_that_is_a_shot_says_how_long_and_is_opened_as_one(page: Page) -> None:
+def test_animated_example_shows_duration_and_opens_as_shot(page: Page) -> None:
     told = {"name": "toy", "title": "A toy", "description": "It moves."}
     page.route("**/api/examples", lambda route: route.fulfill(json=[{**told, "frames": "0-95", "fps": 24}]))
     page.route("**/api/examples/toy", lambda route: route.fulfill(json={**MOVES, "id": "abc"}))
@@ -72,7 +72,7 @@ def test_an_example_that_is_a_shot_says_how_long_and_is_opened_as_one(page: Page
 
 
 @pytest.mark.long
-def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:
+def test_still_of_animation_has_frame_field(page: Page) -> None:
     open_form(page, scene=MOVES)
     assert submitted(page) == STILL
     page.get_by_label("Frame", exact=True).fill("12.5")
@@ -84,7 +84,7 @@ def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_what_does_not_move_is_turned_about(page: Page) -> None:
+def test_static_scene_offers_turntable(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("Frame", exact=True)).to_be_hidden()
     page.get_by_text("Shot", exact=True).click()
@@ -94,7 +94,7 @@ def test_what_does_not_move_is_turned_about(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_frames_that_cannot_be_are_said_beside_their_field(page: Page) -> None:
+def test_invalid_frames_show_error_at_their_field(page: Page) -> None:
     open_form(page, scene=MOVES)
     page.get_by_text("Shot", exact=True).click()
     page.get_by_label("Frames", exact=True).fill("9-3")

@@ -15,7 +15,7 @@ from tests.service.peer_worker import PeerWorker
 
 
 @pytest.mark.long
-def test_the_picture_goes_on_by_itself(tmp_path: Path, watched: Watched) -> None:
+def test_picture_continues_after_takeover(tmp_path: Path, watched: Watched) -> None:
     page = watched.page
     tiles: list[WebSocket] = []  # the connection of each tile packet
     page.on("websocket", lambda socket: socket.on("framereceived", lambda said: isinstance(said, bytes) and tiles.append(socket)))

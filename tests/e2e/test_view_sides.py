@@ -22,7 +22,7 @@ SIZE = {"width": 96, "height": 64}
 
 
 @pytest.mark.long
-def test_nothing_is_compared_with_itself(watched: Watched, site) -> None:  # type: ignore[no-untyped-def]
+def test_sides_are_never_equal(watched: Watched, site) -> None:  # type: ignore[no-untyped-def]
     watched.page.goto(f"{site.url}/blank")
     body = """
         const steps = [["asA", "1"], ["asB", "2"], ["asB", "1"], ["asA", "2"], ["asA", "2"], ["asB", "3"], ["asB", "3"]];
@@ -33,7 +33,7 @@ def test_nothing_is_compared_with_itself(watched: Watched, site) -> None:  # typ
 
 
 @pytest.mark.long
-def test_pictures_are_seen_in_the_views_place(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_pictures_are_shown_in_place_of_view(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     with farm.client() as client:
