@@ -26,7 +26,7 @@ SAID = f"rayfarm worker: {REASON}"
     ],
     ids=["last line", "earlier line", "JSON", "no reason"],
 )
-def test_the_reason_of_an_exit_is_shown_though_libraries_print_after_it(
+def test_exit_reason_is_shown_despite_later_output(
     lines: list[str], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path))

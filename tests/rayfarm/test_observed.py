@@ -64,7 +64,7 @@ def lines(farm: Farm, name: str) -> list[dict[str, Any]]:
 
 
 @pytest.mark.long
-def test_every_line_is_an_object_and_says_what_it_is_about(observed: tuple[Farm, Receiver, str, str]) -> None:
+def test_log_lines_are_json_with_ids(observed: tuple[Farm, Receiver, str, str]) -> None:
     farm, _, job, _ = observed
     service, worker = lines(farm, "service"), lines(farm, "worker")
     assert {line["process"] for line in service} == {"service"}
@@ -84,7 +84,7 @@ def test_every_line_is_an_object_and_says_what_it_is_about(observed: tuple[Farm,
 
 
 @pytest.mark.long
-def test_spans_lead_from_the_upload_to_the_tiles(observed: tuple[Farm, Receiver, str, str]) -> None:
+def test_spans_connect_upload_to_tiles(observed: tuple[Farm, Receiver, str, str]) -> None:
     _, receiver, job, scene = observed
     (upload,) = receiver.of("upload")
     assert (upload.attributes["rayfarm.scene"], upload.parent, upload.service) == (scene, "", "rayfarm-service")

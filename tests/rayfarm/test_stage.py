@@ -114,7 +114,7 @@ def folder(tmp_path):
 
 
 @grid("name", NAMES, ordinary=("all.glb",))
-def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
+def test_every_moment_equals_fresh_compilation(folder, name):
     stage = OpenScene(Shot(folder, name), threads=1)
     seen = set()
     for frame in (5, 0, 9, 17, 9, 24, 0.5):
@@ -128,7 +128,7 @@ def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
 
 
 @grid("name", NAMES, ordinary=("numbered.yaml",))
-def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
+def test_open_shutter_equals_fresh_compilation(folder, name):
     asked = {"shutter": 0.5}
     stage = OpenScene(Shot(folder, name), threads=1, shutter=asked)
     for frame in (5, 0, 9, 9, 0.5):
@@ -145,7 +145,7 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
 
 @pytest.mark.long
 @grid("name", NAMES, ordinary=("all.glb",))
-def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
+def test_between_neighbours_does_not_change_later_frames(folder, name):
     stage = OpenScene(Shot(folder, name), threads=1)
     for frame in (5, 6):
         between, summary = stage.between_neighbours(Moment(frame))
@@ -161,7 +161,7 @@ def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
 
 
-def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
+def test_neighbour_without_surfaces_gives_no_motion(tmp_path):
     g = Gltf()
     ball(g)
     visible = "/nodes/0/extensions/KHR_node_visibility/visible"
@@ -173,7 +173,7 @@ def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
 
 
 @pytest.mark.long
-def test_what_stands_still_is_made_once(folder, monkeypatch):
+def test_static_parts_are_compiled_once(folder, monkeypatch):
     made = []
     for name in ("build_static", "build_bodies", "pack"):
         known = getattr(__import__("renderer.scene.placed_bodies", fromlist=[name]), name)
@@ -188,7 +188,7 @@ def test_what_stands_still_is_made_once(folder, monkeypatch):
         assert sorted(made) == ["build_bodies", "build_static", "pack"], name
 
 
-def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
+def test_camera_motion_needs_no_compilation(tmp_path, monkeypatch):
     g = Gltf()
     ball(g)
     g.root["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
@@ -204,7 +204,7 @@ def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-def test_the_camera_that_frames_a_scene_does_so_at_its_beginning(folder):
+def test_automatic_camera_frames_scene_at_start(folder):
     late, soon = OpenScene(Shot(folder, "all.yaml"), threads=1), OpenScene(Shot(folder, "all.yaml"), threads=1)
     first = soon.scene_at(Moment(0))[1]["cameras"][-1]
     assert late.scene_at(Moment(20))[1]["cameras"][-1] == first

@@ -52,7 +52,7 @@ def flip(path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_folder_that_is_well_has_no_fault_also_while_its_farm_runs(stored: Path) -> None:
+def test_intact_folder_has_no_fault_while_farm_runs(stored: Path) -> None:
     found = look(stored, deep=True)
     assert {each.level for each in found if each.about != "Room"} == {"fine"}
     assert [each.about for each in found] == ["Data folder", "Room", "Database", "Uploads", "Films"]
@@ -83,7 +83,7 @@ def test_a_folder_that_is_well_has_no_fault_also_while_its_farm_runs(stored: Pat
         ),
     ],
 )
-def test_what_is_wrong_is_said(stored: Path, break_it: Callable[[Path], object], deep: bool, sentence: str) -> None:
+def test_faults_of_folder_are_reported(stored: Path, break_it: Callable[[Path], object], deep: bool, sentence: str) -> None:
     break_it(stored)
     (said,) = faults(stored, deep)
     assert re.match(sentence, said), said
@@ -92,7 +92,7 @@ def test_what_is_wrong_is_said(stored: Path, break_it: Callable[[Path], object],
 
 
 @pytest.mark.long
-def test_a_damaged_database_and_one_of_a_newer_release_are_named(service: Service, stored: Path) -> None:
+def test_damaged_and_newer_databases_are_reported(service: Service, stored: Path) -> None:
     service.stop()
     try:
         with closing(sqlite3.connect(stored / "rayfarm.sqlite")) as database, database:
@@ -117,7 +117,7 @@ def test_a_damaged_database_and_one_of_a_newer_release_are_named(service: Servic
         service.start()
 
 
-def test_rights_room_and_network_drives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_permissions_space_and_network_drives_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = tmp_path / "data"
     assert [each.level for each in look(data)] == ["note"], "it is not there yet"
     data.mkdir(0o755)
