@@ -107,7 +107,7 @@ def why(answer: httpx.Response) -> str:
     return answer.headers["location"].partition("refused=")[2]
 
 
-def test_in_and_out_again(service: Service, provider: Provider) -> None:
+def test_login_and_logout(service: Service, provider: Provider) -> None:
     with browser(service) as client:
         assert client.get("/api/session").json()["provider"] == "Studio"
         answer = log_in(client, "1")
@@ -135,9 +135,7 @@ def test_in_and_out_again(service: Service, provider: Provider) -> None:
     assert "openid" in begun["scope"][0]
 
 
-def test_out_here_alone_where_the_provider_says_not_how_or_is_not_to_be_told(
-    service: Service, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_logout_without_provider_endpoint(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     oidc = service.farm.access.oidc
     assert oidc is not None
     back = "https://farm.example/"
@@ -157,7 +155,7 @@ def test_out_here_alone_where_the_provider_says_not_how_or_is_not_to_be_told(
         assert client.post("/api/logout").status_code == 204, "this one came by a link"
 
 
-def test_roles_follow_the_claim_at_each_login(service: Service) -> None:
+def test_role_claim_is_applied_at_each_login(service: Service) -> None:
     with browser(service) as client:
         assert log_in(client, "5").status_code == 302
         assert client.get("/api/session").json()["role"] == "admin", "groups as words"
@@ -172,14 +170,14 @@ def test_roles_follow_the_claim_at_each_login(service: Service) -> None:
     assert [user.name for user in users.listed()].count("anna") == 1
 
 
-def test_a_name_that_is_somebody_elses_is_given_to_nobody(service: Service) -> None:
+def test_existing_user_name_is_not_reassigned(service: Service) -> None:
     service.farm.access.users.add("carl", Role.ADMIN, None)
     for sub in ("3", "4"):
         with browser(service) as client:
             assert why(log_in(client, sub)) == "name"
 
 
-def test_an_answer_is_good_once_and_for_the_browser_that_asked(service: Service) -> None:
+def test_login_response_is_valid_once_for_its_browser(service: Service) -> None:
     with browser(service) as client, browser(service) as other:
         back = sent_back(client, "1")
         other.get("/api/login/openid")
@@ -195,7 +193,7 @@ def test_an_answer_is_good_once_and_for_the_browser_that_asked(service: Service)
         assert why(client.get(back)) == "provider", "the provider accepts the code once, even if the cookie was copied"
 
 
-def test_a_cookie_that_is_changed_or_expired_is_refused(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_modified_or_expired_cookie_is_rejected(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     with browser(service) as client:
         begun = client.get("/api/login/openid")
         state = parse_qs(urlsplit(begun.headers["location"]).query)["state"][0]
@@ -220,7 +218,7 @@ def test_a_cookie_that_is_changed_or_expired_is_refused(service: Service, monkey
             assert why(client.get(back)) == "late"
 
 
-def test_several_tabs_log_in_at_once_and_a_browser_keeps_a_bounded_number(service: Service) -> None:
+def test_several_tabs_can_log_in_at_once(service: Service) -> None:
     with browser(service) as client:
         first, second = sent_back(client, "1"), sent_back(client, "1")
         for back in (first, second):
@@ -232,13 +230,13 @@ def test_several_tabs_log_in_at_once_and_a_browser_keeps_a_bounded_number(servic
         assert client.get(backs[-1]).headers["location"] == "/#/"
 
 
-def test_over_tls_no_other_host_can_set_the_cookie(service: Service) -> None:
+def test_cookie_over_tls_has_host_prefix(service: Service) -> None:
     with caller(service, **{"X-Forwarded-Proto": "https"}) as client:  # header of a trusted proxy
         (header,) = client.get("/api/login/openid").headers.get_list("set-cookie")
     assert header.startswith("__Host-") and "Secure" in header and "Path=/" in header and "Domain" not in header
 
 
-def test_a_login_begun_before_a_restart_is_finished_after_it(service: Service) -> None:
+def test_login_survives_service_restart(service: Service) -> None:
     with browser(service) as client:
         back = urlsplit(sent_back(client, "1"))
         service.restart()
@@ -248,7 +246,7 @@ def test_a_login_begun_before_a_restart_is_finished_after_it(service: Service) -
 
 
 @pytest.mark.long
-def test_anonymous_logins_displace_nobody(service: Service) -> None:
+def test_anonymous_requests_displace_no_login(service: Service) -> None:
     oidc = service.farm.access.oidc
     assert oidc is not None
     with browser(service) as client:
@@ -258,13 +256,13 @@ def test_anonymous_logins_displace_nobody(service: Service) -> None:
         assert client.get(back).headers["location"] == "/#/"
 
 
-def test_who_turns_back_at_the_provider_is_not_let_in(service: Service) -> None:
+def test_cancelled_provider_login_is_rejected(service: Service) -> None:
     with browser(service) as client:
         state = parse_qs(urlsplit(client.get("/api/login/openid").headers["location"]).query)["state"][0]
         assert why(client.get("/api/login/openid/answer", params={"state": state, "error": "access_denied"})) == "cancelled"
 
 
-def test_a_token_for_another_login_is_not_believed(service: Service) -> None:
+def test_id_token_with_wrong_nonce_is_rejected(service: Service) -> None:
     oidc = service.farm.access.oidc
     assert oidc is not None
     with browser(service) as client:
@@ -284,7 +282,7 @@ def test_a_token_for_another_login_is_not_believed(service: Service) -> None:
         oidc._client = ("rayfarm", oidc._client[1])
 
 
-def test_a_provider_that_is_away_lets_nobody_in_and_the_page_says_so(service: Service) -> None:
+def test_unreachable_provider_rejects_login_with_message(service: Service) -> None:
     oidc = service.farm.access.oidc
     assert oidc is not None
     known, oidc._known, discovery, oidc._discovery = oidc._known, None, oidc._discovery, "http://127.0.0.1:9/none"
@@ -295,7 +293,7 @@ def test_a_provider_that_is_away_lets_nobody_in_and_the_page_says_so(service: Se
         oidc._known, oidc._discovery = known, discovery
 
 
-def test_what_is_set_wrongly_is_said_at_the_start(tmp_path: Path, service: Service) -> None:
+def test_invalid_openid_settings_are_rejected_at_start(tmp_path: Path, service: Service) -> None:
     url = "https://login.example/.well-known/openid-configuration"
     for wrong, said in (
         ({"oidc_discovery": url}, "OIDC_CLIENT"),

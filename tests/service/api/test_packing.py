@@ -45,7 +45,7 @@ def asked(kind: str, encoding: str = "gzip, deflate, br", method: str = "GET") -
     return asyncio.run(ask())
 
 
-def test_a_long_list_takes_a_tenth() -> None:
+def test_long_list_is_compressed() -> None:
     plain, packed = asked("long", "identity"), asked("long")
     assert packed.headers["content-encoding"] == "gzip" and packed.json() == plain.json() == LONG
     assert packed.headers["vary"] == "Accept-Encoding"
@@ -53,6 +53,6 @@ def test_a_long_list_takes_a_tenth() -> None:
 
 
 @pytest.mark.parametrize("kind", ["short", "huge", "picture", "tagged", "pieces"])
-def test_what_would_gain_nothing_is_left_as_it_is(kind: str) -> None:
+def test_incompressible_responses_are_unchanged(kind: str) -> None:
     assert "content-encoding" not in asked(kind).headers
     assert asked(kind).content == asked(kind, "identity").content

@@ -106,7 +106,7 @@ def path_of(pattern: str, id: str) -> str:
     return pattern
 
 
-def test_every_path_that_names_something_names_a_thing_or_what_projects_do_not_have() -> None:
+def test_every_path_with_id_is_classified() -> None:
     for method, pattern in NEEDS:
         named = resource_of(pattern, pattern)
         if "{" in pattern and named is None:
@@ -115,7 +115,7 @@ def test_every_path_that_names_something_names_a_thing_or_what_projects_do_not_h
         assert collection not in PROJECT_RESOURCES or "{" not in pattern or named is not None, pattern
 
 
-def test_to_others_nothing_of_it_is_there(people: People) -> None:
+def test_project_content_is_404_for_others(people: People) -> None:
     asked = {"POST": {}, "PATCH": {"priority": 1}}
     walked = 0
     for method, pattern in NEEDS:
@@ -137,7 +137,7 @@ def test_to_others_nothing_of_it_is_there(people: People) -> None:
         assert people.anna.get("/api/projects").json()[0]["counts"][kind] == 1
 
 
-def test_no_list_has_any_of_it(people: People) -> None:
+def test_lists_hide_project_content(people: People) -> None:
     told = 0
     for method, pattern in NEEDS:
         if method != "GET" or "{" in pattern or pattern == "/api/events" or pattern.startswith(("/docs", "/openapi")):
@@ -156,7 +156,7 @@ def test_no_list_has_any_of_it(people: People) -> None:
     assert HIDDEN in people.chief.get("/api/scenes").text
 
 
-def test_no_request_of_others_may_name_it(people: People) -> None:
+def test_requests_cannot_refer_to_hidden_content(people: People) -> None:
     ids, ben = people.ids, people.ben
     size = {"width": 16, "height": 16, "spp": 1}
     refused = ben.post("/api/jobs", json={"scene": ids["scene"], **size})
@@ -187,7 +187,7 @@ def test_no_request_of_others_may_name_it(people: People) -> None:
     people.anna.delete(f"/api/jobs/{hers['id']}")
 
 
-def test_her_own_light_on_her_own_scene_with_more_files(people: People) -> None:
+def test_extended_scene_stays_in_project(people: People) -> None:
     base = people.ids["scene"]
     more = made(people.anna.post("/api/scenes", files={"files": ("x.mtl", b"newmtl x")}, data={"base": base}), 201)
     assert (more["project"], more["id"] != base) == ("film", True)
@@ -205,7 +205,7 @@ def closing(people: People, who: httpx.Client, path: str) -> tuple[int, str]:
         return closed.value.rcvd.code, closed.value.rcvd.reason
 
 
-def test_sockets_of_others_are_closed_as_those_of_what_is_not_there(people: People) -> None:
+def test_websocket_of_hidden_job_closes_like_missing_job(people: People) -> None:
     for path, kind in (("/api/jobs/{}/live", "job"), ("/api/scenes/{}/viewport", "scene")):
         none = "0" * len(people.ids[kind])
         code, reason = closing(people, people.ben, path.format(people.ids[kind]))
@@ -213,7 +213,7 @@ def test_sockets_of_others_are_closed_as_those_of_what_is_not_there(people: Peop
         assert code == 4404
 
 
-def test_who_is_put_out_is_so_at_once_and_what_is_open_ends(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_removed_member_loses_access_at_once(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gate, "REAUTHORIZE_EVERY_S", 0.1)
     made(people.chief.put("/api/projects/film/members/ben"), 200)
     job = f"/api/jobs/{people.ids['job']}"
@@ -230,7 +230,7 @@ def test_who_is_put_out_is_so_at_once_and_what_is_open_ends(people: People, monk
     assert "You can no longer see this: you are not a member of its project any more" in ended[0][1]
 
 
-def test_who_may_only_look_in_a_project_changes_nothing_there(people: People) -> None:
+def test_read_only_member_cannot_change_content(people: People) -> None:
     found = made(people.chief.put("/api/projects/film/members/ben", json={"role": "view"}), 200)
     assert found["roles"] == {"anna": "submit", "ben": "view"}
     try:
@@ -270,7 +270,7 @@ def test_who_may_only_look_in_a_project_changes_nothing_there(people: People) ->
         made(people.chief.delete("/api/projects/film/members/ben"), 200)
 
 
-def test_events_tell_others_nothing(people: People) -> None:
+def test_event_stream_hides_project_content(people: People) -> None:
     told: dict[str, str] = {"anna": "", "ben": ""}
 
     def listen(name: str, client: httpx.Client) -> None:
@@ -300,7 +300,7 @@ def test_events_tell_others_nothing(people: People) -> None:
 
 
 @pytest.mark.long
-def test_a_worker_at_work_on_it_is_busy_and_says_no_more(people: People) -> None:
+def test_hidden_work_of_worker_is_shown_as_busy(people: People) -> None:
     asked = {"scene": people.ids["scene"], "width": 64, "height": 64, "spp": 100_000, "tile_size": 16}
     job = made(people.anna.post("/api/jobs", json=asked), 201)["id"]
 
@@ -313,7 +313,7 @@ def test_a_worker_at_work_on_it_is_busy_and_says_no_more(people: People) -> None
     assert people.anna.delete(f"/api/jobs/{job}").status_code == 204
 
 
-def test_a_key_of_two_users_is_two_keys(people: People) -> None:
+def test_idempotency_keys_are_per_user(people: People) -> None:
     scene = made(people.ben.post("/api/scenes", files={"files": ("open.obj", OBJ + b"# open\n")}), 201)["id"]
     until(lambda: people.ben.get(f"/api/scenes/{scene}").json()["status"] == "ready", "it is prepared")
     asked = {"scene": scene, "width": 8, "height": 8, "spp": 1}
@@ -335,7 +335,7 @@ def test_a_key_of_two_users_is_two_keys(people: People) -> None:
     assert people.chief.delete(f"/api/scenes/{scene}").status_code == 204
 
 
-def test_of_shares_one_is_told_of_ones_own(people: People) -> None:
+def test_users_see_only_their_shares(people: People) -> None:
     shares = {name: {row["share"] for row in client.get("/api/shares").json()} for name, client in _clients(people).items()}
     assert shares == {"anna": {"user:anna"}, "ben": {"user:ben"}, "chief": {"user:anna", "user:ben"}}
     try:
@@ -352,7 +352,7 @@ def _clients(people: People) -> dict[str, httpx.Client]:
     return {"anna": people.anna, "ben": people.ben, "chief": people.chief}
 
 
-def test_projects_are_made_and_removed_by_who_keeps_the_farm(people: People) -> None:
+def test_administrators_create_and_delete_projects(people: People) -> None:
     assert people.anna.post("/api/projects", json={"name": "mine"}).status_code == 403
     assert people.anna.put("/api/projects/film/members/ben").status_code == 403
     for name in ("Film", "a b", "../x", ""):

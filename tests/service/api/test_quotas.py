@@ -64,7 +64,7 @@ def used(client: httpx.Client) -> dict[str, int]:
     return found
 
 
-def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
+def test_concurrent_jobs_are_limited(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "anna") as anna:
         scene = scene_of(anna)
         long = {"spp": 1_000_000}
@@ -92,7 +92,7 @@ def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
 
 
 @pytest.mark.long
-def test_samples_a_day_also_of_jobs_that_are_deleted(service: Service, chief: httpx.Client) -> None:
+def test_daily_samples_include_deleted_jobs(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "bea") as bea:
         scene = scene_of(bea)
         may(chief, "users/bea", samples_day=2 * SAMPLES + 1)
@@ -108,7 +108,7 @@ def test_samples_a_day_also_of_jobs_that_are_deleted(service: Service, chief: ht
 
 
 @pytest.mark.long
-def test_samples_count_from_the_moment_they_are_asked_for(service: Service, chief: httpx.Client) -> None:
+def test_samples_count_from_submission(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "hal") as hal:
         scene = scene_of(hal)
         may(chief, "users/hal", samples_day=1 << 40)
@@ -124,7 +124,7 @@ def test_samples_count_from_the_moment_they_are_asked_for(service: Service, chie
 
 
 @pytest.mark.long
-def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> None:
+def test_stored_bytes_are_limited(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "cleo") as cleo:
         scene = scene_of(cleo, OBJ + b"# cleo")
         mine = used(cleo)["bytes"]
@@ -148,7 +148,7 @@ def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> No
         assert cleo.delete(f"/api/scenes/{scene}").status_code == 204
 
 
-def test_a_token_may_less_than_its_user(service: Service, chief: httpx.Client) -> None:
+def test_token_limits_are_below_user_limits(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "dora") as dora:
         secret, row = service.farm.access.keys.create("token", "dora", Role.SUBMIT, "nightly")
         may(chief, f"tokens/{row.id}", jobs=0)
@@ -160,7 +160,7 @@ def test_a_token_may_less_than_its_user(service: Service, chief: httpx.Client) -
         assert submit(dora, scene).status_code == 201
 
 
-def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client) -> None:
+def test_limits_of_unknown_users_are_rejected(service: Service, chief: httpx.Client) -> None:
     assert chief.put("/api/quotas/users/nobody", json={"jobs": 1}).status_code == 404
     assert chief.put("/api/quotas/tokens/nothing", json={"jobs": 1}).status_code == 404
     assert chief.put("/api/quotas/users/anna", json={"jobs": -1}).status_code == 422
@@ -168,7 +168,7 @@ def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client
     assert chief.get("/api/quota").json() == []
 
 
-def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_usage_list_equals_individual_usage(service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
     """The list of all users' usage equals each user's own, and reads every table once, not once per user."""
     monkeypatch.setattr(
         service.farm.quotas, "_size_of", len
@@ -186,9 +186,7 @@ def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Clie
     until(lambda: listed() == each(), "both say the same, once what earlier tests have left is at rest", say=each)
 
 
-def test_a_page_of_the_list_looks_at_its_own_users_films_alone(
-    service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_usage_page_reads_only_films_of_its_users(service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
     with somebody(service, "hugo") as hugo, somebody(service, "ida") as ida:
         scene = scene_of(hugo)
         jobs = [submit(client, scene).raise_for_status().json()["id"] for client in (hugo, ida)]
@@ -201,7 +199,7 @@ def test_a_page_of_the_list_looks_at_its_own_users_films_alone(
 
 
 @pytest.mark.long
-def test_what_is_asked_of_a_shot_later_counts_for_each_of_its_frames(service: Service, chief: httpx.Client) -> None:
+def test_added_samples_of_shot_count_per_frame(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "frida") as frida:
         scene = scene_of(frida)
         may(chief, "users/frida", samples_day=10 * SAMPLES)
@@ -220,7 +218,7 @@ def test_what_is_asked_of_a_shot_later_counts_for_each_of_its_frames(service: Se
 
 
 @pytest.mark.long
-def test_what_is_rendered_anew_counts_each_time(service: Service, chief: httpx.Client) -> None:
+def test_repeated_rendering_counts_each_time(service: Service, chief: httpx.Client) -> None:
     with somebody(service, "greta") as greta:
         scene = scene_of(greta)
         may(chief, "users/greta", samples_day=5 * SAMPLES)

@@ -179,13 +179,13 @@ def operations(alive: Alive, share: int) -> list[tuple[str, str]]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("share", range(8))
-def test_operations_answer_as_they_are_described(share: int, schema: Any, alive: Alive) -> None:
+def test_responses_match_openapi(share: int, schema: Any, alive: Alive) -> None:
     for path, method in operations(alive, share):
         assert tried(path, method, schema, alive, 2)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("share", range(8))
-def test_operations_answer_as_they_are_described_many_times(share: int, schema: Any, alive: Alive) -> None:
+def test_many_responses_match_openapi(share: int, schema: Any, alive: Alive) -> None:
     for path, method in operations(alive, share):
         assert tried(path, method, schema, alive, 250)

@@ -27,7 +27,7 @@ def new_link(client: httpx.Client, job: str, **asked: Any) -> tuple[str, dict[st
     return secret, link
 
 
-def test_a_link_shows_its_job_and_its_picture_without_an_account(people: People) -> None:  # noqa: F811
+def test_share_link_shows_job_without_account(people: People) -> None:  # noqa: F811
     secret, link = new_link(people.anna, people.ids["job"], days=2)
     assert link["expires"] - time.time() == pytest.approx(2 * 86400, abs=60)
     with caller(people.service, secret) as guest:
@@ -42,7 +42,7 @@ def test_a_link_shows_its_job_and_its_picture_without_an_account(people: People)
     assert "share.js" in page.text
 
 
-def test_a_link_opens_nothing_else(people: People) -> None:  # noqa: F811
+def test_share_link_gives_no_other_access(people: People) -> None:  # noqa: F811
     secret, _ = new_link(people.anna, people.ids["job"])
     with caller(people.service, secret) as guest:
         for (method, pattern), need in NEEDS.items():
@@ -52,7 +52,7 @@ def test_a_link_opens_nothing_else(people: People) -> None:  # noqa: F811
         assert guest.get("/api/session").json()["name"] is None
 
 
-def test_unknown_expired_and_withdrawn_links_show_nothing(people: People) -> None:  # noqa: F811
+def test_unknown_expired_and_revoked_links_are_rejected(people: People) -> None:  # noqa: F811
     job = people.ids["job"]
     with caller(people.service) as nobody, caller(people.service, "rayfarm-share-guessed") as guesser:
         for guest in (nobody, guesser):
@@ -78,7 +78,7 @@ def test_unknown_expired_and_withdrawn_links_show_nothing(people: People) -> Non
     assert link["id"] not in [each["id"] for each in people.anna.get(f"/api/jobs/{job}/links").json()]
 
 
-def test_only_those_who_may_change_a_job_share_it(people: People) -> None:  # noqa: F811
+def test_creating_share_link_needs_change_permission(people: People) -> None:  # noqa: F811
     path = f"/api/jobs/{people.ids['job']}/links"
     _, link = new_link(people.anna, people.ids["job"])
     assert people.ben.post(path, json={}).status_code == 404, "not a member of the project"
@@ -92,7 +92,7 @@ def test_only_those_who_may_change_a_job_share_it(people: People) -> None:  # no
     assert people.anna.post("/api/jobs/nothing/links", json={}).status_code == 404
 
 
-def test_a_link_shows_no_more_than_its_creator_may_see(people: People) -> None:  # noqa: F811
+def test_share_link_is_limited_by_its_creator(people: People) -> None:  # noqa: F811
     access = people.service.farm.access
     access.users.add("carl", Role.SUBMIT, None)
     made(people.chief.put("/api/projects/film/members/carl"), 200)

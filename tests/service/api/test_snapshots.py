@@ -47,7 +47,7 @@ def in_step(service: Service, worker: PeerWorker) -> list[str]:
 
 
 @pytest.mark.long
-def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, tmp_path: Path) -> None:
+def test_snapshots_are_stored_and_survive_restart(service: Service, tmp_path: Path) -> None:
     with service.worker(several=False) as worker:
         jobs = in_step(service, worker)
         job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=SIDE, spp=64)
@@ -90,7 +90,7 @@ def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, t
 
 
 @pytest.mark.long
-def test_a_picture_that_goes_on_is_kept_from_where_it_was(service: Service) -> None:
+def test_continued_job_stores_further_snapshots(service: Service) -> None:
     with service.worker(several=False) as worker:
         jobs = in_step(service, worker)
         job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=SIDE, spp=8)
@@ -103,7 +103,7 @@ def test_a_picture_that_goes_on_is_kept_from_where_it_was(service: Service) -> N
 
 
 @pytest.mark.long
-def test_of_shots_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
+def test_shots_have_no_snapshots(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), width=16, height=16, spp=4, frames="0-1")
     service.wait_for(job, "finished")
     assert snapshot_samples(service, job) == []

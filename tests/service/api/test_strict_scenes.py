@@ -32,7 +32,7 @@ def job(service: Service, scene: str, **request: Any) -> Any:
     return service.http.post("/api/jobs", json={"scene": scene, "width": 16, "height": 16, "spp": 1, **request})
 
 
-def test_warnings_fail_a_strict_scene_and_no_other(service: Service) -> None:
+def test_warnings_fail_only_strict_scenes(service: Service) -> None:
     with service.worker():
         strict, lenient = sent(service, strict="true"), sent(service)
         assert (strict["strict"], lenient["strict"]) == (True, False)
@@ -53,7 +53,7 @@ def test_warnings_fail_a_strict_scene_and_no_other(service: Service) -> None:
         assert not added["strict"]
 
 
-def test_a_strict_scene_without_warnings_is_rendered(service: Service) -> None:
+def test_strict_scene_without_warnings_is_rendered(service: Service) -> None:
     with service.worker():
         scene = sent(service, OBJ, query="?strict=true")
         assert scene["strict"]
@@ -64,7 +64,7 @@ def test_a_strict_scene_without_warnings_is_rendered(service: Service) -> None:
         service.wait_for(lit["id"], "finished")
 
 
-def test_a_job_that_waits_for_a_strict_scene_fails_with_its_warnings(service: Service) -> None:
+def test_job_waiting_for_strict_scene_fails_with_warnings(service: Service) -> None:
     scene = sent(service, strict="1")
     plain, lit = (job(service, scene["id"], **more).json()["id"] for more in ({}, {"environment": {"preset": "studio"}}))
     with service.worker():
@@ -73,7 +73,7 @@ def test_a_job_that_waits_for_a_strict_scene_fails_with_its_warnings(service: Se
             assert service.job(id)["error"] == ERROR
 
 
-def test_a_strict_job_of_a_lenient_scene(service: Service) -> None:
+def test_strict_job_of_non_strict_scene(service: Service) -> None:
     scene = sent(service)
     waits = job(service, scene["id"], strict=True).json()["id"]
     with service.worker():
@@ -84,7 +84,7 @@ def test_a_strict_job_of_a_lenient_scene(service: Service) -> None:
         assert job(service, scene["id"]).status_code == 201
 
 
-def test_a_frame_with_warnings_fails_in_a_strict_shot(service: Service) -> None:
+def test_frame_with_warnings_fails_in_strict_shot(service: Service) -> None:
     with service.worker() as worker:
         worker.frame_warnings = ["1 light was dropped."]
         scene = sent(service, OBJ)
@@ -97,13 +97,13 @@ def test_a_frame_with_warnings_fails_in_a_strict_shot(service: Service) -> None:
 
 
 @pytest.mark.parametrize("value", ["yes", "2"])
-def test_what_is_neither_true_nor_false_is_refused(service: Service, value: str) -> None:
+def test_non_boolean_strict_is_rejected(service: Service, value: str) -> None:
     answer = service.http.post("/api/scenes", data={"strict": value}, files={"files": ("a.obj", OBJ)})
     assert answer.status_code == 422
     assert answer.json()["detail"] == f"strict is {value!r}; it must be true or false."
 
 
-def test_the_client_and_the_description_of_the_api_have_it(service: Service, tmp_path: Path) -> None:
+def test_client_and_openapi_support_strict(service: Service, tmp_path: Path) -> None:
     (tmp_path / "scene.obj").write_bytes(GUESSED)
     with Client(service.url) as farm, service.worker():
         scene = farm.upload(tmp_path / "scene.obj", strict=True)

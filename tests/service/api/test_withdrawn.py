@@ -60,9 +60,7 @@ def sent(service: Service, token: str, meanwhile: Callable[[], object], path: st
     ("path", "field"), [("/api/scenes", b"files"), ("/api/references", b"file"), ("/api/environments", b"file")]
 )
 @pytest.mark.parametrize("how", ["the user", "the token", "the role"])
-def test_nothing_is_kept_of_an_upload_whose_sender_is_put_out_meanwhile(
-    service: Service, owner: httpx.Client, path: str, field: bytes, how: str
-) -> None:
+def test_upload_with_revoked_token_is_discarded(service: Service, owner: httpx.Client, path: str, field: bytes, how: str) -> None:
     name = f"{how[4:]}{path[5:]}"
     token = token_of(service, owner, name)
     with caller(service, token) as client:
@@ -81,9 +79,7 @@ def test_nothing_is_kept_of_an_upload_whose_sender_is_put_out_meanwhile(
     assert owner.get("/api/scenes").json() == []
 
 
-def test_an_upload_into_a_project_that_is_closed_to_its_sender_meanwhile_is_not_kept(
-    service: Service, owner: httpx.Client
-) -> None:
+def test_upload_into_lost_project_is_discarded(service: Service, owner: httpx.Client) -> None:
     token = token_of(service, owner, "member")
     for name, close in (
         ("left", lambda: owner.delete("/api/projects/left/members/member")),
@@ -97,7 +93,7 @@ def test_an_upload_into_a_project_that_is_closed_to_its_sender_meanwhile_is_not_
     assert owner.get("/api/scenes").json() == []
 
 
-def test_what_is_put_into_a_project_holds_it(service: Service, owner: httpx.Client) -> None:
+def test_upload_prevents_project_deletion(service: Service, owner: httpx.Client) -> None:
     owner.post("/api/projects", json={"name": "held"}).raise_for_status()
     with service.farm.sessions.begin() as session:
         lock_project("held", session)
@@ -107,6 +103,6 @@ def test_what_is_put_into_a_project_holds_it(service: Service, owner: httpx.Clie
         assert session.get(Project, "held") is not None
 
 
-def test_no_key_is_made_for_a_user_who_was_removed_in_the_same_moment(service: Service) -> None:
+def test_no_key_for_concurrently_deleted_user(service: Service) -> None:
     with pytest.raises(NotFound):
         service.farm.access.keys.create("token", "nobody-at-all", Role.SUBMIT, "test")

@@ -50,7 +50,7 @@ def scene_of(service: Service, more: bytes) -> str:
 
 
 @pytest.mark.long
-def test_a_light_makes_no_other_scene_and_the_job_says_it(service: Service) -> None:
+def test_lighting_creates_no_listed_scene(service: Service) -> None:
     scene = scene_of(service, b"# light\n")
     job, lit = rendered(service, scene, sky={"elevation": 30, "azimuth": -240}, strength=2)
     assert job["scene"] == scene
@@ -75,7 +75,7 @@ def test_a_light_makes_no_other_scene_and_the_job_says_it(service: Service) -> N
     assert service.http.get(f"/api/scenes/{lit}").status_code == 200, "uploaded so, it is a scene"
 
 
-def test_a_view_asks_for_light_without_a_job_and_holds_it(service_and_worker: tuple[Service, PeerWorker]) -> None:
+def test_view_holds_derived_scene_without_job(service_and_worker: tuple[Service, PeerWorker]) -> None:
     service, worker = service_and_worker
     scene = scene_of(service, b"# view\n")
     lighting = service.farm.lighting
@@ -97,7 +97,7 @@ def test_a_view_asks_for_light_without_a_job_and_holds_it(service_and_worker: tu
 
 
 @pytest.mark.long
-def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) -> None:
+def test_deleted_derived_scene_is_recreated_for_job(service: Service) -> None:
     scene = scene_of(service, b"# again\n")
     job, lit = rendered(service, scene, sky={"elevation": 20})
     service.farm.lighting.delete_unused(max_kept=0)
@@ -108,7 +108,7 @@ def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) 
 
 
 @pytest.mark.long
-def test_only_so_many_stay_that_nobody_needs_and_they_go_with_their_scene(service: Service) -> None:
+def test_unused_derived_scenes_are_limited(service: Service) -> None:
     scene = scene_of(service, b"# many\n")
     before = {each.name for each in (service.options["data"] / "blobs").rglob("*") if each.is_file()}
     for elevation in range(MAX_UNUSED + 3):
