@@ -38,7 +38,7 @@ OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 # Test files whose tests with a service run on either database, and name prefixes of the tests that do so without --long: those
 # with database queries that other tests do not make.
 ON_BOTH: dict[str, tuple[str, ...]] = {
-    "scheduling/test_jobs.py": ("test_a_job_comes_to_the_very_sums_that_its_samples_have",),
+    "scheduling/test_jobs.py": ("test_finished_film_has_expected_sums",),
     "scheduling/test_shots.py": (),
     "scheduling/test_killed_shots.py": (),
     "scheduling/test_many_hands.py": (),

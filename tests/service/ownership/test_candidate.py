@@ -71,9 +71,7 @@ def wait(candidate: Candidate, clock: Time, seconds: float) -> Ownership | None:
     return None
 
 
-def test_who_comes_first_owns_and_the_other_does_as_soon_as_that_is_given_up(
-    candidates: Callable[..., Candidate], clock: Time
-) -> None:
+def test_first_service_owns_farm_until_release(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
     second = candidates()
     assert second.attempt() is None
@@ -87,7 +85,7 @@ def test_who_comes_first_owns_and_the_other_does_as_soon_as_that_is_given_up(
 
 
 @pytest.mark.long
-def test_an_owner_that_answers_keeps_the_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
+def test_answering_owner_keeps_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
     second = candidates()
     for _ in range(100):
@@ -97,7 +95,7 @@ def test_an_owner_that_answers_keeps_the_farm(candidates: Callable[..., Candidat
     assert not first.is_lost
 
 
-def test_an_owner_whose_folder_is_free_is_dead(candidates: Callable[..., Candidate]) -> None:
+def test_owner_with_free_folder_lock_is_dead(candidates: Callable[..., Candidate]) -> None:
     first = owned(candidates())
     second = candidates()
     first._folder.release()  # as the system does when a process ends
@@ -107,7 +105,7 @@ def test_an_owner_whose_folder_is_free_is_dead(candidates: Callable[..., Candida
     assert row.takeovers == 1
 
 
-def test_a_free_folder_says_nothing_of_an_owner_that_never_had_it(candidates: Callable[..., Candidate], clock: Time) -> None:
+def test_free_lock_proves_nothing_if_owner_never_held_it(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
     move_owner_to_another_machine(first)
     first._folder.release()
@@ -121,9 +119,7 @@ def test_a_free_folder_says_nothing_of_an_owner_that_never_had_it(candidates: Ca
     assert row.locked
 
 
-def test_an_owner_that_hangs_is_taken_over_from_and_writes_nothing_any_more(
-    candidates: Callable[..., Candidate], clock: Time
-) -> None:
+def test_hanging_owner_is_replaced_and_fenced(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
     move_owner_to_another_machine(first)
     second = candidates()
@@ -143,7 +139,7 @@ def test_an_owner_that_hangs_is_taken_over_from_and_writes_nothing_any_more(
     follower.guard()
 
 
-def test_whoever_stood_still_asks_before_it_acts(candidates: Callable[..., Candidate], clock: Time) -> None:
+def test_resumed_owner_checks_ownership_before_acting(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
     move_owner_to_another_machine(first)
     first.guard()
@@ -155,7 +151,7 @@ def test_whoever_stood_still_asks_before_it_acts(candidates: Callable[..., Candi
     assert first.is_lost
 
 
-def test_alone_it_goes_on_though_the_database_is_away(
+def test_owner_continues_while_database_is_unreachable(
     candidates: Callable[..., Candidate], clock: Time, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     first = owned(candidates())
@@ -175,7 +171,7 @@ def test_alone_it_goes_on_though_the_database_is_away(
         first.guard()
 
 
-def test_it_is_told_once_that_it_has_lost_the_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
+def test_loss_of_ownership_is_reported_once(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
     told: list[None] = []
     first._on_lost = lambda: told.append(None)
@@ -192,7 +188,7 @@ def test_it_is_told_once_that_it_has_lost_the_farm(candidates: Callable[..., Can
     assert row.owner is not None, "what is another's is not given up"
 
 
-def test_one_that_does_not_move_answers_nobody(candidates: Callable[..., Candidate], clock: Time) -> None:
+def test_owner_without_progress_does_not_answer(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
     first._moves = lambda: False
     second = candidates()
@@ -204,7 +200,7 @@ def test_one_that_does_not_move_answers_nobody(candidates: Callable[..., Candida
     pytest.fail("the second never takes over")
 
 
-def test_another_folder_on_the_same_database_is_refused(candidates: Callable[..., Candidate], clock: Time) -> None:
+def test_other_folder_with_same_database_is_rejected(candidates: Callable[..., Candidate], clock: Time) -> None:
     first = owned(candidates())
     second = candidates("another")
     assert second.attempt() is None
@@ -214,7 +210,7 @@ def test_another_folder_on_the_same_database_is_refused(candidates: Callable[...
         second.attempt()
 
 
-def test_of_two_that_find_it_free_one_gets_it(candidates: Callable[..., Candidate]) -> None:
+def test_only_one_of_two_candidates_gets_farm(candidates: Callable[..., Candidate]) -> None:
     first = owned(candidates())
     seen = rows.current_owner(first._bare)
     me = candidates()._me
@@ -222,7 +218,7 @@ def test_of_two_that_find_it_free_one_gets_it(candidates: Callable[..., Candidat
     assert rows.take_ownership(first._bare, seen, me, has_lock=False) is None
 
 
-def test_without_standing_by_it_is_refused_with_a_sentence(tmp_path: Path) -> None:
+def test_second_service_without_standby_is_rejected(tmp_path: Path) -> None:
     first = take_farm(Settings(data=tmp_path), 0.0)
     with pytest.raises(StartupError, match="Another service works on"):
         take_farm(Settings(data=tmp_path), 0.0)
@@ -230,7 +226,7 @@ def test_without_standing_by_it_is_refused_with_a_sentence(tmp_path: Path) -> No
     take_farm(Settings(data=tmp_path), 0.0).stop()
 
 
-def test_a_damaged_database_is_told_in_a_sentence(tmp_path: Path) -> None:
+def test_damaged_database_gives_error(tmp_path: Path) -> None:
     (tmp_path / "rayfarm.sqlite").write_bytes(b"no database" * 1000)
     with pytest.raises(StartupError, match=r"The database is damaged \(file is not a database\). `rayfarm doctor"):
         take_farm(Settings(data=tmp_path), 0.0)

@@ -77,9 +77,7 @@ def begun(service: Started, worker: PeerWorker) -> str:
 
 
 @pytest.mark.long
-def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
-    pair: tuple[Started, Started], redis_server: running_redis
-) -> None:
+def test_hanging_and_killed_owners_are_replaced(pair: tuple[Started, Started], redis_server: running_redis) -> None:
     """The farm moves from a suspended service to the standby, and back when the new owner is killed.
 
     The first service, once resumed, stands by until then. A job renders throughout.
@@ -120,7 +118,7 @@ def renders_on(service: Started, job: str) -> None:
 
 
 @pytest.mark.long
-def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(
+def test_owner_lost_during_merge_adds_nothing(
     service: Service, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A service that loses the farm between the film's check and its write adds nothing.

@@ -19,7 +19,7 @@ from tests.service.scheduling.test_faults import film_of, locked, rendered_once,
 
 
 @pytest.mark.long
-def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, worker: PeerWorker) -> None:
+def test_locked_database_does_not_stop_running_jobs(service: Service, worker: PeerWorker) -> None:
     if service.options["database_url"]:
         return  # PostgreSQL has no lock of the whole database
     worker.on_batch = slow
@@ -37,7 +37,7 @@ def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, work
 
 
 @pytest.mark.long
-def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
+def test_read_only_database(service: Service, worker: PeerWorker) -> None:
     if service.options["database_url"]:
         return
     worker.on_batch = slow
@@ -68,7 +68,7 @@ def failing_while(flag: threading.Event, method: Any) -> Any:
     return instead
 
 
-def test_a_database_that_is_away_at_the_start_is_a_sentence(
+def test_unreachable_database_at_start_gives_error(
     service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     service.stop()
@@ -84,7 +84,7 @@ def test_a_database_that_is_away_at_the_start_is_a_sentence(
 
 
 @pytest.mark.long
-def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
+def test_end_of_preparation_is_stored_after_database_fault(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     away = threading.Event()
@@ -99,7 +99,7 @@ def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
     assert "this is no scene" in service.scene(scene)["error"]
 
 
-def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
+def test_job_deleted_before_end_is_stored_leaves_no_film(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     worker.on_batch = slow
@@ -120,9 +120,7 @@ def answers_of(worker: PeerWorker, job: str) -> bool:
 
 
 @pytest.mark.long
-def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_of_unloaded_job_are_kept(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     worker.on_batch = slow
     job = under_way(service, worker)
     service.stop()
@@ -140,7 +138,7 @@ def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
     until(lambda: not answers_of(worker, job), "the stream is trimmed")
 
 
-def test_a_character_that_a_database_cannot_have_is_no_fault(service: Service) -> None:
+def test_nul_character_is_no_database_fault(service: Service) -> None:
     """Checks that NUL characters, which PostgreSQL does not accept, are not treated as a fault of the database."""
     assert service.http.get("/api/jobs/%00").status_code == 404
     assert service.http.get("/%00").status_code == 404

@@ -59,7 +59,7 @@ def rendered_once(worker: PeerWorker, job: str) -> bool:
 
 
 @pytest.mark.long
-def test_a_locked_film_waits_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
+def test_locked_film_waits_and_other_jobs_continue(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     held = under_way(service, worker)
     with locked(film_of(service, held)):
@@ -79,7 +79,7 @@ def test_a_locked_film_waits_and_the_others_go_on(service: Service, worker: Peer
 
 
 @pytest.mark.long
-def test_a_film_without_room_waits_until_there_is_some(service: Service, worker: PeerWorker) -> None:
+def test_film_on_full_disk_waits_for_space(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     full = under_way(service, worker)
     file = film_file(service, full)
@@ -95,7 +95,7 @@ def test_a_film_without_room_waits_until_there_is_some(service: Service, worker:
 
 
 @pytest.mark.long
-def test_a_film_that_cannot_be_opened_at_the_start_waits(service: Service, worker: PeerWorker) -> None:
+def test_film_unreadable_at_start_waits(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     job = under_way(service, worker)
     service.stop()
@@ -127,7 +127,7 @@ def no_table(service: Service, job: str) -> None:
 
 @pytest.mark.long  # tests/service/store/test_lost_films.py tests damage that is repaired automatically
 @pytest.mark.parametrize("spoil", [garbage, no_table])
-def test_a_film_that_is_lost_is_rendered_anew_by_itself(
+def test_lost_film_is_rendered_again_automatically(
     service: Service, worker: PeerWorker, spoil: Callable[[Service, str], None]
 ) -> None:
     worker.on_batch = slow
@@ -140,7 +140,7 @@ def test_a_film_that_is_lost_is_rendered_anew_by_itself(
 
 
 @pytest.mark.long
-def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to(service: Service, worker: PeerWorker) -> None:
+def test_lost_film_fails_its_job_until_restarted(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     lost = under_way(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
@@ -156,7 +156,7 @@ def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to
 
 
 @pytest.mark.long
-def test_a_film_that_cannot_be_written_waits_and_keeps_what_it_has(service: Service, worker: PeerWorker) -> None:
+def test_unwritable_film_waits_and_keeps_samples(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     job = under_way(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
@@ -173,9 +173,7 @@ def test_a_film_that_cannot_be_written_waits_and_keeps_what_it_has(service: Serv
 
 @pytest.mark.long
 @pytest.mark.parametrize("spoil", [*(pytest.param(spoil, marks=pytest.mark.long) for spoil in ("missing", "empty")), "damaged"])
-def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
-    service: Service, worker: PeerWorker, spoil: str
-) -> None:
+def test_lost_finished_picture_is_rendered_again_on_request(service: Service, worker: PeerWorker, spoil: str) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
     service.stop()
@@ -228,7 +226,7 @@ RECORDS = (
 )
 
 
-def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_database_call_is_retried(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     service.stop()
     monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
     failed: Counter[str] = Counter()
@@ -249,9 +247,7 @@ FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_planes", "t
 
 
 @pytest.mark.long
-def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_film_call_is_retried(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
     failed: Counter[str] = Counter()
     engine = service.farm.engine._thread
@@ -275,9 +271,7 @@ def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
 
 
 @pytest.mark.long
-def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bug_in_one_job_fails_only_that_job(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     worker.on_batch = slow
     one = under_way(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
@@ -293,7 +287,7 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
 
 
 @pytest.mark.long
-def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
+def test_job_deleted_during_loading_delays_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Checks that a job that is deleted while it is being loaded delays no other job.
@@ -320,9 +314,7 @@ def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
 
 @pytest.mark.long
 @grid("camera", ["²", "7" * 5000], ordinary=("²",))
-def test_a_camera_that_is_no_number_is_a_sentence_at_once_or_fails_its_job(
-    service: Service, worker: PeerWorker, camera: str
-) -> None:
+def test_invalid_camera_is_rejected_or_fails_its_job(service: Service, worker: PeerWorker, camera: str) -> None:
     go = threading.Event()
     worker.on_prepare = lambda scene: (go.wait(10), None)[1]
     scene = service.upload()
@@ -336,7 +328,7 @@ def test_a_camera_that_is_no_number_is_a_sentence_at_once_or_fails_its_job(
 
 
 @pytest.mark.long
-def test_settings_of_a_newer_release_end_their_job_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
+def test_settings_of_newer_release_fail_only_their_job(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
     newer, other = under_way(service, worker), under_way(service, worker, seed=1)
     service.stop()

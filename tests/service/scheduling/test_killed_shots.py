@@ -126,7 +126,7 @@ def mortal(tmp_path: Path, redis_server: running_redis, database: str) -> Iterat
     farm.database_reader.close()
 
 
-def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: KillableService) -> None:
+def test_accepted_change_is_completed_after_kill(mortal: KillableService) -> None:
     farm = mortal
     scene, database_reader = farm.scene(), farm.database_reader
     in_the_midst = 0
@@ -177,7 +177,7 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Killable
     assert in_the_midst >= 6, "most of the nine kills came while the request was under way"
 
 
-def test_several_clients_at_once_leave_every_shot_whole(mortal: KillableService) -> None:
+def test_concurrent_clients_keep_shots_consistent(mortal: KillableService) -> None:
     """Checks that concurrent changes by several clients leave both shots in a consistent state.
 
     The clients add samples, render frames again, set priorities, cancel, resume and delete.
@@ -237,9 +237,7 @@ def test_several_clients_at_once_leave_every_shot_whole(mortal: KillableService)
     assert farm.service.process.poll() is None
 
 
-def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(
-    mortal: KillableService, redis_server: running_redis
-) -> None:
+def test_highest_priority_shot_is_rendered_first(mortal: KillableService, redis_server: running_redis) -> None:
     farm = mortal
     scene = farm.scene()
     shots = [farm.shoot(scene, spp=1).raise_for_status().json()["id"] for _ in range(3)]

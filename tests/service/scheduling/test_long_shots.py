@@ -53,9 +53,7 @@ def scene(service: Service) -> str:
 
 
 @pytest.mark.long
-def test_what_is_done_in_parts_comes_to_what_is_done_at_once(
-    service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_change_in_portions_equals_single_transaction(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     changes: list[dict[str, Any]] = [
         {"extend": "100-170"},
         {"more": 3, "frames": "10-90"},
@@ -91,9 +89,7 @@ def test_what_is_done_in_parts_comes_to_what_is_done_at_once(
 
 
 @pytest.mark.long
-def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
-    service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_accepted_change_is_completed_after_restart(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_changes, "AT_A_TIME", PARTS)
     parts, next_part = [0], FrameChanges._apply_next
 
@@ -125,7 +121,7 @@ def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
 
 
 @pytest.mark.long
-def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_deletion_is_completed(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_changes, "AT_A_TIME", PARTS)
     monkeypatch.setattr("service.maintenance.deleting.AT_A_TIME", PARTS)
     job = shoot(service, scene).raise_for_status().json()["id"]
@@ -146,9 +142,7 @@ def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, m
 
 
 @pytest.mark.long
-def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
-    service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_long_shot_is_loaded_in_steps(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.scheduling.loading.ROUND_PROCESSOR_S", -1.0)  # one step per round
     monkeypatch.setattr("service.scheduling.records.AT_A_TIME", 10)
     monkeypatch.setattr("service.scheduling.jobs.active_job.FRAMES_PER_STEP", 10)
@@ -178,7 +172,7 @@ def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
     assert service.job(shot)["shot"]["states"] == {"finished": LAST + 1}
 
 
-def test_frames_come_in_pages_and_by_their_state(service: Service, scene: str) -> None:
+def test_frames_are_paginated_and_filtered_by_state(service: Service, scene: str) -> None:
     job = shoot(service, scene, "0-30").raise_for_status().json()["id"]
     path = f"/api/jobs/{job}/frames"
     every = service.http.get(path).raise_for_status().json()

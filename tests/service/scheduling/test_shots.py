@@ -47,7 +47,7 @@ OTHER_ORDERS = [pytest.param(order, marks=pytest.mark.long) for order in ("noisi
 
 @pytest.mark.long
 @pytest.mark.parametrize("order", [*ORDERS, *OTHER_ORDERS])
-def test_every_frame_has_its_own_bits_in_whatever_order(service: Service, worker: PeerWorker, order: str) -> None:
+def test_frames_are_independent_of_order(service: Service, worker: PeerWorker, order: str) -> None:
     job = shoot(service, service.ready_scene(), "0-3,7.5", order=order)
     done = service.wait_for(job, "finished")
     assert done["shot"]["states"] == {"finished": 5}
@@ -60,7 +60,7 @@ def test_every_frame_has_its_own_bits_in_whatever_order(service: Service, worker
 
 
 @pytest.mark.long
-def test_a_shot_in_two_jobs_has_the_digests_of_one(service: Service, worker: PeerWorker) -> None:
+def test_shot_in_two_jobs_has_same_digests(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     jobs = [shoot(service, scene, frames) for frames in ("0-4", "0-1", "2-4", "3")]
     for job in jobs:
@@ -83,7 +83,7 @@ def test_a_shot_in_two_jobs_has_the_digests_of_one(service: Service, worker: Pee
         pytest.param({"order": "centre-out"}, [4, 3, 5, 2, 6, 1, 7, 0, 8], marks=pytest.mark.long),
     ],
 )
-def test_frames_are_begun_in_their_order(
+def test_frames_start_in_requested_order(
     service: Service, worker: PeerWorker, order: dict[str, Any], sequence: list[int]
 ) -> None:
     job = shoot(service, service.ready_scene(), "0-8", **order)
@@ -92,7 +92,7 @@ def test_frames_are_begun_in_their_order(
 
 
 @pytest.mark.long
-def test_breadth_first_all_frames_have_one_sample_before_any_has_more(service: Service, worker: PeerWorker) -> None:
+def test_breadth_first_gives_each_frame_one_sample_first(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "0-5", order="breadth-first", spp=8)
     service.wait_for(job, "finished")
     levels = [batch.first for batch in worker.batches]
@@ -101,7 +101,7 @@ def test_breadth_first_all_frames_have_one_sample_before_any_has_more(service: S
 
 
 @pytest.mark.long
-def test_a_frame_that_fails_is_named_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
+def test_failed_frame_is_named_and_others_continue(service: Service, worker: PeerWorker) -> None:
     def missing(frame: float) -> None:
         if frame == 2:
             raise ValueError("smoke.0002.png: there is no such file.")
@@ -124,7 +124,7 @@ def test_a_frame_that_fails_is_named_and_the_others_go_on(service: Service, work
 
 
 @pytest.mark.long
-def test_where_every_frame_fails_the_job_has_failed(service: Service, worker: PeerWorker) -> None:
+def test_job_fails_if_every_frame_fails(service: Service, worker: PeerWorker) -> None:
     def missing(frame: float) -> None:
         raise ValueError("there is nothing to see.")
 
@@ -134,7 +134,7 @@ def test_where_every_frame_fails_the_job_has_failed(service: Service, worker: Pe
 
 
 @pytest.mark.long
-def test_a_batch_that_always_fails_ends_its_frame_alone(service: Service, worker: PeerWorker) -> None:
+def test_failing_batch_fails_only_its_frame(service: Service, worker: PeerWorker) -> None:
     def fails(batch: RenderBatch) -> None:
         if batch.frame == 2:
             raise ValueError("a fault of the scene")
@@ -150,7 +150,7 @@ def test_a_batch_that_always_fails_ends_its_frame_alone(service: Service, worker
 
 
 @pytest.mark.long
-def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Service, worker: PeerWorker) -> None:
+def test_shot_is_extended_and_frames_get_more_samples(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "0-2")
     service.wait_for(job, "finished")
     assert service.patch(job, extend="3-4")["state"] == "queued"
@@ -169,7 +169,7 @@ def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Servic
 
 
 @pytest.mark.long
-def test_frames_are_rendered_again_from_nothing(service: Service, worker: PeerWorker) -> None:
+def test_frames_are_rendered_again(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "0-3")
     service.wait_for(job, "finished")
     worker.batches.clear()
@@ -182,7 +182,7 @@ def test_frames_are_rendered_again_from_nothing(service: Service, worker: PeerWo
 
 
 @pytest.mark.long
-def test_one_frame_goes_before_all_others(service: Service, worker: PeerWorker) -> None:
+def test_prioritized_frame_is_rendered_first(service: Service, worker: PeerWorker) -> None:
     gate = threading.Event()
     worker.on_batch = lambda batch: gate.wait(10) and None
     job = shoot(service, service.ready_scene(), "0-40", spp=2)
@@ -203,7 +203,7 @@ def blobs(data: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.long
-def test_only_a_few_frames_are_prepared_ahead_and_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
+def test_few_frames_are_prepared_ahead_and_then_deleted(service: Service, worker: PeerWorker) -> None:
     gate = threading.Event()
     worker.on_batch = lambda batch: gate.wait(20) and None
     worker.on_frame = lambda frame: b"frame %f" % frame + b"x" * 1000
@@ -220,7 +220,7 @@ def test_only_a_few_frames_are_prepared_ahead_and_nothing_is_kept(service: Servi
 
 
 @pytest.mark.long
-def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker: PeerWorker) -> None:
+def test_restarted_service_continues_shot(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = shoot(service, service.ready_scene(), "0-19", spp=8)
     until(lambda: service.job(job)["shot"]["states"].get("finished", 0) >= 3, "some frames are done")
@@ -231,9 +231,7 @@ def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker
 
 
 @pytest.mark.long
-def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_restart_between_rounds_starts_next_round(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks that a service that stops between two rounds of the order `noisiest-first` starts the next one after its restart.
 
     When it stops, all frames have the samples of the round, so no further result could start the next round.
@@ -254,7 +252,7 @@ def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
 
 
 @pytest.mark.long
-def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service) -> None:
+def test_worker_without_frame_support_gets_no_frames(service: Service) -> None:
     with service.worker(name="old", kind="old-kind", knows_frames=False) as old:
         job = shoot(service, service.ready_scene(), "0-1")
         until(lambda: "release" in (service.job(job)["message"] or ""), "it says what it waits for", say=lambda: service.job(job))
@@ -264,7 +262,7 @@ def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service
 
 
 @pytest.mark.long
-def test_a_worker_that_does_not_blur_is_given_no_frame_with_an_open_shutter(service: Service) -> None:
+def test_worker_without_motion_blur_gets_no_open_shutter_frames(service: Service) -> None:
     with service.worker(name="old", kind="old-kind", blurs=False) as old:
         scene = service.ready_scene()
         still, shot = service.submit(scene, **SMALL, spp=4, shutter=0.5), shoot(service, scene, "3", shutter=0.5, shutter_keys=2)
@@ -282,7 +280,7 @@ def test_a_worker_that_does_not_blur_is_given_no_frame_with_an_open_shutter(serv
         assert old.frames == [1]
 
 
-def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWorker) -> None:
+def test_invalid_frame_requests_are_rejected(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     shot, still = shoot(service, scene, "0-2"), service.submit(scene)
     for job, change, says in (
@@ -300,7 +298,7 @@ def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWo
 
 
 @pytest.mark.long
-def test_numbers_are_as_they_were_written(service: Service, worker: PeerWorker) -> None:
+def test_frame_numbers_equal_request(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "10-14x2,0.5", spp=1)
     service.wait_for(job, "finished")
     assert sorted(parse_frames("10-14x2,0.5")) == list(frames_of(service, job)) == [0.5, 10, 12, 14]
@@ -310,7 +308,7 @@ def test_numbers_are_as_they_were_written(service: Service, worker: PeerWorker) 
 
 
 @pytest.mark.long
-def test_a_worker_that_answers_nothing_for_a_frame_is_not_asked_for_ever(service: Service, worker: PeerWorker) -> None:
+def test_unanswered_frame_request_fails_eventually(service: Service, worker: PeerWorker) -> None:
     answer = worker.send
     worker.send = lambda event, sums=None: None if event.get("frame") == 2 and "info" in event else answer(event, sums)  # type: ignore[method-assign]
     job = shoot(service, service.ready_scene(), "0-2")
@@ -320,7 +318,7 @@ def test_a_worker_that_answers_nothing_for_a_frame_is_not_asked_for_ever(service
 
 
 @pytest.mark.long
-def test_a_time_is_for_the_whole_shot(service: Service, worker: PeerWorker) -> None:
+def test_time_limit_applies_to_whole_shot(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = shoot(service, service.ready_scene(), "0-9", spp=None, seconds=1.5)
     done = service.wait_for(job, "finished")
@@ -333,7 +331,7 @@ def test_a_time_is_for_the_whole_shot(service: Service, worker: PeerWorker) -> N
 
 
 @pytest.mark.long
-def test_a_noise_ends_each_frame_by_itself(service: Service, worker: PeerWorker) -> None:
+def test_noise_goal_ends_each_frame_separately(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "0-2", spp=None, noise=0.5)
     service.wait_for(job, "finished")
     assert [frame["spp"] for frame in frames_of(service, job).values()] == [32, 32, 32], "the first look is enough"
@@ -341,7 +339,7 @@ def test_a_noise_ends_each_frame_by_itself(service: Service, worker: PeerWorker)
 
 
 @pytest.mark.long
-def test_a_budget_is_spent_where_the_noise_is_and_its_end_is_foretold(service: Service, worker: PeerWorker) -> None:
+def test_noisiest_first_spends_budget_on_noisy_frames(service: Service, worker: PeerWorker) -> None:
     job = shoot(service, service.ready_scene(), "0-3", spp=64, order="noisiest-first")
     done = service.wait_for(job, "finished", 40)
     assert 0.9 * 4 * 64 * 32 * 24 <= done["samples"] <= 4 * 64 * 32 * 24
@@ -351,7 +349,7 @@ def test_a_budget_is_spent_where_the_noise_is_and_its_end_is_foretold(service: S
 
 
 @pytest.mark.long
-def test_a_cancelled_shot_goes_on_with_the_kind_it_began_with(service: Service, worker: PeerWorker) -> None:
+def test_resumed_shot_keeps_worker_kind(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = shoot(service, service.ready_scene(), "5-20", spp=8)
     until(lambda: service.job(job)["shot"]["states"].get("finished", 0) >= 2, "some frames are done")

@@ -27,7 +27,7 @@ def right(film: Film, tile: int, samples: int) -> None:
 
 
 @pytest.mark.parametrize("alone", [[(4, 2)], [(0, 2)], [(8, 4)], [(0, 2), (6, 2), (10, 2)]])
-def test_a_run_takes_the_place_of_its_pieces_that_came_before(tmp_path: Path, alone: list[tuple[int, int]]) -> None:
+def test_combined_contribution_replaces_its_parts(tmp_path: Path, alone: list[tuple[int, int]]) -> None:
     film = make(tmp_path / "job.sqlite")
     for first, count in alone:
         bad = [BadSample(1, 2, first), BadSample(1, 3, first + 1)]
@@ -45,7 +45,7 @@ def test_a_run_takes_the_place_of_its_pieces_that_came_before(tmp_path: Path, al
     film.close()
 
 
-def test_what_comes_together_is_sorted_out_by_size(tmp_path: Path) -> None:
+def test_largest_of_overlapping_contributions_is_accepted(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     parts = [part(film, 0, 4, 2), part(film, 0, 0, 12), part(film, 0, 0, 12), part(film, 0, 10, 4), part(film, 0, 12, 3)]
     assert film.merge(parts) == [False, True, False, False, True]
@@ -53,7 +53,7 @@ def test_what_comes_together_is_sorted_out_by_size(tmp_path: Path) -> None:
     film.close()
 
 
-def test_one_that_is_damaged_is_dropped_and_the_others_of_its_run_are_not(tmp_path: Path) -> None:
+def test_only_damaged_contribution_is_dropped(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     parts = [part(film, 0, first, 2) for first in range(0, 8, 2)]
     damaged = [*parts[:2], replace(parts[2], sums=parts[2].sums[:-1]), parts[3]]
@@ -62,7 +62,7 @@ def test_one_that_is_damaged_is_dropped_and_the_others_of_its_run_are_not(tmp_pa
     film.close()
 
 
-def test_a_run_that_has_but_a_part_of_what_is_there_is_dropped(tmp_path: Path) -> None:
+def test_partly_overlapping_contribution_is_dropped(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     assert film.merge([part(film, 0, 0, 4)]) == [True]
     assert film.merge([part(film, 0, 2, 10)]) == [False], "of a row the film does not know one half from the other"
@@ -73,7 +73,7 @@ def test_a_run_that_has_but_a_part_of_what_is_there_is_dropped(tmp_path: Path) -
     film.close()
 
 
-def test_where_each_workers_sums_stay_apart_nobody_replaces_anothers(tmp_path: Path) -> None:
+def test_separate_senders_prevent_replacement(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     film.separates_senders = True
     assert film.merge([part(film, 0, 4, 2, workers=("honest",))]) == [True]

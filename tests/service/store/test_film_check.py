@@ -60,7 +60,7 @@ def holds(film: Film, missing: set[tuple[int, int]]) -> None:
         np.testing.assert_array_equal(film.tile_sums(0, tile), expected)
 
 
-def test_one_bit_is_noticed_and_costs_one_row(tmp_path: Path) -> None:
+def test_flipped_bit_loses_one_row(tmp_path: Path) -> None:
     films = filled(tmp_path)
     path = tmp_path / "job.sqlite"
     film = films.open("job", SETTINGS, TILE)
@@ -80,7 +80,7 @@ def test_one_bit_is_noticed_and_costs_one_row(tmp_path: Path) -> None:
     assert films.verify("job", SETTINGS, TILE) == whole
 
 
-def test_of_a_film_with_pages_of_nonsense_the_rest_is_kept(tmp_path: Path) -> None:
+def test_intact_rows_of_damaged_film_are_kept(tmp_path: Path) -> None:
     settings = replace(SETTINGS, width=64, height=64)
     films = FilmFolder(tmp_path, 1 << 20)
     film = films.open("job", settings, 32, pin=True)
@@ -106,7 +106,7 @@ def test_of_a_film_with_pages_of_nonsense_the_rest_is_kept(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("content", [b"", b"no film at all" * 999])
-def test_a_film_with_nothing_left_is_empty(tmp_path: Path, content: bytes) -> None:
+def test_unreadable_film_becomes_empty(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "job.sqlite").write_bytes(content)
     films = FilmFolder(tmp_path, 1 << 20)
     assert films.size("job") == len(content)
@@ -114,7 +114,7 @@ def test_a_film_with_nothing_left_is_empty(tmp_path: Path, content: bytes) -> No
     assert films.open("job", SETTINGS, TILE).is_empty
 
 
-def test_a_film_without_checksums_is_believed(tmp_path: Path) -> None:
+def test_film_without_checksums_is_accepted(tmp_path: Path) -> None:
     films = filled(tmp_path)
     with closing(sqlite3.connect(tmp_path / "job.sqlite")) as database, database:
         database.execute("UPDATE part SET checksum = NULL")

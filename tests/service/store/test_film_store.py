@@ -38,7 +38,7 @@ def pinned(films: FilmFolder, job: str = "job") -> Film:
     return film
 
 
-def test_a_film_is_made_with_its_first_batch(films: FilmFolder, tmp_path: Path) -> None:
+def test_film_file_is_created_with_first_batch(films: FilmFolder, tmp_path: Path) -> None:
     film = films.open("job", SETTINGS, TILE, pin=True)
     assert (film.has_file, film.is_empty, film.samples(0)) == (False, True, 0)
     assert not list((tmp_path / "films").iterdir())
@@ -48,9 +48,7 @@ def test_a_film_is_made_with_its_first_batch(films: FilmFolder, tmp_path: Path) 
 
 
 @pytest.mark.long
-def test_few_of_many_films_that_are_rendered_have_open_files(
-    films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_open_film_files_are_limited(films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(film_store, "MAX_FILES", 3)
 
     def open_files() -> int:
@@ -69,7 +67,7 @@ def test_few_of_many_films_that_are_rendered_have_open_files(
     assert again.coverage(0, 0).total == 3
 
 
-def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFolder) -> None:
+def test_viewer_and_renderer_share_film_object(films: FilmFolder) -> None:
     """A film that a viewer holds is also the object that rendering merges into, even after other films evict it from the store.
 
     With two objects for one job, each would fold rows by an outdated index.
@@ -89,7 +87,7 @@ def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFold
 
 
 @pytest.mark.long
-def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
+def test_unused_film_is_closed(films: FilmFolder) -> None:
     film = pinned(films)
     database = rows_of(film)
     films.unpin("job")
@@ -102,7 +100,7 @@ def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
 
 
 @pytest.mark.long
-def test_a_film_that_is_rendered_stays_open(films: FilmFolder) -> None:
+def test_pinned_film_stays_open(films: FilmFolder) -> None:
     database = rows_of(pinned(films))
     for other in range(MAX_OPEN + 1):
         films.open(f"other{other}", SETTINGS, TILE)
@@ -110,7 +108,7 @@ def test_a_film_that_is_rendered_stays_open(films: FilmFolder) -> None:
     database.execute("SELECT 1")
 
 
-def test_reading_makes_no_film(films: FilmFolder, tmp_path: Path) -> None:
+def test_reading_creates_no_film(films: FilmFolder, tmp_path: Path) -> None:
     film = films.open("job", SETTINGS, TILE)
     assert film.samples(0) == 0
     assert film.tile_sums(0, 0) is None
@@ -119,7 +117,7 @@ def test_reading_makes_no_film(films: FilmFolder, tmp_path: Path) -> None:
     assert film.merge([part(film, 0, 0, 1)]) == [True], "until there is something to write"
 
 
-def test_a_film_with_less_than_was_recorded_says_so(films: FilmFolder, tmp_path: Path) -> None:
+def test_film_with_missing_samples_raises_error(films: FilmFolder, tmp_path: Path) -> None:
     film = pinned(films)
     film.merge([part(film, 0, 0, 2)])
     has = film.samples(0)
@@ -135,7 +133,7 @@ def test_a_film_with_less_than_was_recorded_says_so(films: FilmFolder, tmp_path:
         FilmFolder(tmp_path / "films", 0, snapshots(tmp_path)).open("job", SETTINGS, TILE, recorded=has)
 
 
-def test_a_damaged_film_is_set_aside_and_the_job_begins_anew(films: FilmFolder, tmp_path: Path) -> None:
+def test_damaged_film_is_renamed_and_job_starts_again(films: FilmFolder, tmp_path: Path) -> None:
     (tmp_path / "films" / "job.sqlite").write_bytes(b"nonsense" * 100)
     with pytest.raises(FilmLost):
         pinned(films)
@@ -151,9 +149,7 @@ def test_a_damaged_film_is_set_aside_and_the_job_begins_anew(films: FilmFolder, 
     assert list((tmp_path / "films").iterdir()) == []
 
 
-def test_a_film_may_be_deleted_while_its_size_is_asked_for(
-    films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_film_may_be_deleted_during_size_query(films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = films._path("gone")
     path.write_bytes(b"film")
     look = Path.stat
@@ -169,7 +165,7 @@ def test_a_film_may_be_deleted_while_its_size_is_asked_for(
     assert films.size("gone") == 0
 
 
-def test_the_films_of_deleted_jobs_are_swept(films: FilmFolder, tmp_path: Path) -> None:
+def test_sweep_deletes_films_of_deleted_jobs(films: FilmFolder, tmp_path: Path) -> None:
     for job in ("kept", "gone", "lost"):
         pinned(films, job)
     films.quarantine("lost")
@@ -178,7 +174,7 @@ def test_the_films_of_deleted_jobs_are_swept(films: FilmFolder, tmp_path: Path) 
     assert {path.name.partition(".")[0] for path in (tmp_path / "films").iterdir()} == {"kept"}
 
 
-def test_a_copy_that_was_broken_off_is_swept_and_one_under_way_is_not(films: FilmFolder, tmp_path: Path) -> None:
+def test_sweep_deletes_only_interrupted_copies(films: FilmFolder, tmp_path: Path) -> None:
     pinned(films, "source").merge([part(pinned(films, "source"), 0, 0, 1)])
     left = [tmp_path / "films" / f"killed.sqlite.new{suffix}" for suffix in ("", "-wal", "-shm")]
     for path in left:

@@ -78,7 +78,7 @@ def full(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -
         yield
 
 
-def test_deleting_works_with_no_byte_free(
+def test_deletion_works_on_full_disk(
     small_disk: Path | None, tmp_path: Path, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = (small_disk or tmp_path) / "data"
@@ -110,7 +110,7 @@ def test_deleting_works_with_no_byte_free(
         service.stop()
 
 
-def test_the_reserve_is_given_once_and_kept_again(tmp_path: Path) -> None:
+def test_reserve_is_released_and_refilled(tmp_path: Path) -> None:
     reserve = Reserve(tmp_path / "reserve")
     reserve.refill()
     assert (tmp_path / "reserve").stat().st_size == SIZE
@@ -134,7 +134,7 @@ def always_full() -> None:
     raise disk_full_error()
 
 
-def test_what_is_half_filled_is_filled_anew(tmp_path: Path) -> None:
+def test_partial_reserve_is_refilled(tmp_path: Path) -> None:
     (tmp_path / "reserve").write_bytes(os.urandom(100))
     Reserve(tmp_path / "reserve").refill()
     assert (tmp_path / "reserve").stat().st_size == SIZE
@@ -145,7 +145,7 @@ def no_byte_free(*_: object) -> None:
 
 
 @pytest.mark.parametrize("writer", ["service.store.staging.BlobWriter.write", "service.store.kernels.write_atomically"])
-def test_a_worker_that_finds_the_disk_full_is_told(
+def test_worker_upload_on_full_disk_gets_error(
     service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writer: str
 ) -> None:
     monkeypatch.setattr(writer, no_byte_free)

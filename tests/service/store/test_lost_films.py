@@ -54,7 +54,7 @@ def half_of_it(path: Path) -> None:
     ],
     ordinary=(damaged,),
 )
-def test_readers_are_told_what_is_wrong(service: Service, job: str, break_it: Callable[[Path], object], sentence: str) -> None:
+def test_readers_of_damaged_film_get_error(service: Service, job: str, break_it: Callable[[Path], object], sentence: str) -> None:
     service.stop()
     break_it(film_of(service, job))
     service.options["film_check_days"] = 0  # disables automatic repair
@@ -70,7 +70,7 @@ def test_readers_are_told_what_is_wrong(service: Service, job: str, break_it: Ca
 
 
 @pytest.mark.long
-def test_a_film_that_another_program_holds_is_read_later(service: Service, job: str) -> None:
+def test_locked_film_is_read_later(service: Service, job: str) -> None:
     service.restart()
     other = sqlite3.connect(film_of(service, job), isolation_level=None)
     other.execute("PRAGMA locking_mode=EXCLUSIVE")
@@ -105,9 +105,7 @@ def one_bit(path: Path) -> None:
     ],
     ordinary=(one_bit,),
 )
-def test_what_is_missing_is_rendered_again_by_itself(
-    service: Service, job: str, break_it: Callable[[Path], object], tiles: int
-) -> None:
+def test_missing_samples_are_rendered_again(service: Service, job: str, break_it: Callable[[Path], object], tiles: int) -> None:
     digest = service.digest(job)
     service.stop()
     break_it(film_of(service, job))
@@ -122,7 +120,7 @@ def test_what_is_missing_is_rendered_again_by_itself(
 
 
 @pytest.mark.long
-def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None:
+def test_damage_found_by_reader_is_repaired(service: Service, job: str) -> None:
     digest = service.digest(job)
     with service.farm.sessions.begin() as session:
         session.execute(update(Job).values(checked=time.time()))  # as if checked just now, so that no check is due for a week
@@ -136,7 +134,7 @@ def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None
 
 
 @pytest.mark.long
-def test_a_film_whose_scene_is_gone_says_so(service: Service, job: str) -> None:
+def test_lost_film_of_deleted_scene_gives_error(service: Service, job: str) -> None:
     with service.farm.sessions.begin() as session:
         session.execute(delete(Scene))
     service.stop()

@@ -38,7 +38,7 @@ def canvas_of(samples: int, noise: float | None = None) -> Canvas:
 
 
 @pytest.mark.parametrize("samples", [8, 64, 100])
-def test_its_noise_is_that_of_a_job(samples: int) -> None:
+def test_canvas_noise_equals_job_noise(samples: int) -> None:
     canvas = canvas_of(samples)
     assert canvas.noise is None
     filled(canvas, samples)
@@ -48,7 +48,7 @@ def test_its_noise_is_that_of_a_job(samples: int) -> None:
     assert canvas.mean_samples == samples
 
 
-def test_a_tile_is_complete_where_its_noise_is_as_low_as_is_wanted() -> None:
+def test_tile_is_complete_at_target_noise() -> None:
     canvas = canvas_of(256, 0.058)  # evenly distributed samples: 0.577 / sqrt(n)
     filled(canvas, 64)
     assert not canvas.is_complete
@@ -61,7 +61,7 @@ def test_a_tile_is_complete_where_its_noise_is_as_low_as_is_wanted() -> None:
     assert canvas.is_complete
 
 
-def test_a_tile_is_shown_again_when_it_has_half_as_many_again() -> None:
+def test_tile_is_due_after_samples_grow_by_half() -> None:
     shown = filled(canvas_of(100), 100)
     assert shown[:3] == [1, 2, 3]
     assert shown[-1] == 100

@@ -93,7 +93,7 @@ def decoded(data: bytes) -> np.ndarray:
 
 
 @pytest.mark.long
-def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tmp_path: Path) -> None:
+def test_banded_pictures_equal_whole_frame(small: Film, sums: np.ndarray, tmp_path: Path) -> None:
     color = film_math.mean(sums, 24)
     for extension in ("exr", "hdr"):
         assert same(made(small, PictureRequest(extension), tmp_path), encode(color, extension), tmp_path)
@@ -107,7 +107,7 @@ def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tm
         assert same(made(small, PictureRequest("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
 
 
-def test_a_picture_that_looks_black_is_exposed_where_it_shall_be_visible(small: Film, tmp_path: Path) -> None:
+def test_visible_option_exposes_dark_picture(small: Film, tmp_path: Path) -> None:
     """A film 2^-16 times as bright looks black. A bright picture stays as it is."""
     dark = rendered(tmp_path, small.width, small.height, small.tiles[0].w, 40)
     black, shown = (decoded(made(dark, PictureRequest("png", visible=visible), tmp_path)) for visible in (False, True))
@@ -118,7 +118,7 @@ def test_a_picture_that_looks_black_is_exposed_where_it_shall_be_visible(small: 
 
 
 @pytest.mark.long
-def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: Path) -> None:
+def test_downscaled_copy_has_minimum_width(film: Film, tmp_path: Path) -> None:
     assert decoded(made(film, PictureRequest("png", width=300), tmp_path)).shape == (300, 366, 3)
     (tmp_path / "small.exr").write_bytes(made(film, PictureRequest("exr", width=300), tmp_path))
     small = oiio.ImageInput.open(str(tmp_path / "small.exr"))
@@ -126,14 +126,14 @@ def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: P
     small.close()
 
 
-def test_a_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> None:
+def test_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> None:
     color = np.random.default_rng(5).random((small.height, small.width, 3), np.float32)
     wish = PictureRequest("exr", denoised=lambda: io.BytesIO(color.astype("<f4").tobytes()))
     assert same(made(small, wish, tmp_path), encode(color, "exr"), tmp_path)
 
 
 @grid("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")
-def test_no_picture_takes_more_memory_than_it_says(film: Film, small: Film, wish: PictureRequest, tmp_path: Path) -> None:
+def test_memory_estimate_is_not_exceeded(film: Film, small: Film, wish: PictureRequest, tmp_path: Path) -> None:
     picture_file(small, 0, wish, tmp_path)  # warms up imports and caches
     tracemalloc.start()
     try:
@@ -144,7 +144,7 @@ def test_no_picture_takes_more_memory_than_it_says(film: Film, small: Film, wish
     assert most < picture_memory(film, wish)
 
 
-def test_a_file_of_radiance_takes_a_few_rows_of_tiles_however_high_the_frame_is(film: Film) -> None:
+def test_radiance_file_memory_is_independent_of_height(film: Film) -> None:
     higher = Film(Path("none"), WIDTH, 10 * HEIGHT, TILE, 24, TileCache(1))
     for wish in (PictureRequest("exr"), PictureRequest("hdr"), ALL):
         assert picture_memory(higher, wish) == picture_memory(film, wish)

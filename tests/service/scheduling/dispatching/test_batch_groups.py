@@ -11,7 +11,7 @@ from tests.service.scheduling.test_shots import digest, expected, shoot
 
 
 @pytest.mark.long
-def test_short_frames_go_several_in_a_message_where_all_workers_know_that(service: Service) -> None:
+def test_short_batches_are_grouped_if_all_workers_support_it(service: Service) -> None:
     with service.worker(name="one") as one:
         scene = service.ready_scene()
         job = shoot(service, scene, "0-39", spp=1)
@@ -28,7 +28,7 @@ def test_short_frames_go_several_in_a_message_where_all_workers_know_that(servic
 
 
 @pytest.mark.long
-def test_what_a_lost_worker_had_of_a_message_is_rendered_by_others(service: Service) -> None:
+def test_grouped_batches_of_lost_worker_are_rendered_by_others(service: Service) -> None:
     with service.worker(name="first") as first:
         job = shoot(service, service.ready_scene(), "0-29", spp=1)
         stop = threading.Event()

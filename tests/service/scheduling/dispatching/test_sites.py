@@ -64,7 +64,7 @@ def counted(service: Service, name: str) -> int:
 
 @pytest.mark.long
 @pytest.mark.timeout(300)
-def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Service, store: redis.Redis, tmp_path: Path) -> None:
+def test_site_sends_fewer_results_and_survives_killed_reducer(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = ReducerProcess(store, service.url, TOKEN, tmp_path)
     with machines(service, "attic") as slots:
         job = begin(service, SPP)
@@ -92,7 +92,7 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
 
 @pytest.mark.long
 @pytest.mark.timeout(300)
-def test_what_waits_for_a_site_that_is_gone_is_rendered_elsewhere(service: Service, store: redis.Redis, tmp_path: Path) -> None:
+def test_batches_of_lost_site_are_rendered_elsewhere(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = ReducerProcess(store, service.url, TOKEN, tmp_path)
     with machines(service, "attic"):
         job = begin(service, SPP // 2)
@@ -102,7 +102,7 @@ def test_what_waits_for_a_site_that_is_gone_is_rendered_elsewhere(service: Servi
         finish(service, job, SPP // 2)
 
 
-def test_each_batch_is_known_by_who_rendered_it() -> None:
+def test_worker_of_each_batch_is_recorded() -> None:
     event = {"type": "batches", "job": "j", "frame": 0, "tile": [0, 0, 8, 8], "first": 4, "count": 5, "worker": "site attic"}
     message = parse_message(
         Entry(b"1-0", Result(event | {"parts": [["a", 4, 2, 0.5, "one"], ["b", 6, 3, 0.25, "two"]]}, b"sums"))

@@ -56,7 +56,7 @@ def forecast(job: ActiveJob, now: float) -> Forecast:
     return Forecast(None, "Nobody knows.") if job.eta_s is None else Forecast(now + job.eta_s)
 
 
-def test_a_forecast_must_hold_for_a_while_both_ways() -> None:
+def test_lateness_changes_only_after_some_seconds() -> None:
     told: list[tuple[str, str]] = []
     records, job = Records(), Job(eta_s=200.0)
     deadlines = Deadlines(records, run, lambda what, id: told.append((what, id)))
@@ -78,14 +78,14 @@ def test_a_forecast_must_hold_for_a_while_both_ways() -> None:
     assert job.is_late, "its deadline has passed, whatever the forecast says"
 
 
-def test_one_that_waits_is_late_once_its_deadline_has_passed() -> None:
+def test_waiting_job_is_late_after_deadline() -> None:
     records = Records(past=["waits"])
     told: list[str] = []
     Deadlines(records, run, lambda _, id: told.append(id)).update([], forecast, 1000.0)
     assert (records.lates, told) == ([("waits", 1000.0)], ["waits"])
 
 
-def test_a_job_without_a_deadline_and_one_that_is_gone_are_let_be() -> None:
+def test_jobs_without_deadline_or_deleted_are_ignored() -> None:
     records, job = Records(), Job(deadline=None)
     look(Deadlines(records, run, lambda *_: None), job, 0, 10)
     assert (records.lates, job.expected) == ([], None)
@@ -95,13 +95,13 @@ def test_a_job_without_a_deadline_and_one_that_is_gone_are_let_be() -> None:
     assert not gone.is_late
 
 
-def test_where_there_is_no_forecast_the_job_says_why_and_is_not_late() -> None:
+def test_job_without_forecast_has_reason_and_is_not_late() -> None:
     records, job = Records(), Job(eta_s=None, deadline=1000.0)
     look(Deadlines(records, run, lambda *_: None), job, 0, 10, 20)
     assert (records.lates, job.expected, job.unforeseen) == ([], None, "Nobody knows.")
 
 
-def test_a_clock_that_is_put_back_is_gone_by_at_once() -> None:
+def test_clock_set_back_takes_effect_at_once() -> None:
     records, job, other = Records(past=["waiting"]), Job(deadline=5000.0), Job(id="other", deadline=5000.0)
     deadlines = Deadlines(records, run, lambda what, id: None)
     for now in (9000.0, 4000.0):

@@ -15,7 +15,7 @@ from tests.service.scheduling.test_shots import blobs, digest, expected, shoot
 
 
 @pytest.mark.long
-def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_path: Path, redis_server: running_redis) -> None:
+def test_last_needed_frame_is_deleted_if_space_is_short(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=4000)
     try:
         with service.worker() as worker:
@@ -43,7 +43,7 @@ def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_pa
 
 
 @pytest.mark.long
-def test_a_part_that_frames_share_is_counted_once_and_stays_until_the_last(tmp_path: Path, redis_server: running_redis) -> None:
+def test_shared_part_is_counted_once_and_kept(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=6000)
     shared = b"what stands still" * 200
     part = tmp_path / "data" / "blobs" / hashlib.sha256(shared).hexdigest()[:2] / hashlib.sha256(shared).hexdigest()

@@ -60,7 +60,7 @@ def slow(batch: RenderBatch) -> None:
 
 
 @pytest.mark.long
-def test_one_of_three_that_lies_at_times_is_set_aside_and_its_samples_are_rendered_again(service: Service) -> None:
+def test_wrong_worker_is_quarantined_and_its_samples_rendered_again(service: Service) -> None:
     ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
     with ends:
         good.on_batch = third.on_batch = slow
@@ -93,7 +93,7 @@ def test_one_of_three_that_lies_at_times_is_set_aside_and_its_samples_are_render
 
 
 @pytest.mark.long
-def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_and_rendered_again(service: Service) -> None:
+def test_finished_jobs_with_distrusted_samples_are_marked(service: Service) -> None:
     ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
     with ends:
         good.on_batch = third.on_batch = slow
@@ -120,7 +120,7 @@ def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_
 
 
 @pytest.mark.long
-def test_two_that_differ_wait_for_a_third_to_decide(service: Service) -> None:
+def test_two_different_results_wait_for_third(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:
         lied = liar(bad, lambda batch: True)
@@ -138,7 +138,7 @@ def test_two_that_differ_wait_for_a_third_to_decide(service: Service) -> None:
 
 
 @pytest.mark.long
-def test_of_two_that_differ_a_person_decides_by_pausing_one(service: Service) -> None:
+def test_pausing_a_worker_decides_verification(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:
         liar(bad, lambda batch: True)
@@ -150,7 +150,7 @@ def test_of_two_that_differ_a_person_decides_by_pausing_one(service: Service) ->
 
 
 @pytest.mark.long
-def test_one_worker_alone_is_not_looked_at_and_honest_ones_lose_nothing(service: Service) -> None:
+def test_single_worker_is_not_verified(service: Service) -> None:
     with service.worker(name="alone") as alone:
         scene = service.ready_scene()
         service.wait_for(service.submit(scene, verify=1), "finished", LONG_S)
@@ -165,7 +165,7 @@ def test_one_worker_alone_is_not_looked_at_and_honest_ones_lose_nothing(service:
 
 
 @pytest.mark.long
-def test_what_a_worker_sent_stays_out_when_the_service_begins_anew(service: Service) -> None:
+def test_distrust_persists_after_restart(service: Service) -> None:
     ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
     with ends:
         good.on_batch = third.on_batch = slow
@@ -181,7 +181,7 @@ def test_what_a_worker_sent_stays_out_when_the_service_begins_anew(service: Serv
 
 
 @pytest.mark.parametrize("verify", [-0.1, 1.5, True])
-def test_a_share_that_is_none_gets_a_sentence(service: Service, verify: object) -> None:
+def test_invalid_verify_fraction_is_rejected(service: Service, verify: object) -> None:
     answer = service.http.post("/api/jobs", json={"scene": "x", "verify": verify})
     assert answer.status_code == 422
     assert "verify" in answer.text
