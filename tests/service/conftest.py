@@ -47,7 +47,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
     "scheduling/test_database_faults.py": (),
     "maintenance/test_retention.py": (),
     "store/test_garbage.py": (),
-    "ownership/test_candidate.py": ("test_of_two_that_find_it_free", "test_an_owner_that_hangs"),
+    "ownership/test_candidate.py": ("test_only_one_of_two_candidates", "test_hanging_owner_is_replaced"),
     "ownership/test_two_services.py": (),
 }
 
