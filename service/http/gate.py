@@ -28,7 +28,7 @@ from service.http.hosts import LOOPBACK_NAMES, is_local_address, name_of
 from service.http.problems import Problem
 from service.http.security import SAFE_METHODS, send_error
 from service.http.visit import VISIT, address_of, bearer_token
-from service.jobs.lookup import thing_not_found
+from service.jobs.lookup import resource_not_found
 
 __all__ = ["LOG_IN", "AuthorizationMiddleware", "cookie_name"]
 
@@ -192,7 +192,7 @@ async def _may_see(access: Access, sight: ProjectVisibility, thing: tuple[Kind, 
 
 async def _not_found(thing: tuple[Kind, str], scope: Scope, receive: Receive, send: Send) -> None:
     """Sends the "not found" response of the object's kind, for a missing object or one in a hidden project."""
-    sentence = str(thing_not_found(*thing))
+    sentence = str(resource_not_found(*thing))
     if scope["type"] == "http":
         await send_error(Problem(404, sentence), scope, receive, send)
         return

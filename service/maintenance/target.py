@@ -132,14 +132,14 @@ class TarTarget:
 
     def put(self, name: str, path: Path) -> None:
         """Adds a copy of a file to the tar file. If a name is stored twice, the later file is used."""
-        self._tar.add(path, name, filter=_private)
+        self._tar.add(path, name, filter=_with_private_mode)
         self._has[name] = path.stat().st_size
 
     def write(self, name: str, data: bytes) -> None:
         """Adds a small file with this content and name to the tar file."""
         info = tarfile.TarInfo(name)
         info.size, info.mtime = len(data), int(time.time())
-        self._tar.addfile(_private(info), io.BytesIO(data))
+        self._tar.addfile(_with_private_mode(info), io.BytesIO(data))
 
     def prune(self, keep: set[str]) -> None:
         """Closes the tar file and moves it to its final name. There are no previous files to delete."""
@@ -170,6 +170,6 @@ def target_at(path: Path, marker: str) -> Target:
     return FolderTarget(path, marker)
 
 
-def _private(info: tarfile.TarInfo) -> tarfile.TarInfo:
+def _with_private_mode(info: tarfile.TarInfo) -> tarfile.TarInfo:
     info.mode, info.uid, info.gid, info.uname, info.gname = PRIVATE, 0, 0, "", ""
     return info

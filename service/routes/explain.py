@@ -144,7 +144,7 @@ def explain(
     scene, row = _rows(job, frame_key(frame), farm)
     kind = _kind(job, scene, farm)
     sums, count = _film_sums_at(film, frame_key(frame), x, y)
-    work = _question(job, scene, row, kind, x, y, count, sample)
+    work = _explain_request(job, scene, row, kind, x, y, count, sample)
     found = farm.explaining.explain(work, kind)
     try:
         return _explained_out(found, scene, film.film_exponent, (x, y, frame), sums if kind == job.kind else None, count)
@@ -221,7 +221,7 @@ def _film_sums_at(film: Film, key: int, x: int, y: int) -> tuple[list[int] | Non
     return [*map(int, pixel[COLOR]), int(pixel[SAMPLES])], count
 
 
-def _question(
+def _explain_request(
     job: Job, scene: Scene, row: Frame | None, kind: str, x: int, y: int, count: int, sample: int | None
 ) -> ExplainPixel:
     base = str(scene.compiled[kind]["sha256"])

@@ -42,7 +42,7 @@ def film_packet(film: ReadableFilm, frame: int, folder: Path, gzip: bool) -> Pic
 
     def write(path: Path) -> None:
         with path.open("wb") as file:
-            for piece in _compressed(pieces):
+            for piece in _compress_chunks(pieces):
                 file.write(piece)
 
     return PictureBody.from_writer(write, folder, ".gz")
@@ -54,7 +54,7 @@ def picture_packet(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
     words: RGB9E5 values, shape (h, w).
     """
     height, width = words.shape
-    yield from _compressed(encode_film(0, (width, height), max(width, height), [1], planes_of(words)))
+    yield from _compress_chunks(encode_film(0, (width, height), max(width, height), [1], planes_of(words)))
 
 
 def decompressed(pieces: Iterator[bytes]) -> Iterator[bytes]:
@@ -65,7 +65,7 @@ def decompressed(pieces: Iterator[bytes]) -> Iterator[bytes]:
     yield unpacker.flush()
 
 
-def _compressed(pieces: Iterable[memoryview]) -> Iterator[bytes]:
+def _compress_chunks(pieces: Iterable[memoryview]) -> Iterator[bytes]:
     packer = zlib.compressobj(LEVEL, zlib.DEFLATED, GZIP)
     for piece in pieces:
         for at in range(0, len(piece), PIECE):

@@ -76,18 +76,18 @@ class Scheduler:
         self.job_queue = JobQueue(workers, self.jobs)
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
-        self._ready_sites: list[ReadySite] = []  # sites, during one call of `hand_out`
+        self._ready_sites: list[ReadySite] = []  # sites, during one call of `dispatch_work`
         self._cards = CardWorkers(workers, self.leases, pace)
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers whose results no film accepts (trust/trust.py)
         self.looks = NoiseBudget()
         self.checks: Counter[str] = Counter()  # pending verifications of batches, by job
-        self._sent: list[Lease] = []  # leases of one call of `hand_out`
+        self._sent: list[Lease] = []  # leases of one call of `dispatch_work`
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
         self.doubled = 0  # duplicates of straggling batches
 
-    def hand_out(self, start: StartJob) -> None:
+    def dispatch_work(self, start: StartJob) -> None:
         """Dispatches batches until each worker kind has its maximum number of outstanding messages. Raises QueueError.
 
         start(job, kind): starts a job on workers of this kind; returns False if the job is not ready.
@@ -145,13 +145,13 @@ class Scheduler:
                     ):
                         continue  # a second message before the first is measured would be too small
                     sent = len(self._sent)
-                    hand_out = partial(self._hand_to_card, job, kind, card_worker, slots, start)
-                    self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
+                    dispatch_work = partial(self._dispatch_to_card, job, kind, card_worker, slots, start)
+                    self._bulkheads.run(job.id, Step.HAND_OUT, dispatch_work, needs_database=job.state == "queued")
                     if new := self._sent[sent:]:
                         card_worker.room -= 1
                         queue.record_served(job, 1, sum(lease.charged_s for lease in new))
 
-    def _hand_to_card(self, job: ActiveJob, kind: str, card_worker: CardWorker, cpu_slots: int, start: StartJob) -> None:
+    def _dispatch_to_card(self, job: ActiveJob, kind: str, card_worker: CardWorker, cpu_slots: int, start: StartJob) -> None:
         """Dispatches one message to the worker `card_worker`, which has graphics cards. Raises QueueError.
 
         Does nothing if the job has no batch for it. cpu_slots: number of CPU slots. If none of them may render this job, the
@@ -213,8 +213,8 @@ class Scheduler:
             if not job.knows_cost and queue.held >= max(MAX_UNMEASURED_BATCHES, len(job.film.tiles)):
                 continue  # single samples on many slots cost more than they gain
             sent = len(self._sent)
-            hand_out = partial(self._hand_out, job, kind, capacity.slots, start, min(queue.left, capacity.room))
-            self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
+            dispatch_work = partial(self._dispatch_job, job, kind, capacity.slots, start, min(queue.left, capacity.room))
+            self._bulkheads.run(job.id, Step.HAND_OUT, dispatch_work, needs_database=job.state == "queued")
             if new := self._sent[sent:]:
                 taken = len({lease.slot_unit for lease in new})
                 handed_out += taken
@@ -228,7 +228,7 @@ class Scheduler:
     def _capacity_of(self, queue: str, kind: str, cache: dict[str, QueueCapacity]) -> QueueCapacity:
         """Returns the capacity of the workers that serve a queue of jobs with requirements.
 
-        cache: capacities that were computed during the same call of `hand_out`, by queue.
+        cache: capacities that were computed during the same call of `dispatch_work`, by queue.
         """
         if queue not in cache:
             slots = self._workers.roster.slots_serving(queue, of_cpu=True).get(kind, 0)
@@ -236,7 +236,7 @@ class Scheduler:
             cache[queue] = QueueCapacity(slots, window - self.leases.slots_waiting_in(queue))
         return cache[queue]
 
-    def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: StartJob, max_slots: int) -> None:
+    def _dispatch_job(self, job: ActiveJob, kind: str, slots: int, start: StartJob, max_slots: int) -> None:
         """Dispatches the next batches of a job for at most `max_slots` slots, if it has any. Raises QueueError.
 
         slots: number of slots that may render the job. start(job, kind): starts the job on workers of this kind; returns False

@@ -41,7 +41,12 @@ class DeadLetters:
         """
         self.count += 1
         reason = f"{type(why).__name__}: {why}" if isinstance(why, BaseException) else str(why)
-        told = {"time": round(time.time(), 3), "where": where, "why": reason[:MAX_CHARACTERS], "message": _readable(content)}
+        told = {
+            "time": round(time.time(), 3),
+            "where": where,
+            "why": reason[:MAX_CHARACTERS],
+            "message": _readable_message(content),
+        }
         self._latest.append(json.dumps(told))
         self._is_written = False
         now = time.monotonic()
@@ -63,7 +68,7 @@ class DeadLetters:
             log.warning("the list of messages that were put aside is not written: %s", error)
 
 
-def _readable(content: object) -> Any:
+def _readable_message(content: object) -> Any:
     """Returns a message in a readable, shortened form. Binary fields are truncated and described by their size."""
     if isinstance(content, Mapping):
         fields = list(content.items())[:20]

@@ -51,7 +51,7 @@ class FrameRow(NamedTuple):
     has_settings: bool
 
 
-def _ignore(key: int) -> None:
+def _ignore_change(key: int) -> None:
     """Does nothing. Default callback of a frame that belongs to no job."""
 
 
@@ -74,7 +74,7 @@ class ActiveFrame:
         noise: float | None,
         is_measured: bool = False,
         expected_spp: int | None = None,
-        on_change: Callable[[int], None] = _ignore,
+        on_change: Callable[[int], None] = _ignore_change,
     ) -> None:
         """Creates the frame from its database row.
 

@@ -92,7 +92,7 @@ class History:
             self._workers.add(worker)
             self.add_event("worker", worker)
 
-    def note_departed(self, workers: set[str]) -> None:
+    def record_departures(self, workers: set[str]) -> None:
         """Adds an event for each worker that rendered for the job and is not in `workers`, the names of the connected ones."""
         for gone in sorted(self._workers - workers):
             self._workers.discard(gone)

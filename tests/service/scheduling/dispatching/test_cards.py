@@ -165,7 +165,7 @@ class Farm:
         heapq.heappush(self._events, (time, next(self._order), action))
 
     def _step(self) -> None:
-        self.scheduler.hand_out(lambda job, kind: True)
+        self.scheduler.dispatch_work(lambda job, kind: True)
         for slot in list(self.free):
             if self.queues.messages[slot.queue]:
                 self.free.remove(slot)
@@ -283,7 +283,7 @@ def test_without_cpu_slots_card_worker_uses_its_cpu() -> None:
     farm = Farm(0, 1, spp=4, size=(256, 128))
     farm.refuses = True
     card = farm.slots[0]
-    farm.scheduler.hand_out(lambda job, kind: True)
+    farm.scheduler.dispatch_work(lambda job, kind: True)
     farm.run(until=1.0)
     assert farm.job.card_refusals == {"card"}
     card.is_card, card.rate = False, RATE
@@ -295,11 +295,11 @@ def test_without_cpu_slots_card_worker_uses_its_cpu() -> None:
 def test_requirements_apply_to_cards() -> None:
     farm = Farm(1, 1, spp=4, size=(256, 128))
     farm.job.needs = Needs(("gpu",))
-    farm.scheduler.hand_out(lambda job, kind: True)
+    farm.scheduler.dispatch_work(lambda job, kind: True)
     assert not farm.queues.sizes
     offers = {"card": Offer(("gpu",), 1 << 30, 1, "terms")}
     farm.workers.roster = WorkerSnapshot(reports=farm.reports, offers=offers)
-    farm.scheduler.hand_out(lambda job, kind: True)
+    farm.scheduler.dispatch_work(lambda job, kind: True)
     assert farm.queues.sizes
 
 
@@ -318,6 +318,6 @@ def test_card_worker_uses_its_cpu_if_no_cpu_slot_meets_requirements() -> None:
 def test_verified_job_is_rendered_by_cpus_only() -> None:
     farm = Farm(1, 1, spp=4, size=(256, 128))
     farm.job.verify = 0.5
-    farm.scheduler.hand_out(lambda job, kind: True)
+    farm.scheduler.dispatch_work(lambda job, kind: True)
     assert not farm.queues.sizes
     assert farm.queues.messages[render_queue(KIND)]

@@ -40,7 +40,7 @@ def test_worker_events_are_added_once() -> None:
     for _ in range(3):
         history.rendered_by("a")
         history.rendered_by("b")
-    history.note_departed({"b"})
+    history.record_departures({"b"})
     again = History.parse(history.to_json())
     again.rendered_by("b")
     again.rendered_by("a")

@@ -57,7 +57,7 @@ class Farm:
 
     def run(self, until: float) -> None:
         while self.now < until:
-            self._hand_out()
+            self._dispatch_work()
             if not self._running:
                 self.now += 0.1
                 continue
@@ -66,7 +66,7 @@ class Farm:
             self.had[job.id] += job.batch_s
             self.shares.correct_charge(KIND, job.share, job.batch_s - self._guess(job))
 
-    def _hand_out(self) -> None:
+    def _dispatch_work(self) -> None:
         shares_held: Counter[str] = Counter()
         for job in self.jobs:
             shares_held[job.share] += self.held[job.id]
