@@ -54,10 +54,10 @@ def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) 
         found = inspect_blender(named) if named is not None else find()
     except BlenderError as error:
         raise CommandError(str(error)) from None
-    return found.program if found is not None else str(_fetched(say))
+    return found.program if found is not None else str(_install_blender_module(say))
 
 
-def _fetched(say: Callable[[str], None]) -> Path:
+def _install_blender_module(say: Callable[[str], None]) -> Path:
     """Installs Blender's Python module into a virtual environment, since it needs another version of numpy. Returns its Python.
 
     Raises CommandError.

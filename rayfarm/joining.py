@@ -90,34 +90,34 @@ def run(
                 ) from error
         out.print(f"{sentence} Log: {', '.join(map(str, shown))}", soft_wrap=True)
         while not signals.stop():
-            _follow(shown)
+            _print_new_log_lines(shown)
             if (failed := supervisor.check_parts()) is not None:
-                raise CommandError(_reason(failed.last_log_lines(_LAST_LINES), f"rayfarm {name}: "))
+                raise CommandError(_exit_reason(failed.last_log_lines(_LAST_LINES), f"rayfarm {name}: "))
             time.sleep(0.2)
     finally:
         supervisor.stop(signals.is_immediate)
-        _follow(shown)
+        _print_new_log_lines(shown)
         for log in shown:
             log.unlink(missing_ok=True)
 
 
-def _reason(log: str, prefix: str) -> str:
+def _exit_reason(log: str, prefix: str) -> str:
     """Returns the last message of the log that starts with `prefix`, without the prefix.
 
     If no message starts with it, returns the last message. A library may print lines while the process exits, after the message.
     """
-    messages = [_sentence(line) for line in log.splitlines()] or [""]
+    messages = [_log_message(line) for line in log.splitlines()] or [""]
     return next((each for each in reversed(messages) if each.startswith(prefix)), messages[-1]).removeprefix(prefix)
 
 
-def _sentence(line: str) -> str:
+def _log_message(line: str) -> str:
     """Returns the message of a JSON log line; other lines are returned unchanged."""
     with contextlib.suppress(ValueError, TypeError, KeyError):
         return str(json.loads(line)["message"])
     return line
 
 
-def _follow(shown: dict[Path, int]) -> None:
+def _print_new_log_lines(shown: dict[Path, int]) -> None:
     """Prints what was appended to the processes' logs since the last call.
 
     shown: number of bytes of each log that are printed already; updated.

@@ -85,7 +85,7 @@ def compare(
     out.print(f"mean        {ours.mean():.5g} of Rayfarm, {theirs.mean():.5g} of {peer_name}: {ratio - 1:+.2%}")
     for name, a, b in zip(("red", "green", "blue"), ours.mean((0, 1)), theirs.mean((0, 1)), strict=True):
         out.print(f"  {name:<9} {a:.5g}, {b:.5g}: {a / max(b, 1e-12) - 1:+.2%}")
-    blocks = _blocks(ours, theirs)
+    blocks = _block_differences(ours, theirs)
     out.print(
         f"{BLOCK}x{BLOCK} blocks  relative difference: median {np.median(blocks):.2%}, "
         f"95 % below {np.percentile(blocks, 95):.2%}, the most {blocks.max():.2%}",
@@ -149,7 +149,7 @@ def _pbrt_picture(program: str, scene: Path, spp: int) -> Any:
         return np.asarray(read_picture(picture.read_bytes(), picture.name), np.float64)[..., :3]
 
 
-def _blocks(ours: Any, theirs: Any) -> Any:
+def _block_differences(ours: Any, theirs: Any) -> Any:
     """Returns the relative difference between the means of the two pictures in each block of pixels."""
     import numpy as np
 

@@ -60,7 +60,7 @@ def show(server: options.Server = None) -> None:
 
 
 @projects.command("let-in")
-def let_in(
+def add_member(
     name: Name,
     user: User,
     only_look: Annotated[bool, typer.Option("--only-look", help="Read-only access to the project.")] = False,
@@ -74,7 +74,7 @@ def let_in(
 
 
 @projects.command("put-out")
-def put_out(name: Name, user: User, server: options.Server = None) -> None:
+def remove_member(name: Name, user: User, server: options.Server = None) -> None:
     """Remove a user from a project. Open pages lose access at once."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}")

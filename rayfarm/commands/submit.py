@@ -116,7 +116,7 @@ def submit(
       rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
     """
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
-    _check_name(output, is_shot=frames is not None)
+    _check_output_format(output, is_shot=frames is not None)
     shot = FarmShot.from_options(frames, frame, moving, output, aov, denoise, overwrite)
     if shot is not None and picture.changes_view_partly():
         raise CommandError(
@@ -160,7 +160,7 @@ def submit(
             err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
 
 
-def _check_name(output: Path | None, is_shot: bool) -> None:
+def _check_output_format(output: Path | None, is_shot: bool) -> None:
     """Raises CommandError if a farm cannot produce files of this format."""
     if output is None or _format(output) in FORMATS:
         return

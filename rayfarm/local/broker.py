@@ -99,7 +99,7 @@ def write_config(path: Path, host: str, port: int, password: str) -> None:
         "lua-time-limit 1000",
         'save ""',
         "appendonly no",
-        f"dir {_quoted(str(path.parent))}",
+        f"dir {_quote_config_value(str(path.parent))}",
         "daemonize no",
         "tcp-keepalive 30",
         f"timeout {IDLE_S}",
@@ -120,6 +120,6 @@ def _listen_addresses(host: str) -> str:
     return f"127.0.0.1 {host}"
 
 
-def _quoted(text: str) -> str:
+def _quote_config_value(text: str) -> str:
     """Returns a text quoted for the configuration file."""
     return '"' + text.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n") + '"'

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from rayfarm.options import Env
-from rayfarm.reading import _loaded, open_stage
+from rayfarm.reading import _load_compiled_scene, open_stage
 from renderer.arrays.scene import flat
 from renderer.denoise import is_available
 from renderer.scene.animation import Moment
@@ -157,7 +157,7 @@ def test_invalid_combinations_give_error(shot: Path, tmp_path: Path, options: li
 
 def test_only_moved_parts_are_compiled_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
-    monkeypatch.setattr("rayfarm.reading._loaded", lambda *a: (built.append(1), _loaded(*a))[1])
+    monkeypatch.setattr("rayfarm.reading._load_compiled_scene", lambda *a: (built.append(1), _load_compiled_scene(*a))[1])
     for name, g, times in (("camera.glb", turning(camera_alone=True), 1), ("body.glb", turning(), 3)):
         (tmp_path / name).write_bytes(g.glb())
         built.clear()
@@ -233,7 +233,7 @@ def test_temporal_denoising_is_independent_of_existing_files(shot: Path, tmp_pat
 
 def test_turntable_rotates_once_without_recompilation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
-    monkeypatch.setattr("rayfarm.reading._loaded", lambda *a: (built.append(1), _loaded(*a))[1])
+    monkeypatch.setattr("rayfarm.reading._load_compiled_scene", lambda *a: (built.append(1), _load_compiled_scene(*a))[1])
     (tmp_path / "s.yaml").write_text("fps: 10\nshapes: [{type: cube, transform: [{rotate: {axis: y, degrees: 20}}]}]")
     done = rayfarm("render", tmp_path / "s.yaml", "-o", tmp_path / "out.##.png", "--frames", "0-20x5", "--turntable", "2", *SMALL)
     assert done.returncode == 0, done.stderr
