@@ -69,7 +69,7 @@ def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None) -> by
     None if they were not requested.
     """
     if packing < PACKED:
-        return lz4.block.compress(_narrowed(sums, 8), store_size=False)
+        return lz4.block.compress(_encode_plane(sums, 8), store_size=False)
     heads: list[bytes] = []
     bodies: list[bytes] = []
     seen: dict[tuple[int, int], list[int]] = {}
@@ -85,7 +85,7 @@ def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None) -> by
             continue
         others.append(number)
         width = next(width for width in WIDTHS if -(1 << 8 * width - 1) <= least and most < 1 << 8 * width - 1)
-        body = lz4.block.compress(_narrowed(plane, width), store_size=False)
+        body = lz4.block.compress(_encode_plane(plane, width), store_size=False)
         heads.append(PLANE.pack(PlaneHead(width, len(body))))
         bodies.append(body)
     if hits is None:
@@ -118,7 +118,7 @@ def unpack_hits(data: bytes, tile: Tile, stored: bool = False, most: int = MOST_
         raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))
     if entries == 0:
         return no_hits()
-    raw = np.frombuffer(_decompressed(memoryview(data)[at + HITS.size :], 12 * entries), np.uint8)
+    raw = np.frombuffer(_decompress(memoryview(data)[at + HITS.size :], 12 * entries), np.uint8)
     if len(raw) != 12 * entries:
         raise ValueError(
             Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=12 * entries)
@@ -276,7 +276,7 @@ def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tup
     The items are as in `_planes`.
     """
     size = CHANNELS * tile.h * tile.w * 8
-    raw = _decompressed(data, size)
+    raw = _decompress(data, size)
     plane = tile.h * tile.w * 8
     if len(raw) != size and not (stored and raw and len(raw) % plane == 0):
         raise ValueError(
@@ -293,7 +293,7 @@ def _plane_count_error(planes: int, expected: int) -> ValueError:
     )
 
 
-def _narrowed(plane: Array, width: int) -> bytes:
+def _encode_plane(plane: Array, width: int) -> bytes:
     if width == 8:  # separate the high words, which are nearly equal and compress well
         return np.ascontiguousarray(np.ascontiguousarray(plane, "<i8").reshape(-1, 1).view("<u4").T).tobytes()
     return plane.astype(WIDTHS[width]).tobytes()
@@ -309,7 +309,7 @@ def _unpack_plane(raw: bytes | memoryview, width: int, plane: Array) -> None:
 
 def _checked_bytes(body: bytes | memoryview, width: int, tile: Tile) -> bytes:
     size = tile.h * tile.w * width
-    raw = _decompressed(body, size)
+    raw = _decompress(body, size)
     if len(raw) != size:
         raise ValueError(
             Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=size)
@@ -317,7 +317,7 @@ def _checked_bytes(body: bytes | memoryview, width: int, tile: Tile) -> bytes:
     return raw
 
 
-def _decompressed(body: bytes | memoryview, size: int) -> bytes:
+def _decompress(body: bytes | memoryview, size: int) -> bytes:
     try:
         raw: bytes = lz4.block.decompress(body, uncompressed_size=size)
     except lz4.block.LZ4BlockError as error:

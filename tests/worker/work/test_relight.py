@@ -77,7 +77,7 @@ def test_only_environment_is_compiled_and_stored(
         del worker.link.blobs[sha256]
     worker.link.stored.clear()
     with monkeypatch.context() as patched:
-        patched.setattr(prepare, "_prepared", lambda *_: pytest.fail("its files are read"))
+        patched.setattr(prepare, "_prepare_in_reader", lambda *_: pytest.fail("its files are read"))
         quick = prepared(worker, replace(lit, base=asdict(base)))
     assert quick.compiled == whole.compiled
     assert not set(quick.warnings) & set(STUDIO_NOTES)
