@@ -29,7 +29,7 @@ def farm_address(join: str) -> str:
     if "://" not in join:
         join = f"http://{join}"
     if not is_address(join):
-        raise CommandError(f"{join!r} is no address of a farm; give one as http://host:8000")
+        raise CommandError(f"{join!r} is not the address of a farm; give one such as http://host:8000")
     return join
 
 
@@ -41,7 +41,7 @@ def token_to_send(subject: str, token: str, token_file: Path | None) -> str:
         try:
             token = token_file.expanduser().read_text().strip()
         except UnicodeDecodeError:
-            raise CommandError(f"{token_file} is no file with a token: it is not text.") from None
+            raise CommandError(f"{token_file} contains no token: it is not text.") from None
     token = token or value_of("RAYFARM_TOKEN")
     if not token:
         raise CommandError(

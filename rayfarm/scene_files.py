@@ -126,7 +126,7 @@ def _unpack(archive: Path, folder: Path) -> list[str]:
             total = sum(entry.file_size for entry in entries)
             if total > MAX_UNPACKED:
                 raise CommandError(
-                    f"{archive.name} unpacks to {total / 2**30:.1f} GiB; at most {MAX_UNPACKED >> 30} GiB are taken."
+                    f"{archive.name} unpacks to {total / 2**30:.1f} GiB; at most {MAX_UNPACKED >> 30} GiB are allowed."
                 )
             for name, entry in pairs:
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -147,7 +147,7 @@ def _safe_entry_name(name: str) -> str:
 def relative_to_root(scene: Path, root: Path) -> str:
     """Returns the path of a scene relative to a root folder. Raises CommandError if it is not inside it, or not a single file."""
     if scene.is_dir() or scene.suffix.lower() in ARCHIVE_SUFFIXES:
-        raise CommandError(f"--root goes with a scene file; {scene.name} holds its own files.")
+        raise CommandError(f"--root needs a scene file; {scene.name} holds its own files.")
     try:
         return scene.resolve().relative_to(root.resolve()).as_posix()
     except ValueError:

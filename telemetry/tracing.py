@@ -82,7 +82,7 @@ def start_tracing(service: str, instance: str, version: str) -> None:
     if _pipe is not None or not _is_requested():
         return
     if not _has_packages():
-        log.warning("OTEL_EXPORTER_OTLP_ENDPOINT asks for traces, which need more packages: pip install 'rayfarm[otel]'")
+        log.warning("OTEL_EXPORTER_OTLP_ENDPOINT requests traces, which need additional packages: pip install 'rayfarm[otel]'")
         return
     command = [sys.executable, "-m", "telemetry.trace_sender", service, instance, version]
     _sender = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, preexec_fn=spawn_guard())

@@ -110,7 +110,7 @@ def _only_sqlite() -> None:
         raise CommandError(str(error)) from None
     if settings.database_url and not settings.database_url.startswith("sqlite"):
         raise CommandError(
-            "This farm's database is no SQLite (RAYFARM_DATABASE_URL). Back it up with its own tool (pg_dump), and then films/ "
+            "This farm's database is not SQLite (RAYFARM_DATABASE_URL). Back it up with its own tool (pg_dump), and then films/ "
             "and blobs/ of the data folder: in this order, as films only ever gain."
         )
     if settings.blobs:

@@ -62,7 +62,7 @@ def compare(
     peer_name = "pbrt" if suffix == ".pbrt" else "Mitsuba"
     if output is not None:
         if output.suffix.lower() != ".png":
-            raise CommandError(f"{output.name}: what is written is a .png; end the name so")
+            raise CommandError(f"{output.name}: the output is a .png file; use that suffix")
         check_writable(output)
     peer = _pbrt(scene) if peer_name == "pbrt" else _mitsuba()
     import numpy as np

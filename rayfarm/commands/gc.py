@@ -68,7 +68,7 @@ def gc(
             if not as_json:
                 _print_items(found)
             if not yes and not (sys.stdin.isatty() and typer.confirm("Let these go?")):
-                raise CommandError("Nothing was let go. --yes does it without being asked.")
+                raise CommandError("Nothing was deleted. --yes deletes without asking.")
             with err.status("Looking for what may go ...") as status:
 
                 def show_progress(done: int, planned: int | None) -> None:

@@ -83,7 +83,7 @@ def _amount(text: str) -> int | None:
         return None
     found = AMOUNT.fullmatch(text.strip())
     if found is None:
-        raise CommandError(f"{text!r} is no amount; give a number, as 20, 50G or 2T")
+        raise CommandError(f"{text!r} is not an amount; give a number such as 20, 50G or 2T")
     return round(float(found[1]) * UNITS[found[2]])
 
 

@@ -135,21 +135,21 @@ def render(
     order = PictureOrder(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads, strict)
     if pixel is not None:
         if gpu:
-            raise CommandError("--pixel follows a path on the processor: leave out --gpu")
+            raise CommandError("--pixel traces a path on the processor: omit --gpu")
         if frames is not None:
-            raise CommandError("--pixel follows a path of one frame: name it by --frame")
+            raise CommandError("--pixel traces a path of one frame: select it by --frame")
         _print_path(scene, variant, moment, order, pixel, sample or 0, no_bvh, as_json, root)
         return
     if output is None:
         output = Path(f"{scene.resolve().stem}{'' if frames is None else '.####'}.png")
     if sample is not None or as_json:
-        raise CommandError("--sample and --json go with --pixel X,Y")
+        raise CommandError("--sample and --json need --pixel X,Y")
     if frame is not None and frames is not None:
         raise CommandError("--frame and --frames were both given; --frames 7,9-12 names any of them")
     if gpu:
         order = replace(order, card=open_card())
     if overwrite and frames is None:
-        raise CommandError("--overwrite goes with --frames; a single picture is always written anew")
+        raise CommandError("--overwrite needs --frames; a single picture is always overwritten")
     order = replace(order, planes=_aovs(aov, output))
     shot = None if frames is None else Sequence(scene, parse_frames(frames), output, moment, overwrite)
     _check_output_files(output, shot, order, stats)
@@ -228,7 +228,9 @@ def _check_output_files(output: Path, shot: Sequence | None, order: PictureOrder
     if shot is None or not is_movie(output):
         encode.format_of(output)
     elif order.denoise:
-        raise CommandError("--denoise writes pictures beside pictures, and a film has none: name pictures by -o out.####.png")
+        raise CommandError(
+            "--denoise writes a second picture per frame, which a movie cannot contain: write pictures with -o out.####.png"
+        )
     if order.curve not in tonemaps.CURVES:
         raise CommandError(f"--tonemap is {order.curve!r}; known are {', '.join(tonemaps.CURVES)}")
 
@@ -262,7 +264,7 @@ def _print_path(
 def _aovs(text: str | None, output: Path) -> list[str]:
     names = aovs.parse_names((name.strip() for name in text.split(",")), None) if text else []
     if names and output.suffix.lower() != ".exr":
-        raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
+        raise CommandError(f"--aov needs an .exr: {output.suffix} cannot contain further channels")
     return names
 
 

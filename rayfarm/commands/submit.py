@@ -119,11 +119,9 @@ def submit(
     _check_output_format(output, is_shot=frames is not None)
     shot = FarmShot.from_options(frames, frame, moving, output, aov, denoise, overwrite)
     if shot is not None and picture.changes_view_partly():
-        raise CommandError(
-            "A farm's frames are seen by a camera of the scene, or by a view of your own: give --eye and --target too"
-        )
+        raise CommandError("A farm needs a camera of the scene or a complete view: give both --eye and --target")
     if overwrite and frames is None:
-        raise CommandError("--overwrite goes with --frames; a single picture is always written anew")
+        raise CommandError("--overwrite needs --frames; a single picture is always overwritten")
     if shot is not None and not shot.frames:
         err.print(f"All {len(shot.all_frames)} frames are there; --overwrite renders them again", markup=False)
         return
@@ -166,21 +164,21 @@ def _check_output_format(output: Path | None, is_shot: bool) -> None:
         return
     given = (*FORMATS, *MOVIES) if is_shot else FORMATS
     if _format(output) not in given:
-        raise CommandError(f"{output.name}: a farm gives .{', .'.join(given)}; end the name with one of these")
+        raise CommandError(f"{output.name}: a farm writes .{', .'.join(given)}; end the name with one of these")
 
 
 def _check_output(output: Path | None, shot: FarmShot | None, aov: str | None, denoise: bool) -> None:
     """Raises CommandError if the picture could not be written after rendering."""
     if output is None:
         if aov:
-            raise CommandError("--aov says what to write; name the picture with -o")
+            raise CommandError("--aov needs an output file: give -o")
         return
     if shot is None:
         check_writable(output)
         if denoise:
             check_writable(options.denoised_name(output))
     if aov and output.suffix.lower() != ".exr":
-        raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
+        raise CommandError(f"--aov needs an .exr: {output.suffix} cannot contain further channels")
 
 
 def _format(output: Path) -> str:

@@ -85,9 +85,9 @@ class RedisCare:
     def unblock(self) -> None:
         """Ends a script that blocks Redis and logs the outcome. Raises redis.RedisError."""
         if end_blocking_script(self._redis):
-            log.warning("a script blocked Redis and was ended")
+            log.warning("a script that blocked Redis was killed")
         else:
-            log.error("a script blocks Redis and has written already; only a restart of Redis ends it")
+            log.error("a script that has already written data blocks Redis; only a restart of Redis ends it")
 
     def _warn(self) -> None:
         flaw = release_of(self._redis.info("server")).flaw
@@ -107,7 +107,7 @@ class RedisCare:
         users = Counter(str(client.get("user", "")) for client in self._redis.client_list())
         for user, count in users.items():
             if user.startswith(WORKER_USER) and count > MOST_OF_CLIENTS * most:
-                log.warning("the Redis user %s of a worker's token has %d connections, which are closed", user, count)
+                log.warning("the Redis user %s of a worker has %d connections; all of them are closed", user, count)
                 self._redis.execute_command("CLIENT", "KILL", "USER", user)
 
     def _remove_largest_keys(self) -> None:

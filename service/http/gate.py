@@ -156,7 +156,7 @@ def _needs_login(access: Access, connection: HTTPConnection) -> bool:
 def _warn_of_proxy() -> None:
     """Logs a warning, once, that a proxy forwards to a service that needs no login on its own machine."""
     log.warning(
-        "A proxy passes requests on to this farm, which needs no login on its own machine. Such requests need a login. Set "
+        "A proxy forwards requests to this farm, which needs no login on its own machine. Forwarded requests need a login. Set "
         "RAYFARM_TRUSTED_PROXIES to the proxy's address, or RAYFARM_LOGIN=always: requests of a proxy that adds no header look "
         "like those of a person on this machine."
     )

@@ -159,7 +159,7 @@ class Candidate:
         now = self._clock()
         self._stuck_since = self._stuck_since if self._stuck_since is not None else now
         if now - self._stuck_since > self._settings.lease_s and is_stopped(row.process) and kill_process(row.process or {}):
-            log.warning("ended %s, which stands still and holds the database", row.place)
+            log.warning("killed %s, which was suspended while it locked the database", row.place)
 
 
 def _is_damage(error: DatabaseError) -> bool:

@@ -272,7 +272,7 @@ class Engine:
         )
         if self._fault != sentence or time.monotonic() - self._traced >= TRACE_EVERY_S:  # it may recur at every step
             self._traced = time.monotonic()
-            log.error("a fault in the engine", exc_info=error)
+            log.error("unexpected error in the engine", exc_info=error)
         return sentence
 
     def _step(self) -> None:

@@ -110,7 +110,7 @@ class FilmFile:
             with film_faults():
                 self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
         except FarmError as error:
-            log.info("a film keeps its log beside it: %s", error)
+            log.info("the write-ahead log of a film cannot be merged: %s", error)
 
     def row_heads(self) -> list[RowHead]:
         """Returns the heads of all rows."""

@@ -213,7 +213,7 @@ class FrameChanges:
         try:
             self._queue_pending()
         except FarmError as error:
-            log.warning("what is left to do to frames is looked for later: %s", error)
+            log.warning("pending changes of frames are read later: %s", error)
             self._later.put("")
         while not self._stop.is_set():
             job = self._later.get()
@@ -222,7 +222,7 @@ class FrameChanges:
             try:
                 self._resume(job)
             except FarmError as error:
-                log.warning("the frames of job %s are not all written down yet: %s", job, error)
+                log.warning("not all frames of job %s are stored yet: %s", job, error)
                 self._stop.wait(RETRY_AFTER_S)
                 self._later.put(job)
             except Exception:

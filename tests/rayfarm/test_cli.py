@@ -230,8 +230,8 @@ def test_info_prints_text_and_json() -> None:
             1,
             "RAYFARM_TOKEN is empty, but a worker needs the farm's token. Set it to the one that `rayfarm up` shows",
         ),
-        (["worker", "--join", "http://127.0.0.1:9", "--token-file", sys.executable], 1, "is no file with a token"),
-        (["up", "--no-browser", "--host", "203.0.113.7"], 1, "is no address of this machine"),
+        (["worker", "--join", "http://127.0.0.1:9", "--token-file", sys.executable], 1, "contains no token"),
+        (["up", "--no-browser", "--host", "203.0.113.7"], 1, "is not an address of this machine"),
     ],
 )
 def test_errors_print_one_sentence_and_exit_code(tmp_path: Path, arguments: list[str], code: int, sentence: str) -> None:

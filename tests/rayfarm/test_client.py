@@ -132,10 +132,10 @@ def test_server_error_gives_message(answer: bytes, words: str, capsys: pytest.Ca
 def test_unreachable_farm_and_invalid_address_give_messages(capsys: pytest.CaptureFixture[str]) -> None:
     for server, words in (
         ("http://127.0.0.1:9", "No farm answers"),
-        ("http://exa mple", "no address"),
-        ("http://[", "no address"),
-        ("ftp://host", "no address"),
-        ("host:99999", "no address"),
+        ("http://exa mple", "not the address"),
+        ("http://[", "not the address"),
+        ("ftp://host", "not the address"),
+        ("host:99999", "not the address"),
     ):
         code, _, err = command(capsys, "jobs", "--server", server)
         assert code == 1

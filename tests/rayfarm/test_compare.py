@@ -40,7 +40,7 @@ def test_comparison_prints_differences(folder: Path) -> None:
     [
         (["scene.glb"], "is not a Mitsuba or pbrt scene"),
         (["scene.pbrt"], "There is no program pbrt on the PATH"),
-        (["scene.xml", "-o", "both.exr"], "what is written is a .png"),
+        (["scene.xml", "-o", "both.exr"], "the output is a .png file"),
         (["nowhere.xml"], "There is no file"),
     ],
 )

@@ -43,7 +43,7 @@ def test_gc_lists_then_deletes_when_confirmed(service: Service, job: str) -> Non
     assert job in shown
     assert "1 may go" in shown
     unsure = rayfarm(*asked, COLUMNS="200")
-    assert (unsure.returncode, "Nothing was let go" in unsure.stderr) == (1, True)
+    assert (unsure.returncode, "Nothing was deleted" in unsure.stderr) == (1, True)
     assert service.job(job)["state"] == "finished"
     gone = json.loads(rayfarm(*asked, "--yes", "--json", COLUMNS="200").stdout)
     assert [item["id"] for item in gone["items"]] == [job]

@@ -80,7 +80,7 @@ def test_unreachable_redis_is_retried_until_ctrl_c() -> None:
 
 def test_invalid_options_give_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    for join, sentence in (("127.0.0.1:9", "RAYFARM_CACHE"), ("http://exa mple", "no address")):
+    for join, sentence in (("127.0.0.1:9", "RAYFARM_CACHE"), ("http://exa mple", "not the address")):
         done = rayfarm(*WORKER, "--token=t", f"--join={join}", RAYFARM_CACHE=str(tmp_path / "file"))
         assert done.returncode == 1
         assert sentence in done.stderr

@@ -79,7 +79,7 @@ class TermsKeeper:
             asked = Terms.from_bytes(data) if data is not None else Terms()
         except ValueError as error:
             if self.trouble != str(error):
-                log.warning("what is asked of this worker is left out: %s", error)
+                log.warning("invalid settings for this worker are ignored: %s", error)
             self.trouble = str(error)
             return
         if asked != self.asked:

@@ -170,7 +170,7 @@ class _Server(ThreadingHTTPServer):
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignores errors of broken connections: the sender then sends its result to the service."""
-        log.debug("a connection of %s broke", client_address, exc_info=True)
+        log.debug("a connection from %s was lost", client_address, exc_info=True)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -205,7 +205,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             self.server.reducer.store(body)
         except ValueError as error:
-            log.debug("sums are left to the service: %s", error)
+            log.debug("sums are rejected and left to the service: %s", error)
             return self._send_status(HTTPStatus.CONFLICT)
         except (SumsFullError, OSError) as error:
             log.warning("sums are not taken: %s", error or "too many wait")

@@ -473,7 +473,7 @@ class Scheduler:
         others = self._other_ready_workers(worker)
         failures = self.suspicion.failures_of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
-            log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
+            log.warning("worker %s is quarantined after %d failures", worker, failures, extra=ids(worker=worker))
             reason = Sentence(
                 "worker-quarantined-failures",
                 "Set aside: {failures} of its batches failed while other workers rendered theirs. Check its log, then resume it.",
@@ -499,7 +499,7 @@ class Scheduler:
         trouble.losses += fate.counts_as_loss
         job.history.add_event("lost", lease.holder or "")
         said, known = (job.id, lease.holder, batch, fate.value), ids(job=job.id, batch=lease.id, worker=lease.holder)
-        log.info("job %s: a batch did not come back (%s, %s): %s; it is handed out again", *said, extra=known)
+        log.info("job %s: a batch was lost (%s, %s): %s; it is dispatched again", *said, extra=known)
         job.history.log.add_line(f"that was {batch_description(batch)} ({fate.value}), lost {trouble.losses} times so far")
         job.requeue(batch)
         if trouble.losses >= LOSSES_ALLOWED:

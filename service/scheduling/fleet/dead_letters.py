@@ -55,7 +55,9 @@ class DeadLetters:
             return
         more = f" ({self._unlogged} others since the last line)" if self._unlogged else ""
         self._logged, self._unlogged = now, 0
-        log.warning("a message was put aside (%s): %.500s%s", where, reason, more, exc_info=error, extra=ids(owner=where))
+        log.warning(
+            "a message was moved to the dead letters (%s): %.500s%s", where, reason, more, exc_info=error, extra=ids(owner=where)
+        )
 
     def flush(self) -> None:
         """Writes the list to its file if it has changed. A failure to write is only logged."""
@@ -65,7 +67,7 @@ class DeadLetters:
         try:
             write_atomically(self._path, "".join(f"{line}\n" for line in self._latest).encode())
         except OSError as error:
-            log.warning("the list of messages that were put aside is not written: %s", error)
+            log.warning("the dead letters cannot be written: %s", error)
 
 
 def _readable_message(content: object) -> Any:
