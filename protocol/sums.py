@@ -121,7 +121,7 @@ def unpack_hits(data: bytes, tile: Tile, stored: bool = False, most: int = MOST_
     raw = np.frombuffer(_decompress(memoryview(data)[at + HITS.size :], 12 * entries), np.uint8)
     if len(raw) != 12 * entries:
         raise ValueError(
-            Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=12 * entries)
+            Sentence("sums-size", "sums have {bytes} bytes, but the tile needs {expected}", bytes=len(raw), expected=12 * entries)
         )
     step, number, count = raw.view("<u4").reshape(3, entries).astype(np.uint64)
     place = np.cumsum(step)
@@ -209,7 +209,12 @@ def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None)
         samples = int(np.bincount(np.unique(hits.key >> np.uint64(31), return_inverse=True)[1], hits.count).max())
         if samples > count:
             raise ValueError(
-                Sentence("sums-samples", "damaged sums: {samples} samples of a pixel, of {count}", samples=samples, count=count)
+                Sentence(
+                    "sums-samples",
+                    "damaged sums: a pixel has {samples} samples, but the batch has {count}",
+                    samples=samples,
+                    count=count,
+                )
             )
     code, least, _ = known[SAMPLES]
     most = least
@@ -220,7 +225,7 @@ def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None)
         raise ValueError(
             Sentence(
                 "sums-samples",
-                "damaged sums: {samples} samples of a pixel, of {count}",
+                "damaged sums: a pixel has {samples} samples, but the batch has {count}",
                 samples=most if most > count else least,
                 count=count,
             )
@@ -280,7 +285,7 @@ def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tup
     plane = tile.h * tile.w * 8
     if len(raw) != size and not (stored and raw and len(raw) % plane == 0):
         raise ValueError(
-            Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=size)
+            Sentence("sums-size", "sums have {bytes} bytes, but the tile needs {expected}", bytes=len(raw), expected=size)
         )
     words = np.frombuffer(raw, "<u4").reshape(2, -1, tile.h * tile.w)
     for number in range(words.shape[1]):
@@ -289,7 +294,7 @@ def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tup
 
 def _plane_count_error(planes: int, expected: int) -> ValueError:
     return ValueError(
-        Sentence("sums-planes", "sums of {planes} planes, where a film has {expected}", planes=planes, expected=expected)
+        Sentence("sums-planes", "sums have {planes} planes, but the film has {expected}", planes=planes, expected=expected)
     )
 
 
@@ -312,7 +317,7 @@ def _checked_bytes(body: bytes | memoryview, width: int, tile: Tile) -> bytes:
     raw = _decompress(body, size)
     if len(raw) != size:
         raise ValueError(
-            Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=size)
+            Sentence("sums-size", "sums have {bytes} bytes, but the tile needs {expected}", bytes=len(raw), expected=size)
         )
     return raw
 

@@ -230,7 +230,11 @@ def _choice_field(name: str, form: Form, among: Collection[str]) -> str | None:
     if text and text not in among:
         raise Invalid(
             Sentence(
-                "choice-invalid", "{name} is {value}; possible are {values}.", name=name, value=repr(text[:60]), values=[*among]
+                "choice-invalid",
+                "{name} is {value}; it must be one of {values}.",
+                name=name,
+                value=repr(text[:60]),
+                values=[*among],
             )
         )
     return text or None

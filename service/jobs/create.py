@@ -85,7 +85,7 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
             raise Conflict(
                 Sentence(
                     "job-not-finished",
-                    "The job is {state}; only a job that is not over can be started again.",
+                    "The job is {state}; only an unfinished job can be restarted.",
                     state=STATE_LABELS[job.state],
                 )
             )

@@ -67,7 +67,7 @@ def add_dependencies(job: Job, after: Sequence[str], session: Session) -> None:
             raise Conflict(
                 Sentence(
                     "after-job-ended",
-                    "after: the job {id} ({name}) has {state}. Choose a job that is not over.",
+                    "after: the job {id} ({name}) has {state}. Choose an unfinished job.",
                     id=id,
                     name=other.name,
                     state=_ended_phrase(other.state),

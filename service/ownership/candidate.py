@@ -138,7 +138,7 @@ class Candidate:
                 raise StartupError(
                     Sentence(
                         "database-in-use",
-                        "Another service ({place}) works with this database, and its films lie in another folder. Give "
+                        "Another service ({place}) uses this database with films in another folder. Give "
                         "this one the same folder (RAYFARM_DATA), or a database of its own (RAYFARM_DATABASE_URL).",
                         place=row.place,
                     )
@@ -180,7 +180,7 @@ def take_farm(settings: Settings, patience_s: float) -> Ownership:
                 raise StartupError(
                     Sentence(
                         "data-folder-in-use",
-                        "Another service works on {data}. Stop it, or set RAYFARM_DATA to a folder of its own.",
+                        "Another service uses {data}. Stop it, or set RAYFARM_DATA to a folder of its own.",
                         data=settings.data,
                     )
                 )

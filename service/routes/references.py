@@ -85,7 +85,7 @@ async def add_reference(
     form = await read_single_upload(request, farm, Sentence("kind-picture", "picture"))
     try:
         name, file = only_file(
-            form, SUFFIXES, "/api/references", Sentence("reference-image-invalid", "no image that can be compared with")
+            form, SUFFIXES, "/api/references", Sentence("reference-image-invalid", "not an image that can be used as a reference")
         )
         temporary = farm.settings.data / "tmp"
         await run_in_threadpool(farm.access.projects.recheck, project, visit.caller, visit.sight)
@@ -132,7 +132,7 @@ async def reference_image(
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; the curves are {curves}.",
                 name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )

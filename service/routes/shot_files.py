@@ -182,7 +182,7 @@ def _curve(name: str) -> str:
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; the curves are {curves}.",
                 name=repr(name[:60]),
                 curves=[*tonemap.CURVES],
             )

@@ -62,7 +62,7 @@ def test_planes_missing_in_older_release_are_zero() -> None:
     for packing in (1, 2):
         old_planes = sums[:12]
         old = pack_sums(old_planes, packing)
-        with pytest.raises(ValueError, match="sums of"):
+        with pytest.raises(ValueError, match="sums have"):
             unpack_sums(old, TILE)
         found = unpack_sums(old, TILE, stored=True)
         np.testing.assert_array_equal(found[:12], sums[:12])
@@ -99,7 +99,7 @@ def test_pixel_sample_counts_are_checked(packing: int) -> None:
             if is_right:
                 check_weight(data, TILE, 3)
             else:
-                with pytest.raises(ValueError, match="samples of a pixel, of 3"):
+                with pytest.raises(ValueError, match="but the batch has 3"):
                     check_weight(data, TILE, 3)
 
 

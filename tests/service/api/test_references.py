@@ -133,7 +133,7 @@ def _film_of(service: Service, id: str) -> str:
     [
         ("truth.exr", b"no picture at all", 422, "is not an image of a known format; give one of"),
         ("truth.exr", encode.encode(radiance(), "exr")[:700], 422, "damaged"),
-        ("notes.txt", b"text", 422, "no image that can be compared with"),
+        ("notes.txt", b"text", 422, "not an image that can be used as a reference"),
         ("truth.exr", b"", 422, "is empty"),
         ("truth.exr", bytes(3_100_000), 413, "3000000 bytes"),
     ],

@@ -206,7 +206,7 @@ def test_other_folder_with_same_database_is_rejected(candidates: Callable[..., C
     assert second.attempt() is None
     first.confirm()
     clock.now += 0.5
-    with pytest.raises(StartupError, match="its films lie in another folder"):
+    with pytest.raises(StartupError, match="with films in another folder"):
         second.attempt()
 
 
@@ -220,7 +220,7 @@ def test_only_one_of_two_candidates_gets_farm(candidates: Callable[..., Candidat
 
 def test_second_service_without_standby_is_rejected(tmp_path: Path) -> None:
     first = take_farm(Settings(data=tmp_path), 0.0)
-    with pytest.raises(StartupError, match="Another service works on"):
+    with pytest.raises(StartupError, match="Another service uses"):
         take_farm(Settings(data=tmp_path), 0.0)
     first.stop()
     take_farm(Settings(data=tmp_path), 0.0).stop()

@@ -149,7 +149,7 @@ def test_deleted_folder_does_not_block_others(kept: SiteSums, tmp_path: Path) ->
 
 def test_sums_with_wrong_sample_count_are_not_merged(kept: SiteSums) -> None:
     result = sums(0, 6)
-    with pytest.raises(ValueError, match="damaged sums: 6 samples of a pixel, of 4"):
+    with pytest.raises(ValueError, match="a pixel has 6 samples, but the batch has 4"):
         kept.store(Result(sums(0, 4).event, result.sums))
 
 
