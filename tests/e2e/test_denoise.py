@@ -16,7 +16,7 @@ from playwright.sync_api import expect
 
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_screen, read_exr, rendered, shown, split
+from tests.e2e.screen import assert_screen, expected_pixels, expected_split, read_exr, render_job
 from tests.helpers import Farm
 
 SIZE = {"width": 96, "height": 64}
@@ -27,12 +27,12 @@ def test_denoised_picture_is_shown_and_film_is_unchanged(farm: Farm, watched: Wa
     if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
         pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
-    job = rendered(farm, scene, **SIZE, spp=8)
+    job = render_job(farm, scene, **SIZE, spp=8)
     image = f"{farm.url}/api/jobs/{job}/frames/0/image"
     raw = read_exr(f"{image}.exr", tmp_path)
     words = np.frombuffer(httpx.get(f"{image}.rgb9e5?denoise=true", timeout=60).raise_for_status().content, "<u4")
     clean = rgbe9995.unpack(words.reshape(SIZE["height"], SIZE["width"]))
-    pictures = [shown(raw, 0.5, "srgb"), tonemap.apply(clean, 0.5, "srgb").astype(int)]
+    pictures = [expected_pixels(raw, 0.5, "srgb"), tonemap.apply(clean, 0.5, "srgb").astype(int)]
     assert np.abs(pictures[0] - pictures[1]).mean() > 2, "the two differ, or this test says nothing"
 
     page = watched.page
@@ -43,7 +43,7 @@ def test_denoised_picture_is_shown_and_film_is_unchanged(farm: Farm, watched: Wa
     expect(page.locator(".channel-tag.left")).to_have_text("Raw")
     page.keyboard.press("1")
     page.mouse.move(5, 5)
-    assert_screen(page, split(*pictures, page), "beside")
+    assert_screen(page, expected_split(*pictures, page), "beside")
     expect(page).to_have_url(re.compile("denoise=wipe"))
 
     panel.get_by_text("On", exact=True).click()

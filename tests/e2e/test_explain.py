@@ -13,7 +13,7 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import rendered
+from tests.e2e.screen import render_job
 from tests.helpers import Farm
 
 PIXEL = (96, 64)
@@ -23,7 +23,7 @@ PIXEL = (96, 64)
 def finished(farm: Farm) -> str:
     """Returns the id of a small finished picture of a closed box with indirect light."""
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
-    return rendered(farm, str(scene), width=192, height=128, tile_size=64, spp=8)
+    return render_job(farm, str(scene), width=192, height=128, tile_size=64, spp=8)
 
 
 def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:

@@ -12,7 +12,7 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from renderer.image import rgbe9995, tonemap
-from tests.e2e.site import HEIGHT, WIDTH, Site, call, radiances
+from tests.e2e.site import HEIGHT, WIDTH, Site, call, sample_radiance
 from tests.grids import grid
 
 EXPOSURES = (-3.0, 0.0, 2.5)
@@ -25,7 +25,7 @@ LOOKS = {
 @grid("looks", LOOKS, ordinary=("each curve",))
 def test_shader_tone_mapping_equals_python(looks: str, page: Page) -> None:
     """The page's shader applies all tone curves as Python does, within one 8-bit step, over a range of 21 stops."""
-    film = radiances()
+    film = sample_radiance()
     mount = """
         const view = new m.FilmView(a.width, a.height, { cursor() {}, moved() {} });
         document.body.replaceChildren(view.element);

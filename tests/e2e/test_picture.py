@@ -15,7 +15,7 @@ from playwright.sync_api import Page, WebSocket, expect
 from renderer import aovs
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_screen, assert_shows, on_screen, read_exr, rendered
+from tests.e2e.screen import assert_screen, assert_shows, on_screen, read_exr, render_job
 from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 
@@ -29,7 +29,7 @@ def spheres(farm: Farm) -> str:
 @pytest.fixture(scope="module")
 def finished(farm: Farm) -> str:
     """Returns the id of a finished job with several tiles."""
-    return rendered(farm, spheres(farm), **SIZE, spp=8)
+    return render_job(farm, spheres(farm), **SIZE, spp=8)
 
 
 def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:

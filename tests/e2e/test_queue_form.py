@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.site import call
-from tests.e2e.test_settings_form import open_form, submitted
+from tests.e2e.test_settings_form import open_form, submitted_request
 
 JOBS = [
     {"id": "j1", "name": "The set", "state": "running", "progress": 0.25, "created": 3},
@@ -30,7 +30,7 @@ def form(page: Page) -> Page:
 
 @pytest.mark.long
 def test_unchanged_options_are_not_requested(form: Page) -> None:
-    asked = submitted(form)
+    asked = submitted_request(form)
     assert not {"deadline", "priority", "max_slots", "needs", "after", "verify", "fresh"} & asked.keys()
 
 
@@ -51,7 +51,7 @@ def test_queue_options_are_requested(form: Page) -> None:
     expect(fold.locator("summary")).to_contain_text(
         "priority 5 · 3 slots · gpu, memory_gb=12 · after 1 job · 2.5 % verified · anew"
     )
-    asked = submitted(form)
+    asked = submitted_request(form)
     assert form.evaluate("new Date(window.asked.deadline) - new Date('2035-05-01T08:00')") == 0
     names = ("priority", "max_slots", "needs", "after", "verify", "fresh")
     assert [asked[name] for name in names] == [5, 3, ["gpu", "memory_gb=12"], ["j2"], 0.025, True]
@@ -70,7 +70,7 @@ def test_invalid_option_shows_error_at_its_field(form: Page) -> None:
         fold.evaluate("fold => { fold.open = true }")
         fold.get_by_label(label).fill(wrong)
         fold.evaluate("fold => { fold.open = false }")
-        assert submitted(form) is None
+        assert submitted_request(form) is None
         expect(fold.get_by_role("alert").filter(has_text=said)).to_be_visible()
         expect(fold.get_by_label(label)).to_be_focused()
         fold.get_by_label(label).fill(right)
@@ -83,7 +83,7 @@ def test_invalid_option_shows_error_at_its_field(form: Page) -> None:
     fold.get_by_label("Needs").fill("gpu, memory_gb=16")
     fold.get_by_label("Needs").blur()
     expect(fold.locator(".lacking")).to_be_hidden()
-    assert submitted(form)["needs"] == ["gpu", "memory_gb=16"]
+    assert submitted_request(form)["needs"] == ["gpu", "memory_gb=16"]
 
 
 @pytest.mark.long
@@ -93,7 +93,7 @@ def test_request_is_shown_as_program_code(form: Page) -> None:
     curl, python = (fold.get_by_label(name, exact=True) for name in ("curl", "Python"))
     expect(curl).to_contain_text('"priority":5')
     expect(python).to_contain_text("priority=5")
-    asked = submitted(form)
+    asked = submitted_request(form)
     _, _, body = shlex.split(curl.text_content() or "")[-3:]
     assert json.loads(body) == asked
     tree = ast.parse(python.text_content() or "")

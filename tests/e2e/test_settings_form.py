@@ -46,7 +46,7 @@ def open_form(
     call(page, "scene/settings-form", TOLD + body, {"scene": scene, "table": described(known), "asShot": as_shot})
 
 
-def submitted(page: Page) -> dict[str, Any]:
+def submitted_request(page: Page) -> dict[str, Any]:
     page.get_by_role("button", name="Render").click()
     asked: dict[str, Any] = page.evaluate("window.asked")
     return asked
@@ -77,13 +77,13 @@ def test_declared_setting_has_a_field(page: Page) -> None:
     expect(field).to_have_attribute("placeholder", "dull")
     expect(page.get_by_text("How much the snow glitters.")).to_be_visible()
     field.fill("3")
-    assert submitted(page) is None
+    assert submitted_request(page) is None
     expect(page.get_by_text("Sparkle lies between 0.1 and 2.")).to_be_visible()
     field.fill("1.5")
-    assert submitted(page)["sparkle"] == 1.5
+    assert submitted_request(page)["sparkle"] == 1.5
     page.get_by_label("Integrator").select_option("direct")
     expect(field).to_be_hidden()
-    assert "sparkle" not in submitted(page)
+    assert "sparkle" not in submitted_request(page)
 
 
 @pytest.mark.long
@@ -105,7 +105,7 @@ def test_quality_presets_show_expected_time_and_noise(page: Page) -> None:
     ]
     expect(page.get_by_text("64 M samples, about 33 s on 2 slots, 5 % noise")).to_be_visible()
     page.get_by_text("Finest").click()
-    assert submitted(page)["spp"] == 1024
+    assert submitted_request(page)["spp"] == 1024
 
 
 @pytest.mark.long
@@ -116,14 +116,14 @@ def test_changed_field_is_marked_and_can_be_reset(page: Page) -> None:
     expect(back).to_be_hidden()
     depth.locator("xpath=..").locator("input[type=range]").fill("400")  # end of the slider
     expect(depth).to_have_value("64")
-    assert submitted(page)["max_depth"] == 64
+    assert submitted_request(page)["max_depth"] == 64
     back.click()
     expect(depth).to_have_value("5")
     expect(back).to_be_hidden()
-    assert "max_depth" not in submitted(page)
+    assert "max_depth" not in submitted_request(page)
     page.get_by_label("Filter").select_option("box")
     page.get_by_role("button", name="Reset to Blackman-Harris").click()
-    assert "filter" not in submitted(page)
+    assert "filter" not in submitted_request(page)
 
 
 @pytest.mark.long
@@ -213,7 +213,7 @@ def test_job_goal_is_shown_instead_of_sample_limit(page: Page) -> None:
 def test_unchanged_fields_use_scene_defaults(page: Page) -> None:
     open_form(page)
     plain = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}
-    assert submitted(page) == plain
+    assert submitted_request(page) == plain
 
 
 @pytest.mark.long
@@ -226,7 +226,7 @@ def test_cameras_with_equal_names_are_distinguished(page: Page) -> None:
     expect(camera.get_by_role("option")).to_have_text(shown)
     for label, asked in zip(shown, ["front", "side", 2, "auto", 4], strict=False):
         camera.select_option(label=label)
-        assert submitted(page)["camera"] == asked
+        assert submitted_request(page)["camera"] == asked
 
 
 @pytest.mark.long
@@ -242,7 +242,7 @@ def test_settings_of_finished_job_are_requested_again(page: Page) -> None:
         const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, a.job);
         document.body.replaceChildren(form.element);"""
     call(page, "scene/settings-form", TOLD + body, {"scene": SCENE, "job": job, "table": described()})
-    asked = submitted(page)
+    asked = submitted_request(page)
     assert settings.View.from_json(asked.pop("view")) == view
     size = {"scene": "abc", "width": 640, "height": 320, "spp": 21, "seconds": 90}
     assert asked == {**size, **chosen, "environment": {"color": [0.123456, 2.0, 0.5], "strength": 0.7}}
@@ -257,7 +257,7 @@ def test_changed_fields_are_requested(page: Page) -> None:
     dial = page.get_by_role("slider", name="Where the sun stands")
     dial.press("ArrowUp")
     dial.press("Shift+ArrowLeft")
-    asked = submitted(page)
+    asked = submitted_request(page)
     # The scene camera's exact numbers are sent, though the fields show six digits.
     assert asked["view"]["eye"] == SCENE["cameras"][0]["view"]["eye"]  # type: ignore[index]
     assert asked["view"]["aperture"] == 0.1
@@ -293,7 +293,7 @@ def test_only_settings_of_integrator_are_shown_and_sent(page: Page) -> None:
     page.get_by_label("Integrator").select_option("ao")
     expect(page.get_by_label("Max depth", exact=True)).to_be_hidden()
     page.get_by_label("AO distance").fill("2.5")
-    asked = submitted(page)
+    asked = submitted_request(page)
     assert asked["integrator"] == "ao"
     assert asked["ao_distance"] == 2.5
     assert "max_depth" not in asked
@@ -308,7 +308,7 @@ def test_whitted_ambient_is_grey(page: Page) -> None:
     page.get_by_label("Ambient light").fill("0.1")
     page.get_by_label("Near plane").fill("1.5")
     page.get_by_label("Shift up").fill("0.25")
-    asked = submitted(page)
+    asked = submitted_request(page)
     assert (asked["integrator"], asked["ambient"]) == ("whitted", [0.1, 0.1, 0.1])
     assert (asked["view"]["near"], asked["view"]["shift_y"]) == (1.5, 0.25)
 
@@ -318,7 +318,7 @@ def test_panorama_is_twice_as_wide_as_high(page: Page) -> None:
     open_form(page)
     page.get_by_label("Projection").select_option("panorama")
     expect(page.get_by_label("Aperture")).to_be_hidden()
-    asked = submitted(page)
+    asked = submitted_request(page)
     assert (asked["width"], asked["height"]) == (300, 150)
     assert asked["view"]["projection"] == "panorama"
 
@@ -329,11 +329,11 @@ def test_invalid_value_shows_error_at_its_field(page: Page) -> None:
     page.get_by_label("Light samples").fill("70")
     page.get_by_label("Max depth", exact=True).fill("2.5")
     page.get_by_label("Samples per pixel").fill("")
-    assert submitted(page) is None
+    assert submitted_request(page) is None
     for sentence in ("Light samples lies between 1 and 64.", "Max depth is a whole number.", "Samples per pixel needs a number."):
         expect(page.get_by_role("alert").filter(has_text=sentence)).to_be_visible()
     expect(page.get_by_label("Samples per pixel")).to_be_focused()
     page.get_by_label("Samples per pixel").fill("8")
     page.get_by_label("Max depth", exact=True).fill("2")
     page.get_by_label("Light samples").fill("1")
-    assert submitted(page)["spp"] == 8
+    assert submitted_request(page)["spp"] == 8

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from renderer.image import rgbe9995
-from tests.e2e.site import HEIGHT, WIDTH, packet, radiances
+from tests.e2e.site import HEIGHT, WIDTH, film_message, sample_radiance
 from tests.page.node import Node
 
 
@@ -22,7 +22,7 @@ def test_rgb9e5_words_are_decoded_as_python_encodes_them(node: Node) -> None:
 
 
 def test_damaged_packet_is_rejected(node: Node) -> None:
-    whole = list(packet(5, radiances(), 3))
+    whole = list(film_message(5, sample_radiance(), 3))
     body = "const tile = m.decodeTile(new Uint8Array(a).buffer); return [tile.seq, tile.w, tile.h, tile.spp];"
     assert node.call("news/tile-packet", body, whole) == [5, WIDTH, HEIGHT, 3]
     refused = "try { m.decodeTile(new Uint8Array(a).buffer); return 'taken'; } catch (error) { return error.message; }"
@@ -47,8 +47,8 @@ def test_zoom_keeps_pixel_under_cursor(node: Node) -> None:
 
 
 def test_area_statistics_equal_numpy(node: Node) -> None:
-    film = rgbe9995.unpack(rgbe9995.pack(radiances()))
-    words = rgbe9995.pack(radiances()).ravel().tolist()
+    film = rgbe9995.unpack(rgbe9995.pack(sample_radiance()))
+    words = rgbe9995.pack(sample_radiance()).ravel().tolist()
     body = """
         const { Film } = await read("/js/film/film.js");
         const film = new Film(a.width, a.height, new Uint32Array(a.words));
