@@ -27,11 +27,11 @@ from protocol.pictures import (
 from protocol.result_bytes import result_of
 from protocol.view_parts import ViewAnswer
 from renderer.image import rgbe9995
-from tests.protocol.messages import LIGHT, encoded
+from tests.protocol.messages import LIGHT, encoded_messages
 
 RECORDED: dict[str, Any] = json.loads(Path(__file__).with_name("recorded.json").read_text())
 PICTURES = ("tile", "film", "view")
-ENCODED = encoded()
+ENCODED = encoded_messages()
 WORDS = rgbe9995.pack(LIGHT)
 PLANES = np.moveaxis(LIGHT, -1, 0)
 VIEW_TILES = [ViewTile((0, 0, 3, 3), PLANES[..., :3], 4, False), ViewTile((3, 0, 2, 3), PLANES[..., 3:], 64, True)]

@@ -20,7 +20,7 @@ from renderer.denoise import is_available
 from renderer.errors import RayfarmError
 from tests.grids import grid
 from tests.helpers import ROOT, wait_until
-from tests.rayfarm.program import rayfarm, started
+from tests.rayfarm.program import rayfarm, run_program
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 COMMANDS = ("up", "worker", "render", "submit", "jobs", "info", "bench", "restore")
@@ -36,7 +36,7 @@ def read(path: Path) -> tuple[np.ndarray, list[str]]:
 
 @pytest.mark.long
 def test_help_names_every_command() -> None:
-    done = started("--help")
+    done = run_program("--help")
     assert done.returncode == 0
     assert all(command in done.stdout for command in COMMANDS)
 
@@ -91,7 +91,7 @@ def test_only_requested_command_is_imported(words: list[str], imported: tuple[st
 @grid("suffix", ["png", "jpg", "exr", "hdr"], ordinary=("exr",))
 def test_render_writes_every_format(tmp_path: Path, suffix: str) -> None:
     picture = tmp_path / f"cornell.{suffix}"
-    program = started if suffix == "png" else rayfarm
+    program = run_program if suffix == "png" else rayfarm
     done = program("render", CORNELL, "-o", picture, "--size", "24x16", "--spp", "4", "--max-depth", "3")
     assert done.returncode == 0, done.stderr
     if suffix in ("png", "jpg"):

@@ -10,7 +10,7 @@ from rayfarm.scene_files import files_to_upload, opened_scene
 
 
 @pytest.fixture
-def room(tmp_path: Path) -> Path:
+def scene_folder(tmp_path: Path) -> Path:
     (tmp_path / "textures").mkdir()
     (tmp_path / "room.obj").write_text("mtllib room.mtl\nv 0 0 0\n")
     (tmp_path / "room.mtl").write_text("newmtl a\nmap_Kd textures/old floor.png\n")
@@ -20,8 +20,8 @@ def room(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_referenced_files_are_uploaded_and_no_others(room: Path) -> None:
-    assert set(files_to_upload(room / "room.obj")) == {"room.obj", "room.mtl", "textures/old floor.png"}
+def test_referenced_files_are_uploaded_and_no_others(scene_folder: Path) -> None:
+    assert set(files_to_upload(scene_folder / "room.obj")) == {"room.obj", "room.mtl", "textures/old floor.png"}
 
 
 def test_url_encoded_names_are_found(tmp_path: Path) -> None:
@@ -37,20 +37,20 @@ def test_light_profiles_and_textures_are_uploaded(tmp_path: Path) -> None:
     assert set(files_to_upload(tmp_path / "a.yaml")) == {"a.yaml", "lamp.ies", "slide.png"}
 
 
-def test_folder_is_uploaded_without_junk_files(room: Path) -> None:
-    (room / ".DS_Store").touch()
-    assert set(files_to_upload(room)) == {"room.obj", "room.mtl", "textures/old floor.png", "diary.txt", "other.obj"}
+def test_folder_is_uploaded_without_junk_files(scene_folder: Path) -> None:
+    (scene_folder / ".DS_Store").touch()
+    assert set(files_to_upload(scene_folder)) == {"room.obj", "room.mtl", "textures/old floor.png", "diary.txt", "other.obj"}
 
 
-def test_external_environment_is_placed_in_scene_folder(room: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
+def test_external_environment_is_placed_in_scene_folder(scene_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     sky = tmp_path_factory.mktemp("skies") / "sky.exr"
     sky.write_bytes(b"exr")
-    with opened_scene(room / "room.obj", sky) as (folder, main, inside):
+    with opened_scene(scene_folder / "room.obj", sky) as (folder, main, inside):
         assert main == "room.obj"
         assert inside is not None
         assert (folder / inside).read_bytes() == b"exr"
         assert (folder / "textures" / "old floor.png").exists()
-        assert folder != room
+        assert folder != scene_folder
     assert not folder.exists()
     assert sky.exists()
 
@@ -66,10 +66,10 @@ def test_damaged_zip_gives_error(tmp_path: Path) -> None:
         pass
 
 
-def test_zip_is_unpacked_temporarily(room: Path, tmp_path: Path) -> None:
+def test_zip_is_unpacked_temporarily(scene_folder: Path, tmp_path: Path) -> None:
     archive = tmp_path / "room.zip"
     with zipfile.ZipFile(archive, "w") as packed:
-        packed.write(room / "room.obj", "inside/room.obj")
+        packed.write(scene_folder / "room.obj", "inside/room.obj")
         packed.writestr("__MACOSX/room.obj", "junk")
         packed.writestr("../climbing.obj", "v 0 0 0")
     with opened_scene(archive) as (folder, main, _):

@@ -25,7 +25,7 @@ from tests.renderer.scene.builders import TRIANGLE, Gltf
 SMALL = ["--size=24x16", "--spp=2", "--env=1,1,1"]
 
 
-def turning(camera_alone: bool = False) -> Gltf:
+def animated_scene(camera_alone: bool = False) -> Gltf:
     """Builds a file in which a large triangle, or only the camera, moves to the right within a second, above a static floor."""
     g = Gltf()
     g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
@@ -42,7 +42,7 @@ def turning(camera_alone: bool = False) -> Gltf:
 @pytest.fixture
 def shot(tmp_path: Path) -> Path:
     path = tmp_path / "shot.glb"
-    path.write_bytes(turning().glb())
+    path.write_bytes(animated_scene().glb())
     return path
 
 
@@ -158,7 +158,7 @@ def test_invalid_combinations_give_error(shot: Path, tmp_path: Path, options: li
 def test_only_moved_parts_are_compiled_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
     monkeypatch.setattr("rayfarm.reading._load_compiled_scene", lambda *a: (built.append(1), _load_compiled_scene(*a))[1])
-    for name, g, times in (("camera.glb", turning(camera_alone=True), 1), ("body.glb", turning(), 3)):
+    for name, g, times in (("camera.glb", animated_scene(camera_alone=True), 1), ("body.glb", animated_scene(), 3)):
         (tmp_path / name).write_bytes(g.glb())
         built.clear()
         with open_stage(tmp_path / name, Env()) as stage:
@@ -173,7 +173,7 @@ def test_only_moved_parts_are_compiled_again(tmp_path: Path, monkeypatch: pytest
 
 
 def test_automatic_camera_does_not_follow_motion(tmp_path: Path) -> None:
-    g = turning()
+    g = animated_scene()
     del g.root["nodes"][2]["camera"]
     (tmp_path / "bare.glb").write_bytes(g.glb())
     with open_stage(tmp_path / "bare.glb", Env()) as stage:
@@ -191,7 +191,7 @@ def test_motion_vectors_do_not_change_picture(tmp_path: Path, camera_alone: bool
     Either the triangle or the camera moves by 2 units per second, at a distance of 5 units.
     """
     path = tmp_path / "shot.glb"
-    path.write_bytes(turning(camera_alone).glb())
+    path.write_bytes(animated_scene(camera_alone).glb())
     asked = ["--frames", "0-1", "--aov=depth,motion", *SMALL]
     done = rayfarm("render", path, "-o", tmp_path / "out.#.exr", *asked)
     assert done.returncode == 0, done.stderr
@@ -271,7 +271,7 @@ def test_missing_numbered_file_is_named(tmp_path: Path) -> None:
 @grid("camera_alone", [False, True], ordinary=(False,))
 def test_blurred_frame_equals_single_picture(tmp_path: Path, camera_alone: bool) -> None:
     shot = tmp_path / "shot.glb"
-    shot.write_bytes(turning(camera_alone).glb())
+    shot.write_bytes(animated_scene(camera_alone).glb())
     done = rayfarm("render", shot, "-o", tmp_path / "out.##.png", "--frames", "12,6", "--shutter=4", *SMALL)
     assert done.returncode == 0, done.stderr
     for frame, name in ((12, "out.12.png"), (6, "out.06.png")):

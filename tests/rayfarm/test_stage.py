@@ -23,7 +23,7 @@ def ball(g, levels=2, offset=(0, 0, 0), **more):
     return g.mesh(mesh.positions + np.float32(offset), mesh.triangles.reshape(-1).astype(np.uint32), **more)
 
 
-def everything(shines=False, shows=False):
+def animated_test_scene(shines=False, shows=False):
     """Builds an animated glTF scene with every kind of motion.
 
     It has a static ball, a rotating arm with a ball and a light, a morphing ball, a skinned ball, and a moving camera.
@@ -87,7 +87,7 @@ shapes:
 """
 
 
-def blob(triangles):
+def obj_file(triangles):
     """Returns an OBJ file with `triangles` triangles."""
     corners = np.random.default_rng(triangles).random((3 * triangles, 3))
     lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in corners]
@@ -95,9 +95,9 @@ def blob(triangles):
 
 
 SHOTS = {
-    "all.glb": everything(),
-    "lamp.glb": everything(shines=True),
-    "blink.glb": everything(shows=True),
+    "all.glb": animated_test_scene(),
+    "lamp.glb": animated_test_scene(shines=True),
+    "blink.glb": animated_test_scene(shows=True),
     "all.yaml": YAML,
     "numbered.yaml": NUMBERED,
 }
@@ -109,7 +109,7 @@ def folder(tmp_path):
     for name, data in SHOTS.items():
         (tmp_path / name).write_bytes(data)
     for frame in range(25):
-        (tmp_path / f"blob.{frame:02}.obj").write_bytes(blob(1 + 400 * (5 * frame % 13)))
+        (tmp_path / f"blob.{frame:02}.obj").write_bytes(obj_file(1 + 400 * (5 * frame % 13)))
     return tmp_path
 
 

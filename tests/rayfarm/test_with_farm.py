@@ -26,7 +26,7 @@ from renderer.render import render_frame
 from renderer.scene.animation import Moment
 from tests.helpers import ROOT, Farm, wait_until
 from tests.rayfarm.program import rayfarm
-from tests.rayfarm.test_sequence import turning
+from tests.rayfarm.test_sequence import animated_scene
 from tests.renderer.scene.builders import Gltf, shoe
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
@@ -146,7 +146,7 @@ def test_variant_is_equal_with_farm(farm: Farm, tmp_path: Path) -> None:
 
 
 def test_shot_frames_equal_render(farm: Farm, tmp_path: Path) -> None:
-    (tmp_path / "shot.glb").write_bytes(turning().glb())
+    (tmp_path / "shot.glb").write_bytes(animated_scene().glb())
     shown = ["--size=24x16", "--spp=4", "--env=1,1,1"]
     common = ["submit", tmp_path / "shot.glb", "--server", farm.url, "-o", tmp_path / "far.###.exr", *shown]
     code, out, err = run_in_process(*common, "--frames=0-3,6.5", "--order=centre-out")
@@ -168,7 +168,7 @@ def test_shot_frames_equal_render(farm: Farm, tmp_path: Path) -> None:
 
 def moving_scene() -> Gltf:
     """Builds a file with a triangle that moves to the right within a second, and a camera that rises."""
-    g = turning()
+    g = animated_scene()
     samplers, channels = g.root["animations"][0]["samplers"], g.root["animations"][0]["channels"]
     samplers.append({"input": samplers[0]["input"], "output": g.array(np.float32([(0, 0, 5), (0, 2, 5)]))})
     channels.append({"sampler": 1, "target": {"node": 2, "path": "translation"}})
@@ -216,7 +216,7 @@ def test_blurred_frame_equals_render(farm: Farm, tmp_path: Path) -> None:
 
 @pytest.mark.long
 def test_farm_encodes_movie_of_shot(farm: Farm, tmp_path: Path) -> None:
-    (tmp_path / "shot.glb").write_bytes(turning().glb())
+    (tmp_path / "shot.glb").write_bytes(animated_scene().glb())
     arguments = ["--size=64x48", "--spp=2", "--frames=0-5", "--fps=12"]
     code, _, err = run_in_process("submit", tmp_path / "shot.glb", "--server", farm.url, "-o", tmp_path / "shot.mp4", *arguments)
     assert code == 0, err

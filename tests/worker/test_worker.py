@@ -41,7 +41,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import ROOT, wait_until
-from tests.rayfarm.test_stage import everything
+from tests.rayfarm.test_stage import animated_test_scene
 from tests.renderer.builders import emitter, scene, square
 from tests.worker.bench import Bench, a_worker, processor_time, rendering_slot, slots_of
 
@@ -132,7 +132,7 @@ def test_view_parts_are_exact_and_outdated_ones_dropped(bench: Bench, info: Scen
 
 @pytest.mark.long
 def test_animated_scene_is_stored_in_parts(bench: Bench, tmp_path: Path) -> None:
-    data = everything()
+    data = animated_test_scene()
     (tmp_path / "moves.glb").write_bytes(data)
     here = compile_scene(read(tmp_path, "moves.glb"))
     settings = RenderSettings(24, 24, View((0, 0, 9), (0, 0, 0)))
@@ -151,7 +151,7 @@ def test_animated_scene_is_stored_in_parts(bench: Bench, tmp_path: Path) -> None
 
 @pytest.mark.long
 def test_frame_uploads_only_its_own_parts(bench: Bench, tmp_path: Path) -> None:
-    data = everything()
+    data = animated_test_scene()
     (tmp_path / "moves.glb").write_bytes(data)
     bench.upload("shot", {"moves.glb": data}, "moves.glb")
     info = SceneInfo.from_json(bench.prepare("shot").event["info"])

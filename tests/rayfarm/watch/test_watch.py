@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from tests.helpers import ROOT
-from tests.rayfarm.program import rayfarm, started
+from tests.rayfarm.program import rayfarm, run_program
 from tests.rayfarm.watch.tev_server import TevServer
 from tests.rayfarm.watch.window import CELL, DA1, DA1_WITH_SIXEL, KITTY, Window
 from tests.service.conftest import Service, until
@@ -27,27 +27,27 @@ def png(service: Service, job: str, **query: float | str) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(answer.content)).convert("RGB")).astype(int)
 
 
-def alike(a: np.ndarray, b: np.ndarray) -> bool:
+def is_close(a: np.ndarray, b: np.ndarray) -> bool:
     """Returns whether two pictures have the same shape, and values that differ by at most 2, which allows for RGB9E5 rounding."""
     return a.shape == b.shape and bool(np.abs(a.astype(int) - b).max() <= 2)
 
 
-def finished(service: Service, **request: int) -> str:
+def finished_job(service: Service, **request: int) -> str:
     job = service.submit(service.ready_scene(), **request)
     service.wait_for(job, "finished")
     return job
 
 
 def test_terminal_shows_picture_of_job(service: Service, worker: PeerWorker) -> None:
-    job = finished(service)
+    job = finished_job(service)
     with Window("watch", job, "--server", service.url) as window:
         window.says("finished")
-        window.wait_for(lambda: alike(window.screen.blocks(), png(service, job)), "the PNG's pixels")
+        window.wait_for(lambda: is_close(window.screen.blocks(), png(service, job)), "the PNG's pixels")
         window.says("8 of 8 spp")
         window.press("++")
-        window.wait_for(lambda: alike(window.screen.blocks(), png(service, job, exposure=1)), "brighter by a stop")
+        window.wait_for(lambda: is_close(window.screen.blocks(), png(service, job, exposure=1)), "brighter by a stop")
         window.press("t")
-        window.wait_for(lambda: alike(window.screen.blocks(), png(service, job, exposure=1, tonemap="srgb")), "another curve")
+        window.wait_for(lambda: is_close(window.screen.blocks(), png(service, job, exposure=1, tonemap="srgb")), "another curve")
         window.resize(41, 12)
         window.wait_for(lambda: window.screen.blocks().shape == (18, 24, 3), "as large as there is room for")
         window.says("finished")
@@ -97,10 +97,10 @@ def test_signal_restores_terminal(service: Service, worker: PeerWorker, number: 
 
 @pytest.mark.long
 def test_pixel_graphics_are_used_if_supported(service: Service, worker: PeerWorker) -> None:
-    job = finished(service)
+    job = finished_job(service)
     expected = png(service, job).repeat(11, 0).repeat(11, 1)  # by the largest integer scale that fits
     with Window("watch", job, "--server", service.url, answers=KITTY + CELL + DA1) as window:
-        window.wait_for(lambda: any(alike(image, expected) for image in window.screen.images.values()), "kitty's image")
+        window.wait_for(lambda: any(is_close(image, expected) for image in window.screen.images.values()), "kitty's image")
         window.press("q")
         assert window.ends()[0] == 0
         assert not window.screen.images
@@ -119,7 +119,7 @@ def test_pixel_graphics_are_used_if_supported(service: Service, worker: PeerWork
 
 @pytest.mark.long
 def test_unreachable_farm_and_deleted_job_end_watch(service: Service, worker: PeerWorker) -> None:
-    job = finished(service)
+    job = finished_job(service)
     with Window("watch", job, "--server", service.url) as window:
         window.says("finished")
         service.http.delete(f"/api/jobs/{job}").raise_for_status()
@@ -130,7 +130,7 @@ def test_unreachable_farm_and_deleted_job_end_watch(service: Service, worker: Pe
 
 @pytest.mark.long
 def test_pipe_gets_progress_lines_until_job_ends(service: Service, worker: PeerWorker) -> None:
-    done = started("watch", finished(service), "--server", service.url)
+    done = run_program("watch", finished_job(service), "--server", service.url)
     assert done.returncode == 0, done.stderr
     assert "\x1b" not in done.stdout
     assert "finished" in done.stdout.splitlines()[-1]
@@ -167,7 +167,7 @@ def test_tev_gets_growing_film_and_viewer_gets_exr(service: Service, worker: Pee
             "-o",
             str(tmp_path / "a.exr"),
         )
-        done = started(*arguments)
+        done = run_program(*arguments)
     assert done.returncode == 0, done.stderr
     (name,) = tev.images
     assert job in name

@@ -19,7 +19,7 @@ def tail() -> Iterator[LogTail]:
     tail.close()
 
 
-def say(tail: LogTail, text: str) -> None:
+def log_line(tail: LogTail, text: str) -> None:
     tail.handle(logging.LogRecord("worker", logging.INFO, "", 0, text, (), None))
 
 
@@ -28,7 +28,7 @@ def test_parent_reads_complete_lines_of_slots_in_order(tail: LogTail) -> None:
     for child in range(4):
         if (pid := os.fork()) == 0:
             for i in range(200):
-                say(tail, f"slot {child} line {i} " + "x" * 40)
+                log_line(tail, f"slot {child} line {i} " + "x" * 40)
             os._exit(0)
         children.append(pid)
     for pid in children:
@@ -44,7 +44,7 @@ def test_log_keeps_last_lines_within_limit(tail: LogTail, monkeypatch: pytest.Mo
     monkeypatch.setattr(log_tail, "KEPT", 1000)
     monkeypatch.setattr(log_tail, "LARGEST", 5000)
     for i in range(1000):
-        say(tail, f"line {i}")
+        log_line(tail, f"line {i}")
         tail.trim()
     lines = tail.lines(10_000)
     assert lines == [f"line {i}" for i in range(1000 - len(lines), 1000)] and len(lines) > 50
@@ -53,6 +53,6 @@ def test_log_keeps_last_lines_within_limit(tail: LogTail, monkeypatch: pytest.Mo
 
 def test_missing_file_is_tolerated(tail: LogTail) -> None:
     tail._file.close()
-    say(tail, "still here")
+    log_line(tail, "still here")
     tail.trim()
     assert tail.lines() == []

@@ -30,7 +30,7 @@ def image(path: Path, pixels: np.ndarray) -> Path:
 
 
 @pytest.fixture
-def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+def make_thumbnail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Returns a function that makes an image file's thumbnail. It returns the worker's event and the thumbnail's bytes."""
     stored: list[bytes] = []
 
@@ -49,8 +49,8 @@ def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.long
-def test_environment_thumbnail_is_small(shown: Any, tmp_path: Path) -> None:
-    event, stored = shown(image(tmp_path / "sky.exr", np.full((16, 32, 3), 7.0)))
+def test_environment_thumbnail_is_small(make_thumbnail: Any, tmp_path: Path) -> None:
+    event, stored = make_thumbnail(image(tmp_path / "sky.exr", np.full((16, 32, 3), 7.0)))
     assert (event["type"], event["work"]) == ("environment-shown", "work"), event
     assert stored[0][:2] == b"\xff\xd8", "a JPEG"
 
@@ -59,13 +59,13 @@ def test_environment_thumbnail_is_small(shown: Any, tmp_path: Path) -> None:
     ("pixels", "says"),
     [(np.ones((16, 16, 3)), "twice as wide as high"), (np.zeros((8, 16, 3)), "black"), (None, "damaged")],
 )
-def test_unusable_environment_is_rejected(shown: Any, tmp_path: Path, pixels: Any, says: str) -> None:
+def test_unusable_environment_is_rejected(make_thumbnail: Any, tmp_path: Path, pixels: Any, says: str) -> None:
     path = tmp_path / "sky.exr"
     if pixels is None:
         path.write_bytes(b"v/1\x01 is not all that it takes")
     else:
         image(path, pixels)
-    event, stored = shown(path)
+    event, stored = make_thumbnail(path)
     assert event["type"] == "environment-failed"
     assert event["error"].startswith("sky.exr: ")
     assert says in event["error"]

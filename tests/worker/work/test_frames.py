@@ -35,7 +35,7 @@ from worker.work import frames
 FRAMES = [0, 12, 24, 6.5, 48, 60]
 
 
-def moving(camera: bool, thing: bool) -> Gltf:
+def animated_scene(camera: bool, thing: bool) -> Gltf:
     """Builds a glTF scene with a camera and a triangle.
 
     camera, thing: whether the camera, and the triangle, moves to the right within a second. A second clip moves them further.
@@ -123,7 +123,7 @@ class Bench:
     ],
 )
 def test_prepared_frame_equals_rendered_still(tmp_path: Path, camera: bool, thing: bool, asked: dict[str, Any]) -> None:
-    bench = Bench(tmp_path, moving(camera, thing), **asked)
+    bench = Bench(tmp_path, animated_scene(camera, thing), **asked)
     said = bench.prepared(FRAMES)
     assert bench.prepared(FRAMES[::-1]) == said, "whichever were prepared before"
     for frame in FRAMES:
@@ -137,7 +137,7 @@ def test_prepared_frame_equals_rendered_still(tmp_path: Path, camera: bool, thin
 
 
 def test_static_scene_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench(tmp_path, moving(False, True))
+    bench = Bench(tmp_path, animated_scene(False, True))
     compiled: list[int] = []
     monkeypatch.setattr(reading, "compile_scene", lambda *given, **named: compiled.append(1) or compile_scene(*given, **named))
     bench.prepared([24, 25, 30, 48])
@@ -146,7 +146,7 @@ def test_static_scene_is_compiled_once(tmp_path: Path, monkeypatch: pytest.Monke
 
 def test_requested_view_is_unchanged(tmp_path: Path) -> None:
     view = {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0], "fov": 30.0, "focus": None}
-    bench = Bench(tmp_path, moving(True, False), view=view)
+    bench = Bench(tmp_path, animated_scene(True, False), view=view)
     assert {tuple(view["eye"]) for _, (view,) in bench.prepared([0, 12]).values()} == {(1.0, 2.0, 3.0)}
 
 

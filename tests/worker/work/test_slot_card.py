@@ -147,7 +147,7 @@ def test_discarded_samples_belong_to_their_tile(worker: Any) -> None:
     assert bad == {"b0": ([], 0), "b1": ([[70, 3, 1]], 1)}
 
 
-def returned(worker: Any) -> list[tuple[str, bool, str]]:
+def returned_batches(worker: Any) -> list[tuple[str, bool, str]]:
     found = [(each.event["type"], each.event.get("for_cpu", False), each.event["error"].code) for each in worker.sent]
     worker.sent.clear()
     return found
@@ -155,7 +155,7 @@ def returned(worker: Any) -> list[tuple[str, bool, str]]:
 
 def test_unsupported_settings_go_to_cpus(worker: Any) -> None:
     render(worker, replace(BATCH, settings=replace(SETTINGS, integrator="ao")))
-    assert returned(worker) == [("batch-returned", True, "card-lacks-settings")]
+    assert returned_batches(worker) == [("batch-returned", True, "card-lacks-settings")]
 
 
 def test_scene_too_large_for_card_goes_to_cpus(worker: Any, caplog: Any) -> None:
@@ -163,10 +163,10 @@ def test_scene_too_large_for_card_goes_to_cpus(worker: Any, caplog: Any) -> None
     with caplog.at_level(logging.WARNING, "worker"):
         render(worker, BATCH, replace(BATCH, batch="c", first=2))
     assert caplog.messages == ["card 3 (second) has too little memory, 1 GiB, for this scene; the processor renders it"]
-    assert returned(worker) == [("batch-returned", True, "card-scene-too-large")] * 2
+    assert returned_batches(worker) == [("batch-returned", True, "card-scene-too-large")] * 2
     Renderer.answer = None
     render(worker)
-    assert returned(worker) == [("batch-returned", True, "card-scene-too-large")]
+    assert returned_batches(worker) == [("batch-returned", True, "card-scene-too-large")]
     render(worker, replace(BATCH, compiled="1" * 64))
     assert worker.sent[0].event["type"] == "batch"
 
@@ -185,7 +185,7 @@ def test_failed_card_sends_finished_sums_and_is_not_reused(worker: Any, caplog: 
     worker.sent.clear()
     Renderer.answer = None
     render(worker)
-    assert returned(worker) == [("batch-returned", True, "card-failed")]
+    assert returned_batches(worker) == [("batch-returned", True, "card-failed")]
 
 
 @pytest.mark.parametrize(("error", "for_cpu"), ((LinkError("The service is away."), False), (RefusedError("gone"), True)))
@@ -196,7 +196,7 @@ def test_download_failure_returns_batches(worker: Any, monkeypatch: pytest.Monke
     monkeypatch.setattr(slot_card, "mapped_scene", fails)
     monkeypatch.setattr(slot_card, "PATIENCE_S", 0.0)
     render(worker)
-    assert returned(worker) == [("batch-returned", for_cpu, "worker-returned-batch")]
+    assert returned_batches(worker) == [("batch-returned", for_cpu, "worker-returned-batch")]
 
 
 def test_worker_with_cards_serves_only_its_own_batch_queue() -> None:
