@@ -29,12 +29,12 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
     service.stop()
 
 
-def joined(service: Service, token: str) -> redis.Redis:
+def join_farm(service: Service, token: str) -> redis.Redis:
     answer = httpx.get(f"{service.url}/api/farm/join", headers={"Authorization": f"Bearer {token}"}).raise_for_status()
     return redis.Redis.from_url(answer.json()["redis_url"], retry=None)
 
 
-def made(service: Service, **asked: object) -> dict[str, str]:
+def create_token(service: Service, **asked: object) -> dict[str, str]:
     shown = {"Authorization": f"Bearer {(service.options['data'] / 'owner-token').read_text().strip()}"}
     answer = service.http.post("/api/tokens", json={"name": "attic", "role": "worker", **asked}, headers=shown)
     assert answer.status_code == 201, answer.text
@@ -51,13 +51,13 @@ def is_refused(connection: redis.Redis) -> bool:
     return False
 
 
-def withdraw(service: Service, id: str) -> None:
+def revoke_token(service: Service, id: str) -> None:
     shown = {"Authorization": f"Bearer {(service.options['data'] / 'owner-token').read_text().strip()}"}
     assert service.http.delete(f"/api/tokens/{id}", headers=shown).status_code == 204
 
 
 def test_redis_user_may_access_only_worker_keys(service: Service) -> None:
-    with joined(service, made(service)["secret"]) as store:
+    with join_farm(service, create_token(service)["secret"]) as store:
         assert store.xadd("rayfarm:results", {"event": '{"type": "wake"}'})
         assert store.set("rayfarm:worker:attic-tested", b"", ex=1)
         assert store.delete("rayfarm:worker:attic-tested", "rayfarm.help.attic-tested") == 1
@@ -79,11 +79,11 @@ def test_redis_user_may_access_only_worker_keys(service: Service) -> None:
 
 
 def test_revoked_token_closes_redis_connections(service: Service) -> None:
-    token, other = made(service), made(service)
-    with joined(service, token["secret"]) as store, joined(service, other["secret"]) as stays:
+    token, other = create_token(service), create_token(service)
+    with join_farm(service, token["secret"]) as store, join_farm(service, other["secret"]) as stays:
         assert store.ping()
         assert stays.ping()
-        withdraw(service, token["id"])
+        revoke_token(service, token["id"])
         with pytest.raises(redis.ConnectionError):
             store.ping()
         assert is_refused(store)
@@ -92,14 +92,14 @@ def test_revoked_token_closes_redis_connections(service: Service) -> None:
 
 @pytest.mark.long
 def test_expired_token_closes_redis_connections(service: Service) -> None:
-    with joined(service, made(service, days=4 / 86400)["secret"]) as store:
+    with join_farm(service, create_token(service, days=4 / 86400)["secret"]) as store:
         assert store.ping()
         until(lambda: is_refused(store), "it is over")
 
 
 @pytest.mark.long
 def test_redis_restart_restores_users(service: Service, redis_server: running_redis) -> None:
-    with joined(service, made(service)["secret"]) as store:
+    with join_farm(service, create_token(service)["secret"]) as store:
         assert store.ping()
         redis_server.stop()
         redis_server.start()
@@ -166,7 +166,7 @@ def test_redis_url_of_worker_keeps_scheme_host_and_options(service: Service) -> 
 def test_lock_script_of_older_workers_is_loaded(service: Service) -> None:
     service.farm.redis_users.refresh()
     RedisCare(service.farm.redis_users._redis).maintain()
-    with joined(service, made(service)["secret"]) as store, store.lock("unacked_mutex", timeout=5):
+    with join_farm(service, create_token(service)["secret"]) as store, store.lock("unacked_mutex", timeout=5):
         pass
 
 
@@ -192,7 +192,10 @@ def test_keys_of_wrong_type_are_deleted(service: Service) -> None:
 
 def test_worker_filling_redis_is_disconnected(service: Service) -> None:
     """A worker that fills Redis with large or many keys is disconnected, while other workers' keys stay."""
-    with redis.Redis.from_url(service.options["redis_url"]) as store, joined(service, made(service)["secret"]) as worker:
+    with (
+        redis.Redis.from_url(service.options["redis_url"]) as store,
+        join_farm(service, create_token(service)["secret"]) as worker,
+    ):
         before = store.config_get("maxmemory")["maxmemory"]
         store.config_set("maxmemory", int(store.info("memory")["used_memory"]) + (32 << 20))
         try:
@@ -221,7 +224,7 @@ def test_worker_opening_all_connections_is_disconnected(service: Service) -> Non
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         before = store.config_get("maxclients")["maxclients"]
         store.config_set("maxclients", 60)
-        with joined(service, made(service)["secret"]) as worker:
+        with join_farm(service, create_token(service)["secret"]) as worker:
             pool, held = worker.connection_pool, []
             try:
                 with contextlib.suppress(redis.ConnectionError):  # refused, or closed already

@@ -24,7 +24,7 @@ from tests.service.conftest import until
 
 
 @contextmanager
-def served(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int]:
+def run_server(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int]:
     """Runs a server in the `with` block; yields its port on loopback."""
     server = uvicorn.Server(uvicorn.Config(app, port=0, lifespan=lifespan, log_level="warning"))
     thread = threading.Thread(target=server.run, daemon=True)
@@ -48,7 +48,7 @@ async def echo(scope: Scope, receive: Receive, send: Send) -> None:
 
 @pytest.fixture(scope="module")
 def owner() -> Iterator[int]:
-    with served(echo) as port:
+    with run_server(echo) as port:
         yield port
 
 
@@ -66,7 +66,7 @@ def standby(owner: int) -> Iterator[int]:
             return
         await forward.request(f"http://127.0.0.1:{owner}", over, scope, receive, send)
 
-    with served(app, "on") as port:
+    with run_server(app, "on") as port:
         yield port
 
 
@@ -91,7 +91,7 @@ def test_path_cannot_change_forwarding_host(standby: int) -> None:
 
     The owner's address `http://owner:8000` followed by `*@elsewhere/` would be a URL at elsewhere.
     """
-    with served(echo) as elsewhere:
+    with run_server(echo) as elsewhere:
         status, body = send_raw(standby, f"*@127.0.0.1:{elsewhere}/secret")
     assert status == 400
     assert b"secret" not in body

@@ -28,13 +28,13 @@ LISTS = (
 @pytest.fixture(scope="module")
 def owner(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[httpx.Client]:
     service = Service(tmp_path_factory.mktemp("paged") / "data", redis_server, host="0.0.0.0")
-    fill(service, MANY)
+    create_items(service, MANY)
     with caller(service, (service.options["data"] / "owner-token").read_text().strip()) as client:
         yield client
     service.stop()
 
 
-def fill(service: Service, many: int) -> None:
+def create_items(service: Service, many: int) -> None:
     now = time.time()
     file = {"path": "a.exr", "sha256": "0" * 64, "size": 5, "parts": []}
     with service.farm.sessions.begin() as session:

@@ -104,7 +104,7 @@ def test_long_name_keeps_its_suffix(service: Service) -> None:
     service.http.delete(f"/api/references/{found['id']}").raise_for_status()
 
 
-def ended(*_: Any) -> dict[str, Any]:
+def fail_decoder(*_: Any) -> dict[str, Any]:
     """Leaves a file behind and ends its process; used in place of the decoder of reference pictures."""
     tempfile.mkdtemp()
     os._exit(1)
@@ -113,7 +113,7 @@ def ended(*_: Any) -> dict[str, Any]:
 @pytest.mark.long
 def test_files_of_failed_decoder_are_deleted(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     temporary = service.options["data"] / "tmp"
-    monkeypatch.setattr(references, "as_film", ended)
+    monkeypatch.setattr(references, "as_film", fail_decoder)
     answer = service.http.post("/api/references", files={"file": ("truth.exr", encode.encode(radiance(), "exr"))})
     assert (answer.status_code, "ended without a result" in answer.json()["detail"]) == (422, True), answer.text
     assert list(temporary.iterdir()) == []

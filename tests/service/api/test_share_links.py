@@ -14,14 +14,14 @@ from service.access.roles import Role
 from service.http.access_requirements import NEEDS
 from service.store.models import Key
 from tests.service.api.test_access import ask, caller, shape
-from tests.service.api.test_projects import HIDDEN, People, made, people  # noqa: F401 - `people` is a fixture
+from tests.service.api.test_projects import HIDDEN, People, checked_json, people  # noqa: F401 - `people` is a fixture
 
 pytestmark = pytest.mark.usefixtures("people")
 
 
 def new_link(client: httpx.Client, job: str, **asked: Any) -> tuple[str, dict[str, Any]]:
     """Creates a share link to a job; returns (the link's secret, the link as the API describes it)."""
-    link = made(client.post(f"/api/jobs/{job}/links", json=asked), 201)
+    link = checked_json(client.post(f"/api/jobs/{job}/links", json=asked), 201)
     page, _, secret = link["path"].partition("#")
     assert page == "shared/"
     return secret, link
@@ -95,14 +95,14 @@ def test_creating_share_link_needs_change_permission(people: People) -> None:  #
 def test_share_link_is_limited_by_its_creator(people: People) -> None:  # noqa: F811
     access = people.service.farm.access
     access.users.add("carl", Role.SUBMIT, None)
-    made(people.chief.put("/api/projects/film/members/carl"), 200)
+    checked_json(people.chief.put("/api/projects/film/members/carl"), 200)
     with caller(people.service, access.keys.create("token", "carl", Role.SUBMIT, "test")[0]) as carl:
         secret, _ = new_link(carl, people.ids["job"])
     with caller(people.service, secret) as guest:
         assert guest.get("/api/shared").status_code == 200
         people.chief.delete("/api/projects/film/members/carl").raise_for_status()
         assert guest.get("/api/shared").status_code == 404
-        made(people.chief.put("/api/projects/film/members/carl"), 200)
+        checked_json(people.chief.put("/api/projects/film/members/carl"), 200)
         assert guest.get("/api/shared").status_code == 200
         access.users.remove("carl")
         assert guest.get("/api/shared").status_code == 404

@@ -21,7 +21,7 @@ from tests.service.peer_worker import PeerWorker, expected_sums
 from tests.service.viewer import look
 
 
-def left_behind(service: Service) -> list[str]:
+def remains_of_views(service: Service) -> list[str]:
     """Returns what closed views failed to remove: Redis keys, film files, and ids of jobs."""
     redis = service.farm.views._redis
     keys = [key.decode() for key in redis.scan_iter("rayfarm*view*")]
@@ -50,7 +50,7 @@ def test_view_starts_small_and_ends_exact(service: Service, worker: PeerWorker) 
         viewer.wait(8, 1)
         settings = worker.parts[-1][0].settings
         assert (settings.max_depth, settings.view.eye) == (11, (1.0, 2.0, 3.0))
-    until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
+    until(lambda: not remains_of_views(service), "nothing is left", say=lambda: remains_of_views(service))
     assert blobs(service) == before
 
 
@@ -221,7 +221,7 @@ def test_views_precede_batches_and_end_with_page(service: Service, worker: PeerW
         worker.on_part = lambda work, part: time.sleep(0.05)
         viewer.connection.socket.close()  # without a closing handshake, like a killed browser
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
-    until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
+    until(lambda: not remains_of_views(service), "nothing is left", say=lambda: remains_of_views(service))
     assert service.farm.views._sessions == {}
     assert watch.pixels == 0 and not watch._canvases, "not even in memory"
 
@@ -383,7 +383,7 @@ def test_frames_of_view_are_prepared_and_released(service: Service, worker: Peer
         assert worker.parts[-1][0].compiled in blobs(service)
         until(lambda: not service.farm.views._frames, "nothing is kept of what is answered")
     until(lambda: blobs(service) == before, "what was compiled for them goes", say=lambda: blobs(service) - before)
-    assert not left_behind(service)
+    assert not remains_of_views(service)
 
 
 @pytest.mark.long
@@ -407,5 +407,5 @@ def test_restart_discards_views(service: Service, worker: PeerWorker) -> None:
     redis.lpush(view_queue("gone"), b"{}")
     redis.rpush(VIEW_ANSWERS, b"old news")
     service.restart()
-    until(lambda: not left_behind(service), "it is forgotten", say=lambda: left_behind(service))
+    until(lambda: not remains_of_views(service), "it is forgotten", say=lambda: remains_of_views(service))
     assert isinstance(service.farm.records, Records)

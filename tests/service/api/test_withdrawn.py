@@ -37,7 +37,9 @@ def token_of(service: Service, owner: httpx.Client, name: str) -> str:
     return service.farm.access.keys.create("token", name, Role.SUBMIT, "test")[0]
 
 
-def sent(service: Service, token: str, meanwhile: Callable[[], object], path: str, field: bytes = b"files") -> tuple[int, bytes]:
+def upload_and_interrupt(
+    service: Service, token: str, meanwhile: Callable[[], object], path: str, field: bytes = b"files"
+) -> tuple[int, bytes]:
     """Sends an upload to `path`, and calls `meanwhile` after the first part of it; returns (status, response).
 
     field: the name of the form's field with the file.
@@ -74,7 +76,7 @@ def test_upload_with_revoked_token_is_discarded(service: Service, owner: httpx.C
         else:
             owner.patch(f"/api/users/{name}", json={"role": "view"}).raise_for_status()
 
-    status, answer = sent(service, token, put_out, path, field)
+    status, answer = upload_and_interrupt(service, token, put_out, path, field)
     assert status == 401, answer
     assert owner.get("/api/scenes").json() == []
 
@@ -88,7 +90,9 @@ def test_upload_into_lost_project_is_discarded(service: Service, owner: httpx.Cl
     ):
         owner.post("/api/projects", json={"name": name}).raise_for_status()
         owner.put(f"/api/projects/{name}/members/member", json={"role": "submit"}).raise_for_status()
-        status, answer = sent(service, token, lambda close=close: close().raise_for_status(), f"/api/scenes?project={name}")  # type: ignore[misc]
+        status, answer = upload_and_interrupt(
+            service, token, lambda close=close: close().raise_for_status(), f"/api/scenes?project={name}"
+        )  # type: ignore[misc]
         assert status in (403, 404), answer
     assert owner.get("/api/scenes").json() == []
 

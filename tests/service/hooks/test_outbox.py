@@ -253,7 +253,7 @@ def test_hanging_program_is_killed_with_children(tmp_path: Path, monkeypatch: py
     until(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE, "it is ended")
 
 
-def arrived(service: Service) -> list[int]:
+def delivered_counts(service: Service) -> list[int]:
     """Returns the number of messages delivered to each webhook, as the API reports it."""
     return [hook["arrived"] for hook in service.http.get("/api/hooks").json()]
 
@@ -271,7 +271,7 @@ def test_hanging_hook_does_not_delay_others(service: Service, receiver: Receiver
             began = time.monotonic()
             service.patch(jobs[1], state="cancelled")
             until(lambda: len(receiver.got) == 2, "the other is told")
-            until(lambda: arrived(service) == [0, 2], "a message that was received is written down as arrived")
+            until(lambda: delivered_counts(service) == [0, 2], "a message that was received is written down as arrived")
             assert time.monotonic() - began < deliver.ANSWER_TIMEOUT_S
 
 

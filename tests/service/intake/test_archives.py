@@ -23,7 +23,7 @@ def store(tmp_path: Path) -> BlobFolder:
     return BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
 
 
-def zipped(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
+def zip_bytes(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", method) as archive:
         for name, content in files.items():
@@ -44,12 +44,12 @@ def unpack(store: BlobFolder, content: bytes, max_files: int = 10, max_bytes: in
 
 @pytest.mark.parametrize("method", METHODS)
 def test_common_compression_methods_are_unpacked(store: BlobFolder, method: int) -> None:
-    assert unpack(store, zipped({"a/scene.obj": OBJ}, method)) == {"a/scene.obj": OBJ}
+    assert unpack(store, zip_bytes({"a/scene.obj": OBJ}, method)) == {"a/scene.obj": OBJ}
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_archive_with_damaged_byte_is_intact_or_rejected(store: BlobFolder, method: int) -> None:
-    whole = zipped({"scene.obj": OBJ}, method)
+    whole = zip_bytes({"scene.obj": OBJ}, method)
     refused = 0
     places = {*range(0, len(whole), max(1, len(whole) // 40)), *range(0, 60, 2), *range(len(whole) - 80, len(whole), 2)}
     for at in sorted(places):
@@ -66,7 +66,7 @@ def test_archive_with_damaged_byte_is_intact_or_rejected(store: BlobFolder, meth
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
 def test_undecodable_data_is_reported_as_damaged(store: BlobFolder, method: int) -> None:
-    whole = bytearray(zipped({"scene.obj": OBJ}, method))
+    whole = bytearray(zip_bytes({"scene.obj": OBJ}, method))
     start = whole.index(b"scene.obj") + len("scene.obj") + (9 if method == zipfile.ZIP_LZMA else 0)
     whole[start : start + 40] = b"\xff" * 40
     with pytest.raises(Invalid, match="damaged"):
@@ -101,7 +101,7 @@ def test_highly_compressible_file_gets_advice(store: BlobFolder) -> None:
 
 
 def test_oversized_directory_is_not_read(store: BlobFolder) -> None:
-    entry = zipped({"a.obj": b""})
+    entry = zip_bytes({"a.obj": b""})
     at = entry.index(b"PK\x01\x02")
     end = entry.index(b"PK\x05\x06")
     directory = entry[at:end] * 100_000
@@ -114,12 +114,12 @@ def test_oversized_directory_is_not_read(store: BlobFolder) -> None:
 @pytest.mark.parametrize("name", ["/etc/passwd", "../up.obj", "a/../../up.obj", "C:\\scene.obj", "a\nb.obj", "a\u2028b.obj"])
 def test_unsafe_paths_are_rejected(store: BlobFolder, name: str) -> None:
     with pytest.raises(Invalid, match="file name"):
-        unpack(store, zipped({name: OBJ}))
+        unpack(store, zip_bytes({name: OBJ}))
 
 
 def test_name_with_nul_is_rejected(store: BlobFolder) -> None:
     with pytest.raises(Invalid, match="control characters"):
-        unpack(store, zipped({"sceneX.obj": OBJ}).replace(b"sceneX", b"scene\0"))
+        unpack(store, zip_bytes({"sceneX.obj": OBJ}).replace(b"sceneX", b"scene\0"))
 
 
 def test_backslash_folders_are_folders(store: BlobFolder) -> None:
@@ -136,7 +136,7 @@ def test_backslash_folders_are_folders(store: BlobFolder) -> None:
 
 def test_names_in_other_encodings_are_unpacked_with_note(store: BlobFolder) -> None:
     name = "木纹.png".encode("gbk")
-    data = zipped({"x\\m.mtl": b"map_Kd t.png", "t___.png": b"png"}).replace(b"t___.png", name)
+    data = zip_bytes({"x\\m.mtl": b"map_Kd t.png", "t___.png": b"png"}).replace(b"t___.png", name)
     notes: list[str] = []
     found = {}
     for path, writer in extract_archive(io.BytesIO(data), "a.zip", store, 9, 999, 9.0, lambda size: None, notes):

@@ -21,7 +21,7 @@ INFO = {
 }
 
 
-def resolved(**request: Any) -> RenderSettings:
+def resolved_settings(**request: Any) -> RenderSettings:
     job = Job(request=request)
     resolve(job, Scene(info=INFO), 1 << 20)
     assert job.settings is not None
@@ -29,9 +29,9 @@ def resolved(**request: Any) -> RenderSettings:
 
 
 def test_scene_defaults_fill_request() -> None:
-    made = resolved(max_depth=5, height=25)
+    made = resolved_settings(max_depth=5, height=25)
     assert (made.width, made.height, made.max_depth, made.ambient) == (50, 25, 5, (0.1, 0.2, 0.3))
-    made = resolved(environment={"color": [1, 2, 3], "strength": 0.5, "rotation": 30, "sky": None})
+    made = resolved_settings(environment={"color": [1, 2, 3], "strength": 0.5, "rotation": 30, "sky": None})
     assert (made.environment, made.environment_strength, made.environment_rotation) == ((1.0, 2.0, 3.0), 0.5, 30.0)
 
 
@@ -57,7 +57,7 @@ def test_defaults_are_equal_with_and_without_farm(defaults: dict[str, Any], ends
     ("camera", "name"), [(None, "front"), ("front", "front"), ("0", "front"), (1, "7"), ("1", "7"), ("7", "7")]
 )
 def test_camera_is_selected_by_name_or_number(camera: str | int | None, name: str) -> None:
-    assert resolved(camera=camera).view.eye == tuple(EYES[name])
+    assert resolved_settings(camera=camera).view.eye == tuple(EYES[name])
 
 
 @pytest.mark.parametrize("camera", ["²", "9" * 5000, "1234567", "-1", " 1", "side", "", 2, "2", 10**30])
@@ -67,7 +67,7 @@ def test_missing_camera_raises_settings_error(camera: str | int) -> None:
     Any other error would be raised again for each waiting job, and stop all jobs.
     """
     with pytest.raises(SettingsError, match=r"^camera is .*(0: front, 1: 7|the scene has 2)") as caught:
-        resolved(camera=camera)
+        resolved_settings(camera=camera)
     assert len(str(caught.value)) < 200
 
 

@@ -45,7 +45,7 @@ def post(service: Service, files: list[tuple[str, bytes]], **fields: str) -> htt
     return service.http.post("/api/scenes", files=[("files", file) for file in files], data=fields)
 
 
-def zipped(files: dict[str, bytes], **options: Any) -> bytes:
+def zip_bytes(files: dict[str, bytes], **options: Any) -> bytes:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
@@ -53,7 +53,7 @@ def zipped(files: dict[str, bytes], **options: Any) -> bytes:
     return out.getvalue()
 
 
-def refused(service: Service, status: int, files: list[tuple[str, bytes]], **fields: str) -> str:
+def assert_upload_rejected(service: Service, status: int, files: list[tuple[str, bytes]], **fields: str) -> str:
     """Uploads files, and checks that they are refused with a problem and leave no traces."""
     before = stored(service)
     answer = post(service, files, **fields)
@@ -91,7 +91,7 @@ def test_yaml_file_states_scene_name(service: Service, text: str, name: str) -> 
 def test_zip_equals_upload_of_its_files(service: Service) -> None:
     files = {"cube.obj": OBJ, "wood.png": b"wood"}
     plain = post(service, list(files.items()))
-    archive = zipped({**{f"cube/{k}": v for k, v in files.items()}, "__MACOSX/cube/._cube.obj": b"x", "cube/.DS_Store": b"x"})
+    archive = zip_bytes({**{f"cube/{k}": v for k, v in files.items()}, "__MACOSX/cube/._cube.obj": b"x", "cube/.DS_Store": b"x"})
     packed = post(service, [("cube.zip", archive)])
     assert files_of(service, packed) == files
     assert packed.json()["id"] == plain.json()["id"]
@@ -129,19 +129,21 @@ def test_environment_and_main_file_are_selected(service: Service) -> None:
     ],
 )
 def test_unsafe_names_are_rejected(service: Service, name: str, says: str) -> None:
-    assert says in refused(service, 422, [("scene.obj", OBJ), (name, OBJ)])
+    assert says in assert_upload_rejected(service, 422, [("scene.obj", OBJ), (name, OBJ)])
     if says != "backslash":  # the folder separator in archives of some programs
-        assert says in refused(service, 422, [("pack.zip", zipped({"scene.obj": OBJ, name: OBJ}))])
+        assert says in assert_upload_rejected(service, 422, [("pack.zip", zip_bytes({"scene.obj": OBJ, name: OBJ}))])
 
 
 def test_upload_without_scene_is_rejected(service: Service) -> None:
-    assert "None of the files is a scene" in refused(service, 422, [("letter.txt", b"hello")])
-    assert "None of the files is a scene" in refused(service, 422, [("letters.zip", zipped({"letter.txt": b"hello"}))])
+    assert "None of the files is a scene" in assert_upload_rejected(service, 422, [("letter.txt", b"hello")])
+    assert "None of the files is a scene" in assert_upload_rejected(
+        service, 422, [("letters.zip", zip_bytes({"letter.txt": b"hello"}))]
+    )
 
 
 def test_empty_upload_is_rejected(service: Service) -> None:
-    assert "empty" in refused(service, 422, [("scene.obj", b"")])
-    assert "empty" in refused(service, 422, [("pack.zip", zipped({}))])
+    assert "empty" in assert_upload_rejected(service, 422, [("scene.obj", b"")])
+    assert "empty" in assert_upload_rejected(service, 422, [("pack.zip", zip_bytes({}))])
     empty = service.http.post("/api/scenes", content=b"--x--\r\n", headers={"content-type": "multipart/form-data; boundary=x"})
     assert empty.status_code == 422
     assert "empty" in empty.json()["detail"]
@@ -150,30 +152,32 @@ def test_empty_upload_is_rejected(service: Service) -> None:
 
 
 def test_duplicate_file_is_rejected(service: Service) -> None:
-    assert "twice" in refused(service, 422, [("scene.obj", OBJ), ("./scene.obj", OBJ)])
+    assert "twice" in assert_upload_rejected(service, 422, [("scene.obj", OBJ), ("./scene.obj", OBJ)])
     with pytest.warns(UserWarning, match="Duplicate"):
         out = io.BytesIO()
         with zipfile.ZipFile(out, "w") as archive:
             archive.writestr("scene.obj", OBJ)
             archive.writestr("scene.obj", OBJ)
-    assert "twice" in refused(service, 422, [("pack.zip", out.getvalue())])
+    assert "twice" in assert_upload_rejected(service, 422, [("pack.zip", out.getvalue())])
 
 
 def test_path_as_file_and_folder_is_rejected(service: Service) -> None:
     says = "textures as a file, and also as the folder of textures/a.png"
-    assert says in refused(service, 422, [("scene.obj", OBJ), ("textures", b"x"), ("textures/a.png", b"x")])
-    assert says in refused(service, 422, [("pack.zip", zipped({"scene.obj": OBJ, "textures": b"x", "textures/a.png": b"x"}))])
+    assert says in assert_upload_rejected(service, 422, [("scene.obj", OBJ), ("textures", b"x"), ("textures/a.png", b"x")])
+    assert says in assert_upload_rejected(
+        service, 422, [("pack.zip", zip_bytes({"scene.obj": OBJ, "textures": b"x", "textures/a.png": b"x"}))]
+    )
 
 
 def test_missing_main_or_environment_is_rejected(service: Service) -> None:
-    assert "main" in refused(service, 422, [("scene.obj", OBJ)], main="other.obj")
-    assert "environment" in refused(service, 422, [("scene.obj", OBJ)], environment="sky.exr")
+    assert "main" in assert_upload_rejected(service, 422, [("scene.obj", OBJ)], main="other.obj")
+    assert "environment" in assert_upload_rejected(service, 422, [("scene.obj", OBJ)], environment="sky.exr")
 
 
 def test_too_many_files_are_rejected(service: Service) -> None:
     many = {f"{i}.obj": OBJ for i in range(21)}
-    assert "20 files" in refused(service, 413, list(many.items()))
-    assert "20 are allowed" in refused(service, 413, [("pack.zip", zipped(many))])
+    assert "20 files" in assert_upload_rejected(service, 413, list(many.items()))
+    assert "20 are allowed" in assert_upload_rejected(service, 413, [("pack.zip", zip_bytes(many))])
 
 
 def test_upload_keeps_few_files_open(tmp_path: Path, service: Service) -> None:
@@ -187,7 +191,7 @@ def test_upload_keeps_few_files_open(tmp_path: Path, service: Service) -> None:
 
     settings = Settings(data=tmp_path, min_free_bytes=0)
     many = [(f"{i}.png", b"texture %d" % i) for i in range(100)]
-    parts = [*many, ("scene.obj", OBJ), ("more.zip", zipped({f"more/{name}": data for name, data in many}))]
+    parts = [*many, ("scene.obj", OBJ), ("more.zip", zip_bytes({f"more/{name}": data for name, data in many}))]
     head = b'--x\r\nContent-Disposition: form-data; name="files"; filename="%s"\r\n\r\n%s\r\n'
     body = b"".join(head % (name.encode(), data) for name, data in parts) + b"--x--\r\n"
 
@@ -202,7 +206,7 @@ def test_upload_keeps_few_files_open(tmp_path: Path, service: Service) -> None:
 
 
 def test_too_many_bytes_are_rejected(service: Service) -> None:
-    assert str(LIMIT) in refused(service, 413, [("scene.obj", b"v" * (LIMIT + 1))])
+    assert str(LIMIT) in assert_upload_rejected(service, 413, [("scene.obj", b"v" * (LIMIT + 1))])
     before = stored(service)
 
     def lying() -> Iterator[bytes]:
@@ -238,15 +242,17 @@ def test_interrupted_upload_leaves_no_files(service: Service, caplog: pytest.Log
 
 
 def test_zip_bombs_are_rejected(service: Service) -> None:
-    bomb = zipped({"scene.obj": b"\0" * (30 << 20)})
+    bomb = zip_bytes({"scene.obj": b"\0" * (30 << 20)})
     assert len(bomb) < LIMIT
-    assert "bomb" in refused(service, 413, [("bomb.zip", bomb)])
-    assert "at most" in refused(service, 413, [("bomb.zip", zipped({f"{i}.obj": b"\0" * (15 << 20) for i in range(3)}))])
+    assert "bomb" in assert_upload_rejected(service, 413, [("bomb.zip", bomb)])
+    assert "at most" in assert_upload_rejected(
+        service, 413, [("bomb.zip", zip_bytes({f"{i}.obj": b"\0" * (15 << 20) for i in range(3)}))]
+    )
 
 
 def test_zip_bomb_with_false_sizes_is_rejected(service: Service) -> None:
     size = 30 << 20
-    bomb = zipped({"scene.obj": b"\0" * size})
+    bomb = zip_bytes({"scene.obj": b"\0" * size})
     lying = bomb.replace(size.to_bytes(4, "little"), (1000).to_bytes(4, "little"))
     assert lying != bomb
     before = stored(service)
@@ -261,19 +267,19 @@ def test_other_archive_formats_are_rejected(service: Service) -> None:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
         archive.writestr(link, "/etc/passwd")
-    assert "symbolic link" in refused(service, 422, [("link.zip", out.getvalue())])
-    plain = zipped({"scene.obj": OBJ})
+    assert "symbolic link" in assert_upload_rejected(service, 422, [("link.zip", out.getvalue())])
+    plain = zip_bytes({"scene.obj": OBJ})
     locked = bytearray(plain)
     locked[6] |= 1
     locked[plain.index(b"PK\x01\x02") + 8] |= 1
-    assert "encrypted" in refused(service, 422, [("locked.zip", bytes(locked))])
-    assert "damaged" in refused(service, 422, [("half.zip", plain[: len(plain) // 2])])
-    assert "damaged" in refused(service, 422, [("text.zip", b"this is no archive")])
+    assert "encrypted" in assert_upload_rejected(service, 422, [("locked.zip", bytes(locked))])
+    assert "damaged" in assert_upload_rejected(service, 422, [("half.zip", plain[: len(plain) // 2])])
+    assert "damaged" in assert_upload_rejected(service, 422, [("text.zip", b"this is no archive")])
 
 
 def test_full_disk_rejects_upload(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, min_free_bytes=1 << 60)
-    assert "disk is full" in refused(service, 507, [("scene.obj", OBJ)])
+    assert "disk is full" in assert_upload_rejected(service, 507, [("scene.obj", OBJ)])
     service.stop()
 
 
@@ -350,12 +356,14 @@ def test_missing_files_are_added_to_scene(service: Service) -> None:
     again = post(service, [("wood.png", b"another")], base=added["id"]).raise_for_status().json()
     assert again["bytes"] == added["bytes"] - 2, "in place of the one of this name"
     assert service.scene(base["id"])["id"] == base["id"], "which stays as it is"
-    assert "There is no scene 'nowhere'" in refused(service, 404, [("wood.png", b"a picture")], base="nowhere")
-    assert "empty" in refused(service, 422, [("wood.png", b"")], base=base["id"])
-    assert "as a file, and also as the folder" in refused(service, 422, [("a.obj/wood.png", b"a picture")], base=base["id"])
-    assert "larger than" in refused(service, 413, [("wood.png", b"x" * (LIMIT - 20))], base=added["id"])
+    assert "There is no scene 'nowhere'" in assert_upload_rejected(service, 404, [("wood.png", b"a picture")], base="nowhere")
+    assert "empty" in assert_upload_rejected(service, 422, [("wood.png", b"")], base=base["id"])
+    assert "as a file, and also as the folder" in assert_upload_rejected(
+        service, 422, [("a.obj/wood.png", b"a picture")], base=base["id"]
+    )
+    assert "larger than" in assert_upload_rejected(service, 413, [("wood.png", b"x" * (LIMIT - 20))], base=added["id"])
     many = [(f"{n}.png", b"%d" % n) for n in range(18)]
-    assert "more than 20 files" in refused(service, 413, many, base=added["id"])
+    assert "more than 20 files" in assert_upload_rejected(service, 413, many, base=added["id"])
 
 
 def test_other_main_file_needs_no_new_upload(service: Service) -> None:
@@ -366,7 +374,9 @@ def test_other_main_file_needs_no_new_upload(service: Service) -> None:
     assert other["warnings"][0].startswith("Several scene files were given; b.obj is used."), "and the way back is named"
     assert post(service, [("", b"")], base=other["id"], main="a.obj").json()["id"] == base["id"]
     for name in ("c.obj", "wood.png"):
-        assert refused(service, 422, [("", b"")], base=base["id"], main=name).startswith("main: the scene has no scene file")
+        assert assert_upload_rejected(service, 422, [("", b"")], base=base["id"], main=name).startswith(
+            "main: the scene has no scene file"
+        )
 
 
 def test_up_axis_and_floor_belong_to_scene(service: Service) -> None:
@@ -376,7 +386,7 @@ def test_up_axis_and_floor_belong_to_scene(service: Service) -> None:
     turned = post(service, files, up="z", floor="auto").json()
     assert (turned["up"], turned["floor"]) == ("z", "auto")
     assert turned["id"] != plain["id"] == post(service, files, up="auto", floor="off").json()["id"]
-    assert "it must be one of" in refused(service, 422, files, up="w")
-    assert "it must be one of" in refused(service, 422, files, floor="maybe")
+    assert "it must be one of" in assert_upload_rejected(service, 422, files, up="w")
+    assert "it must be one of" in assert_upload_rejected(service, 422, files, floor="maybe")
     gltf = [("m.gltf", b'{"asset": {"version": "2.0"}}')]
-    assert ".gltf files state which axis is up" in refused(service, 422, gltf, up="z")
+    assert ".gltf files state which axis is up" in assert_upload_rejected(service, 422, gltf, up="z")

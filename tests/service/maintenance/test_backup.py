@@ -151,7 +151,7 @@ def test_invalid_backups_and_targets_are_rejected(tmp_path: Path) -> None:
     assert not (tmp_path / "again").exists()
 
 
-def small(folder: Path) -> Path:
+def database_backup(folder: Path) -> Path:
     """Creates a data folder with only a database, and backs it up; returns the backup's folder."""
     (folder / "data").mkdir()
     with closing(sqlite3.connect(folder / "data" / "rayfarm.sqlite")) as database, database:
@@ -162,7 +162,7 @@ def small(folder: Path) -> Path:
 
 
 def test_damaged_or_truncated_backup_is_not_restored(tmp_path: Path) -> None:
-    copy = small(tmp_path)
+    copy = database_backup(tmp_path)
     restore(copy, tmp_path / "good")
     database = (copy / "rayfarm.sqlite").read_bytes()
     (copy / "rayfarm.sqlite").write_bytes(database[:-1] + b"\1")
@@ -192,7 +192,7 @@ def test_tar_file_cannot_write_outside_folder(tmp_path: Path, name: str) -> None
 
 
 def test_interrupted_backup_is_marked_incomplete(tmp_path: Path) -> None:
-    small(tmp_path)
+    database_backup(tmp_path)
     back_up(tmp_path / "data", target_at(tmp_path / "copy.tar.gz", MANIFEST))
     whole = (tmp_path / "copy.tar.gz").read_bytes()
     (tmp_path / "cut.tar.gz").write_bytes(whole[: len(whole) // 2])

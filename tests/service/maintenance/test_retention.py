@@ -19,7 +19,7 @@ from service.store.models import Job, Scene
 from tests.service.conftest import OBJ, Service, until
 
 
-def aged(service: Service, **days: float) -> None:
+def set_ages(service: Service, **days: float) -> None:
     """Sets the creation and end times of jobs and scenes, so that they have the given ages in days, by id."""
     for id, age in days.items():
         then = time.time() - age * DAY_S
@@ -64,7 +64,7 @@ def jobs(service: Service) -> list[str]:
         jobs = [service.submit(scene, seed=seed) for seed in range(4)]
         for job in jobs:
             service.wait_for(job, "finished")
-    aged(service, **{job: 40.0 - 10 * n for n, job in enumerate(jobs)}, **{scene: 50})
+    set_ages(service, **{job: 40.0 - 10 * n for n, job in enumerate(jobs)}, **{scene: 50})
     assert service.patch(jobs[0], pinned=True)["pinned"]
     return jobs
 
@@ -108,7 +108,7 @@ def test_unused_compiled_scenes_and_uploads_are_deleted(service: Service, jobs: 
     with service.worker():
         other = service.upload(OBJ + b"# other")
         until(lambda: service.scene(other)["status"] == "ready", "the other is prepared")
-    aged(service, **{other: 30})
+    set_ages(service, **{other: 30})
     rules = {"compiled_days": 5, "uploads_days": 60}
     assert would_go(service, **rules) == [("compiled", other)], "a pinned job needs the first"
     service.patch(jobs[0], pinned=False)

@@ -49,7 +49,7 @@ def candidates(tmp_path: Path, database: str, clock: Time) -> Iterator[Callable[
         candidate.close()
 
 
-def owned(candidate: Candidate) -> Ownership:
+def assert_owner(candidate: Candidate) -> Ownership:
     found = candidate.attempt()
     assert found is not None
     return found
@@ -72,12 +72,12 @@ def wait(candidate: Candidate, clock: Time, seconds: float) -> Ownership | None:
 
 
 def test_first_service_owns_farm_until_release(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     second = candidates()
     assert second.attempt() is None
     first.stop()
     clock.now += 0.5
-    follower = owned(second)
+    follower = assert_owner(second)
     assert follower.epoch > first.epoch
     row = rows.current_owner(follower.sessions)
     assert row is not None
@@ -86,7 +86,7 @@ def test_first_service_owns_farm_until_release(candidates: Callable[..., Candida
 
 @pytest.mark.long
 def test_answering_owner_keeps_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     second = candidates()
     for _ in range(100):
         assert second.attempt() is None
@@ -96,17 +96,17 @@ def test_answering_owner_keeps_farm(candidates: Callable[..., Candidate], clock:
 
 
 def test_owner_with_free_folder_lock_is_dead(candidates: Callable[..., Candidate]) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     second = candidates()
     first._folder.release()  # as the system does when a process ends
-    follower = owned(second)
+    follower = assert_owner(second)
     row = rows.current_owner(follower.sessions)
     assert row is not None
     assert row.takeovers == 1
 
 
 def test_free_lock_proves_nothing_if_owner_never_held_it(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     move_owner_to_another_machine(first)
     first._folder.release()
     second = candidates()
@@ -120,7 +120,7 @@ def test_free_lock_proves_nothing_if_owner_never_held_it(candidates: Callable[..
 
 
 def test_hanging_owner_is_replaced_and_fenced(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     move_owner_to_another_machine(first)
     second = candidates()
     begun = clock.now
@@ -140,7 +140,7 @@ def test_hanging_owner_is_replaced_and_fenced(candidates: Callable[..., Candidat
 
 
 def test_resumed_owner_checks_ownership_before_acting(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     move_owner_to_another_machine(first)
     first.guard()
     assert wait(candidates(), clock, 3 * LEASE_S) is not None
@@ -154,7 +154,7 @@ def test_resumed_owner_checks_ownership_before_acting(candidates: Callable[..., 
 def test_owner_continues_while_database_is_unreachable(
     candidates: Callable[..., Candidate], clock: Time, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     looked = []
 
     def away(_: object) -> None:
@@ -172,11 +172,11 @@ def test_owner_continues_while_database_is_unreachable(
 
 
 def test_loss_of_ownership_is_reported_once(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     told: list[None] = []
     first._on_lost = lambda: told.append(None)
     first._folder.release()
-    second = owned(candidates())
+    second = assert_owner(candidates())
     for _ in range(3):
         first.confirm()
         with pytest.raises(NotOwner):
@@ -189,7 +189,7 @@ def test_loss_of_ownership_is_reported_once(candidates: Callable[..., Candidate]
 
 
 def test_owner_without_progress_does_not_answer(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     first._moves = lambda: False
     second = candidates()
     for _ in range(MIN_CHECKS + int(2 * LEASE_S) + 2):
@@ -201,7 +201,7 @@ def test_owner_without_progress_does_not_answer(candidates: Callable[..., Candid
 
 
 def test_other_folder_with_same_database_is_rejected(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     second = candidates("another")
     assert second.attempt() is None
     first.confirm()
@@ -211,7 +211,7 @@ def test_other_folder_with_same_database_is_rejected(candidates: Callable[..., C
 
 
 def test_only_one_of_two_candidates_gets_farm(candidates: Callable[..., Candidate]) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     seen = rows.current_owner(first._bare)
     me = candidates()._me
     assert rows.take_ownership(first._bare, seen, me, has_lock=False) is not None

@@ -15,7 +15,7 @@ from service.errors import Unavailable
 from service.scheduling.records import Records
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from tests.service.scheduling.test_faults import film_of, locked, rendered_once, slow, under_way
+from tests.service.scheduling.test_faults import film_of, lock_database, rendered_once, slow, start_job
 
 
 @pytest.mark.long
@@ -23,8 +23,8 @@ def test_locked_database_does_not_stop_running_jobs(service: Service, worker: Pe
     if service.options["database_url"]:
         return  # PostgreSQL has no lock of the whole database
     worker.on_batch = slow
-    job = under_way(service, worker, spp=60)
-    with locked(service.options["data"] / "rayfarm.sqlite"):
+    job = start_job(service, worker, spp=60)
+    with lock_database(service.options["data"] / "rayfarm.sqlite"):
         assert service.job(job)["samples"] < 64 * 48 * 60
         until(lambda: service.http.get("/readyz").status_code == 503, "the service says so", 10)
         assert "database" in service.http.get("/readyz").json()["detail"]
@@ -41,7 +41,7 @@ def test_read_only_database(service: Service, worker: PeerWorker) -> None:
     if service.options["database_url"]:
         return
     worker.on_batch = slow
-    job = under_way(service, worker, spp=60)
+    job = start_job(service, worker, spp=60)
     is_read_only = threading.Event()
 
     def obey(connection: Any, *_: Any) -> None:
@@ -103,7 +103,7 @@ def test_job_deleted_before_end_is_stored_leaves_no_film(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     worker.on_batch = slow
-    job = under_way(service, worker)
+    job = start_job(service, worker)
     away = threading.Event()
     away.set()
     monkeypatch.setattr(Records, "mark_failed", failing_while(away, Records.mark_failed))
@@ -122,7 +122,7 @@ def answers_of(worker: PeerWorker, job: str) -> bool:
 @pytest.mark.long
 def test_results_of_unloaded_job_are_kept(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     worker.on_batch = slow
-    job = under_way(service, worker)
+    job = start_job(service, worker)
     service.stop()
     until(lambda: answers_of(worker, job), "the worker answers meanwhile")
     away = threading.Event()

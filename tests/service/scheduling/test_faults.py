@@ -33,7 +33,7 @@ def film_of(service: Service, job: str) -> Path:
 
 
 @contextmanager
-def locked(path: Path) -> Iterator[None]:
+def lock_database(path: Path) -> Iterator[None]:
     """Holds a write lock on a database file from another connection during the `with` block."""
     other = sqlite3.connect(path, timeout=10, isolation_level=None)
     try:
@@ -43,7 +43,7 @@ def locked(path: Path) -> Iterator[None]:
         other.close()
 
 
-def under_way(service: Service, worker: PeerWorker, **request: Any) -> str:
+def start_job(service: Service, worker: PeerWorker, **request: Any) -> str:
     """Submits a job. Returns its id when it has some samples and is still being rendered."""
     job = service.submit(service.ready_scene(), **{"spp": 30, **request})
     until(lambda: service.job(job)["samples"] > 0, "the job is under way")
@@ -61,8 +61,8 @@ def rendered_once(worker: PeerWorker, job: str) -> bool:
 @pytest.mark.long
 def test_locked_film_waits_and_other_jobs_continue(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    held = under_way(service, worker)
-    with locked(film_of(service, held)):
+    held = start_job(service, worker)
+    with lock_database(film_of(service, held)):
         other = service.submit(service.ready_scene(), spp=30, seed=1)
         until(lambda: "is locked" in (service.job(held)["message"] or ""), "the job says what it waits for")
         service.wait_for(other, "finished")
@@ -81,7 +81,7 @@ def test_locked_film_waits_and_other_jobs_continue(service: Service, worker: Pee
 @pytest.mark.long
 def test_film_on_full_disk_waits_for_space(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    full = under_way(service, worker)
+    full = start_job(service, worker)
     file = film_file(service, full)
     file._database.execute(f"PRAGMA max_page_count={file._database.execute('PRAGMA page_count').fetchone()[0]}")
     other = service.submit(service.ready_scene(), spp=30, seed=1)
@@ -97,9 +97,9 @@ def test_film_on_full_disk_waits_for_space(service: Service, worker: PeerWorker)
 @pytest.mark.long
 def test_film_unreadable_at_start_waits(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    job = under_way(service, worker)
+    job = start_job(service, worker)
     service.stop()
-    with locked(film_of(service, job)):
+    with lock_database(film_of(service, job)):
         service.start()
         until(lambda: "is locked" in (service.job(job)["message"] or ""), "the job says what it waits for")
         service.wait_for(service.submit(service.ready_scene(), spp=4, seed=1), "finished")
@@ -131,7 +131,7 @@ def test_lost_film_is_rendered_again_automatically(
     service: Service, worker: PeerWorker, spoil: Callable[[Service, str], None]
 ) -> None:
     worker.on_batch = slow
-    lost = under_way(service, worker, spp=120)
+    lost = start_job(service, worker, spp=120)
     until(lambda: service.farm.records.samples(lost, 0) > 0, "it is written down that the film has some")
     spoil(service, lost)
     service.wait_for(lost, "finished", 60)
@@ -142,7 +142,7 @@ def test_lost_film_is_rendered_again_automatically(
 @pytest.mark.long
 def test_lost_film_fails_its_job_until_restarted(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    lost = under_way(service, worker)
+    lost = start_job(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
     service.options["film_check_days"] = 0  # disables automatic repair
     garbage(service, lost)
@@ -158,7 +158,7 @@ def test_lost_film_fails_its_job_until_restarted(service: Service, worker: PeerW
 @pytest.mark.long
 def test_unwritable_film_waits_and_keeps_samples(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    job = under_way(service, worker)
+    job = start_job(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
     database = film_file(service, job)._database
     database.execute("PRAGMA query_only=ON")
@@ -273,7 +273,7 @@ def test_every_film_call_is_retried(service: Service, worker: PeerWorker, monkey
 @pytest.mark.long
 def test_bug_in_one_job_fails_only_that_job(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     worker.on_batch = slow
-    one = under_way(service, worker)
+    one = start_job(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
     plan = service.farm.engine._scheduler.jobs[one].frames[0].plan
     monkeypatch.setattr(plan, "next_batch", lambda *_: [][0])
@@ -330,7 +330,7 @@ def test_invalid_camera_is_rejected_or_fails_its_job(service: Service, worker: P
 @pytest.mark.long
 def test_settings_of_newer_release_fail_only_their_job(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    newer, other = under_way(service, worker), under_way(service, worker, seed=1)
+    newer, other = start_job(service, worker), start_job(service, worker, seed=1)
     service.stop()
     engine, sessions = connect(service.farm.settings.database)
     with sessions.begin() as session:

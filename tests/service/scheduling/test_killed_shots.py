@@ -119,15 +119,15 @@ class KillableService:
 
 
 @pytest.fixture
-def mortal(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[KillableService]:
+def killable(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[KillableService]:
     farm = KillableService(tmp_path / "data", redis_server.url, database)
     yield farm
     farm.service.end()
     farm.database_reader.close()
 
 
-def test_accepted_change_is_completed_after_kill(mortal: KillableService) -> None:
-    farm = mortal
+def test_accepted_change_is_completed_after_kill(killable: KillableService) -> None:
+    farm = killable
     scene, database_reader = farm.scene(), farm.database_reader
     in_the_midst = 0
 
@@ -177,12 +177,12 @@ def test_accepted_change_is_completed_after_kill(mortal: KillableService) -> Non
     assert in_the_midst >= 6, "most of the nine kills came while the request was under way"
 
 
-def test_concurrent_clients_keep_shots_consistent(mortal: KillableService) -> None:
+def test_concurrent_clients_keep_shots_consistent(killable: KillableService) -> None:
     """Checks that concurrent changes by several clients leave both shots in a consistent state.
 
     The clients add samples, render frames again, set priorities, cancel, resume and delete.
     """
-    farm = mortal
+    farm = killable
     scene, database_reader = farm.scene(), farm.database_reader
     kept, gone = (farm.shoot(scene).raise_for_status().json()["id"] for _ in range(2))
     counter = itertools.count(5)
@@ -237,8 +237,8 @@ def test_concurrent_clients_keep_shots_consistent(mortal: KillableService) -> No
     assert farm.service.process.poll() is None
 
 
-def test_highest_priority_shot_is_rendered_first(mortal: KillableService, redis_server: running_redis) -> None:
-    farm = mortal
+def test_highest_priority_shot_is_rendered_first(killable: KillableService, redis_server: running_redis) -> None:
+    farm = killable
     scene = farm.scene()
     shots = [farm.shoot(scene, spp=1).raise_for_status().json()["id"] for _ in range(3)]
     for shot in shots:
@@ -254,7 +254,7 @@ def test_highest_priority_shot_is_rendered_first(mortal: KillableService, redis_
 
 
 @contextmanager
-def rendering(mortal: KillableService, redis_server: running_redis, rendered: list[str]) -> Iterator[None]:
-    with PeerWorker(redis_server.url, mortal.service.url, TOKEN) as worker:
+def rendering(killable: KillableService, redis_server: running_redis, rendered: list[str]) -> Iterator[None]:
+    with PeerWorker(redis_server.url, killable.service.url, TOKEN) as worker:
         worker.on_batch = lambda batch: rendered.append(batch.job)
         yield

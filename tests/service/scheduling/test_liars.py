@@ -20,7 +20,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 LONG_S = 120.0
 
 
-def spoilt(batch: RenderBatch, how: str) -> bytes:
+def damaged_sums(batch: RenderBatch, how: str) -> bytes:
     sums = expected_sums(batch.tile, batch.first, batch.count, batch.settings.seed)
     if how == "too heavy":
         sums[SAMPLES] += 1
@@ -36,7 +36,7 @@ def test_worker_with_invalid_sums_is_quarantined(service: Service, how: str) -> 
 
         def lie(batch: RenderBatch) -> bool:
             event = {"type": "batch", **bad._about(batch), "seconds": 0.01, "bad": [], "bad_count": 0}
-            bad.send(event, spoilt(batch, how))
+            bad.send(event, damaged_sums(batch, how))
             return False
 
         bad.on_batch = lie
@@ -62,7 +62,7 @@ def test_worker_with_invalid_sums_is_quarantined(service: Service, how: str) -> 
 def test_only_worker_with_invalid_sums_fails_job(service: Service, worker: PeerWorker) -> None:
     def lie(batch: RenderBatch) -> bool:
         event = {"type": "batch", **worker._about(batch), "seconds": 0.01, "bad": [], "bad_count": 0}
-        worker.send(event, spoilt(batch, "nothing"))
+        worker.send(event, damaged_sums(batch, "nothing"))
         return False
 
     worker.on_batch = lie

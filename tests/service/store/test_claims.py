@@ -14,7 +14,7 @@ from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import make, part, rows_of
 
 
-def right(film: Film, tile: int, samples: int) -> None:
+def assert_film_has(film: Film, tile: int, samples: int) -> None:
     """Asserts that a film has exactly the first `samples` samples of a tile, with the expected sums.
 
     This is asserted for the given Film object, and for another one that reads the same file.
@@ -36,8 +36,8 @@ def test_combined_contribution_replaces_its_parts(tmp_path: Path, alone: list[tu
     film.tile_sums(0, 0)  # a read tile is not mistaken for a stored one
     bad = [BadSample(1, 2, 4), BadSample(3, 3, 11)]
     assert film.merge([part(film, 0, 0, 12, bad=bad, bad_count=2)]) == [True]
-    right(film, 0, 12)
-    right(film, 1, 12)
+    assert_film_has(film, 0, 12)
+    assert_film_has(film, 1, 12)
     assert film.bad_samples(0) == (2, bad)
     assert film.bad_count(0) == 2
     assert film.merge([part(film, 0, first, count) for first, count in alone]) == [False] * len(alone)
@@ -49,7 +49,7 @@ def test_largest_of_overlapping_contributions_is_accepted(tmp_path: Path) -> Non
     film = make(tmp_path / "job.sqlite")
     parts = [part(film, 0, 4, 2), part(film, 0, 0, 12), part(film, 0, 0, 12), part(film, 0, 10, 4), part(film, 0, 12, 3)]
     assert film.merge(parts) == [False, True, False, False, True]
-    right(film, 0, 15)
+    assert_film_has(film, 0, 15)
     film.close()
 
 
@@ -58,7 +58,7 @@ def test_only_damaged_contribution_is_dropped(tmp_path: Path) -> None:
     parts = [part(film, 0, first, 2) for first in range(0, 8, 2)]
     damaged = [*parts[:2], replace(parts[2], sums=parts[2].sums[:-1]), parts[3]]
     assert film.merge([*damaged, parts[2]]) == [True, True, False, True, True]
-    right(film, 0, 8)
+    assert_film_has(film, 0, 8)
     film.close()
 
 
@@ -69,7 +69,7 @@ def test_partly_overlapping_contribution_is_dropped(tmp_path: Path) -> None:
     assert film.merge([part(film, 0, 0, 4)]) == [False], "nothing new"
     assert film.merge([part(film, 0, 4, 2), part(film, 0, 7, 2)]) == [True, True]
     assert film.merge([part(film, 0, 4, 6)]) == [True]
-    right(film, 0, 10)
+    assert_film_has(film, 0, 10)
     film.close()
 
 

@@ -32,7 +32,7 @@ def films(tmp_path: Path) -> FilmFolder:
     return FilmFolder(tmp_path / "films", 1 << 20, snapshots(tmp_path))
 
 
-def pinned(films: FilmFolder, job: str = "job") -> Film:
+def pin_films(films: FilmFolder, job: str = "job") -> Film:
     film = films.open(job, SETTINGS, TILE, pin=True)
     film.open_file(create=True)  # as for its first batch
     return film
@@ -55,7 +55,7 @@ def test_open_film_files_are_limited(films: FilmFolder, tmp_path: Path, monkeypa
         links = list(Path("/proc/self/fd").iterdir())
         return sum(link.is_symlink() and str(tmp_path) in str(link.readlink()) for link in links)
 
-    all_films = [pinned(films, f"job{i}") for i in range(20)]
+    all_films = [pin_films(films, f"job{i}") for i in range(20)]
     for first in range(3):
         for film in all_films:
             assert film.merge([part(film, 0, first, 1)]) == [True]
@@ -72,12 +72,12 @@ def test_viewer_and_renderer_share_film_object(films: FilmFolder) -> None:
 
     With two objects for one job, each would fold rows by an outdated index.
     """
-    watched = pinned(films)
+    watched = pin_films(films)
     watched.merge([part(watched, 0, first, 1) for first in range(MAX_ROWS_UNFOLDED - 1)])
     films.unpin("job")
     for other in range(MAX_OPEN + 1):
         films.open(f"other{other}", SETTINGS, TILE)
-    rendered = pinned(films)
+    rendered = pin_films(films)
     rendered.merge([part(rendered, 0, MAX_ROWS_UNFOLDED - 1, 1)])
     rendered.merge([part(rendered, 0, MAX_ROWS_UNFOLDED, 1)])
     assert watched.merge([part(watched, 0, MAX_ROWS_UNFOLDED - 1, 1)]) == [False], "whoever holds it knows what is in"
@@ -88,7 +88,7 @@ def test_viewer_and_renderer_share_film_object(films: FilmFolder) -> None:
 
 @pytest.mark.long
 def test_unused_film_is_closed(films: FilmFolder) -> None:
-    film = pinned(films)
+    film = pin_films(films)
     database = rows_of(film)
     films.unpin("job")
     del film
@@ -101,7 +101,7 @@ def test_unused_film_is_closed(films: FilmFolder) -> None:
 
 @pytest.mark.long
 def test_pinned_film_stays_open(films: FilmFolder) -> None:
-    database = rows_of(pinned(films))
+    database = rows_of(pin_films(films))
     for other in range(MAX_OPEN + 1):
         films.open(f"other{other}", SETTINGS, TILE)
     gc.collect()
@@ -118,7 +118,7 @@ def test_reading_creates_no_film(films: FilmFolder, tmp_path: Path) -> None:
 
 
 def test_film_with_missing_samples_raises_error(films: FilmFolder, tmp_path: Path) -> None:
-    film = pinned(films)
+    film = pin_films(films)
     film.merge([part(film, 0, 0, 2)])
     has = film.samples(0)
     assert films.open("job", SETTINGS, TILE, recorded=has) is film
@@ -136,9 +136,9 @@ def test_film_with_missing_samples_raises_error(films: FilmFolder, tmp_path: Pat
 def test_damaged_film_is_renamed_and_job_starts_again(films: FilmFolder, tmp_path: Path) -> None:
     (tmp_path / "films" / "job.sqlite").write_bytes(b"nonsense" * 100)
     with pytest.raises(FilmLost):
-        pinned(films)
+        pin_films(films)
     films.quarantine("job")
-    film = pinned(films)
+    film = pin_films(films)
     assert film.merge([part(film, 0, 0, 1)]) == [True]
     assert (tmp_path / "films" / "job.sqlite.lost").read_bytes() == b"nonsense" * 100
     films.quarantine("job")
@@ -167,7 +167,7 @@ def test_film_may_be_deleted_during_size_query(films: FilmFolder, tmp_path: Path
 
 def test_sweep_deletes_films_of_deleted_jobs(films: FilmFolder, tmp_path: Path) -> None:
     for job in ("kept", "gone", "lost"):
-        pinned(films, job)
+        pin_films(films, job)
     films.quarantine("lost")
     films.close()
     FilmFolder(tmp_path / "films", 0, snapshots(tmp_path)).sweep({"kept"})
@@ -175,7 +175,7 @@ def test_sweep_deletes_films_of_deleted_jobs(films: FilmFolder, tmp_path: Path) 
 
 
 def test_sweep_deletes_only_interrupted_copies(films: FilmFolder, tmp_path: Path) -> None:
-    pinned(films, "source").merge([part(pinned(films, "source"), 0, 0, 1)])
+    pin_films(films, "source").merge([part(pin_films(films, "source"), 0, 0, 1)])
     left = [tmp_path / "films" / f"killed.sqlite.new{suffix}" for suffix in ("", "-wal", "-shm")]
     for path in left:
         path.write_bytes(b"half of it")

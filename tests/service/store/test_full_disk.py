@@ -26,7 +26,7 @@ DISK = 48 << 20
 
 @pytest.fixture(params=["a small disk", "a database without room"])
 def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path | None]:
-    """Yields the folder of a small mounted disk, or None in the case in which `full` makes the database report a full disk."""
+    """Yields the folder of a small mounted disk, or None if `full_disk` makes the database report a full disk instead."""
     if request.param == "a database without room":
         yield None
         return
@@ -43,7 +43,7 @@ def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path 
     subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-def fill(path: Path) -> None:
+def fill_disk(path: Path) -> None:
     """Writes a file at `path` until the disk is completely full."""
     with path.open("wb", buffering=0) as file:
         for size in (1 << 20, 4096, 1):
@@ -55,10 +55,10 @@ def fill(path: Path) -> None:
 
 
 @contextmanager
-def full(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def full_disk(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Fills the disk or, without one, makes the database report a full disk until the reserve is deleted."""
     if disk is not None:
-        fill(disk / "filler")
+        fill_disk(disk / "filler")
         yield
         for filler in disk.glob("filler*"):
             filler.unlink()
@@ -91,7 +91,7 @@ def test_deletion_works_on_full_disk(
             jobs = [service.submit(scene) for scene in scenes[:1]]
             for job in jobs:
                 service.wait_for(job, "finished")
-        with full(service, small_disk, monkeypatch):
+        with full_disk(service, small_disk, monkeypatch):
             refused = service.http.post("/api/scenes", files={"files": ("large.obj", OBJ * 100_000)})
             assert refused.status_code == 507, refused.text
             assert "Delete scenes or jobs" in refused.json()["detail"]
@@ -99,7 +99,7 @@ def test_deletion_works_on_full_disk(
                 refused = service.http.post("/api/jobs", json={"scene": scenes[0], "width": 64, "height": 48, "spp": 8})
                 assert refused.status_code == 507, refused.text
                 service.restart()
-                fill(small_disk / "filler too")  # ended work has freed some space
+                fill_disk(small_disk / "filler too")  # ended work has freed some space
                 service.restart()
             for path in [*(f"/api/scenes/{id}" for id in scenes[:5]), *(f"/api/jobs/{id}" for id in jobs)]:
                 answer = service.http.delete(path)

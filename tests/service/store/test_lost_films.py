@@ -30,7 +30,7 @@ def film_of(service: Service, job: str) -> Path:
     return data / "films" / f"{job}.sqlite"
 
 
-def damaged(path: Path) -> None:
+def damage_film(path: Path) -> None:
     with path.open("r+b") as file:
         file.seek(100)
         file.write(b"\xa5" * 60_000)
@@ -47,12 +47,12 @@ def half_of_it(path: Path) -> None:
 @grid(
     ("break_it", "sentence"),
     [
-        (damaged, "is damaged"),
+        (damage_film, "is damaged"),
         pytest.param(lambda path: path.write_bytes(b""), "is missing or was emptied", marks=pytest.mark.long),
         (Path.unlink, "is missing or was emptied"),
         (half_of_it, "has only 12288 of its 24576 samples"),
     ],
-    ordinary=(damaged,),
+    ordinary=(damage_film,),
 )
 def test_readers_of_damaged_film_get_error(service: Service, job: str, break_it: Callable[[Path], object], sentence: str) -> None:
     service.stop()
@@ -98,7 +98,7 @@ def one_bit(path: Path) -> None:
 @grid(
     ("break_it", "tiles"),
     [
-        pytest.param(damaged, 12, marks=pytest.mark.long),
+        pytest.param(damage_film, 12, marks=pytest.mark.long),
         pytest.param(lambda path: path.write_bytes(b""), 12, marks=pytest.mark.long),
         (half_of_it, 6),
         (one_bit, 1),

@@ -31,7 +31,7 @@ RELEASE_0_1_0 = Path(__file__).with_name("release_0_1_0.sql").read_text()
 
 
 @pytest.fixture
-def old(tmp_path: Path) -> Path:
+def old_data_folder(tmp_path: Path) -> Path:
     """Returns a data folder of release 0.1.0 with a scene and a finished job."""
     for folder in ("blobs", "films", "tmp"):
         (tmp_path / folder).mkdir()
@@ -72,8 +72,8 @@ def test_revisions_in_file_names_equal_alembic(tmp_path: Path) -> None:
     assert all(Path(script.path).name.startswith(f"r{script.revision}_") for script in scripts.walk_revisions())
 
 
-def test_data_folder_of_release_0_1_0_is_migrated(old: Path) -> None:
-    farm = Farm(Settings(data=old))
+def test_data_folder_of_release_0_1_0_is_migrated(old_data_folder: Path) -> None:
+    farm = Farm(Settings(data=old_data_folder))
     try:
         job = farm.records.job("job")
         assert job is not None
@@ -83,18 +83,18 @@ def test_data_folder_of_release_0_1_0_is_migrated(old: Path) -> None:
         assert differences(farm.database) == []
     finally:
         farm.stop()
-    Farm(Settings(data=old)).stop()  # again, now that it is of this release
+    Farm(Settings(data=old_data_folder)).stop()  # again, now that it is of this release
 
 
-def test_newer_database_is_rejected_unchanged(old: Path) -> None:
-    farm = Farm(Settings(data=old))
+def test_newer_database_is_rejected_unchanged(old_data_folder: Path) -> None:
+    farm = Farm(Settings(data=old_data_folder))
     farm.stop()
-    with closing(sqlite3.connect(old / "rayfarm.sqlite")) as database, database:
+    with closing(sqlite3.connect(old_data_folder / "rayfarm.sqlite")) as database, database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")
     database.close()
     with pytest.raises(StartupError, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"):
-        Farm(Settings(data=old))
-    with closing(sqlite3.connect(old / "rayfarm.sqlite")) as database, database:
+        Farm(Settings(data=old_data_folder))
+    with closing(sqlite3.connect(old_data_folder / "rayfarm.sqlite")) as database, database:
         assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("9999",)]
     database.close()
 

@@ -76,7 +76,7 @@ def made(film: Film, wish: PictureRequest, folder: Path) -> bytes:
     return b"".join(picture_file(film, 0, wish, folder).pieces())
 
 
-def same(data: bytes, other: bytes, folder: Path) -> bool:
+def is_same_picture(data: bytes, other: bytes, folder: Path) -> bool:
     """Returns whether two files have the same channels and values; metadata such as the creation time may differ."""
     read = []
     for content in (data, other):
@@ -96,15 +96,15 @@ def decoded(data: bytes) -> np.ndarray:
 def test_banded_pictures_equal_whole_frame(small: Film, sums: np.ndarray, tmp_path: Path) -> None:
     color = film_math.mean(sums, 24)
     for extension in ("exr", "hdr"):
-        assert same(made(small, PictureRequest(extension), tmp_path), encode(color, extension), tmp_path)
+        assert is_same_picture(made(small, PictureRequest(extension), tmp_path), encode(color, extension), tmp_path)
     np.testing.assert_array_equal(decoded(made(small, PictureRequest("png", exposure=1), tmp_path)), tonemap.apply(color, 1))
     assert made(small, PictureRequest("rgb9e5"), tmp_path) == rgbe9995.pack(color).astype("<u4").tobytes()
     planes = {name: aovs.values(sums, 24, name) for name in aovs.AOVS}
-    assert same(made(small, ALL, tmp_path), encode(color, "exr", channels=aovs.layers(planes)), tmp_path)
+    assert is_same_picture(made(small, ALL, tmp_path), encode(color, "exr", channels=aovs.layers(planes)), tmp_path)
     for name, plane in planes.items():
         np.testing.assert_array_equal(decoded(made(small, PictureRequest("png", (name,)), tmp_path)), aovs.visible(name, plane))
         grey = plane if plane.ndim == 3 else np.repeat(plane[..., None], 3, axis=2)
-        assert same(made(small, PictureRequest("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
+        assert is_same_picture(made(small, PictureRequest("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
 
 
 def test_visible_option_exposes_dark_picture(small: Film, tmp_path: Path) -> None:
@@ -129,7 +129,7 @@ def test_downscaled_copy_has_minimum_width(film: Film, tmp_path: Path) -> None:
 def test_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> None:
     color = np.random.default_rng(5).random((small.height, small.width, 3), np.float32)
     wish = PictureRequest("exr", denoised=lambda: io.BytesIO(color.astype("<f4").tobytes()))
-    assert same(made(small, wish, tmp_path), encode(color, "exr"), tmp_path)
+    assert is_same_picture(made(small, wish, tmp_path), encode(color, "exr"), tmp_path)
 
 
 @grid("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")

@@ -42,7 +42,7 @@ class Frame:
         self.state = "finished"
 
 
-def agenda(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> Any:
+def frame_order(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> Any:
     made: Any = {frame.key: frame for frame in frames}
     plan = FrameOrder(made, order, every, spp)
     for frame in frames:
@@ -55,7 +55,7 @@ def render_to_end(frames: list[Frame], spp: int) -> Any:
 
     spp: mean samples per pixel over the frames.
     """
-    plan = agenda("noisiest-first", frames, spp)
+    plan = frame_order("noisiest-first", frames, spp)
     rounds = 0
     while not all(frame.is_over for frame in frames):
         for frame in frames:
@@ -107,14 +107,14 @@ def test_goals_are_unchanged_without_known_noise() -> None:
 
 def test_every_nth_order_then_frames_between() -> None:
     frames = [Frame(key) for key in range(9)]
-    plan = agenda("every-nth", frames, every=6)
+    plan = frame_order("every-nth", frames, every=6)
     order = sorted(frames, key=plan.sort_key)
     assert [frame.key for frame in order] == [0, 6, 3, 1, 2, 4, 5, 7, 8]
 
 
 def test_breadth_first_raises_ceiling_after_dispatch() -> None:
     frames = [Frame(key, spp=6) for key in range(2)]
-    plan = agenda("breadth-first", frames, 6)
+    plan = frame_order("breadth-first", frames, 6)
     seen = []
     while (frame := plan.next_frame("kind")) is not None:
         seen.append((frame.key, frame.ceiling))
@@ -128,7 +128,7 @@ def test_unprepared_frames_wait_and_are_listed_in_order() -> None:
     frames = [Frame(key) for key in range(5)]
     for key in (1, 3):
         frames[key].compiled = {}
-    plan = agenda("centre-out", frames)
+    plan = frame_order("centre-out", frames)
     plan.first_key = 3
     assert [frame.key for frame in plan.turns.frames_to_prepare("kind", 5)] == [3, 1]
     assert plan.next_frame("kind").key == 2

@@ -17,7 +17,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 LONG_S = 120.0
 
 
-def liar(worker: PeerWorker, lies: Callable[[RenderBatch], bool]) -> list[RenderBatch]:
+def falsify_results(worker: PeerWorker, lies: Callable[[RenderBatch], bool]) -> list[RenderBatch]:
     """Makes a worker flip one bit in the sums of each batch for which `lies` returns True.
 
     Returns a list to which these batches are added as they are rendered.
@@ -66,7 +66,7 @@ def test_wrong_worker_is_quarantined_and_its_samples_rendered_again(service: Ser
         good.on_batch = third.on_batch = slow
         scene = service.ready_scene()
         turns = iter(range(1 << 30))
-        lied = liar(bad, lambda batch: next(turns) % 5 == 2)
+        lied = falsify_results(bad, lambda batch: next(turns) % 5 == 2)
         other = service.submit(scene, spp=600, seed=1, verify=0, priority=-1)  # not verified, and gets some of the false sums
         job = service.submit(scene, spp=150, verify=1)
         until(lambda: state_of(service, "bad")[0] == "paused", "it is found out", LONG_S)
@@ -98,7 +98,7 @@ def test_finished_jobs_with_distrusted_samples_are_marked(service: Service) -> N
     with ends:
         good.on_batch = third.on_batch = slow
         scene = service.ready_scene()
-        lied = liar(bad, lambda batch: True)
+        lied = falsify_results(bad, lambda batch: True)
         old = service.submit(scene, spp=300, seed=1, verify=0)
         service.wait_for(old, "finished", LONG_S)
         assert lied
@@ -123,7 +123,7 @@ def test_finished_jobs_with_distrusted_samples_are_marked(service: Service) -> N
 def test_two_different_results_wait_for_third(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:
-        lied = liar(bad, lambda batch: True)
+        lied = falsify_results(bad, lambda batch: True)
         job = service.submit(service.ready_scene(), spp=20, verify=1)
         until(lambda: "decide" in str(service.job(job)["message"]), "they differ", LONG_S)
         assert "bad and good rendered the same batch differently" in service.job(job)["message"]
@@ -141,7 +141,7 @@ def test_two_different_results_wait_for_third(service: Service) -> None:
 def test_pausing_a_worker_decides_verification(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:
-        liar(bad, lambda batch: True)
+        falsify_results(bad, lambda batch: True)
         job = service.submit(service.ready_scene(), spp=20, verify=1)
         until(lambda: "pause the one" in str(service.job(job)["message"]), "they differ", LONG_S)
         service.http.patch("/api/workers/bad", json={"state": "paused"}).raise_for_status()
@@ -170,7 +170,7 @@ def test_distrust_persists_after_restart(service: Service) -> None:
     with ends:
         good.on_batch = third.on_batch = slow
         scene = service.ready_scene()
-        liar(bad, lambda batch: True)
+        falsify_results(bad, lambda batch: True)
         job = service.submit(scene, spp=400, verify=0.3)
         until(lambda: state_of(service, "bad")[0] == "paused", "it is found out", LONG_S)
         service.stop()
