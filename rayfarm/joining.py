@@ -20,7 +20,7 @@ from worker.exchange.foreign_server import is_address
 __all__ = ["farm_address", "run", "token_to_send"]
 
 GRACE_S = 10.0
-FATAL = 3  # exit code after which a restart does not help
+FATAL_EXIT_CODE = 3  # exit code after which a restart does not help
 _LAST_LINES = 100  # of a log, in which the reason of an exit is looked for
 
 
@@ -77,7 +77,7 @@ def run(
     try:
         for each, options in {name: arguments, **more}.items():
             log = cache_home() / "logs" / f"{each}-{os.getpid()}.log"
-            part = Part(each, command, log, env, GRACE_S, (FATAL,), WORKER_STEADY_S, arguments=options, spare=waiting)
+            part = Part(each, command, log, env, GRACE_S, (FATAL_EXIT_CODE,), WORKER_STEADY_S, arguments=options, spare=waiting)
             waiting = None
             try:
                 log.parent.mkdir(parents=True, exist_ok=True)

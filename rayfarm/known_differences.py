@@ -16,7 +16,7 @@ from renderer.scene.material import Material
 
 __all__ = ["known_differences"]
 
-_LEAST = 0.005  # smallest relative difference reported
+_MIN_DIFFERENCE = 0.005  # smallest relative difference reported
 _SLOPES, _DARKER = (0.0, 0.25, 0.5, 1.0), (0.0, 0.024, 0.089, 0.285)  # slopes of bumps, and the loss by Mitsuba's shadowing term
 
 
@@ -45,7 +45,7 @@ def _lost_energy(scene: SceneDescription, is_meant: Callable[[Material], bool]) 
     return {
         material.name: lost
         for material in _used_materials(scene)
-        if is_meant(material) and (lost := 1 / _mean_albedo(material.roughness or 0.0) - 1) > _LEAST
+        if is_meant(material) and (lost := 1 / _mean_albedo(material.roughness or 0.0) - 1) > _MIN_DIFFERENCE
     }
 
 
@@ -82,7 +82,7 @@ def _normal_map_darkening(scene: SceneDescription) -> dict[str, float]:
         pixels = scene.images[scene.textures[material.normal_texture].image].pixels[..., :3].astype(np.float32) / 255 * 2 - 1
         across = np.hypot(pixels[..., 0], pixels[..., 1]) * material.normal_scale / np.maximum(pixels[..., 2], 1e-3)
         slope = min(float(np.sqrt((across**2).mean())), 1.0)
-        if (darker := float(np.interp(slope, _SLOPES, _DARKER))) > _LEAST:
+        if (darker := float(np.interp(slope, _SLOPES, _DARKER))) > _MIN_DIFFERENCE:
             found[material.name] = darker
     return found
 

@@ -29,7 +29,7 @@ __all__ = ["register"]
 SCENE = shipped_folder("scenes") / "still-life.yaml"
 SIZE = "64x36"
 MIN_RUN_S = 0.5  # seconds; shorter runs are repeated with more samples
-MOST_SAMPLES = 4096
+MAX_SAMPLES = 4096
 PROBE_FACTOR = 8  # factor by which the picture is reduced to estimate the time
 
 Scene = Annotated[Path | None, typer.Option(metavar="SCENE", help="The scene to measure; by default scenes/still-life.yaml.")]
@@ -98,7 +98,7 @@ def bvh(
                 seconds, sums = _render_timed(compiled, settings, spp, threads)
                 same = digest(sums)
                 if seconds < MIN_RUN_S:
-                    more = min(int(spp * MIN_RUN_S / seconds) + 1, MOST_SAMPLES)
+                    more = min(int(spp * MIN_RUN_S / seconds) + 1, MAX_SAMPLES)
                     seconds = _render_timed(compiled, settings, more, threads)[0] * spp / more
                 rows.append(Row(has_tree, threads, seconds, same))
                 progress.advance(task)

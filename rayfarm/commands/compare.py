@@ -19,7 +19,7 @@ __all__ = ["register"]
 
 BLOCK = 8
 MAX_SHOWN_DIFFERENCE = 0.5  # relative difference shown in full colour
-MISSING = 'Mitsuba is not installed in this Python: pip install "mitsuba>=3.5"'
+MISSING_MITSUBA = 'Mitsuba is not installed in this Python: pip install "mitsuba>=3.5"'
 MISSING_PBRT = (
     "There is no program pbrt on the PATH to compare with. Build pbrt-v4 (github.com/mmp/pbrt-v4) and put it there, or render "
     "the scene by Rayfarm alone: rayfarm render {scene} -o picture.exr"
@@ -106,7 +106,7 @@ def _mitsuba() -> Any:
     try:
         import mitsuba
     except ImportError:
-        raise CommandError(MISSING) from None
+        raise CommandError(MISSING_MITSUBA) from None
     mitsuba.set_variant("scalar_rgb")  # the variant that works without LLVM
     return mitsuba
 

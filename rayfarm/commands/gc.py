@@ -17,7 +17,7 @@ from rayfarm.login import farm_client
 
 __all__ = ["register"]
 
-SHOWN = 40
+MAX_SHOWN_ITEMS = 40
 KIND_NAMES = {"film": "film", "compiled": "compiled scene", "upload": "upload"}
 
 
@@ -92,11 +92,11 @@ def _print_items(found: dict[str, Any]) -> None:
     table = Table(box=None, pad_edge=False)
     for title in ("WHAT", "ID", "SIZE", "DAYS", "WHY", "NAME"):
         table.add_column(title, justify="right" if title in ("SIZE", "DAYS") else "left")
-    for item in items[:SHOWN]:
+    for item in items[:MAX_SHOWN_ITEMS]:
         days = f"{item['age_s'] / 86400:.0f}"
         table.add_row(KIND_NAMES[item["what"]], item["id"], _gigabytes(item["bytes"]), days, item["why"], escape(item["name"]))
     out.print(table)
-    more = f" {len(items) - SHOWN} more are not shown." if len(items) > SHOWN else ""
+    more = f" {len(items) - MAX_SHOWN_ITEMS} more are not shown." if len(items) > MAX_SHOWN_ITEMS else ""
     out.print(f"{len(items)} may go, {_gigabytes(found['bytes'])}.{more}")
 
 

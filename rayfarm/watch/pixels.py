@@ -15,7 +15,7 @@ __all__ = ["Kitty", "Pixels", "Sixel"]
 U8 = npt.NDArray[np.uint8]
 CHUNK = 4096  # bytes of base64, as the protocol demands
 COLOURS = 256  # registers that terminals have
-MOST = (1600, 1200)  # pixels that are sent
+MAX_SIZE = (1600, 1200)  # pixels that are sent
 
 
 class Pixels:
@@ -26,7 +26,7 @@ class Pixels:
 
     def size_in_pixels(self, columns: int, rows: int) -> tuple[int, int]:
         """Returns the size in pixels, (width, height), of an area of this many cells."""
-        return min(columns * self.cell[0], MOST[0]), min(rows * self.cell[1], MOST[1])
+        return min(columns * self.cell[0], MAX_SIZE[0]), min(rows * self.cell[1], MAX_SIZE[1])
 
     def cells(self, size: tuple[int, int]) -> tuple[int, int]:
         """Returns the number of columns and rows that a picture of this size in pixels covers."""

@@ -9,7 +9,7 @@ from renderer.printable import one_line
 
 __all__ = ["fit_columns", "frame_title", "progress_text"]
 
-BAR = 24  # cells
+BAR_WIDTH = 24  # cells
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
@@ -52,9 +52,9 @@ def fit_columns(text: str, columns: int) -> str:
 
 
 def _bar(progress: float) -> str:
-    eighths = round(8 * BAR * min(max(progress, 0.0), 1.0))
+    eighths = round(8 * BAR_WIDTH * min(max(progress, 0.0), 1.0))
     full, rest = divmod(eighths, 8)
-    return f"▕{('█' * full + (EIGHTHS[rest] if full < BAR else '')).ljust(BAR)}▏"
+    return f"▕{('█' * full + (EIGHTHS[rest] if full < BAR_WIDTH else '')).ljust(BAR_WIDTH)}▏"
 
 
 def _format_count(number: float) -> str:

@@ -10,9 +10,9 @@ from fastapi import Depends, Query, Response
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-__all__ = ["MOST", "TOTAL", "Page", "PageDependency"]
+__all__ = ["MAX_ITEMS", "TOTAL", "Page", "PageDependency"]
 
-MOST = 1000  # items in one answer
+MAX_ITEMS = 1000  # items in one answer
 TOTAL = "X-Total-Count"
 T = TypeVar("T")
 
@@ -42,7 +42,7 @@ class Page:
         return here, list(session.scalars(query.limit(left).offset(skipped))) if left else []
 
 
-def _page(response: Response, limit: int = Query(100, ge=1, le=MOST), offset: int = Query(0, ge=0, le=1 << 31)) -> Page:
+def _page(response: Response, limit: int = Query(100, ge=1, le=MAX_ITEMS), offset: int = Query(0, ge=0, le=1 << 31)) -> Page:
     return Page(limit, offset, response)
 
 

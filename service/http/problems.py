@@ -57,8 +57,8 @@ STATUS: dict[type[FarmError], int] = {
     FilmLost: 409,
 }
 RETRY_AFTER_S = 2
-MOST_ERRORS = 50  # errors of a body in an answer, which would otherwise echo all of it
-MOST_TEXT = 300  # characters echoed per error
+MAX_ERRORS = 50  # errors of a body in an answer, which would otherwise echo all of it
+MAX_TEXT_LENGTH = 300  # characters echoed per error
 STANDARD = (400, 404, 405)  # statuses that Starlette and FastAPI answer with their own words
 FASTAPI_BAD_BODY = "There was an error parsing the body"
 
@@ -183,7 +183,7 @@ def install(app: FastAPI) -> None:
 
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
-        faults = [("" if e["type"] == "json_invalid" else _field(e["loc"]), _message(e)) for e in error.errors()[:MOST_ERRORS]]
+        faults = [("" if e["type"] == "json_invalid" else _field(e["loc"]), _message(e)) for e in error.errors()[:MAX_ERRORS]]
         detail = reduce(joined_faults, (_with_field(*each) for each in faults[:5]))
         return response(422, with_full_stop(detail), errors=[_field_error(*each) for each in faults])
 
@@ -246,4 +246,4 @@ def _message(error: Mapping[str, Any]) -> str:
 
 
 def _shorten(text: str) -> str:
-    return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT // 2]} ... {text[-MOST_TEXT // 2 :]}"
+    return text if len(text) <= MAX_TEXT_LENGTH else f"{text[: MAX_TEXT_LENGTH // 2]} ... {text[-MAX_TEXT_LENGTH // 2 :]}"

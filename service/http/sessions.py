@@ -15,13 +15,13 @@ from service.http.gate import cookie_name
 
 __all__ = ["base_url", "forget_login", "keep_login", "logout_url"]
 
-LONGEST = 3500  # characters; browsers limit cookies to 4 kB
+MAX_TOKEN_LENGTH = 3500  # characters; browsers limit cookies to 4 kB
 UNKNOWN = "-"  # a provider's session whose ID token is too long to store
 
 
 def keep_login(request: Request, response: Response, farm: Farm, token: str) -> None:
     """Stores the ID token of an OpenID login in a cookie."""
-    set_cookie(request, response, _cookie_name(farm, request), token if len(token) <= LONGEST else UNKNOWN, SESSION_S)
+    set_cookie(request, response, _cookie_name(farm, request), token if len(token) <= MAX_TOKEN_LENGTH else UNKNOWN, SESSION_S)
 
 
 def forget_login(request: Request, response: Response, farm: Farm) -> None:

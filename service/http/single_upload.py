@@ -21,7 +21,7 @@ from service.store.staging import BlobWriter
 
 __all__ = ["UPLOAD_FORM", "check_length", "check_upload_quota", "only_file", "read_single_upload"]
 
-LONGEST = 200  # characters of a file name
+MAX_NAME_LENGTH = 200  # characters of a file name
 UPLOAD_FORM = {
     "requestBody": {
         "required": True,
@@ -99,4 +99,4 @@ def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) ->
             )
         )
     stem, suffix = PurePosixPath(plain).stem, PurePosixPath(plain).suffix
-    return stem[: LONGEST - len(suffix)] + suffix, writer
+    return stem[: MAX_NAME_LENGTH - len(suffix)] + suffix, writer

@@ -36,7 +36,7 @@ __all__ = [
     "still_numbers",
 ]
 
-BAD_SHOWN = 16
+MAX_BAD_SAMPLES = 16
 Recorded = list[tuple[int, FrameNumbers]]  # frame keys and numbers of a job
 RECORDED = FrameNumbers._fields  # columns of a frame's row
 
@@ -161,7 +161,7 @@ def bad_samples_of(job: Job, frame: FrameOut, session: Session, engine: Engine) 
     except (FarmError, SettingsError):
         return []  # being deleted, or film broken or of another release: see the job's error
     reading = _scene_options(job, session) if bad else []
-    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b, reading)) for b in bad[:BAD_SHOWN]]
+    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b, reading)) for b in bad[:MAX_BAD_SAMPLES]]
 
 
 def _scene_options(job: Job, session: Session) -> list[str]:

@@ -14,7 +14,7 @@ from service.store.models import Job, Scene
 
 __all__ = ["JobFilter", "Order", "matches", "search_words"]
 
-MOST_WORDS = 8
+MAX_WORDS = 8
 
 Order = Literal["newest", "oldest", "name", "priority", "state"]
 _LISTED_COLUMNS = [column for column in Job.__table__.columns if column.name != "history"]  # large, and not part of a list
@@ -82,7 +82,7 @@ class JobFilter:
 
 def search_words(search: str) -> tuple[str, ...]:
     """Splits a search text into words."""
-    return tuple(search.lower().split()[:MOST_WORDS])
+    return tuple(search.lower().split()[:MAX_WORDS])
 
 
 def matches(

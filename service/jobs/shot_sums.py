@@ -23,7 +23,7 @@ from service.store.models import ACTIVE_STATES, Frame, FrameChange, Job
 
 __all__ = ["ShotSums", "live_numbers", "sums_of"]
 
-MOST_NAMED = 500  # jobs in one query
+MAX_IDS_PER_QUERY = 500  # jobs in one query
 MAX_CACHED = 20_000  # ended jobs in the cache
 MIN_CACHED_FRAMES = 500  # number of frames above which sums are cached
 
@@ -88,8 +88,8 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
             found[job.id] = remembered
         else:
             asked.append(job)
-    for at in range(0, len(asked), MOST_NAMED):
-        some = asked[at : at + MOST_NAMED]
+    for at in range(0, len(asked), MAX_IDS_PER_QUERY):
+        some = asked[at : at + MAX_IDS_PER_QUERY]
         found |= _sums_from_database(some, session)
         for job in some:
             known = live.get(job.id) if job.state not in ACTIVE_STATES else None

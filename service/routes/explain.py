@@ -28,7 +28,7 @@ from service.viewing.explaining import unreadable_answer
 __all__ = ["router"]
 
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
-MOST_SAMPLES = 4096  # limit on rendered samples, as in renderer/pixel_paths.py
+MAX_SAMPLES = 4096  # limit on rendered samples, as in renderer/pixel_paths.py
 
 router = api_router(prefix="/api/jobs", tags=["jobs"])
 
@@ -215,7 +215,7 @@ def _film_sums_at(film: Film, key: int, x: int, y: int) -> tuple[list[int] | Non
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     before, sums, after = film.coverage(key, at), film.tile_sums(key, at), film.coverage(key, at)
     count = after.prefix
-    if sums is None or before.total != after.total or after.total != count or count > MOST_SAMPLES:
+    if sums is None or before.total != after.total or after.total != count or count > MAX_SAMPLES:
         return None, count
     pixel = sums[:, y - tile.y, x - tile.x]
     return [*map(int, pixel[COLOR]), int(pixel[SAMPLES])], count
@@ -264,4 +264,4 @@ def _explain_request(
                 error=error,
             )
         ) from None
-    return ExplainPixel("", job.id, compiled, asked, x, y, min(count, MOST_SAMPLES), sample, moment)
+    return ExplainPixel("", job.id, compiled, asked, x, y, min(count, MAX_SAMPLES), sample, moment)

@@ -57,7 +57,7 @@ __all__ = ["Reducer", "main"]
 EXIT_REFUSED = 3
 LOOK_EVERY_S = 0.05
 MAX_RESULT_BYTES = 64 << 20  # bytes of a result
-MOST_BYTES = 1 << 30  # that wait here
+MAX_STORED_BYTES = 1 << 30  # that wait here
 MAX_INCOMING_BYTES = 8 * MAX_RESULT_BYTES  # limit of bytes being received from workers, and of bytes from unidentified senders
 MOST_AT_ONCE, MOST_OF_ONE = 1024, 256  # connections, and of them of one address
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.2, 3.0
@@ -255,7 +255,7 @@ def _run_reducer(options: argparse.Namespace, stop: threading.Event) -> int:
         alone = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)  # held until this process ends, however that is
         fcntl.flock(alone, fcntl.LOCK_EX | fcntl.LOCK_NB)
         server = _Server((options.host, options.port), _Handler)
-        reducer = Reducer(options.name, SiteSums(folder, MOST_BYTES), with_certificate_authority(farm.redis_url))
+        reducer = Reducer(options.name, SiteSums(folder, MAX_STORED_BYTES), with_certificate_authority(farm.redis_url))
     except BlockingIOError:
         raise RefusedError(f"The site {options.name} has a reducer on this machine already. One of them is enough.") from None
     except OSError as error:

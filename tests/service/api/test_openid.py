@@ -20,7 +20,7 @@ import pytest
 from service.access.oidc import LOGIN_TIMEOUT_S, oidc_of
 from service.access.roles import Role
 from service.errors import StartupError
-from service.routes.openid import MOST_PENDING
+from service.routes.openid import MAX_PENDING_LOGINS
 from service.settings import Settings
 from tests.helpers import running_redis
 from tests.service.api.test_access import caller
@@ -223,8 +223,8 @@ def test_several_tabs_can_log_in_at_once(service: Service) -> None:
         first, second = complete_login(client, "1"), complete_login(client, "1")
         for back in (first, second):
             assert client.get(back).headers["location"] == "/#/"
-        backs = [complete_login(client, "1") for _ in range(MOST_PENDING + 2)]
-        assert sum("-login-" in name for name in client.cookies) == MOST_PENDING
+        backs = [complete_login(client, "1") for _ in range(MAX_PENDING_LOGINS + 2)]
+        assert sum("-login-" in name for name in client.cookies) == MAX_PENDING_LOGINS
         assert [refusal_reason(client.get(back)) for back in backs[:2]] == ["late", "late"]
         assert client.get(backs[2]).headers["location"] == "/#/"
         assert client.get(backs[-1]).headers["location"] == "/#/"

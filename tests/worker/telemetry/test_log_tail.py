@@ -41,8 +41,8 @@ def test_parent_reads_complete_lines_of_slots_in_order(tail: LogTail) -> None:
 
 
 def test_log_keeps_last_lines_within_limit(tail: LogTail, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(log_tail, "KEPT", 1000)
-    monkeypatch.setattr(log_tail, "LARGEST", 5000)
+    monkeypatch.setattr(log_tail, "BYTES_READ", 1000)
+    monkeypatch.setattr(log_tail, "MAX_FILE_BYTES", 5000)
     for i in range(1000):
         log_line(tail, f"line {i}")
         tail.trim()

@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from service.scheduling.jobs.history import MOST_EVENTS, MOST_POINTS, History
+from service.scheduling.jobs.history import MAX_EVENTS, MAX_POINTS, History
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
 
@@ -17,7 +17,7 @@ def test_history_is_bounded_and_keeps_first_and_last_point() -> None:
     for i in range(1, 100_000, 7):
         history.add_point(i / 10, i, 1 / i**0.5)
         history.add_event("lost", str(i))
-    assert len(history.points) <= MOST_POINTS and len(history.events) == MOST_EVENTS
+    assert len(history.points) <= MAX_POINTS and len(history.events) == MAX_EVENTS
     assert history.points[0][1] == 1 and (history.points[-1][1] or 0) > 90_000
     assert history.events[0][2] == "1" and history.events[-1][2] == "99996"
     assert [p[1] for p in history.points] == sorted(p[1] or 0 for p in history.points)
