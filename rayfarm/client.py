@@ -181,6 +181,14 @@ class Client:
         """
         return self._read(Scene, self._send("GET", f"/api/scenes/{_id(scene)}"))
 
+    def scenes(self, **query: Any) -> list[Scene]:
+        """Returns the scenes that match the query, newest first. query: search (words of names, or an id's prefix), project,
+        limit, offset.
+
+        farm.scenes(search="truck")
+        """
+        return self._list(Scene, "/api/scenes", **query)
+
     def wait_for_scene(self, scene: str, timeout_s: float = 900.0, watch: Callable[[Scene], None] | None = None) -> Scene:
         """Waits until the scene is ready, and returns it. Raises ClientError with the scene's error if it fails."""
         for found in self._poll(lambda: self.scene(scene), timeout_s):

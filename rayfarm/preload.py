@@ -15,7 +15,7 @@ PRELOAD = (
     # Kernels of readers, which those import only for files of their format.
     *("renderer.scene.readers.obj_lines", "renderer.scene.readers.threemf_rows", "renderer.scene.readers.gltf.deform"),
 )
-_SCENE_COMMANDS = ("info", "render")
+_SCENE_COMMANDS = ("info", "render", "husk")
 _FARM_COMMANDS = {"up": ("service.standby", "worker.standby"), "worker": ("worker.standby",)}
 
 

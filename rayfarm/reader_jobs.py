@@ -10,14 +10,15 @@ import numpy as np
 
 from rayfarm.stage import OpenScene
 from renderer.confine.reader import Link, error_message
-from renderer.errors import RayfarmError
+from renderer.errors import RayfarmError, SceneError
 from renderer.image.read import read as read_image
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled_parts import Saver
+from renderer.scene.files import SceneFiles
 from renderer.scene.load import Shot, read
 
-__all__ = ["describe_scene", "explain_differences", "picture", "serve_requests", "usd_names"]
+__all__ = ["describe_scene", "explain_differences", "picture", "serve_requests", "usd_names", "usd_render_settings"]
 
 IDLE_S = 86400.0  # long: if the caller ends, so does this process
 
@@ -86,3 +87,12 @@ def usd_names(layer: bytes, link: Link) -> dict[str, Any]:
     except Tf.ErrorException:
         return {"names": []}
     return {"names": [str(name) for names in found for name in names]}
+
+
+def usd_render_settings(folder: bytes, main: bytes, first: int | None, count: int, step: int, link: Link) -> dict[str, Any]:
+    """Returns the render settings of a USD file, as `describe_render_settings` does. Raises SceneError without USD."""
+    try:
+        from renderer.scene.readers.usd.render_settings import describe_render_settings
+    except ImportError:
+        raise SceneError("USD files are read by the package usd-core: pip install usd-core") from None
+    return describe_render_settings(SceneFiles(Path(os.fsdecode(folder))), os.fsdecode(main), first, count, step)

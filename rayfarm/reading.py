@@ -24,7 +24,7 @@ from renderer.scene.animation import Moment
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
 
-__all__ = ["ConfinedScene", "describe", "known_differences", "open_stage"]
+__all__ = ["ConfinedScene", "describe", "known_differences", "open_stage", "render_settings"]
 
 Say = Callable[[str], None]
 
@@ -151,6 +151,16 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
         job = partial(work, *_encoded_paths(found)[:2])
         calls = callable_functions(found.folder, room)
         return run(job, [found.folder], [room], bounds_of(main), lambda message: say(str(message["step"])), PRELOAD, calls)
+
+
+def render_settings(scene: Path, first: int | None, count: int, step: int, root: Path | None = None) -> dict[str, Any]:
+    """Returns the render settings of a USD file, as `describe_render_settings` does. Raises RayfarmError."""
+    from rayfarm.reader_jobs import usd_render_settings as work
+
+    with opened_scene(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
+        found = _SceneFiles(folder.resolve(), main, None)
+        job = partial(work, *_encoded_paths(found)[:2], first, count, step)
+        return run(job, [found.folder], [room], bounds_of(main), preload=PRELOAD)
 
 
 def known_differences(scene: Path, other: str) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from functools import partial
@@ -35,15 +36,18 @@ class Sequence:
     output: Path  # with #### in its name
     moment: Moment  # its frame is set later
     overwrite: bool = False
+    files: Mapping[float, Path] | None = None  # by frame, if the names have other numbers than the frames
 
     def file(self, frame: float) -> Path:
         """Returns the path of a frame's file."""
+        if self.files is not None:
+            return self.files[frame]
         return self.output.with_name(frame_name(self.output.name, frame))
 
 
 def check_outputs(shot: Sequence) -> None:
     """Raises CommandError if the frames' file names are not distinct, or if the files cannot be written."""
-    if len(shot.frames) > 1 and "#" not in shot.output.name and not is_movie(shot.output):
+    if shot.files is None and len(shot.frames) > 1 and "#" not in shot.output.name and not is_movie(shot.output):
         example = f"{shot.output.stem}.####{shot.output.suffix}"
         raise CommandError(
             f"-o names one file, and there are {len(shot.frames)} frames. Write #### for their numbers: -o {example}; or name a "

@@ -12,6 +12,7 @@ from renderer.sentences import Sentence
 __all__ = [
     "MAX_FRAME",
     "MAX_FRAMES",
+    "equal_steps",
     "frame_key",
     "frame_name",
     "frame_number",
@@ -114,7 +115,7 @@ def frames_text(frames: Iterable[float]) -> str:
             runs.append([frame, frame])
     if len(runs) <= MOST_RUNS:
         return ",".join(_run_text(a, b) for a, b in runs)
-    return ",".join(_run_text(*run) for run in _steps(numbers))
+    return ",".join(_run_text(*run) for run in equal_steps(numbers))
 
 
 def _run_text(first: float, last: float, step: float = 1) -> str:
@@ -123,7 +124,7 @@ def _run_text(first: float, last: float, step: float = 1) -> str:
     return f"{frame_text(first)}-{frame_text(last)}{f'x{frame_text(step)}' if step != 1 else ''}"
 
 
-def _steps(numbers: list[float]) -> Iterator[tuple[float, float, float]]:
+def equal_steps(numbers: list[float]) -> Iterator[tuple[float, float, float]]:
     """Yields (first, last, step) for each run of at least three numbers with equal steps, and (n, n, 1) for other numbers."""
     at = 0
     while at < len(numbers):

@@ -64,7 +64,7 @@ __all__ = [
     "warm_up",
 ]
 
-PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_ = KERNEL_VARIANTS
+PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_, LINKED = KERNEL_VARIANTS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
 _MOST_PARTS = 256  # of Cryptomatte's counts, before they are added up
@@ -323,7 +323,17 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
     """Returns the name of the kernel variant that renders the scene with these settings."""
     if settings.integrator in ("whitted", "ao") or settings.sampling != "mis":  # which do not aim
         scene = scene._replace(target=scene.target[:0])
+    if settings.integrator == "ao":  # which has no lights
+        scene = scene._replace(object_links=scene.object_links[:0])
     variant = variant_of(scene, len(settings.views) > 0)
+    if variant == LINKED and settings.integrator == "whitted":
+        raise SettingsError(
+            Sentence(
+                "light-links-integrator",
+                "integrator whitted does not support the light links that the scene has; choose path or direct",
+            ),
+            field="integrator",
+        )
     if settings.integrator in ("whitted", "ao"):  # which have no media
         variant = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(variant, variant)
     return FULL if variant == PLAIN and not has_variants(settings) else variant

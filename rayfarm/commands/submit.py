@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
@@ -13,6 +13,7 @@ from rayfarm import options
 from rayfarm.client import Client, ClientError
 from rayfarm.console import PROGRAM, PlainProgress, bar, err, out
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
+from rayfarm.job_template import is_template, read_template
 from rayfarm.login import farm_client
 from rayfarm.output_files import check_writable, write
 from rayfarm.picture import Picture, takes_picture
@@ -28,16 +29,21 @@ __all__ = ["register"]
 
 QUEUE = "Among other jobs"
 FORMATS = ("png", "exr", "jpg")
+TEMPLATE_OPTIONS = ("frame", "fps", "clip", "turntable", "variant", "aov", "denoise", "strict", "root")
 
 
 def register(app: typer.Typer) -> None:
     """Adds the command to the program."""
-    app.command("submit")(submit)
+    app.command("submit")(takes_picture(submit))
 
 
-@takes_picture
 def submit(
-    scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip. Files that it refers to are uploaded too.")],
+    scene: Annotated[
+        Path,
+        typer.Argument(
+            help="A scene file, a folder, or a .zip; files that it refers to are uploaded too. Or a job template of OpenJD."
+        ),
+    ],
     server: options.Server = None,
     wait: Annotated[bool, typer.Option("--wait", help="Wait for the picture and show progress.")] = False,
     output: Annotated[
@@ -99,6 +105,10 @@ def submit(
     fresh: Annotated[
         bool, typer.Option("--fresh", help="Render all samples, without reusing those of earlier jobs of the same picture.")
     ] = False,
+    param: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=VALUE", help="A parameter of a job template; may be given several times."),
+    ] = None,
 ) -> None:
     """Upload a scene to a farm and submit a job that renders it.
 
@@ -114,7 +124,31 @@ def submit(
       rayfarm submit shot.glb --frames 0-99 --order breadth-first -o out.mp4
       rayfarm submit shot.glb --frames 0-99 --after 7f3a1c
       rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
+      rayfarm submit shot.openjd.yaml --param Frames=1-10:2
     """
+    if is_template(scene):
+        given: dict[str, Any] = {
+            "frame": frame,
+            "frames": frames,
+            "variant": variant,
+            "fps": fps,
+            "clip": clip,
+            "turntable": turntable,
+        }
+        given |= {"aov": aov, "root": root, **picture.given, "denoise": denoise or None, "strict": strict or None}
+        among: dict[str, Any] = {
+            "server": server,
+            "wait": wait,
+            "project": project,
+            "priority": priority,
+            "after": after,
+            "deadline": deadline,
+        }
+        among |= {"max_slots": max_slots, "verify": verify, "fresh": fresh, "order": order, "every": every}
+        _submit_template(scene, param or [], given, output, need or [], overwrite, **among)
+        return
+    if param:
+        raise CommandError(f"--param goes with a job template, and {scene.name} is none")
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
     _check_output_format(output, is_shot=frames is not None)
     shot = FarmShot.from_options(frames, frame, moving, output, aov, denoise, overwrite)
@@ -156,6 +190,44 @@ def submit(
             _wait_for_job(farm, job.id, output, aov, denoise, shot)
         else:
             err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
+
+
+def _submit_template(
+    path: Path,
+    values: list[str],
+    given: dict[str, Any],
+    output: Path | None,
+    need: list[str],
+    overwrite: bool,
+    **kept: Any,
+) -> None:
+    """Submits the call of `rayfarm render` that a job template stands for.
+
+    given: options of the picture on the command line, of which a template takes none. kept: options of `submit` alone.
+    """
+    if named := [name for name, value in given.items() if value is not None]:
+        raise CommandError(
+            f"--{named[0].replace('_', '-')} is not taken with a job template, which has its own options; --param changes a "
+            f"parameter of {path.name}"
+        )
+    if wrong := [value for value in values if "=" not in value]:
+        raise CommandError(f"--param is {wrong[0]!r}; it takes a name and a value as --param Frames=1-10:2")
+    call = read_template(path, dict(value.split("=", 1) for value in values))
+    found = dict(call.options)
+    own, again = found.pop("output", None), found.pop("overwrite", False)
+    if output is None and kept["wait"]:
+        output = own or Path(f"{Path(found['scene']).resolve().stem}{'' if call.frames is None else '.####'}.png")
+    plain = {name: found.pop(name) for name in TEMPLATE_OPTIONS if name in found}
+    submit(
+        found.pop("scene"),
+        output=output,
+        picture=Picture(found),
+        frames=call.frames,
+        overwrite=overwrite or again,
+        need=[*need, *call.needs],
+        **plain,
+        **kept,
+    )
 
 
 def _check_output_format(output: Path | None, is_shot: bool) -> None:

@@ -16,6 +16,7 @@ _TEXTURES = rows.TEXTURED | rows.NORMAL_MAPPED | rows.NEEDS_TANGENT | rows.TRANS
 _HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING | rows.BECKMANN
 _NOTHING: Any = None  # replaces an array of a feature that the variant lacks
+_LINKS = ("light_link", "object_links")
 _MEDIA = ("medium", "material_medium")
 _KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
 _PART_OF = {kind.number: kind.part for kind in rows.KINDS}
@@ -37,6 +38,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "motion": camera_moves or _moves(scene),
         "media": "media" in parts or bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
         "targets": len(scene.target) > 0,
+        "links": len(scene.object_links) > 0,
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
@@ -53,12 +55,24 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
         bvh = bvh._replace(ray_roots=_NOTHING)
     if has.targets is None:
         scene = scene._replace(target=_NOTHING)
+    if has.links is None:
+        scene = scene._replace(**dict.fromkeys(_LINKS, _NOTHING))
+    elif len(scene.light_link) == 0:  # a kernel looks up light 0 and object 0 where there is none
+        objects = scene.object_links if len(scene.object_links) else _filled(1, 1)
+        scene = scene._replace(light_link=_filled(max(len(scene.light_primitive), 1), 0), object_links=objects)
     if has.media is None:
         scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
     if has.motion is None:
         scene = scene._replace(**dict.fromkeys(_KEYS, _NOTHING))
         bvh = bvh._replace(**dict.fromkeys(("motion", "instance_motion", "keyed_packets"), _NOTHING))
     return scene._replace(has=has, bvh=bvh)
+
+
+def _filled(count: int, value: int) -> np.ndarray:
+    """Returns a read-only array of equal numbers, (count,) i32."""
+    array = np.full(count, value, np.int32)
+    array.flags.writeable = False
+    return array
 
 
 def _parts_of_kinds(scene: CompiledScene) -> set[str]:

@@ -21,6 +21,7 @@ from renderer.arrays.rows import (
     MEDIUM_COLUMNS,
     MOST_MEDIA,
     PART_MATERIAL,
+    PART_OBJECT,
     PART_SHINES,
     SLOTS,
     TEXTURE_COLUMNS,
@@ -124,6 +125,10 @@ class CompiledScene(NamedTuple):
     # (renderer/light_groups.py), not stored.
     group_plane: Any = None
 
+    # Light links (renderer/kernel/light/links.py); no rows if every light illuminates everything.
+    light_link: Array = np.zeros(0, np.int32)  # (L,) i32: the number of each light's link set; 0: it illuminates everything
+    object_links: Array = np.zeros(0, np.int32)  # (o,) i32: bit k is set if lights of link set k illuminate the object
+
     # (3,) f64: the world-space position of the scene's (0, 0, 0) (renderer/scene/origin.py); positions above are relative to it.
     origin: Array = np.zeros(3)
 
@@ -197,6 +202,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "light_group": ("<i4", ("L?",)),
     "material_group": ("<i4", ("M?",)),
     "environment_group": ("<i4", (1,)),
+    "light_link": ("<i4", ("L?",)),
+    "object_links": ("<i4", ("o",)),
     "emission": ("<f4", ("e", 3)),
     "texel": ("|u1", ("Q", 4)),
     "group_name": ("|u1", ("g",)),
@@ -287,10 +294,17 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         ("sun", 0, lengths["L"]),
         ("material_texture", -1, lengths["X"]),
         ("material_medium", -1, lengths["m"]),
+        ("light_link", 0, 32),
         ("environment_row_start", 0, lengths["H"]),
         ("environment_column_start", 0, lengths["W"]),
     ):
         _check_range(name, arrays[name], lower, upper)
+    if lengths["o"]:  # of every object
+        _check_range("instance_object", arrays["instance_object"], 0, lengths["o"])
+        _check_range("sphere_object", arrays["sphere_object"], 0, lengths["o"])
+        _check_range("a part's object", arrays["part"][:, PART_OBJECT], 0, lengths["o"])
+        if len(arrays["light_link"]) != lengths["L"]:
+            raise SceneError("light_link has no rows, but object_links has some")
     if (arrays["light_primitive"][arrays["sun"]] < primitives).any():
         raise SceneError("a sun must be a light without a body")
     _check_range("triangle", arrays["triangle"][:, :3], 0, lengths["V"])

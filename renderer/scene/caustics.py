@@ -108,10 +108,10 @@ def _world_parts(scene: CompiledScene) -> _Parts:
 
 
 def caustic_tables(scene: CompiledScene) -> CausticTables | None:
-    """Returns the tables of a scene; None if it has no caster, no small lamp, scattering media, or motion."""
+    """Returns the tables of a scene; None if it has no caster, no small lamp, scattering media, motion, or light links."""
     if len(scene.key_position) or len(scene.key_sphere) or len(scene.key_punctual) or len(scene.bvh.motion):
         return None
-    if len(scene.medium) > 1 or scene.medium.any():
+    if len(scene.medium) > 1 or scene.medium.any() or len(scene.object_links):
         return None
     parts = _world_parts(scene)
     found = _casters(scene, parts)

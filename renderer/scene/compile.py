@@ -30,6 +30,7 @@ from renderer.scene.frame_reuse import PartOffsets, ShotCache
 from renderer.scene.geometry import NO_PLACEMENT, Geometry, by_triangle
 from renderer.scene.guiding_targets import list_guides
 from renderer.scene.light_groups import names_of, tabulate_groups
+from renderer.scene.light_links import tabulate_links
 from renderer.scene.lights import emitters_with_area, list_lights
 from renderer.scene.object_ids import number_objects
 from renderer.scene.origin import origin_of, relative_to_origin
@@ -118,6 +119,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     if (packed.material_flags & (UNSEEN | LAMP | SHADELESS)).any():
         laid = exclude_primitives(laid, _mask_by_flag(stood, UNSEEN), _mask_by_flag(stood, LAMP | SHADELESS))
     part = _part_rows(geometry, emitters.triangle)
+    links = tabulate_links(whole, lights.primitive, joined.triangle, part, stood.sphere_material)
     groups = tabulate_groups(whole, lights.primitive, joined.triangle, part, stood.sphere_material)
     arrays = CompiledScene(
         bvh=laid.bvh,
@@ -181,6 +183,8 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         material_group=groups.material,
         environment_group=groups.environment,
         group_name=groups.name,
+        light_link=links.light,
+        object_links=links.object,
         origin=origin,
     )
     shot_cache.lights_power = lights.power

@@ -211,10 +211,20 @@ class Light:
     name: str = "light"
     light_group: str = name_parameter((*_PLACED, *_DISTANT))
     """Its group, for images of the light of each group."""
+    light_link: str = name_parameter((*_PLACED, *_DISTANT))
+    """The link set of the objects that it illuminates; all unless given."""
     keys: tuple[Light, ...] = ()  # as Instance.keys
 
 
 LIGHT_PARAMETERS = parameters_of(Light)
+
+
+@dataclass(frozen=True)
+class LightLink:
+    """A link set: the objects that its lights illuminate. Names stand for all objects of that name, and for all parts of it."""
+
+    include: tuple[str, ...] | None = None  # None: all objects
+    exclude: tuple[str, ...] = ()  # objects that are left out again
 
 
 @dataclass
@@ -297,6 +307,7 @@ class SceneDescription:
     images: list[Image] = field(default_factory=list)
     environment: Environment | None = None
     environment_group: str = ""  # the light group of the environment, also of one that replaces it
+    light_links: dict[str, LightLink] = field(default_factory=dict)  # by name; lights and materials refer to them
     medium: Medium | None = None  # of the world; the camera is in it unless inside an object
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)

@@ -110,6 +110,8 @@ class Material:
     emission_texture: int | None = texture(None, kinds=SURFACES, srgb=True)
     light_group: str = name_parameter(SURFACES)
     """The group of its light, for images of the light of each group."""
+    light_link: str = name_parameter(SURFACES)
+    """The link set of the objects that its light illuminates; all unless given."""
     double_sided: bool = flag_parameter(rows.DOUBLE_SIDED, SURFACES, gltf="doubleSided")
     """Whether the back shines too."""
     lamp: bool = flag_parameter(kinds=SURFACES)

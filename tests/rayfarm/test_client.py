@@ -27,6 +27,7 @@ CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 ASKING: dict[str, Callable[[Client], Any]] = {
     "upload": lambda farm: farm.upload([CORNELL]),
     "scene": lambda farm: farm.scene("s"),
+    "scenes": lambda farm: farm.scenes(),
     "wait_for_scene": lambda farm: farm.wait_for_scene("s"),
     "submit": lambda farm: farm.submit("s", width=16, height=16),
     "job": lambda farm: farm.job("j"),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-__all__ = ["layer_groups", "light_group_of", "mesh_groups"]
+__all__ = ["layer_groups", "light_group_of"]
 
 UNUSABLE = re.compile(r"[^\w -]")  # such as the dot of "Lightgroup.001"
 MOST_NAME = 40  # characters; renderer/setting_declaration.py
@@ -15,11 +15,6 @@ MOST = 16  # renderer/settings.py
 def light_group_of(thing: Any) -> str:
     """Returns the light group of an object or a world; empty for none."""
     return _usable(getattr(thing, "lightgroup", ""))
-
-
-def mesh_groups(objects: list[Any]) -> dict[str, str]:
-    """Returns object name -> light group, of the objects that have one."""
-    return {thing.name: group for thing in objects if (group := light_group_of(thing))}
 
 
 def layer_groups(layer: Any) -> str:

@@ -10,10 +10,11 @@ from typing import Any
 from .cameras import to_ours
 from .keys import keyed
 from .light_groups import light_group_of
+from .light_links import LinkSets, has_shadow_links
 from .light_profiles import EmissionImage, is_animated_light, needs_emission_image, render_emission_image
 from .sentences import Sentence
 
-__all__ = ["Lights", "is_linked_to_lights"]
+__all__ = ["Lights"]
 
 AREA = 1 / math.pi  # radiance of an area light of one watt and one square metre
 MOST = 1e9
@@ -68,15 +69,19 @@ class Lights:
         return {thing.name: partial(self._current_state, thing) for thing in self._all}
 
     def scene_file_lights(
-        self, states: dict[str, list[dict[str, Any]]], frames: list[int], fps: float
+        self, states: dict[str, list[dict[str, Any]]], frames: list[int], fps: float, links: LinkSets
     ) -> tuple[list[Any], dict[str, Any], list[Any]]:
-        """Returns the lights, materials and shapes of the scene file. states: light name -> its states at the frames."""
+        """Returns the lights, materials and shapes of the scene file.
+
+        states: light name -> its states at the frames. links: receives the link sets of the lights.
+        """
         lights, materials, shapes = [], {}, []
         for thing in self._all:
             values = states[thing.name]
             said: dict[str, Any] = {name: keyed([each[name] for each in values], frames, fps) for name in values[0]}
             name = thing.name[:200]
-            group = {"light_group": found} if (found := light_group_of(thing)) else {}
+            named = {"light_group": light_group_of(thing), "light_link": links.name_for(thing)}
+            group = {key: found for key, found in named.items() if found}
             if "emission" not in said:
                 lights.append({"name": name, **_kind(thing, self._thrown.get(thing.name)), **said, **group})
                 continue
@@ -236,9 +241,13 @@ class Lights:
                     surfaces=hidden,
                 )
             )
-        if is_linked_to_lights(thing):
+        if has_shadow_links(thing):
             notes.append(
-                Sentence("blend-light-linking", "{object}: lights all objects; light linking is ignored", object=thing.name)
+                Sentence(
+                    "blend-shadow-linking",
+                    "{object}: shadow linking is ignored; all objects block its light",
+                    object=thing.name,
+                )
             )
 
 
@@ -273,9 +282,3 @@ def _area_of(data: Any, scale: Any) -> float:
     width, height = data.size, data.size_y if data.shape in ("RECTANGLE", "ELLIPSE") else data.size
     area = float(abs(width * scale.x * height * scale.y))
     return area * (math.pi / 4 if data.shape in ("DISK", "ELLIPSE") else 1.0)
-
-
-def is_linked_to_lights(thing: Any) -> bool:
-    """Returns True if an object has light linking: it illuminates, or shadows, selected objects only."""
-    linking = getattr(thing, "light_linking", None)
-    return any(getattr(linking, f"{kind}_collection", None) is not None for kind in ("receiver", "blocker"))

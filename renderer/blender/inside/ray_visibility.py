@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from .glb import Glb
-from .lights import is_linked_to_lights
+from .light_links import has_shadow_links
 from .sentences import Sentence
 
 __all__ = ["RAYS", "note_rays", "passed_by", "with_rays"]
@@ -44,9 +44,13 @@ def note_rays(objects: list[Any], layer: Any, notes: list[str]) -> None:
             notes.append(
                 Sentence("blend-ray-visibility", "{object}: visible {where}, unlike in Blender", object=thing.name, where=hidden)
             )
-        if is_linked_to_lights(thing):
+        if has_shadow_links(thing):
             notes.append(
-                Sentence("blend-light-linking", "{object}: lights all objects; light linking is ignored", object=thing.name)
+                Sentence(
+                    "blend-shadow-linking",
+                    "{object}: shadow linking is ignored; all objects block its light",
+                    object=thing.name,
+                )
             )
         is_held = getattr(thing, "is_holdout", False) or (layer is not None and thing.holdout_get(view_layer=layer))
         for is_so, what in (
@@ -73,13 +77,14 @@ def _put_factors(material: dict[str, Any], flags: dict[str, Any]) -> None:
         surface["baseColorFactor"] = [*(a * b for a, b in zip(color, flags["baseColorFactor"], strict=True)), alpha]
 
 
-def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]], groups: dict[str, str]) -> None:
+def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]], named: dict[str, dict[str, str]]) -> None:
     """Writes into a GLB what the exporter leaves out, by name.
 
-    rays: ray visibility of nodes. surfaces: extensions and factors of materials. groups: light groups of nodes, as extras.
+    rays: ray visibility of nodes. surfaces: extensions and factors of materials. named: light groups and link sets
+    of nodes, as extras.
     Among the factors, roughnessFactor replaces the exporter's value, and baseColorFactor multiplies it.
     """
-    if not (rays or surfaces or groups):
+    if not (rays or surfaces or named):
         return
     glb = Glb(path)
     document = glb.document
@@ -88,8 +93,8 @@ def with_rays(path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, 
         if node.get("name") in rays and "mesh" in node:
             node.setdefault("extensions", {})[RAYS] = rays[node["name"]]
             used.add(RAYS)
-        if node.get("name") in groups and "mesh" in node:
-            node["extras"] = {**node.get("extras", {}), "light_group": groups[node["name"]]}
+        if node.get("name") in named and "mesh" in node:
+            node["extras"] = {**node.get("extras", {}), **named[node["name"]]}
     for material in document.get("materials", []):
         if (told := surfaces.get(material.get("name", ""))) is not None:
             extensions = {name: each for name, each in told.items() if name not in FACTORS}

@@ -12,7 +12,8 @@ from .hair import hair_as_meshes
 from .instances import LEFT_OUT
 from .keys import exposed_over, frames_of, is_animated, over_frames, scripted
 from .large import replace_by_stand_ins, restore_large_meshes
-from .light_groups import layer_groups, light_group_of, mesh_groups
+from .light_groups import layer_groups, light_group_of
+from .light_links import LinkSets
 from .lights import Lights
 from .movie_textures import as_stills
 from .prepare_scene import prepare
@@ -27,6 +28,7 @@ __all__ = ["write_scene"]
 
 MESHES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 MOST_NOTES = 100
+MOST_NAME = 100  # characters of the scene's name
 
 
 def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bool = True) -> list[str]:
@@ -82,14 +84,15 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     if environment is not None and (group := light_group_of(scene.world)):
         environment["light_group"] = group
         suns = [{**sun, "light_group": group} for sun in suns]
-    lamps, materials, shapes = lights.scene_file_lights(_of_kind("light", seen), exposed, fps)
+    links = LinkSets(_object_names(solid, scene.name), notes)
+    lamps, materials, shapes = lights.scene_file_lights(_of_kind("light", seen), exposed, fps, links)
     if solid:
         taken = replace_by_stand_ins(bpy, solid, addon)
         scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
         _write_glb(bpy, out / "blender-scene.glb", is_moving=len(exposed) > 1)
         restore_large_meshes(out / "blender-scene.glb", taken)
-        with_rays(out / "blender-scene.glb", passed_by(solid, layer), surfaces, mesh_groups(solid))
-        shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:100]})
+        with_rays(out / "blender-scene.glb", passed_by(solid, layer), surfaces, _named(solid, links))
+        shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:MOST_NAME]})
     document: dict[str, Any] = {
         "name": scene.name[:200],
         "fps": fps,
@@ -98,12 +101,28 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
         "cameras": cameras.scene_file_cameras(_of_kind("camera", seen), exposed, fps),
         "environment": environment if medium is None else {"color": 0},
         "medium": medium,
+        "light_links": links.sets,
         "lights": [*lamps, *suns],
         "materials": materials,
         "shapes": shapes,
     }
     (out / "blender-scene.yaml").write_text(_yaml({name: value for name, value in document.items() if value}))
     return notes
+
+
+def _object_names(solid: list[Any], scene: str) -> dict[str, str]:
+    """Returns object name -> name in the scene file, in which the objects are parts of a shape with the scene's name."""
+    return {thing.name: f"{scene[:MOST_NAME]}/{thing.name}" for thing in solid}
+
+
+def _named(solid: list[Any], links: LinkSets) -> dict[str, dict[str, str]]:
+    """Returns object name -> light group and link set of its emission, of the objects that have either."""
+    found = {}
+    for thing in solid:
+        named = {"light_group": light_group_of(thing), "light_link": links.name_for(thing)}
+        if named := {key: name for key, name in named.items() if name}:
+            found[thing.name] = named
+    return found
 
 
 def _yaml(document: dict[str, Any]) -> str:

@@ -21,7 +21,7 @@ from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.state import LastVertex, camera_path, no_crossings
 from renderer.kernel.surface.ray_origins import offset_ray_origin
-from renderer.kernel.surface.surface import surface_at
+from renderer.kernel.surface.surface import NO_OBJECT, surface_at
 from renderer.prune_absent_features import where_present
 
 __all__ = ["trace_ao"]
@@ -43,7 +43,7 @@ def trace_ao(scene, stack, camera, medium_stack, options, log, first):
     expectation is 1 for a convex body, and 1 - D^2 / 4 inside the unit sphere at an ao_distance D of up to 2.
     """
     ray, path = camera_path(camera.o, camera.d)
-    last, crossings, time = LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start), camera.time
+    last, crossings, time = LastVertex(camera.o, _BLACK, NO_OBJECT), no_crossings(medium_stack, camera.start), camera.time
     radiance, rays, passed = _WHITE, 0, _ZERO
     layers = local_floats(LAYER_SLOTS)
     after = where_present(scene.has.textures, FROM_ORIGIN)

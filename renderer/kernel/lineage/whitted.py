@@ -37,8 +37,9 @@ from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.scatter import cross_surface, scatter
 from renderer.kernel.steps.state import BsdfSample, LastVertex, camera_path, no_crossings, with_radiance
 from renderer.kernel.surface.ray_origins import offset_ray_origin
-from renderer.kernel.surface.surface import is_emissive, surface_at
+from renderer.kernel.surface.surface import NO_OBJECT, is_emissive, surface_at
 from renderer.prune_absent_features import where_present
+from renderer.wide.values import u32
 
 __all__ = ["trace_whitted"]
 
@@ -132,7 +133,7 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
     options.max_depth counts the segments from the camera to the last surface. Scattering in media is ignored.
     """
     ray, path = camera_path(camera.o, camera.d)
-    last, crossings = LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start)
+    last, crossings = LastVertex(camera.o, _BLACK, NO_OBJECT), no_crossings(medium_stack, camera.start)
     passed, rays, time, stream = _ZERO, 0, camera.time, camera.stream
     lit = has_lights(scene)
     layers = local_floats(LAYER_SLOTS)
@@ -189,7 +190,7 @@ def trace_whitted(scene, stack, camera, medium_stack, options, log, first):
         if pdf > _ZERO and not _is_mirror(material):
             break
         sample = BsdfSample(wi, weight, _ZERO, eta2, _ONE)
-        last = LastVertex(surface.point, vertex.normal)
+        last = LastVertex(surface.point, vertex.normal, u32(surface.object))
         ray, path, bounce = scatter(surface, vertex.frame, ray, path, sample, _ONE, options)
         crossings = cross_surface(scene, surface, crossings, bounce, _YES)
         if vec.maximum(path.throughput) <= _ZERO or path.number - path.depth > _MAX_AGAIN:

@@ -9,10 +9,11 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
+from renderer.kernel.light.links import is_linked
 from renderer.kernel.light.sphere_light import hits_emitting_side
 from renderer.kernel.material.material import emission
 from renderer.kernel.steps.state import with_radiance
-from renderer.wide.values import any_of, where, where3
+from renderer.wide.values import any_of, as_wide, where, where3, zero_like
 
 __all__ = [
     "Emission",
@@ -47,12 +48,24 @@ def emitted_light(scene, surface, lit, ray, last, time):
     lit: whether its emission counts. last: the LastVertex. time: shutter time, 0 ... 1; None in a scene without motion.
     """
     light = where(lit, surface.light, _FIRST_LIGHT)
+    counts = lit
+    if scene.has.links is not None:
+        counts = lit & is_linked(scene, light, last.object)
     front = hits_emitting_side(scene, light, last.point, ray.d, surface.front, time)
     radiance = emission(scene, surface.material, surface.uv, surface.uv1, front, time)
     cosine = vec.dot(surface.geometric, vec.neg(ray.d))
-    judged = lit & (ray.pdf > _ZERO)
+    judged = counts & (ray.pdf > _ZERO)
     light_pdf = primitive_light_pdf(scene, light, last.point, last.normal, surface.point, cosine, judged, time)
-    return Emission(radiance, light_pdf)
+    return Emission(_counted(scene, counts, radiance), light_pdf)
+
+
+@device
+def _counted(scene, counts, radiance):
+    """Returns the radiance where it counts, else black; in scenes without light links all of it."""
+    if scene.has.links is not None:
+        none = zero_like(radiance[0])
+        radiance = where3(counts, radiance, (none, none, none))
+    return radiance
 
 
 @device
@@ -69,6 +82,9 @@ def emitted_by_sun(scene, which, ray, last, number, time):
     which: index in scene.sun; number: count of earlier vertices.
     """
     radiance, light_pdf = sun_seen(scene, which, last.point, last.normal, ray.d, ray.pdf > _ZERO, number == _ZERO, time)
+    if scene.has.links is not None:
+        light = as_wide(np.uint32(scene.sun[which]), ray.pdf)
+        radiance = _counted(scene, is_linked(scene, light, last.object), radiance)
     return Emission(radiance, light_pdf)
 
 

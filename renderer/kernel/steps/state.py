@@ -69,6 +69,7 @@ class LastVertex(NamedTuple):
 
     point: Vector
     normal: Vector  # lights on this side are sampled; zero: lights on both sides
+    object: Int  # number of its object; NO_OBJECT for the camera and for points in media
 
 
 class ShadowRay(NamedTuple):

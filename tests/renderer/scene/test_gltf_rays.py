@@ -6,8 +6,11 @@ import numpy as np
 
 from renderer.arrays.rows import SHADELESS, UNSEEN
 from renderer.blender.inside.light_groups import layer_groups, light_group_of
+from renderer.blender.inside.light_links import LinkSets
 from renderer.blender.inside.ray_visibility import RAYS, with_rays
 from renderer.scene.compile import compile_scene
+from renderer.scene.description import LightLink
+from renderer.scene.object_ids import number_objects
 from tests.renderer.scene.builders import Gltf
 
 
@@ -62,12 +65,68 @@ def test_extras_name_light_groups(scene, tmp_path):
     g.node(extensions={lights: {"light": 0}}, extras={"light_group": "no.name"})
     path = tmp_path / "b.glb"
     path.write_bytes(g.glb())
-    with_rays(path, {}, {}, {"other": "practical"})
+    with_rays(path, {}, {}, {"other": {"light_group": "practical", "light_link": "some"}})
     found = scene("b.glb", path.read_bytes())
     materials = [found.materials[found.meshes[i.mesh].material if i.material is None else i.material] for i in found.instances]
     assert [m.light_group for m in materials][-2:] == ["key", "practical"]
     assert [light.light_group for light in found.lights] == ["lamps", "rim", "lamps"]
+    assert [m.light_link for m in materials][-2:] == ["", "some"]
     assert any("light_group that is not a name" in each for each in found.warnings)
+
+
+def test_extras_declare_link_sets(scene):
+    lights = "KHR_lights_punctual"
+    g = Gltf()
+    g.mesh(material=g.material(emissiveFactor=[1.0, 1.0, 1.0], extras={"light_link": "hero"}))
+    g.root["extensions"] = {lights: {"lights": [{"type": "point"}]}}
+    g.root["extensionsUsed"] = [lights]
+    g.node(mesh=0, name="a")
+    g.node(mesh=0, name="b")
+    g.node(extensions={lights: {"light": 0}}, extras={"light_link": "rest"})
+    g.root["scenes"][0]["extras"] = {
+        "light_links": {"hero": {"include": ["a"]}, "rest": {"exclude": ["a"]}, "odd": {"include": "a"}}
+    }
+    found = scene("a.glb", g.glb())
+    assert found.light_links == {"hero": LightLink(("a",)), "rest": LightLink(None, ("a",))}
+    assert found.lights[0].light_link == "rest"
+    assert any("light_links that are not lists" in each for each in found.warnings)
+    compiled = compile_scene(found)
+    masks = dict(zip(number_objects(found).names, compiled.object_links.tolist(), strict=True))
+    assert (masks["a"], masks["b"]) == (0b011, 0b101)
+    assert sorted({*compiled.light_link.tolist()}) == [1, 2]
+
+
+def _linking(collection: object) -> SimpleNamespace:
+    return SimpleNamespace(name="lamp", light_linking=SimpleNamespace(receiver_collection=collection))
+
+
+def _collection(name: str, states: dict[str, str], child: tuple[str, str] | None = None) -> SimpleNamespace:
+    """Returns a collection with objects in link states and, if given, a child collection with one object and a state."""
+    things = [SimpleNamespace(name=each) for each in states]
+    links = [SimpleNamespace(light_linking=SimpleNamespace(link_state=state)) for state in states.values()]
+    children, child_links = [], []
+    if child is not None:
+        children = [SimpleNamespace(all_objects=[SimpleNamespace(name=child[0])])]
+        child_links = [SimpleNamespace(light_linking=SimpleNamespace(link_state=child[1]))]
+    return SimpleNamespace(
+        name=name, objects=things, collection_objects=links, children=children, collection_children=child_links
+    )
+
+
+def test_receiver_collections_of_blender_become_link_sets():
+    names = {name: f"Scene/{name}" for name in ("a", "b", "c")}
+    links = LinkSets(names, notes := [])
+    assert links.name_for(SimpleNamespace(name="lamp")) == links.name_for(_linking(None)) == ""
+    some = _collection("Some.001", {"a": "INCLUDE", "hidden": "INCLUDE", "b": "EXCLUDE"}, ("c", "INCLUDE"))
+    assert [links.name_for(_linking(some)) for _ in range(2)] == ["Some_001"] * 2
+    assert links.name_for(_linking(_collection("Some 001", {"c": "EXCLUDE"}))) == "Some 001"
+    assert links.name_for(_linking(_collection("none", {}))) == "none"
+    assert links.sets == {
+        "Some_001": {"include": ["Scene/a", "Scene/c"], "exclude": ["Scene/b"]},
+        "Some 001": {"exclude": ["Scene/c"]},
+        "none": {"include": []},
+    }
+    assert not notes
 
 
 def test_light_groups_of_blender_get_names_that_we_accept():

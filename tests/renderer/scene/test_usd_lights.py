@@ -5,6 +5,8 @@ import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux
 
 from renderer.image import encode
+from renderer.scene.compile import compile_scene
+from renderer.scene.object_ids import number_objects
 from tests.renderer.scene.usd_files import TYPES, bind, cube, material, mesh, read, stage, world
 
 
@@ -234,7 +236,7 @@ LEFT_OUT = {  # light inputs without support, and their warnings
     "inputs:shadow:color": (Gf.Vec3f(1, 0, 0), "Shadow colour, distance and falloff of lights are ignored"),
     "inputs:shadow:distance": (3.0, "Shadow colour, distance and falloff of lights are ignored"),
     "inputs:specular": (0.0, "Diffuse and specular multipliers of lights are ignored"),
-    "collection:lightLink:includeRoot": (None, "Light linking is ignored: lights illuminate all objects"),
+    "collection:shadowLink:includeRoot": (None, "Shadow linking is ignored: all objects cast shadows"),
     "inputs:intensity": (5.0, None),
 }
 
@@ -247,12 +249,35 @@ def test_what_of_a_light_cannot_be_drawn_is_named(tmp_path, name):
     for schema in (UsdLux.ShapingAPI, UsdLux.ShadowAPI):
         schema.Apply(prim)
     if value is None:
-        UsdLux.LightAPI(prim).GetLightLinkCollectionAPI().CreateExcludesRel().AddTarget("/m")
+        UsdLux.LightAPI(prim).GetShadowLinkCollectionAPI().CreateExcludesRel().AddTarget("/m")
     else:
         prim.GetAttribute(name).Set(value)
     made.GetRootLayer().Save()
     found = read(tmp_path / "a.usda").warnings
     assert [w for w in found if "/light" in w and expected and expected in w] if expected else not found
+
+
+def test_light_linking_of_a_stage(tmp_path):
+    """Lights illuminate the prims of their collection lightLink; those that illuminate the same prims share a link set."""
+    made = stage(tmp_path / "a.usda")
+    for name in ("/group/a", "/group/b", "/c"):
+        cube(made, name)
+    lights = [UsdLux.LightAPI(UsdLux.SphereLight.Define(made, f"/light{k}").GetPrim()) for k in range(4)]
+    lights[0].GetLightLinkCollectionAPI().CreateExcludesRel().AddTarget("/group/a")
+    lights[1].GetLightLinkCollectionAPI().CreateIncludeRootAttr(False)
+    lights[1].GetLightLinkCollectionAPI().CreateIncludesRel().AddTarget("/group")
+    lights[2].GetLightLinkCollectionAPI().CreateIncludeRootAttr(False)
+    for path in ("/group/b", "/c"):
+        lights[2].GetLightLinkCollectionAPI().CreateIncludesRel().AddTarget(path)
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    links = [found.materials[each.material].light_link for each in found.spheres]
+    assert [found.light_links[link].exclude if link else () for link in links] == [("a",), ("c",), ("a",), ()]
+    assert links[0] == links[2]
+    assert not found.warnings
+    compiled = compile_scene(found)
+    masks = dict(zip(number_objects(found).names, compiled.object_links.tolist(), strict=True))
+    assert [bin(masks[name]) for name in ("a", "b", "c")] == ["0b101", "0b111", "0b11"]
 
 
 def test_lights_of_a_renderers_own_are_named(tmp_path):

@@ -24,6 +24,7 @@ from renderer.kernel.backends.cpu.rows import (
 from renderer.kernel.steps.record_first_hit import no_hit
 from renderer.kernel.steps.spawn_camera_ray import spawn_camera_ray
 from renderer.kernel.steps.state import PathState, camera_path, no_crossings
+from renderer.kernel.surface.surface import NO_OBJECT
 from renderer.wide.values import as_wide, zero_like
 
 __all__ = ["NextSample", "start_paths"]
@@ -96,7 +97,7 @@ def start_paths(pool, lists, following, width, height, camera, options, batch, m
         scatter(pool, rows, Facet(seen.o, none, black, no, no))
         scatter(pool, rows, Shading(black, black, nothing, nothing))
         scatter(pool, rows, no_hit(none))
-        scatter(pool, rows, Mapped(black, black))
+        scatter(pool, rows, Mapped(black, black, as_wide(NO_OBJECT, black[0])))
         if medium_stack is not None:
             scatter(pool, rows, no_crossings(medium_stack, none))
         elif options.has_depths:

@@ -28,6 +28,7 @@ from renderer.kernel.backends.cpu.rows import (
 from renderer.kernel.backends.cpu.traversal_state import load_index
 from renderer.kernel.light.light_tree import descend
 from renderer.kernel.light.lights import choose_by_power, nearby_choice, sample_chosen
+from renderer.kernel.light.links import linked_sample
 from renderer.kernel.light_groups import ChosenGroup, group_of_sample, scatter_group
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.random_blocks import draw_light
@@ -99,16 +100,18 @@ def choose_lights(scene, pool, lists, options):
         vertex, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
         if scene.has.lights is not None and by_tree:
             way = gather(pool, rows, LightDescent)
-            chosen = way.here ^ np.uint32(0xFFFFFFFF)
-            light = sample_chosen(scene, vertex.point, vertex.normal, way.choice, (way.u, way.v), chosen, way.chance, time)
+            which, chosen = way.choice, way.here ^ np.uint32(0xFFFFFFFF)
+            light = sample_chosen(scene, vertex.point, vertex.normal, which, (way.u, way.v), chosen, way.chance, time)
             if scene.has.groups is not None:
-                _store_group(scene, pool, rows, options, way.choice, chosen)
+                _store_group(scene, pool, rows, options, which, chosen)
         else:
-            u, v, choice = _numbers(pool, rows, options)
-            chosen, chance = choose_by_power(scene, choice)
-            light = sample_chosen(scene, vertex.point, vertex.normal, choice, (u, v), chosen, chance, time)
+            u, v, which = _numbers(pool, rows, options)
+            chosen, chance = choose_by_power(scene, which)
+            light = sample_chosen(scene, vertex.point, vertex.normal, which, (u, v), chosen, chance, time)
             if scene.has.groups is not None:
-                _store_group(scene, pool, rows, options, choice, chosen)
+                _store_group(scene, pool, rows, options, which, chosen)
+        if scene.has.links is not None:
+            light = linked_sample(scene, which, chosen, light, vertex.object)
         none = zero_like(light.pdf)
         branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
         scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))

@@ -69,7 +69,7 @@ def _store_vertices(pool, rows, surface, g, which):
     scatter(pool, rows, Shading(n, surface.lift, surface.material, which))
     scatter(pool, rows, Appearance((one, one, one), none, g, one, surface.uv))
     scatter(pool, rows, Axes(s, t, surface.uv1))
-    scatter(pool, rows, Mapped(n, black))
+    scatter(pool, rows, Mapped(n, black, as_wide(NO_OBJECT, none)))
 
 
 @subroutine

@@ -14,8 +14,10 @@ from renderer.jit import device
 from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.state import Crossings, LastVertex, PathState, Ray, scattering_surface, stream_of
+from renderer.kernel.surface.surface import NO_OBJECT
 from renderer.prune_absent_features import where_present
 from renderer.wide.fields import Flag, Float, Int, Layout, Pair, Vector, accessors
+from renderer.wide.values import as_wide
 
 __all__ = [
     "FIRST_GROUP",
@@ -158,6 +160,7 @@ class Mapped(NamedTuple):
 
     normal: Vector
     facing: Vector
+    object: Int  # the number to store in LastVertex; only in scenes with light links
 
 
 class Traversal(NamedTuple):
@@ -266,10 +269,11 @@ def streams_of(pool, rows, options):
 @device
 def last_vertex(scene, pool, rows):
     """Returns the LastVertex of the paths in one row of the pool or in eight: the vertices that their rays have left."""
-    normal = gather(pool, rows, Shading).normal
+    normal, point = gather(pool, rows, Shading).normal, gather(pool, rows, Facet).point
+    number = as_wide(NO_OBJECT, point[0])
     if scene.has.textures is not None:
-        normal = gather(pool, rows, Mapped).facing
-    return LastVertex(gather(pool, rows, Facet).point, normal)
+        normal, number = gather(pool, rows, Mapped).facing, gather(pool, rows, Mapped).object
+    return LastVertex(point, normal, number)
 
 
 @device

@@ -51,7 +51,7 @@ def _store_exit(pool, path, surface, which):
     scatter(pool, path, Shading(n, surface.lift, surface.material, np.uint32(which)))
     scatter(pool, path, Appearance(_WHITE, _ZERO, _ONE, _ONE, surface.uv))
     scatter(pool, path, Axes(s, t, surface.uv1))
-    scatter(pool, path, Mapped(n, n))
+    scatter(pool, path, Mapped(n, n, surface.object))
 
 
 @subroutine

@@ -138,11 +138,13 @@ def _store_appearance(scene, pool, rows, surface, through, parameters, eta, fram
         none = zero_like(eta)
         base, metallic, roughness, _ = parameters
         facing = where3(has_flag(scene, surface.material, _TRANSMITS), (none, none, none), n)
-        if any_of(through):
-            facing = where3(through, gather(pool, rows, Mapped).facing, facing)  # if passed, the last vertex's normal stays
+        number = u32(surface.object)
+        if any_of(through):  # if passed, the last vertex's normal and object stay
+            last = gather(pool, rows, Mapped)
+            facing, number = where3(through, last.facing, facing), where(through, last.object, number)
         scatter(pool, rows, Appearance(base, metallic, roughness, eta, surface.uv))
         scatter(pool, rows, Axes(s, t, surface.uv1))
-        scatter(pool, rows, Mapped(n, facing))
+        scatter(pool, rows, Mapped(n, facing, number))
 
 
 @subroutine

@@ -11,6 +11,7 @@ from renderer.jit import device, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.lights import choose_sampled, sample_chosen
+from renderer.kernel.light.links import linked_sample
 from renderer.kernel.light_groups import add_group_light, group_of_environment, group_of_light, group_of_sample
 from renderer.kernel.manifold.chain import is_sampled_elsewhere
 from renderer.kernel.manifold.estimate import estimate_caustic
@@ -31,6 +32,7 @@ from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_light, sample_direct_light
 from renderer.kernel.steps.state import LastVertex, with_radiance
 from renderer.kernel.surface.surface import is_emissive
+from renderer.wide.values import u32
 
 __all__ = ["add_caustic", "add_direct", "add_emission", "add_environment", "has_lights"]
 
@@ -105,11 +107,13 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
         numbers = draw_light(substream(stream, k, count) if count > 1 else stream, path.number)
         which, chance = choose_sampled(scene, surface.point, vertex.normal, numbers[2])
         light = sample_chosen(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), which, chance, time)
+        if scene.has.links is not None:
+            light = linked_sample(scene, numbers[2], which, light, u32(surface.object))
         if light.pdf > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
             f, scatter_pdf = eval_material(vertex.material, vertex.wo, wi)
             if scene.has.targets is not None:
-                here = LastVertex(surface.point, vertex.normal)
+                here = LastVertex(surface.point, vertex.normal, u32(surface.object))
                 targets = targets_in_view(scene, here, surface.material, _NO, is_surface, options)
                 scatter_pdf = mixture_pdf(scene, here, targets, light.direction, scatter_pdf, NOT_AIMED)
             branches = branches_to_light(light.alone, path.number, options)

@@ -38,8 +38,9 @@ from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.scatter import cross_surface, scatter
 from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
 from renderer.kernel.steps.state import Crossings, LastVertex, camera_path, no_crossings, with_radiance, with_throughput
-from renderer.kernel.surface.surface import surface_at
+from renderer.kernel.surface.surface import NO_OBJECT, surface_at
 from renderer.prune_absent_features import where_present
+from renderer.wide.values import u32
 
 __all__ = ["trace_path"]
 
@@ -62,7 +63,7 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
     sample_bsdf(scene, vertex, options, choose, u) returns a BsdfSample.
     """
     ray, path = camera_path(camera.o, camera.d)
-    state = ray, path, LastVertex(camera.o, _BLACK), no_crossings(medium_stack, camera.start), _ZERO, NO_CHAIN
+    state = ray, path, LastVertex(camera.o, _BLACK, NO_OBJECT), no_crossings(medium_stack, camera.start), _ZERO, NO_CHAIN
     stream, own_log, light, rays, groups = camera.stream, log, _BLACK, 0, FIRST_GROUP
     while True:
         path, splits_here, state, more = _follow(
@@ -152,7 +153,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
 
         u = draw_scattering(stream, path.number)
         branches = np.float32(options.splitting) if splits(path.number, specular) else _ONE
-        last = LastVertex(vertex.surface.point, vertex.normal)
+        last = LastVertex(vertex.surface.point, vertex.normal, u32(vertex.surface.object))
         begun = begin_chain(vertex.material, specular)
         if branches > _ONE:
             dark = with_radiance(path, _BLACK)
@@ -176,7 +177,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
 @template
 def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, options, sample_bsdf):
     """Scatters a path at its vertex, using the four random numbers u; returns (Ray, PathState, Crossings, survival, Bounce)."""
-    choose, here = u[2], LastVertex(vertex.surface.point, vertex.normal)
+    choose, here = u[2], LastVertex(vertex.surface.point, vertex.normal, u32(vertex.surface.object))
     if scene.has.targets is not None:
         specular = is_specular(vertex.material)
         targets = targets_in_view(scene, here, vertex.surface.material, specular, is_surface, options)

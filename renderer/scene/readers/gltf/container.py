@@ -182,12 +182,12 @@ class Json:
             return default
         return value[:MAX_NAME] if key == "name" else value
 
-    def light_group(self) -> str:
-        """Returns the light group in the object's extras; empty if absent."""
+    def name_in_extras(self, key: str) -> str:
+        """Returns the name under a key of the object's extras, such as a light group; empty if absent."""
         extras = self.object("extras") if isinstance(self.value.get("extras"), dict) else None
-        found = extras.text("light_group", "").strip() if extras is not None else ""
+        found = extras.text(key, "").strip() if extras is not None else ""
         if found and not is_name(found):
-            self.fault("extras", Sentence("gltf-light-group-invalid", "has a light_group that is not a name"))
+            self.fault("extras", Sentence("gltf-extras-name-invalid", "has a {key} that is not a name", key=key))
             return ""
         return found
 

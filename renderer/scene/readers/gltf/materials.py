@@ -31,7 +31,7 @@ class Materials:
         self.sources = root.objects("materials")
         self._first = len(materials)
         self._panes: dict[int, int] = {}
-        self._passed: dict[tuple[int, bool, bool, str], int] = {}
+        self._passed: dict[tuple[int, bool, bool, str, str], int] = {}
         self._default: int | None = None
         self._filled: list[bool] = []
         self._uv_sets = [uv_sets_of(source.value) for source in self.sources]
@@ -64,16 +64,17 @@ class Materials:
             self._panes[index] = len(self._materials) - 1
         return self._panes[index]
 
-    def of_node(self, number: int, unseen: bool, shadeless: bool, group: str) -> int:
-        """Returns the index of a copy of a material with the properties of a node: ray visibility and light group.
+    def of_node(self, number: int, unseen: bool, shadeless: bool, group: str, link: str) -> int:
+        """Returns the index of a copy of a material with the properties of a node: ray visibility, light group and link set.
 
-        unseen: invisible to the camera; shadeless: casts no shadow. group: empty for the material's own.
+        unseen: invisible to the camera; shadeless: casts no shadow. group, link: empty for the material's own.
         """
-        key = number, unseen, shadeless, group
+        key = number, unseen, shadeless, group, link
         if key not in self._passed:
             source = self._materials[number]
-            group = group or source.light_group
-            self._materials.append(replace(source, unseen=unseen, shadeless=shadeless, light_group=group))
+            group, link = group or source.light_group, link or source.light_link
+            changed = replace(source, unseen=unseen, shadeless=shadeless, light_group=group, light_link=link)
+            self._materials.append(changed)
             self._passed[key] = len(self._materials) - 1
         return self._passed[key]
 
@@ -87,7 +88,7 @@ class Materials:
             r, g, b, material.opacity = (metallic_roughness.clamped("baseColorFactor", value, 0.0, 1.0) for value in values)
             material.base_color = (r, g, b)
         extensions.read_parameters(source, material, self._textures, metallic_roughness=not glossy)
-        material.light_group = source.light_group()
+        material.light_group, material.light_link = (source.name_in_extras(key) for key in ("light_group", "light_link"))
         self._alpha_mode(source, material)
         self._emission(source, material)
         extensions.read_extensions(source, material)

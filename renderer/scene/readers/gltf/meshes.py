@@ -104,9 +104,9 @@ class Meshes:
         for index in meshes:
             self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index], root.faults)
 
-    def material_of_node(self, number: int, unseen: bool, shadeless: bool, group: str) -> int:
+    def material_of_node(self, number: int, unseen: bool, shadeless: bool, group: str, link: str) -> int:
         """Returns the index of a copy of a mesh's material with the properties of a node; see `Materials.of_node`."""
-        return self._materials.of_node(self._meshes[number].material, unseen, shadeless, group)
+        return self._materials.of_node(self._meshes[number].material, unseen, shadeless, group, link)
 
     def refracts(self, index: int) -> bool:
         """Returns True if a part of a mesh transmits light, so that its material depends on whether the mesh is closed."""

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from renderer.errors import SceneError, SettingsError
-from renderer.scene.description import Camera, Instance, Light, SceneDescription
+from renderer.scene.description import Camera, Instance, Light, LightLink, SceneDescription
 from renderer.scene.matrices import product
 from renderer.scene.readers.gltf import instancing, lights
 from renderer.scene.readers.gltf.accessors import Accessors
@@ -259,6 +259,7 @@ class Nodes:
                     )
                 )
             self._description.name = scene.text("name", "") or self._description.name
+            self._description.light_links |= _link_sets(scene)
             return scene.indices("nodes", self._nodes)
         children = {c for n in self._nodes for c in n.indices("children", self._nodes)}
         return [i for i in range(len(self._nodes)) if i not in children] or list(range(min(len(self._nodes), 1)))
@@ -303,11 +304,10 @@ class Nodes:
         if light:
             source = self._lights[light.integer("light", high=len(self._lights))]
             name = name or source.text("name", "") or spare
-            found.append(replace(lights.read_light(source, name, world), light_group=source.light_group()))
+            found.append(_linked(lights.read_light(source, name, world), source))
         shaped = self._profiles.light(node, name or spare, world)
         found += [] if shaped is None else [shaped]
-        group = node.light_group()
-        return [replace(light, light_group=group) for light in found] if group else found
+        return [_linked(light, node) for light in found]
 
     def _add_instance(self, node: Json, meshes: list[int], place: Matrix, name: str, moves: bool) -> None:
         restless = self._meshes.restless
@@ -318,11 +318,13 @@ class Nodes:
     def _material_of(self, node: Json, mesh: int) -> int | None:
         """Returns the index of a material to use in place of a mesh's own; None if the mesh keeps its own.
 
-        A replacement is needed if camera rays or shadow rays ignore the node, or if the node has a light group.
+        A replacement is needed if camera rays or shadow rays ignore the node, or if the node has a light group or a link set.
         """
-        rays, group = node.extension(RAYS), node.light_group()
+        rays, group, link = node.extension(RAYS), node.name_in_extras("light_group"), node.name_in_extras("light_link")
         unseen, shadeless = (rays is not None and rays.value.get(kind) is False for kind in ("camera", "shadow"))
-        return self._meshes.material_of_node(mesh, unseen, shadeless, group) if unseen or shadeless or group else None
+        if unseen or shadeless or group or link:
+            return self._meshes.material_of_node(mesh, unseen, shadeless, group, link)
+        return None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:
         """Returns the joint nodes of a skin, and whether any of them is animated."""
@@ -376,3 +378,26 @@ class Nodes:
         name = name if name not in taken else f"{name} ({len(self._description.cameras) + 1})"
         taken.add(name)
         self._description.cameras.append(Camera(name, view))
+
+
+def _linked(light: Light, source: Json) -> Light:
+    """Returns the light with the light group and the link set that the extras of a glTF object name, if they name any."""
+    group, link = source.name_in_extras("light_group"), source.name_in_extras("light_link")
+    return replace(light, light_group=group or light.light_group, light_link=link or light.light_link)
+
+
+def _link_sets(scene: Json) -> dict[str, LightLink]:
+    """Returns the link sets in `light_links` of the extras of a glTF scene; unusable ones are counted as faults."""
+    extras = scene.value.get("extras")
+    found = extras.get("light_links", {}) if isinstance(extras, dict) else {}
+    links = {}
+    for name, link in found.items() if isinstance(found, dict) else ():
+        lists = [link.get(key) for key in ("include", "exclude")] if isinstance(link, dict) else []
+        if not lists or not all(
+            names is None or (isinstance(names, list) and all(isinstance(each, str) for each in names)) for names in lists
+        ):
+            scene.fault("extras", Sentence("gltf-light-links-invalid", "has light_links that are not lists of object names"))
+            continue
+        include, exclude = lists
+        links[name] = LightLink(None if include is None else tuple(include), tuple(exclude or ()))
+    return links

@@ -41,6 +41,9 @@ def add_dome(
         return
     light = UsdLux.LightAPI(prim)
     color = radiance_of(light, time)
+    links = light.GetLightLinkCollectionAPI()
+    if links and (links.GetExcludesRel().HasAuthoredTargets() or links.GetIncludesRel().HasAuthoredTargets()):
+        notes.add(Sentence("usd-dome-linking-ignored", "Light linking of domes is ignored: they illuminate all objects"), name)
     turned = world[:3, :3] / np.maximum(np.linalg.norm(world[:3, :3], axis=0), 1e-300)
     if prim.IsA(UsdLux.DomeLight_1):
         dome = UsdLux.DomeLight_1(prim)

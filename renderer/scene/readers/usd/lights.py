@@ -313,6 +313,6 @@ def _note_unsupported(light: Any, prim: Any, time: Any, notes: Notes) -> None:
         )
     if light.GetFiltersRel().HasAuthoredTargets():
         notes.add(Sentence("usd-light-filters-ignored", "Filters of lights are left out"), name)
-    for collection in (light.GetLightLinkCollectionAPI(), light.GetShadowLinkCollectionAPI()):
-        if collection and (collection.GetExcludesRel().HasAuthoredTargets() or collection.GetIncludesRel().HasAuthoredTargets()):
-            notes.add(Sentence("usd-light-linking-ignored", "Light linking is ignored: lights illuminate all objects"), name)
+    collection = light.GetShadowLinkCollectionAPI()
+    if collection and (collection.GetExcludesRel().HasAuthoredTargets() or collection.GetIncludesRel().HasAuthoredTargets()):
+        notes.add(Sentence("usd-shadow-linking-ignored", "Shadow linking is ignored: all objects cast shadows"), name)

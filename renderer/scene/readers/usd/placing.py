@@ -21,6 +21,7 @@ from renderer.scene.readers.usd.curves import spheres_of_points, tubes_of
 from renderer.scene.readers.usd.dome import add_dome, is_dome
 from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.layers import Stage
+from renderer.scene.readers.usd.light_links import LinkSets
 from renderer.scene.readers.usd.lights import is_light, mesh_light_fields, read_light_prim
 from renderer.scene.readers.usd.meshes import MAX_VERTICES, Shape, UsedPrimvars, area_of, deforms, read_mesh
 from renderer.scene.readers.usd.metadata import is_z_up, unit_of
@@ -72,6 +73,7 @@ class DescriptionBuilder:
         """Adds all prims to the description; damaged prims are left out with a note."""
         self._bind([each.prim for each in found if each.shown and each.prim.IsA(UsdGeom.Gprim)])
         self._skeletons.gather(found)
+        self._links = LinkSets(found, self._description, self._notes)
         for each in found:
             try:
                 self._place_one(each)
@@ -169,6 +171,8 @@ class DescriptionBuilder:
         place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
         light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
         changes = mesh_light_fields(light, material, area_of(each.prim, place, self._time), self._time)
+        if link := self._links.name_for(each.prim):
+            changes["light_link"] = link
         return self._surfaces.with_parameters(surface, f"shining {sorted(changes.items())}", **changes)
 
     def _face_sizes(self, prim: Any) -> npt.NDArray[np.int64]:
@@ -350,10 +354,12 @@ class DescriptionBuilder:
             lamp = read_light_prim(each.prim, place, name, self._unit, self._time, self._notes, self._profiles)
             if lamp is None:
                 continue
+            link = self._links.name_for(each.prim)
             if lamp.light is not None:
-                self._description.lights.append(lamp.light)
+                self._description.lights.append(replace(lamp.light, light_link=link))
                 continue
             assert lamp.material is not None
+            lamp.material.light_link = link
             if lamp.image is not None and (
                 found := self._images.find(lamp.image, Sentence("label-light", "Light {name}", name=name), True, self._time)
             ):

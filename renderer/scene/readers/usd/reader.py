@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from pxr import Usd
 
 from renderer.scene.animation import Clip, Moment
@@ -16,6 +15,7 @@ from renderer.scene.readers.usd.metadata import rate_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.placing import DescriptionBuilder
 from renderer.scene.readers.usd.prims import PlacedPrim, placed_prims
+from renderer.scene.readers.usd.render_settings import time_range
 from renderer.scene.readers.usd.sources import Sources
 from renderer.scene.readers.usd.textures import Images
 from renderer.scene.textures import TextureShelf
@@ -51,14 +51,12 @@ def _time(stage: Stage, main: str, description: SceneDescription, moment: Moment
     """
     root = stage.stage
     rate = rate_of(root, "timeCodesPerSecond", notes)
-    span = stage.span
+    span = time_range(stage)
     if span is None:
         if moment.clip is not None:
             number_of("clip", [], moment.clip, main)
         return Usd.TimeCode.EarliestTime()
-    start, end = (root.GetStartTimeCode(), root.GetEndTimeCode()) if root.HasAuthoredTimeCodeRange() else span
-    if not (np.isfinite([start, end]).all() and start <= end):
-        start, end = span
+    start, end = span
     if moment.clip is not None and moment.clip != "all":
         number_of("clip", [_CLIP], moment.clip, main)
     description.clips = [Clip(_CLIP, 0.0, (end - start) / rate)]

@@ -10,7 +10,7 @@ import jsonschema
 
 from renderer.errors import SceneError, SettingsError
 from renderer.scene.animation import DEFAULT_FPS, Clip, Moment
-from renderer.scene.description import Camera, SceneDescription
+from renderer.scene.description import Camera, LightLink, SceneDescription
 from renderer.scene.files import SceneFiles
 from renderer.scene.readers.yaml.camera_moves import animated_view, interpolated_view
 from renderer.scene.readers.yaml.cameras import read_view
@@ -60,6 +60,10 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     if "environment" in data:
         description.environment = read_environment(data["environment"], document, files, shelf)
         description.environment_group = data["environment"].get("light_group", "")
+    description.light_links = {
+        name: LightLink(None if "include" not in link else tuple(link["include"]), tuple(link.get("exclude", ())))
+        for name, link in data.get("light_links", {}).items()
+    }
     if "medium" in data:
         description.medium = read_medium(data["medium"])
     lights = Lights(document, files, shelf, description)

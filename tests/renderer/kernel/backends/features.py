@@ -17,6 +17,7 @@ from renderer.scene.description import (
     Image,
     Instance,
     Light,
+    LightLink,
     Material,
     Medium,
     Mesh,
@@ -218,6 +219,23 @@ def _punctual() -> SceneDescription:
     return room(Material(**PBR, roughness=0.3), lights=lights)
 
 
+def linked(material: Material, **more: Any) -> SceneDescription:
+    """Returns a scene in which a lamp, a point light and a visible sun illuminate some objects only."""
+    lights = [
+        Light("point", gray(4.0), (1.0, 2.0, 2.0), radius=0.1, light_link="ball"),
+        Light("spot", gray(9.0), (-2.0, 3.0, 1.0), (0.5, -1.0, 0.0), inner_cone=10.0, outer_cone=40.0),
+        Light("directional", gray(1.0), direction=(0.0, -0.3, 1.0), angle=20.0, seen="always", light_link="no floor"),
+    ]
+    description = room(material, lights=lights, **more)
+    names = ("floor", "wall", "lamp", "box")
+    description.instances[:4] = [replace(i, name=name) for i, name in zip(description.instances, names, strict=False)]
+    description.spheres[0] = replace(description.spheres[0], name="ball")
+    description.materials[2] = replace(description.materials[2], light_link="no wall")
+    links = {"ball": (("ball", "box"), ()), "no floor": (None, ("floor",)), "no wall": (None, ("wall", "ball"))}
+    description.light_links = {name: LightLink(*link) for name, link in links.items()}
+    return description
+
+
 def _shaped(**keys: int) -> SceneDescription:
     """Returns a scene with lights that have emission maps of all kinds, some of them moving."""
     random = np.random.default_rng(5)
@@ -373,6 +391,13 @@ FEATURES: dict[str, Feature] = {
     "lamps in glass in fog": _feature(lambda: bulb(GRAY, medium=Medium(sigma_s=(0.05, 0.06, 0.08), g=0.3)), max_depth=12),
     "lamps in glass by wax": _feature(
         lambda: bulb(Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05)))
+    ),
+    # Light links
+    "linked lights": _feature(lambda: linked(Material(**PBR, metallic=0.5, roughness=0.3))),
+    "linked lights through cards": _feature(lambda: linked(_half_clear(normal_texture=2))),
+    "linked lights in fog": _feature(lambda: linked(Material(**GLASS), medium=Medium(sigma_s=gray(0.1))), max_depth=12),
+    "linked lights on wax": _feature(
+        lambda: linked(Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05)))
     ),
 }
 

@@ -30,6 +30,8 @@ AIMED = (
     *("lamps in glass, with few bounces", "lamps in glass, without splitting"),
 )
 AIMED_IN_MEDIA = ("lamps in glass in fog", "lamps in glass by wax")
+# For these the kernel of light links is compiled.
+LINKED = ("linked lights", "linked lights through cards", "linked lights in fog", "linked lights on wax")
 
 
 def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
@@ -44,7 +46,7 @@ def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, 
         return render_frame(scene, settings, SPP, stats=stats), stats
 
 
-@grid("name", FEATURES, ordinary=[name for name in FEATURES if name not in MOVING + MEDIA + AIMED + AIMED_IN_MEDIA])
+@grid("name", FEATURES, ordinary=[name for name in FEATURES if name not in MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + LINKED])
 def test_a_feature_has_the_same_bits_in_both_backends(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     (pool, of_pool), (one, of_one) = _rendered(name, None), _rendered(name, monkeypatch)
     planes, *pixel = np.nonzero(pool != one)
@@ -64,10 +66,11 @@ def test_the_features_ask_for_all_variants() -> None:
         variant = "media" if k >= media else "moving" if k >= moving else "full" if k >= full else "plain"
         variant = "moving-media" if name == MOVING_MEDIA else variant
         variant = "aimed" if name in AIMED else "complete" if name in AIMED_IN_MEDIA else variant
+        variant = "linked" if name in LINKED else variant
         assert variant_of(scene, len(settings.views) > 0) == variant, name
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", MOVING + MEDIA + AIMED + AIMED_IN_MEDIA)
+@pytest.mark.parametrize("name", MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + LINKED)
 def test_what_moves_and_what_scatters_is_seen(name: str) -> None:
     assert render_frame(*made(name), 1)[COLOR].any()

@@ -14,6 +14,7 @@ from renderer.kernel.options import kernel_options
 from renderer.kernel.sampling.sphere_cone import sample_sphere_direction, sphere_direction_pdf
 from renderer.kernel.steps.aim import NOT_AIMED, aim, mixture_pdf, targets_in_view
 from renderer.kernel.steps.state import LastVertex
+from renderer.kernel.surface.surface import NO_OBJECT
 from renderer.render import render_frame
 from renderer.scene.description import Material, Sphere
 from renderer.settings import View
@@ -37,7 +38,7 @@ DOWN = View((0.0, 1.6, 5.0), (0.0, -0.3, 0.9), fov=30)  # the lamps are out of t
 @entry
 def _aim(made, point, normal, material, options, choose, u, direction):
     """Writes the direction of each choice; NaN where the vertex does not aim."""
-    last = LastVertex((point[0], point[1], point[2]), (normal[0], normal[1], normal[2]))
+    last = LastVertex((point[0], point[1], point[2]), (normal[0], normal[1], normal[2]), NO_OBJECT)
     targets = targets_in_view(made, last, material, _NO, _SURFACE, options)
     for i in range(len(u)):
         found = aim(made, last, targets, choose[i], (u[i, 0], u[i, 1]))
@@ -47,7 +48,7 @@ def _aim(made, point, normal, material, options, choose, u, direction):
 
 @entry
 def _density(made, point, normal, material, options, direction, pdf):
-    last = LastVertex((point[0], point[1], point[2]), (normal[0], normal[1], normal[2]))
+    last = LastVertex((point[0], point[1], point[2]), (normal[0], normal[1], normal[2]), NO_OBJECT)
     targets = targets_in_view(made, last, material, _NO, _SURFACE, options)
     for i in range(len(direction)):
         d = (direction[i, 0], direction[i, 1], direction[i, 2])

@@ -1,0 +1,49 @@
+"""Light linking of USD: the objects that each light illuminates, by the collection lightLink of UsdLux.LightAPI."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pxr import UsdGeom, UsdLux
+
+from renderer.scene.description import LightLink, SceneDescription
+from renderer.scene.light_links import MAX_LINK_SETS
+from renderer.scene.readers.usd.notes import Notes
+from renderer.scene.readers.usd.prims import PlacedPrim
+from renderer.sentences import Sentence
+
+__all__ = ["LinkSets"]
+
+
+class LinkSets:
+    """Makes the link sets of a stage's lights, in a scene description; lights that illuminate the same objects share one."""
+
+    def __init__(self, found: list[PlacedPrim], description: SceneDescription, notes: Notes) -> None:
+        """Takes the prims that may be illuminated from `found`, all prims of the stage."""
+        self._objects = [each for each in found if each.shown and each.prim.IsA(UsdGeom.Gprim)]
+        self._description, self._notes = description, notes
+        self._names: dict[tuple[str, ...], str] = {}
+
+    def name_for(self, prim: Any) -> str:
+        """Returns the name of a light's link set; empty if the light illuminates everything."""
+        collection = UsdLux.LightAPI(prim).GetLightLinkCollectionAPI()
+        if not collection or not (
+            collection.GetExcludesRel().HasAuthoredTargets()
+            or collection.GetIncludesRel().HasAuthoredTargets()
+            or collection.GetIncludeRootAttr().Get() is False
+        ):
+            return ""
+        query = collection.ComputeMembershipQuery()
+        dark = tuple(each.name for each in self._objects if not query.IsPathIncluded(each.prim.GetPath()))
+        if not dark:
+            return ""
+        if dark not in self._names:
+            if len(self._names) == MAX_LINK_SETS:
+                self._notes.add(
+                    Sentence("usd-light-links-too-many", "Light linking is ignored beyond {most} sets", most=MAX_LINK_SETS),
+                    str(prim.GetPath()),
+                )
+                return ""
+            self._names[dark] = f"set {len(self._names) + 1}"
+            self._description.light_links[self._names[dark]] = LightLink(None, dark)
+        return self._names[dark]

@@ -1,0 +1,230 @@
+"""Tests of job templates of OpenJD: those written are valid and run as such; a farm takes what calls `rayfarm render` alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from openjd.model import IntRangeExpr, create_job, decode_job_template, preprocess_job_parameters
+from openjd.model import StepParameterSpaceIterator as Tasks
+from openjd.sessions import ActionState, Session, SessionState
+
+from rayfarm.errors import CommandError
+from rayfarm.job_template import is_template, range_expression, read_template, template_of
+from renderer.frames import parse_frames
+from tests.helpers import ROOT, Farm
+from tests.rayfarm.program import rayfarm
+from tests.rayfarm.test_sequence import turning
+from tests.rayfarm.test_with_farm import pixels
+
+CORNELL = ROOT / "scenes" / "cornell-box.yaml"
+Edit = Callable[[dict[str, Any]], Any]
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    (tmp_path / "shot.glb").write_bytes(turning().glb())
+    return tmp_path
+
+
+def job_of(template: dict[str, Any], folder: Path, **values: str) -> tuple[Any, Any]:
+    """Returns the job that OpenJD's own library makes of a template, and its parameters."""
+    decoded = decode_job_template(template=template, supported_extensions=["TASK_CHUNKING"])
+    parameters = preprocess_job_parameters(
+        job_template=decoded, job_parameter_values=values, job_template_dir=folder, current_working_dir=folder
+    )
+    return create_job(job_template=decoded, job_parameter_values=parameters), parameters
+
+
+def run_tasks(job: Any, parameters: Any, folder: Path) -> list[Any]:
+    """Runs all tasks of a job's only step in one session of OpenJD's runtime; returns what its tasks ended with."""
+    step, ended, states = job.steps[0], threading.Event(), []
+
+    def note(session: str, status: Any) -> None:
+        if status.state not in (ActionState.RUNNING,):
+            states.append(status.state)
+            ended.set()
+
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    with Session(
+        session_id="test",
+        job_parameter_values=parameters,
+        callback=note,
+        session_root_directory=folder,
+        os_env_vars={"PATH": path},
+    ) as session:
+        for task in Tasks(space=step.parameterSpace):
+            assert session.state is SessionState.READY
+            ended.clear()
+            session.run_task(step_script=step.script, task_parameter_values=task)
+            assert ended.wait(120)
+    return states
+
+
+def test_the_runtime_of_openjd_renders_what_render_does(shot: Path) -> None:
+    done = rayfarm(
+        "openjd", shot / "shot.glb", "-o", shot / "far.###.exr", "--frames=0-2x2", "--size=24x16", "--spp=4", "--env=1,1,1",
+        "--chunk=2", "--template", shot / "job.yaml",
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    job, parameters = job_of(yaml.safe_load((shot / "job.yaml").read_text()), shot)
+    assert [sorted(IntRangeExpr.from_str(task["Frame"].value)) for task in Tasks(space=job.steps[0].parameterSpace)] == [[0, 2]]
+    assert run_tasks(job, parameters, shot) == [ActionState.SUCCESS]
+    arguments = ["--frames=0,2", "--size=24x16", "--spp=4", "--env=1,1,1"]
+    assert rayfarm("render", shot / "shot.glb", "-o", shot / "near.###.exr", *arguments).returncode == 0
+    for number in ("000", "002"):
+        assert np.array_equal(pixels(shot / f"far.{number}.exr"), pixels(shot / f"near.{number}.exr"))
+    assert not np.array_equal(pixels(shot / "far.000.exr"), pixels(shot / "far.002.exr")), "the triangle moves"
+
+
+def test_a_farm_takes_the_template_as_a_shot(farm: Farm, shot: Path) -> None:
+    words = [str(shot / "shot.glb"), "-o", str(shot / "far.#.exr"), "--frames=0-8x2", "--size=24x16", "--spp=4", "--env=1,1,1"]
+    template, missing = template_of([*words, "--eye=-1,0,5", "--target=0,0,0", "--no-floor"], shot)
+    assert missing == []
+    (shot / "job.json").write_text(json.dumps(template))
+    done = rayfarm("submit", shot / "job.json", "--param", "Frames=1-3:2", "--wait", "--server", farm.url)
+    assert done.returncode == 0, done.stderr
+    with farm.client() as client:
+        job = client.job(done.stdout.strip())
+        assert [frame.number for frame in client.frames(job.id)] == [1, 3]
+        assert (job.width, job.height, job.spp) == (24, 16, 4)
+        assert job.settings is not None and job.settings["view"]["eye"] == [-1, 0, 5]
+    near = ["--frames=1,3", "--size=24x16", "--spp=4", "--env=1,1,1", "--eye=-1,0,5", "--target=0,0,0"]
+    assert rayfarm("render", shot / "shot.glb", "-o", shot / "near.#.exr", *near).returncode == 0
+    for number in (1, 3):
+        assert np.array_equal(pixels(shot / f"far.{number}.exr"), pixels(shot / f"near.{number}.exr"))
+    assert not (shot / "far.0.exr").exists()
+
+
+def test_a_still_is_one_task(tmp_path: Path) -> None:
+    (tmp_path / "sky.exr").write_bytes(b"")
+    (tmp_path / "box.yaml").write_text("shapes: [{type: sphere}]\n")
+    words = [str(tmp_path / "box.yaml"), "-o", str(tmp_path / "a.png"), "--env", str(tmp_path / "sky.exr"), "--frame=7"]
+    template, missing = template_of(words, tmp_path)
+    job, _ = job_of(template, tmp_path)
+    assert job.steps[0].parameterSpace is None
+    assert missing == []
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
+    call = read_template(tmp_path / "job.yaml")
+    assert (call.frames, call.options["frame"], call.options["env"]) == (None, 7, str(tmp_path / "sky.exr"))
+    assert call.options["scene"] == tmp_path / "box.yaml"
+
+
+def test_paths_outside_the_templates_folder_have_no_default(shot: Path, tmp_path: Path) -> None:
+    (tmp_path / "jobs").mkdir()
+    template, missing = template_of(
+        [str(shot / "shot.glb"), "--frames=1-2", "-o", str(tmp_path / "jobs/a.#.png")], tmp_path / "jobs"
+    )
+    assert missing == ["Scene"]
+    (tmp_path / "jobs" / "job.yaml").write_text(yaml.safe_dump(template))
+    with pytest.raises(CommandError, match="Scene"):
+        read_template(tmp_path / "jobs" / "job.yaml")
+    assert read_template(tmp_path / "jobs" / "job.yaml", {"Scene": str(shot / "shot.glb")}).options["scene"] == shot / "shot.glb"
+
+
+@pytest.mark.parametrize("frames", ["1-10:2", "7", "0-99", "1-250x5,300", "1,2,3,5,8,13", "100000-100010:5", "3-9:3,10-12"])
+def test_a_range_expression_names_the_same_frames(frames: str) -> None:
+    numbers = parse_frames(frames)
+    assert sorted(IntRangeExpr.from_str(range_expression(numbers))) == sorted(numbers)
+
+
+def test_what_a_template_cannot_say_is_refused(tmp_path: Path) -> None:
+    for words, said in (
+        (["--frames=0-2x0.5", "-o", "a.#.png"], "whole numbers"),
+        (["--frames=0-2", "-o", "a.mp4"], "not one film"),
+        (["--frames=0-2", "-o", "a.png"], "Write ####"),
+        (["--frames=0-2", "--frame=2"], "both given"),
+        (["--camera={{x}}"], "begins an expression"),
+        (["--spp=many"], "does not take this"),
+        ([f"--frames={','.join(str(n * n) for n in range(500))}", "-o", "a.#.png"], "split them"),
+    ):
+        with pytest.raises(CommandError, match=said):
+            template_of([str(CORNELL), *words], tmp_path)
+    with pytest.raises(CommandError, match="a still is one task"):
+        template_of([str(CORNELL)], tmp_path, chunk=2)
+
+
+def arguments(template: dict[str, Any]) -> list[str]:
+    words: list[str] = template["steps"][0]["script"]["actions"]["onRun"]["args"]
+    return words
+
+
+REFUSED: dict[str, tuple[Edit, str]] = {
+    "two steps": (lambda t: t["steps"].append({**t["steps"][0], "name": "More"}), "2 steps are not supported"),
+    "another program": (lambda t: t["steps"][0]["script"]["actions"]["onRun"].update(command="bash"), "command `bash render"),
+    "another command": (lambda t: arguments(t).__setitem__(0, "up"), "command `rayfarm up"),
+    "an unknown option": (lambda t: arguments(t).append("--sparkle"), "--sparkle"),
+    "a local option": (lambda t: arguments(t).extend(["--threads", "2"]), "--threads is not supported by a farm"),
+    "files in it": (
+        lambda t: t["steps"][0]["script"].update(embeddedFiles=[{"name": "F", "type": "TEXT", "data": "x"}]),
+        "embeddedFiles is not supported",
+    ),
+    "an environment": (
+        lambda t: t.update(jobEnvironments=[{"name": "E", "variables": {"A": "b"}}]),
+        "jobEnvironments is not supported",
+    ),
+    "a timeout": (lambda t: t["steps"][0]["script"]["actions"]["onRun"].update(timeout=60), "timeout is not supported"),
+    "a session's folder": (lambda t: arguments(t).extend(["--root", "{{Session.WorkingDirectory}}"]), "job and task parameters"),
+    "two task parameters": (
+        lambda t: t["steps"][0]["parameterSpace"]["taskParameterDefinitions"].append(
+            {"name": "Seed", "type": "INT", "range": "1-2"}
+        ),
+        "task parameters Frame, Seed",
+    ),
+    "a task parameter elsewhere": (lambda t: arguments(t).extend(["--seed", "{{Task.Param.Frame}}"]), "is in --seed"),
+    "negative frames": (lambda t: t["parameterDefinitions"][-1].update(default="-3-3"), "begin at 0"),
+    "a wrong range": (lambda t: t["parameterDefinitions"][-1].update(default="many"), "no valid job template"),
+    "a requirement": (
+        lambda t: t["steps"][0].update(hostRequirements={"amounts": [{"name": "amount.worker.gpu", "min": 1}]}),
+        "the requirement amount.worker.gpu",
+    ),
+    "no steps": (lambda t: t.pop("steps"), "no valid job template"),
+    "an older version": (lambda t: t.update(specificationVersion="jobtemplate-1999-01"), "no valid job template"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_template_that_is_no_shot_is_refused_by_a_sentence_about_its_part(name: str, tmp_path: Path) -> None:
+    edit, said = REFUSED[name]
+    (tmp_path / "box.yaml").write_text("shapes: [{type: sphere}]\n")
+    template, _ = template_of([str(tmp_path / "box.yaml"), "-o", str(tmp_path / "a.#.png"), "--frames=1-3"], tmp_path)
+    template["parameterDefinitions"] = list(template["parameterDefinitions"])
+    edit(template)
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
+    done = rayfarm("submit", tmp_path / "job.yaml", "--server", "http://127.0.0.1:9", COLUMNS="400")
+    assert done.returncode == 1
+    assert said in done.stderr, done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_requirements_become_needs(tmp_path: Path) -> None:
+    (tmp_path / "box.yaml").write_text("shapes: [{type: sphere}]\n")
+    template, _ = template_of([str(tmp_path / "box.yaml")], tmp_path)
+    template["parameterDefinitions"][1]["default"] = "a.png"
+    template["steps"][0]["hostRequirements"] = {"amounts": [{"name": "amount.worker.memory", "min": 30518}]}
+    (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
+    assert read_template(tmp_path / "job.yaml").needs == ["memory_gb=32"]
+
+
+def test_a_scene_file_is_no_template(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert not is_template(CORNELL)
+    assert not is_template(tmp_path)
+    (tmp_path / "broken.yaml").write_text("specificationVersion: [")
+    assert not is_template(tmp_path / "broken.yaml")
+    done = rayfarm("submit", CORNELL, "--param", "Frames=1", "--server", "http://127.0.0.1:9")
+    assert done.returncode == 1 and "--param goes with a job template" in done.stderr
+    (tmp_path / "job.yaml").write_text("specificationVersion: jobtemplate-2023-09\n")
+    for words, said in ((["--spp=3"], "--spp is not taken"), (["--param", "x"], "--param is 'x'")):
+        done = rayfarm("submit", tmp_path / "job.yaml", *words, COLUMNS="200")
+        assert done.returncode == 1 and said in done.stderr
+    monkeypatch.setitem(sys.modules, "openjd.model", None)
+    with pytest.raises(CommandError, match=r"rayfarm\[openjd\]"):
+        read_template(tmp_path / "job.yaml")
