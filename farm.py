@@ -91,7 +91,7 @@ def fail(text):
 
 
 def find_python():
-    """Continues under a supported Python: this one, or another of this machine."""
+    """Returns if this Python is supported; otherwise restarts the program with a supported one, or exits with an error."""
     if sys.version_info[:2] in PYTHONS:
         return
     for version in PYTHONS:
@@ -169,7 +169,7 @@ def is_usable(python):
 
 
 def make_environment():
-    """Creates .venv anew. If Debian lacks the package that needs, installs it or prints how to."""
+    """Creates .venv anew. If the Debian package for virtual environments is missing, installs it or prints how to."""
     print_progress("making a Python environment in .venv ...")
     shutil.rmtree(VENV, ignore_errors=True)
     command = [sys.executable, "-m", "venv", str(VENV)]
@@ -186,9 +186,9 @@ def make_environment():
 
 
 def uv(python, arguments):
-    """Installs packages with uv, which takes a fifth of pip's time; returns False where pip must do it.
+    """Installs packages with uv, which takes a fifth of pip's time. Returns False if that fails and pip must install them.
 
-    uv is installed by pip, and uses the package index that pip is configured for.
+    uv itself is installed by pip, and uses the package index that pip is configured for.
     """
     version = next(line for line in (ROOT / "constraints.txt").read_text().splitlines() if line.startswith("uv=="))
     quiet = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "check": False, "universal_newlines": True}
@@ -356,7 +356,7 @@ def install_embree():
 
 
 def imports(folder, module):
-    """Returns True if the environment in a folder works and has a module."""
+    """Returns True if the virtual environment in `folder` works and contains a module."""
     python = folder / "bin" / "python"
     return python.exists() and subprocess.call([str(python), "-c", "import " + module], stdout=subprocess.DEVNULL) == 0
 

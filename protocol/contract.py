@@ -70,7 +70,7 @@ WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
-_OF_CARDS = ("cards", "has_card_queue", "cards_unused")  # fields of reports
+_CARD_FIELDS = ("cards", "has_card_queue", "cards_unused")  # fields of reports
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
@@ -232,7 +232,7 @@ class ScenePreview:
 class PrepareFrames:
     """Request to prepare frames of a shot (an animated scene) in the given order. The worker sends one answer per frame.
 
-    frames: keys of the frames, twice their numbers (renderer.frames.frame_key).
+    frames: keys of the frames: 2 * frame number, since frame numbers are multiples of 0.5 (renderer.frames.frame_key).
     """
 
     work: str  # unique for every time it is handed out
@@ -277,7 +277,8 @@ class FrameInfo:
 class RenderBatch:
     """A batch, the unit of work: samples first to first + count - 1 of every pixel of one tile of one frame.
 
-    frame: the frame's key, twice its number. compiled: SHA-256 of the compiled scene.
+    frame: the frame's key, which is 2 * frame number, since frame numbers are multiples of 0.5. compiled: SHA-256 of the
+    compiled scene.
     """
 
     batch: str  # unique for every time it is handed out
@@ -401,7 +402,7 @@ class WorkerReport:
 
         For a worker without graphics cards, the JSON is as in earlier releases.
         """
-        return json.dumps({name: value for name, value in asdict(self).items() if value or name not in _OF_CARDS}).encode()
+        return json.dumps({name: value for name, value in asdict(self).items() if value or name not in _CARD_FIELDS}).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> WorkerReport:

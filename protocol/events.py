@@ -167,7 +167,7 @@ class FrameFailed(_Frames):
 class FramesReturned(_Frames):
     """A worker gives frames back because of a fault of the worker. The frames that it has not answered are sent again.
 
-    unfit, passing: as in PrepareReturned.
+    unfit: whether this machine cannot prepare them, so another may succeed. passing: whether the fault is temporary.
     """
 
     error: str

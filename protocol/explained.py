@@ -34,10 +34,10 @@ def explained_key(message: str) -> str:
 
 @dataclass(frozen=True)
 class ExplainPixel:
-    """Request to explain a pixel of a job's frame: a worker renders its first `count` samples again.
+    """Request to explain a pixel of a job's frame. A worker renders the pixel's first `count` samples again.
 
-    sample: number of one more sample to explain. moment: request by which the worker compiles the frame; None: it uses
-    `compiled`.
+    sample: number of one further sample whose path is returned; None: none. moment: request to compile the frame, if its
+    compiled scene is no longer stored; None: the worker uses the scene with the hash `compiled`.
     """
 
     message: str  # unique for every question

@@ -62,7 +62,7 @@ def _parse_part(text: str) -> tuple[frozenset[int], int, int]:
         raise ValueError(
             Sentence(
                 "hours-malformed",
-                "{text} is not a part of a week; give hours as Mon-Fri 19:00-07:00, Sat-Sun",
+                "{text} is not a valid interval of a week; give hours as Mon-Fri 19:00-07:00, Sat-Sun",
                 text=repr(text[:40]),
             )
         )

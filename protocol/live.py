@@ -31,7 +31,7 @@ class WatchFrame(FromClient):
 
 @dataclass(frozen=True)
 class Have(FromClient):
-    """Client message {"have": [...]}: the samples per pixel of each tile, as the client has it.
+    """Client message {"have": [...]} with the number of samples per pixel of each tile that the client has.
 
     The service then sends the tiles that differ.
     """

@@ -42,7 +42,7 @@ SUMS_PATH = "/sums"
 SIGNATURE_HEADER = "X-Rayfarm-Signature"
 ANNOUNCED_HEADER = "X-Rayfarm-Announced"
 SECRET_S = 600.0
-LARGEST = 1 << 60  # upper limit on its counts
+MAX_COUNT = 1 << 60  # upper limit on its counts
 
 
 def site_key(name: str) -> str:
@@ -99,7 +99,7 @@ class SiteReport:
         numbers: list[Any] = [report.pid, report.port, report.results, report.sent, report.bytes_in, report.bytes_out]
         if not (
             all(isinstance(text, str) for text in texts)
-            and all(isinstance(number, int) and 0 <= number <= LARGEST for number in numbers)
+            and all(isinstance(number, int) and 0 <= number <= MAX_COUNT for number in numbers)
             and isinstance(report.started, int | float)
             and math.isfinite(report.started)
             and isinstance(report.in_hand, list)

@@ -69,7 +69,7 @@ def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None) -> by
     None if they were not requested.
     """
     if packing < PACKED:
-        return lz4.block.compress(_narrowed(sums, 8), store_size=False)
+        return lz4.block.compress(_encode_plane(sums, 8), store_size=False)
     heads: list[bytes] = []
     bodies: list[bytes] = []
     seen: dict[tuple[int, int], list[int]] = {}
@@ -85,7 +85,7 @@ def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None) -> by
             continue
         others.append(number)
         width = next(width for width in WIDTHS if -(1 << 8 * width - 1) <= least and most < 1 << 8 * width - 1)
-        body = lz4.block.compress(_narrowed(plane, width), store_size=False)
+        body = lz4.block.compress(_encode_plane(plane, width), store_size=False)
         heads.append(PLANE.pack(PlaneHead(width, len(body))))
         bodies.append(body)
     if hits is None:
@@ -118,10 +118,10 @@ def unpack_hits(data: bytes, tile: Tile, stored: bool = False, most: int = MOST_
         raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))
     if entries == 0:
         return no_hits()
-    raw = np.frombuffer(_decompressed(memoryview(data)[at + HITS.size :], 12 * entries), np.uint8)
+    raw = np.frombuffer(_decompress(memoryview(data)[at + HITS.size :], 12 * entries), np.uint8)
     if len(raw) != 12 * entries:
         raise ValueError(
-            Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=12 * entries)
+            Sentence("sums-size", "sums have {bytes} bytes, but the tile needs {expected}", bytes=len(raw), expected=12 * entries)
         )
     step, number, count = raw.view("<u4").reshape(3, entries).astype(np.uint64)
     place = np.cumsum(step)
@@ -163,8 +163,8 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
 def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes: Collection[int] | None = None) -> None:
     """Adds packed sums, or some of their planes, to `total` in place.
 
-    stored, planes: as in `unpack_sums`. Raises ValueError if the sums do not fit the tile or the planes of `total`, which is
-    then unchanged.
+    stored: whether to accept sums that an older release stored with fewer planes. planes: numbers of the planes to add; None:
+    all. Raises ValueError if the sums do not fit the tile or the planes of `total`, which is then unchanged.
     """
     known = dict(_planes(data, tile, stored))
     if len(known) > len(total) or (not stored and len(known) < len(total)):
@@ -209,7 +209,12 @@ def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None)
         samples = int(np.bincount(np.unique(hits.key >> np.uint64(31), return_inverse=True)[1], hits.count).max())
         if samples > count:
             raise ValueError(
-                Sentence("sums-samples", "damaged sums: {samples} samples of a pixel, of {count}", samples=samples, count=count)
+                Sentence(
+                    "sums-samples",
+                    "damaged sums: a pixel has {samples} samples, but the batch has {count}",
+                    samples=samples,
+                    count=count,
+                )
             )
     code, least, _ = known[SAMPLES]
     most = least
@@ -220,7 +225,7 @@ def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None)
         raise ValueError(
             Sentence(
                 "sums-samples",
-                "damaged sums: {samples} samples of a pixel, of {count}",
+                "damaged sums: a pixel has {samples} samples, but the batch has {count}",
                 samples=most if most > count else least,
                 count=count,
             )
@@ -228,7 +233,10 @@ def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None)
 
 
 def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[int, int, bytes | memoryview]]]:
-    """Yields (plane number, (code, value, body)) of each plane. code: ALIKE, COPY, or the width of its integers."""
+    """Yields (plane number, (code, value, body)) of each plane.
+
+    code: ALIKE (all pixels equal `value`), COPY (equal to the plane with the number `value`), or the number of bytes per pixel.
+    """
     if not data or data[0] not in (PACKED, WITH_HITS):
         yield from _planes_of_old_format(data, tile, stored)
         return
@@ -273,11 +281,11 @@ def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tup
     The items are as in `_planes`.
     """
     size = CHANNELS * tile.h * tile.w * 8
-    raw = _decompressed(data, size)
+    raw = _decompress(data, size)
     plane = tile.h * tile.w * 8
     if len(raw) != size and not (stored and raw and len(raw) % plane == 0):
         raise ValueError(
-            Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=size)
+            Sentence("sums-size", "sums have {bytes} bytes, but the tile needs {expected}", bytes=len(raw), expected=size)
         )
     words = np.frombuffer(raw, "<u4").reshape(2, -1, tile.h * tile.w)
     for number in range(words.shape[1]):
@@ -286,11 +294,11 @@ def _planes_of_old_format(data: bytes, tile: Tile, stored: bool) -> Iterator[tup
 
 def _plane_count_error(planes: int, expected: int) -> ValueError:
     return ValueError(
-        Sentence("sums-planes", "sums of {planes} planes, where a film has {expected}", planes=planes, expected=expected)
+        Sentence("sums-planes", "sums have {planes} planes, but the film has {expected}", planes=planes, expected=expected)
     )
 
 
-def _narrowed(plane: Array, width: int) -> bytes:
+def _encode_plane(plane: Array, width: int) -> bytes:
     if width == 8:  # separate the high words, which are nearly equal and compress well
         return np.ascontiguousarray(np.ascontiguousarray(plane, "<i8").reshape(-1, 1).view("<u4").T).tobytes()
     return plane.astype(WIDTHS[width]).tobytes()
@@ -306,15 +314,15 @@ def _unpack_plane(raw: bytes | memoryview, width: int, plane: Array) -> None:
 
 def _checked_bytes(body: bytes | memoryview, width: int, tile: Tile) -> bytes:
     size = tile.h * tile.w * width
-    raw = _decompressed(body, size)
+    raw = _decompress(body, size)
     if len(raw) != size:
         raise ValueError(
-            Sentence("sums-size", "sums of {bytes} bytes, where the tile has {expected}", bytes=len(raw), expected=size)
+            Sentence("sums-size", "sums have {bytes} bytes, but the tile needs {expected}", bytes=len(raw), expected=size)
         )
     return raw
 
 
-def _decompressed(body: bytes | memoryview, size: int) -> bytes:
+def _decompress(body: bytes | memoryview, size: int) -> bytes:
     try:
         raw: bytes = lz4.block.decompress(body, uncompressed_size=size)
     except lz4.block.LZ4BlockError as error:

@@ -15,7 +15,7 @@ __all__ = ["LOG_TTL_S", "VITALS_TTL_S", "Vitals", "log_key", "log_wanted_key", "
 
 VITALS_TTL_S = 30
 LOG_TTL_S = 10
-_MOST = 1 << 60
+_MAX_BYTES = 1 << 60
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Vitals:
             used, total = found["memory_used"], found["memory_total"]
         except (KeyError, TypeError, RecursionError) as error:
             raise ValueError(f"invalid vitals: {error}") from None
-        if not (type(used) is int and type(total) is int and 0 <= used <= _MOST and 0 < total <= _MOST):
+        if not (type(used) is int and type(total) is int and 0 <= used <= _MAX_BYTES and 0 < total <= _MAX_BYTES):
             raise ValueError("invalid vitals: memory is a number of bytes")
         return cls(used, total)
 

@@ -36,7 +36,7 @@ Program = Annotated[
     ),
 ]
 
-NEITHER = (
+BLENDER_UNAVAILABLE = (
     "There is no Blender on this machine, and none can be fetched: {why} Install Blender 4.2 or later so that `blender` is on "
     "the PATH, or name its program: --blender-program /path/to/blender."
 )
@@ -54,10 +54,10 @@ def program_for(is_wanted: bool, named: str | None, say: Callable[[str], None]) 
         found = inspect_blender(named) if named is not None else find()
     except BlenderError as error:
         raise CommandError(str(error)) from None
-    return found.program if found is not None else str(_fetched(say))
+    return found.program if found is not None else str(_install_blender_module(say))
 
 
-def _fetched(say: Callable[[str], None]) -> Path:
+def _install_blender_module(say: Callable[[str], None]) -> Path:
     """Installs Blender's Python module into a virtual environment, since it needs another version of numpy. Returns its Python.
 
     Raises CommandError.
@@ -66,7 +66,7 @@ def _fetched(say: Callable[[str], None]) -> Path:
     folder = python.parents[1]
     maker = sys.executable if sys.version_info[:2] == PYTHON else shutil.which(f"python{PYTHON[0]}.{PYTHON[1]}")
     if maker is None:
-        raise CommandError(NEITHER.format(why=f"its module needs Python {PYTHON[0]}.{PYTHON[1]}, which is not here."))
+        raise CommandError(BLENDER_UNAVAILABLE.format(why=f"its module needs Python {PYTHON[0]}.{PYTHON[1]}, which is not here."))
     say(f"Fetching Blender as a Python module into {folder} (once; some 370 MB) ...")
     shutil.rmtree(folder, ignore_errors=True)
     try:
@@ -78,7 +78,7 @@ def _fetched(say: Callable[[str], None]) -> Path:
     except subprocess.CalledProcessError as error:
         shutil.rmtree(folder, ignore_errors=True)
         lines = (error.stderr or error.stdout or "").strip().splitlines()
-        raise CommandError(NEITHER.format(why=f"{lines[-1][:300]}." if lines else "see above.")) from None
+        raise CommandError(BLENDER_UNAVAILABLE.format(why=f"{lines[-1][:300]}." if lines else "see above.")) from None
     except (OSError, BlenderError) as error:
         shutil.rmtree(folder, ignore_errors=True)
-        raise CommandError(NEITHER.format(why=f"{error}.")) from None
+        raise CommandError(BLENDER_UNAVAILABLE.format(why=f"{error}.")) from None

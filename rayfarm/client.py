@@ -389,7 +389,7 @@ class Client:
     def _send(self, method: str, path: str, limit: int = MAX_ANSWER, **kwargs: Any) -> _Answer:
         """Sends a request; returns a successful response of at most `limit` bytes, since the server is not trusted."""
         if not is_address(self.url):
-            raise ClientError(f"{self.url} is no address of a farm; give one as http://host:8000")
+            raise ClientError(f"{self.url} is not the address of a farm; give one such as http://host:8000")
         try:
             with self._http.stream(method, path, **kwargs) as response:
                 body = self._body(response, limit)

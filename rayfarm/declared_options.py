@@ -65,9 +65,9 @@ def _bound(value: float | None) -> float | None:
 
 
 def _default(each: DeclaredSetting) -> str | bool:
-    """Returns the default that the help text of an option shows; False for none.
+    """Returns the default value that an option's help text shows; False if it shows none, as for camera settings.
 
-    Camera settings show none. For a setting that scene files may define, the text mentions the scene first.
+    If scene files may define the setting, the text says that the scene's value comes first.
     """
     if each.default in (MISSING, None, "", each.setting.off) or each.kind is tuple or each.shown.section == "View":
         return False

@@ -138,7 +138,7 @@ def render_to(
     if writes:
         encode.write(output, raw, **looks)
     if order.denoise:
-        clean = _denoised(sums, settings.film_exponent, order.threads)
+        clean = _denoise_frame(sums, settings.film_exponent, order.threads)
         if hold is None or motion is None:
             encode.write(options.denoised_name(output), clean.color, **looks)
         else:
@@ -151,7 +151,7 @@ def render_to(
     return done
 
 
-def _denoised(sums: Sums, film_exponent: int, threads: int | None) -> DenoisedPicture:
+def _denoise_frame(sums: Sums, film_exponent: int, threads: int | None) -> DenoisedPicture:
     from renderer.denoise import denoise_with_guides
     from renderer.film import ALBEDO, COLOR, NORMAL, mean
 

@@ -26,7 +26,7 @@ def set_help_format(command: Any) -> None:
     """Changes the help format of this command and its subcommands."""
     for each in getattr(command, "commands", {}).values():
         set_help_format(each)
-    command.help = command.help and _filled(command.help)
+    command.help = command.help and _join_paragraph_lines(command.help)
     get_params = command.get_params
 
     def params(ctx: Any) -> list[Any]:
@@ -57,7 +57,7 @@ def _value(text_of: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
     return value
 
 
-def _filled(text: str) -> str:
+def _join_paragraph_lines(text: str) -> str:
     """Joins the lines of each paragraph. Indented text, and the table of the first page, are unchanged."""
     return "\n\n".join(_paragraph(each) for each in inspect.cleandoc(text).split("\n\n"))
 

@@ -8,7 +8,7 @@ from rayfarm.responses import Job
 
 __all__ = ["find_job"]
 
-SHOWN = 5  # candidates that an error lists
+MAX_CANDIDATES = 5  # candidates that an error lists
 
 
 def find_job(farm: Client, text: str) -> Job:
@@ -22,6 +22,6 @@ def find_job(farm: Client, text: str) -> Job:
         if not found:
             raise
     if len(found) > 1:
-        listed = ", ".join(job.id for job in found[:SHOWN]) + (", ..." if len(found) > SHOWN else "")
+        listed = ", ".join(job.id for job in found[:MAX_CANDIDATES]) + (", ..." if len(found) > MAX_CANDIDATES else "")
         raise CommandError(f"{len(found)} jobs have ids that begin with {text!r}: {listed}. Give more of the id.")
     return found[0]

@@ -20,7 +20,7 @@ from worker.exchange.foreign_server import is_address
 __all__ = ["farm_address", "run", "token_to_send"]
 
 GRACE_S = 10.0
-FATAL = 3  # exit code after which a restart does not help
+FATAL_EXIT_CODE = 3  # exit code after which a restart does not help
 _LAST_LINES = 100  # of a log, in which the reason of an exit is looked for
 
 
@@ -29,7 +29,7 @@ def farm_address(join: str) -> str:
     if "://" not in join:
         join = f"http://{join}"
     if not is_address(join):
-        raise CommandError(f"{join!r} is no address of a farm; give one as http://host:8000")
+        raise CommandError(f"{join!r} is not the address of a farm; give one such as http://host:8000")
     return join
 
 
@@ -41,7 +41,7 @@ def token_to_send(subject: str, token: str, token_file: Path | None) -> str:
         try:
             token = token_file.expanduser().read_text().strip()
         except UnicodeDecodeError:
-            raise CommandError(f"{token_file} is no file with a token: it is not text.") from None
+            raise CommandError(f"{token_file} contains no token: it is not text.") from None
     token = token or value_of("RAYFARM_TOKEN")
     if not token:
         raise CommandError(
@@ -60,10 +60,11 @@ def run(
     waiting: subprocess.Popen[bytes] | None = None,
     more: Mapping[str, list[str]] = MappingProxyType({}),
 ) -> None:
-    """Runs and restarts a process until Ctrl-C, and shows its log. sentence: printed at the start. Raises CommandError.
+    """Runs and restarts a process until Ctrl-C, and shows its log. Raises CommandError if the process fails permanently.
 
-    arguments: options for a process that imports first and then reads them from stdin; None for others. waiting: such a process,
-    if already started. more: the options of further processes of the same command, by name.
+    sentence: text to print at the start. arguments: options for a process that imports first and then reads them from standard
+    input; None for other processes. waiting: such a process, if it is already started. more: options of further processes of
+    the same command, by name.
     """
     from rayfarm.local.state import ROOT
     from rayfarm.local.supervisor import WORKER_STEADY_S, Part, Supervisor
@@ -76,7 +77,7 @@ def run(
     try:
         for each, options in {name: arguments, **more}.items():
             log = cache_home() / "logs" / f"{each}-{os.getpid()}.log"
-            part = Part(each, command, log, env, GRACE_S, (FATAL,), WORKER_STEADY_S, arguments=options, spare=waiting)
+            part = Part(each, command, log, env, GRACE_S, (FATAL_EXIT_CODE,), WORKER_STEADY_S, arguments=options, spare=waiting)
             waiting = None
             try:
                 log.parent.mkdir(parents=True, exist_ok=True)
@@ -89,34 +90,34 @@ def run(
                 ) from error
         out.print(f"{sentence} Log: {', '.join(map(str, shown))}", soft_wrap=True)
         while not signals.stop():
-            _follow(shown)
+            _print_new_log_lines(shown)
             if (failed := supervisor.check_parts()) is not None:
-                raise CommandError(_reason(failed.last_log_lines(_LAST_LINES), f"rayfarm {name}: "))
+                raise CommandError(_exit_reason(failed.last_log_lines(_LAST_LINES), f"rayfarm {name}: "))
             time.sleep(0.2)
     finally:
         supervisor.stop(signals.is_immediate)
-        _follow(shown)
+        _print_new_log_lines(shown)
         for log in shown:
             log.unlink(missing_ok=True)
 
 
-def _reason(log: str, prefix: str) -> str:
+def _exit_reason(log: str, prefix: str) -> str:
     """Returns the last message of the log that starts with `prefix`, without the prefix.
 
     If no message starts with it, returns the last message. A library may print lines while the process exits, after the message.
     """
-    messages = [_sentence(line) for line in log.splitlines()] or [""]
+    messages = [_log_message(line) for line in log.splitlines()] or [""]
     return next((each for each in reversed(messages) if each.startswith(prefix)), messages[-1]).removeprefix(prefix)
 
 
-def _sentence(line: str) -> str:
+def _log_message(line: str) -> str:
     """Returns the message of a JSON log line; other lines are returned unchanged."""
     with contextlib.suppress(ValueError, TypeError, KeyError):
         return str(json.loads(line)["message"])
     return line
 
 
-def _follow(shown: dict[Path, int]) -> None:
+def _print_new_log_lines(shown: dict[Path, int]) -> None:
     """Prints what was appended to the processes' logs since the last call.
 
     shown: number of bytes of each log that are printed already; updated.

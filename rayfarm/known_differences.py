@@ -16,7 +16,7 @@ from renderer.scene.material import Material
 
 __all__ = ["known_differences"]
 
-_LEAST = 0.005  # smallest relative difference reported
+_MIN_DIFFERENCE = 0.005  # smallest relative difference reported
 _SLOPES, _DARKER = (0.0, 0.25, 0.5, 1.0), (0.0, 0.024, 0.089, 0.285)  # slopes of bumps, and the loss by Mitsuba's shadowing term
 
 
@@ -25,14 +25,16 @@ def known_differences(scene: SceneDescription, other: str) -> list[str]:
     found = []
     if metals := _lost_energy(scene, _is_metal):
         found.append(
-            f"Rough metal ({_listed(metals)}): light that meets a second facet is lost in {other} and kept here, as by a "
+            f"Rough metal ({_format_list(metals)}): light that meets a second facet is lost in {other} and kept here, as by a "
             f"random walk over facets; a white metal as rough is up to {_percent(max(metals.values()))} brighter here"
         )
     if glasses := _lost_energy(scene, _is_glass):
-        found.append(f"Rough glass ({_listed(glasses)}): the same; some percent brighter here, most where it is seen at an angle")
-    if bumps := _bumps(scene) if any("shadowing function" in words for words in scene.warnings) else {}:
         found.append(
-            f"Normal maps ({_listed(bumps)}): Mitsuba darkens them by its shadowing function; a "
+            f"Rough glass ({_format_list(glasses)}): the same; some percent brighter here, most where it is seen at an angle"
+        )
+    if bumps := _normal_map_darkening(scene) if any("shadowing function" in words for words in scene.warnings) else {}:
+        found.append(
+            f"Normal maps ({_format_list(bumps)}): Mitsuba darkens them by its shadowing function; a "
             f"matt surface of such slopes is up to {_percent(max(bumps.values()))} brighter here"
         )
     return found
@@ -43,7 +45,7 @@ def _lost_energy(scene: SceneDescription, is_meant: Callable[[Material], bool]) 
     return {
         material.name: lost
         for material in _used_materials(scene)
-        if is_meant(material) and (lost := 1 / _mean_albedo(material.roughness or 0.0) - 1) > _LEAST
+        if is_meant(material) and (lost := 1 / _mean_albedo(material.roughness or 0.0) - 1) > _MIN_DIFFERENCE
     }
 
 
@@ -68,7 +70,7 @@ def _mean_albedo(roughness: float) -> float:
     return float(np.interp(roughness, np.linspace(0.0, 1.0, SIZE), means))
 
 
-def _bumps(scene: SceneDescription) -> dict[str, float]:
+def _normal_map_darkening(scene: SceneDescription) -> dict[str, float]:
     """Returns, by name of normal-mapped materials, how much Mitsuba's shadowing term darkens a matt surface, as a fraction.
 
     Computed from the mean slope of each normal map.
@@ -80,12 +82,12 @@ def _bumps(scene: SceneDescription) -> dict[str, float]:
         pixels = scene.images[scene.textures[material.normal_texture].image].pixels[..., :3].astype(np.float32) / 255 * 2 - 1
         across = np.hypot(pixels[..., 0], pixels[..., 1]) * material.normal_scale / np.maximum(pixels[..., 2], 1e-3)
         slope = min(float(np.sqrt((across**2).mean())), 1.0)
-        if (darker := float(np.interp(slope, _SLOPES, _DARKER))) > _LEAST:
+        if (darker := float(np.interp(slope, _SLOPES, _DARKER))) > _MIN_DIFFERENCE:
             found[material.name] = darker
     return found
 
 
-def _listed(names: dict[str, float]) -> str:
+def _format_list(names: dict[str, float]) -> str:
     more = f" and {len(names) - 4} more" if len(names) > 4 else ""
     return ", ".join(sorted(names, key=lambda name: -names[name])[:4]) + more
 

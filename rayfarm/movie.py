@@ -42,7 +42,7 @@ def render_movie(shot: Sequence, stage: ConfinedScene, order: PictureOrder, abou
             folder.rmdir()  # only if it is empty
     there = [path for path in map(pictures.file, shot.frames) if path.is_file()]
     if not there:
-        raise CommandError(f"{shot.output}: no frame could be rendered, so there is no film")
+        raise CommandError(f"{shot.output}: no frame could be rendered, so there is no movie")
     part = folder / f"film{shot.output.suffix}"
     write_movie(part, _read(there), _fps(pictures, stage, found))
     part.replace(shot.output)

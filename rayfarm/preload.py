@@ -15,19 +15,19 @@ PRELOAD = (
     # Kernels of readers, which those import only for files of their format.
     *("renderer.scene.readers.obj_lines", "renderer.scene.readers.threemf_rows", "renderer.scene.readers.gltf.deform"),
 )
-_READING = ("info", "render", "husk")
-_FARM = {"up": ("service.standby", "worker.standby"), "worker": ("worker.standby",)}
+_SCENE_COMMANDS = ("info", "render", "husk")
+_FARM_COMMANDS = {"up": ("service.standby", "worker.standby"), "worker": ("worker.standby",)}
 
 
 def start_preloading(words: Sequence[str]) -> None:
     """Starts the processes that the command on the command line will need. The command reports failures later."""
     if {"-h", "--help"} & set(words):
         return
-    if words[:1] and words[0] in _FARM:
+    if words[:1] and words[0] in _FARM_COMMANDS:
         from rayfarm.local import early
 
-        early.start_processes(_FARM[words[0]])
-    elif words[:1] and words[0] in _READING:
+        early.start_processes(_FARM_COMMANDS[words[0]])
+    elif words[:1] and words[0] in _SCENE_COMMANDS:
         from renderer.confine.running import begin_launcher
         from renderer.errors import MachineError
 

@@ -74,7 +74,7 @@ class ConfinedScene:
             else:
                 found.update(message)
                 if "manifest" in message:
-                    self._compiled = _loaded(self._room, str(message["manifest"]))
+                    self._compiled = _load_compiled_scene(self._room, str(message["manifest"]))
 
         for _ in range(2):
             if self._reader is None:
@@ -97,7 +97,7 @@ class ConfinedScene:
             (room / name).mkdir(exist_ok=True)
         from rayfarm.reader_jobs import serve_requests
 
-        work = partial(serve_requests, *_encoded(scene), os.fsencode(room / "out"), dict(self._options))
+        work = partial(serve_requests, *_encoded_paths(scene), os.fsencode(room / "out"), dict(self._options))
         writes = [room / "temporary", room / "out"]
         return Reader(work, [scene.folder], writes, self.bounds, PRELOAD, callable_functions(scene.folder, room / "temporary"))
 
@@ -148,7 +148,7 @@ def describe(scene: Path, say: Say = lambda step: None, root: Path | None = None
 
     with opened_scene(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
         found = _SceneFiles(folder.resolve(), main, None)
-        job = partial(work, *_encoded(found)[:2])
+        job = partial(work, *_encoded_paths(found)[:2])
         calls = callable_functions(found.folder, room)
         return run(job, [found.folder], [room], bounds_of(main), lambda message: say(str(message["step"])), PRELOAD, calls)
 
@@ -159,7 +159,7 @@ def render_settings(scene: Path, first: int | None, count: int, step: int, root:
 
     with opened_scene(scene, root=root) as (folder, main, _), temporary_folder("rayfarm-read-") as room:
         found = _SceneFiles(folder.resolve(), main, None)
-        job = partial(work, *_encoded(found)[:2], first, count, step)
+        job = partial(work, *_encoded_paths(found)[:2], first, count, step)
         return run(job, [found.folder], [room], bounds_of(main), preload=PRELOAD)
 
 
@@ -173,12 +173,12 @@ def known_differences(scene: Path, other: str) -> list[str]:
     return [str(each) for each in found["sentences"]]
 
 
-def _encoded(scene: _SceneFiles) -> tuple[bytes, bytes, bytes | None]:
+def _encoded_paths(scene: _SceneFiles) -> tuple[bytes, bytes, bytes | None]:
     """Returns the scene's paths as bytes, since the confined process may use another encoding for paths."""
     return os.fsencode(scene.folder), os.fsencode(scene.main), None if scene.inside is None else os.fsencode(scene.inside)
 
 
-def _loaded(folder: Path, manifest: str) -> CompiledScene:
+def _load_compiled_scene(folder: Path, manifest: str) -> CompiledScene:
     """Loads the scene that the confined process wrote. Copies it, so that the process cannot change it after validation."""
     from renderer.arrays.scene import flat, nested, seal
     from renderer.scene.compiled import load

@@ -120,13 +120,13 @@ def _unpack(archive: Path, folder: Path) -> list[str]:
             named = entry_names(packed, entries)
             if named.guess is not None:
                 err.print(f"note: {archive.name}: {named.guess}", markup=False)
-            pairs = [(_inside(name), entry) for name, entry in zip(named.names, entries, strict=True)]
+            pairs = [(_safe_entry_name(name), entry) for name, entry in zip(named.names, entries, strict=True)]
             pairs = [(name, entry) for name, entry in pairs if name and not is_junk(name)]
             entries = [entry for _, entry in pairs]
             total = sum(entry.file_size for entry in entries)
             if total > MAX_UNPACKED:
                 raise CommandError(
-                    f"{archive.name} unpacks to {total / 2**30:.1f} GiB; at most {MAX_UNPACKED >> 30} GiB are taken."
+                    f"{archive.name} unpacks to {total / 2**30:.1f} GiB; at most {MAX_UNPACKED >> 30} GiB are allowed."
                 )
             for name, entry in pairs:
                 (folder / name).parent.mkdir(parents=True, exist_ok=True)
@@ -139,7 +139,7 @@ def _unpack(archive: Path, folder: Path) -> list[str]:
         ) from error
 
 
-def _inside(name: str) -> str:
+def _safe_entry_name(name: str) -> str:
     """Returns a zip entry's name without parts that lead outside the folder; empty if nothing remains."""
     return "/".join(part for part in name.split("\0")[0].split("/") if part not in ("", ".", "..") and not part.endswith(":"))
 
@@ -147,7 +147,7 @@ def _inside(name: str) -> str:
 def relative_to_root(scene: Path, root: Path) -> str:
     """Returns the path of a scene relative to a root folder. Raises CommandError if it is not inside it, or not a single file."""
     if scene.is_dir() or scene.suffix.lower() in ARCHIVE_SUFFIXES:
-        raise CommandError(f"--root goes with a scene file; {scene.name} holds its own files.")
+        raise CommandError(f"--root needs a scene file; {scene.name} holds its own files.")
     try:
         return scene.resolve().relative_to(root.resolve()).as_posix()
     except ValueError:
@@ -182,16 +182,16 @@ def files_to_upload(scene: Path, root: Path | None = None) -> dict[str, Path]:
     neighbours = _neighbours(scene, scene.parent if root is None else root)
     unread = list(taken.values())
     while unread:
-        text = _text(unread.pop())
+        text = _searchable_bytes(unread.pop())
         for name, path in neighbours.items():
-            if name not in taken and _names(text, path.name):
+            if name not in taken and _contains_name(text, path.name):
                 taken[name] = path
                 if path.suffix.lower() in NAMING_SUFFIXES:
                     unread.append(path)
     return taken
 
 
-def _text(path: Path) -> bytes:
+def _searchable_bytes(path: Path) -> bytes:
     """Returns the bytes of a file to search for names; for binary USD, which is compressed, the names that USD finds in it."""
     data = path.read_bytes()
     if not data.startswith(b"PXR-USDC"):
@@ -201,9 +201,9 @@ def _text(path: Path) -> bytes:
     return "\n".join(usd_names(path)).encode() or data
 
 
-def _names(text: bytes, name: str) -> bool:
+def _contains_name(text: bytes, name: str) -> bool:
     """Returns True if the bytes `text` contain a file's name, in one of `_ENCODINGS` and in NFC or NFD."""
-    for spelling in _spellings(name):
+    for spelling in _name_spellings(name):
         if spelling.isascii():
             forms, encodings = {spelling}, _ENCODINGS[:3]
         else:
@@ -216,7 +216,7 @@ def _names(text: bytes, name: str) -> bool:
     return False
 
 
-def _spellings(name: str) -> list[str]:
+def _name_spellings(name: str) -> list[str]:
     """Returns the spellings by which a file may be referred to: its name, a URI, and a pattern of frames or texture tiles."""
     digits = list(re.finditer(r"\d+", name))
     if not digits:

@@ -128,7 +128,7 @@ def _raise_if_failed(job: str, frames: list[Frame]) -> None:
     for why, number in {frame.error: frame.number for frame in reversed(failed)}.items():  # each reason once
         err.print(f"frame {frame_text(number)} failed: {why}", markup=False, soft_wrap=True)
     named = frames_text([frame.number for frame in failed])
-    raise CommandError(f"{len(failed)} of {len(frames)} frames failed: {named}. `{PROGRAM} jobs {job}` tells more.")
+    raise CommandError(f"{len(failed)} of {len(frames)} frames failed: {named}. `{PROGRAM} jobs {job}` shows more.")
 
 
 def _fetch(farm: Client, job: str, shot: FarmShot, frame: Frame) -> None:

@@ -105,7 +105,7 @@ class OpenScene:
 
         self._kept = self._kept or ShotCache()
         before, self._last = self._last, None
-        described = _copied(read)
+        described = _copy_description(read)
         compiled = compile_scene(described, brute=self._brute, threads=self._threads, shot_cache=self._kept)
         if before is not None and read.still is not None and read.still is before.read.still:
             return _CompiledMoment(read, described, compiled, before.summary)
@@ -120,7 +120,7 @@ class OpenScene:
         return find_camera(names, self._camera) == len(names) - 1
 
 
-def _copied(description: SceneDescription) -> SceneDescription:
+def _copy_description(description: SceneDescription) -> SceneDescription:
     """Returns a copy of the description for compiling, which appends to its lists but does not change their items."""
     held = {f.name: getattr(description, f.name) for f in fields(description)}
     copied: dict[str, Any] = {name: copy(value) for name, value in held.items() if isinstance(value, list | dict)}

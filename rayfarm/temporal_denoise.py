@@ -48,7 +48,11 @@ class TemporalDenoiser:
         return bool(self._neighbours(frame))
 
     def add_frame(self, frame: float, still: DenoisedFrame, write: Write) -> None:
-        """Adds a rendered frame. write: function that writes its denoised picture, if its file is missing."""
+        """Adds a rendered frame, whose final picture is computed once its neighbours are rendered.
+
+        still: the frame denoised by itself, with its guides. write: function that writes its denoised picture, if its file is
+        missing.
+        """
         self._held[frame] = still
         if frame in self.missing:
             self._waiting[frame] = write

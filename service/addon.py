@@ -31,11 +31,11 @@ def addon_zip(version: str = __version__) -> bytes:
             info = zipfile.ZipInfo(f"{FOLDER}/{name.as_posix()}", ENTRY_TIME)
             info.compress_type = zipfile.ZIP_DEFLATED
             info.external_attr = 0o644 << 16
-            archive.writestr(info, _versioned(path, version))
+            archive.writestr(info, _insert_version(path, version))
     return found.getvalue()
 
 
-def _versioned(path: Path, version: str) -> str:
+def _insert_version(path: Path, version: str) -> str:
     text = path.read_text(encoding="utf-8")
     numbers = [*re.findall(r"\d+", version), "0", "0", "0"][:3]
     text = text.replace(MANIFEST_VERSION, f'\nversion = "{".".join(numbers)}"\n')

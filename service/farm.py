@@ -170,8 +170,9 @@ class Farm:
     def film(self, job: Job, frame: int = 0) -> Film | None:
         """Returns a job's film; None if it has none yet.
 
-        frame: key (twice the number) of the frame to check. If the job has ended and the film has fewer samples of this frame
-        than the database records, raises FilmLost. Raises Conflict if this release cannot read the job's settings.
+        frame: key of the frame to check: 2 * frame number, since frame numbers are multiples of 0.5. If the job has ended and
+        the film has fewer samples of this frame than the database records, raises FilmLost. Raises Conflict if this release
+        cannot read the job's settings.
         """
         if job.settings is None or job.tile_size is None:
             return None

@@ -74,7 +74,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
             health.start(asyncio.get_running_loop())
         gc.enable()
         gc.freeze()  # excludes modules and routes from collections: each full collection took 100 ms, while all requests waited
-        with _streams_end_with_the_server(life.close_streams):
+        with _end_streams_on_shutdown(life.close_streams):
             try:
                 yield
             finally:
@@ -111,7 +111,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 
 @contextlib.contextmanager
-def _streams_end_with_the_server(close: Callable[[], None]) -> Any:
+def _end_streams_on_shutdown(close: Callable[[], None]) -> Any:
     """Context manager that ends event streams when the server gets a stop signal.
 
     The server waits for open responses, and event streams would never end. close: ends the streams; called in the signal

@@ -49,9 +49,11 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
     html: the file index.html. sources: text of all files of the page, by name. base: prefix of the links, such as v/HASH/.
     """
     first = _MODULE.findall(html)
-    at_once = _imported(first, sources)
+    at_once = _static_imports(first, sources)
     on_demand = {
-        posixpath.basename(name).removesuffix(".js"): [base + each for each in _imported([name], sources) if each not in at_once]
+        posixpath.basename(name).removesuffix(".js"): [
+            base + each for each in _static_imports([name], sources) if each not in at_once
+        ]
         for module in at_once
         for name in _imported_modules(module, _DYNAMIC_IMPORT, sources)
     }
@@ -72,7 +74,7 @@ def index_of(html: str, sources: Mapping[str, str], base: str) -> str:
     return _REFERENCE.sub(rf'\1="{base}\2"', html)
 
 
-def _imported(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
+def _static_imports(modules: Iterable[str], sources: Mapping[str, str]) -> list[str]:
     """Returns the given modules, and all modules that they import statically, directly or indirectly, in import order."""
     found = dict.fromkeys(modules)
     for name in (waiting := list(found)):

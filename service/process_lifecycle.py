@@ -91,16 +91,16 @@ class ServiceLifecycle:
         """The message for clients while this process is a standby: which process owns the farm."""
         known = self._candidate.known if self._candidate is not None else None
         if known is None and self._trouble:
-            return Sentence("service-not-begun", "This service has not begun: {reason}", reason=self._trouble)
+            return Sentence("service-not-begun", "This service has not started: {reason}", reason=self._trouble)
         if known is not None and known.owner is not None:
             return Sentence(
                 "service-stands-by-for",
-                "This service stands by: another one ({place}) works as the farm. It takes over when that one ends or hangs.",
+                "This service stands by: another service ({place}) owns the farm. It takes over when that one ends or hangs.",
                 place=known.place,
             )
         return Sentence(
             "service-stands-by",
-            "This service stands by: another one works as the farm. It takes over when that one ends or hangs.",
+            "This service stands by: another service owns the farm. It takes over when that one ends or hangs.",
         )
 
     @property

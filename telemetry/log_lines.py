@@ -36,7 +36,7 @@ __all__ = [
 
 FORMAT_VARIABLE, LEVEL_VARIABLE = "RAYFARM_LOG_FORMAT", "RAYFARM_LOG_LEVEL"
 FORMATS, LEVELS = ("text", "json"), ("debug", "info", "warning", "error")
-LONGEST = 20_000  # characters of a message or a trace
+MAX_TEXT_LENGTH = 20_000  # characters of a message or a trace
 QUIET_LOGGERS = ("httpx", "httpcore", "alembic", "multipart", "asyncio", "opentelemetry", "urllib3", "PIL", "botocore", "boto3")
 
 _about: ContextVar[Mapping[str, Any]] = ContextVar("about", default=MappingProxyType({}))
@@ -100,7 +100,7 @@ class JsonLines(logging.Formatter):
         if record.exc_info and record.exc_info[1] is not None:
             line["exception"] = _exception(*record.exc_info)
         elif record.exc_text:
-            line["exception"] = {"trace": record.exc_text[-LONGEST:]}
+            line["exception"] = {"trace": record.exc_text[-MAX_TEXT_LENGTH:]}
         return printable(json.dumps(line, default=str, ensure_ascii=False))
 
 
@@ -148,14 +148,14 @@ def _without_none(names: Mapping[str, Any]) -> dict[str, Any]:
 
 def _message(record: logging.LogRecord) -> str:
     try:
-        return record.getMessage().strip()[:LONGEST]
+        return record.getMessage().strip()[:MAX_TEXT_LENGTH]
     except Exception:  # its arguments do not go with its words: that must not lose the line
-        return f"{record.msg} {record.args}"[:LONGEST]
+        return f"{record.msg} {record.args}"[:MAX_TEXT_LENGTH]
 
 
 def _exception(kind: type[BaseException], error: BaseException, trace: TracebackType | None) -> dict[str, str]:
     lines = "".join(traceback.format_exception(kind, error, trace))
-    return {"type": kind.__name__, "message": str(error)[:LONGEST], "trace": lines[-LONGEST:]}
+    return {"type": kind.__name__, "message": str(error)[:MAX_TEXT_LENGTH], "trace": lines[-MAX_TEXT_LENGTH:]}
 
 
 def _access_fields(record: logging.LogRecord) -> dict[str, Any]:

@@ -45,7 +45,7 @@ HEADER = "traceparent"
 ENDPOINTS = ("OTEL_EXPORTER_OTLP_ENDPOINT", "OTEL_EXPORTER_OTLP_TRACES_ENDPOINT")
 PARENT = re.compile(r"[0-9a-f]{2}-([0-9a-f]{32})-([0-9a-f]{16})-[0-9a-f]{2}")
 PIPE_BUF = 4096  # bytes that several processes can write at once without mixing them up
-LONGEST = 500  # characters of an attribute
+MAX_LENGTH = 500  # characters of an attribute
 FLUSH_S = 5.0
 
 log = logging.getLogger(__name__)
@@ -82,7 +82,7 @@ def start_tracing(service: str, instance: str, version: str) -> None:
     if _pipe is not None or not _is_requested():
         return
     if not _has_packages():
-        log.warning("OTEL_EXPORTER_OTLP_ENDPOINT asks for traces, which need more packages: pip install 'rayfarm[otel]'")
+        log.warning("OTEL_EXPORTER_OTLP_ENDPOINT requests traces, which need additional packages: pip install 'rayfarm[otel]'")
         return
     command = [sys.executable, "-m", "telemetry.trace_sender", service, instance, version]
     _sender = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, preexec_fn=spawn_guard())
@@ -176,11 +176,17 @@ def record_span(
     if _pipe is None or (parent is None and own is None):
         return
     place = own or SpanIds(parent.trace if parent else "", os.urandom(8).hex())
-    said: dict[str, Any] = {"name": name, "begun": begun, "ended": ended, "own": str(place), "error": error and error[:LONGEST]}
+    said: dict[str, Any] = {
+        "name": name,
+        "begun": begun,
+        "ended": ended,
+        "own": str(place),
+        "error": error and error[:MAX_LENGTH],
+    }
     said["parent"] = str(parent) if parent is not None else None
     said["links"] = [str(link) for link in links if link is not None][:32]
     known = {f"rayfarm.{key}": value for key, value in attributes.items() if value is not None}
-    said["attributes"] = {key: value[:LONGEST] if isinstance(value, str) else value for key, value in known.items()}
+    said["attributes"] = {key: value[:MAX_LENGTH] if isinstance(value, str) else value for key, value in known.items()}
     line = json.dumps(said, default=str).encode() + b"\n"
     if len(line) > PIPE_BUF:
         line = json.dumps(said | {"attributes": {}, "links": [], "error": "" if error else None}).encode() + b"\n"

@@ -155,7 +155,7 @@ def _create_pieces(log: logging.Logger) -> Pieces | None:
     try:
         return Pieces()
     except OSError as error:
-        log.warning("slots send their sums one by one, as there is no folder in which they can be added up: %s", error)
+        log.warning("slots send their sums separately, since the folder for adding them up cannot be created: %s", error)
         return None
 
 

@@ -149,7 +149,7 @@ class Heartbeat(bootsteps.StartStopStep):
         if self.is_paused or any(report.current) or not reply.waiting:
             self.idle_since = now
         elif now - self.idle_since > IDLE_LIMIT_S:
-            log.error("tasks wait but none arrives for %.0f s; starting over", IDLE_LIMIT_S)
+            log.error("no queued task has arrived for %.0f s; restarting", IDLE_LIMIT_S)
             self.idle_since = now
             os.kill(os.getpid(), signal.SIGTERM)
 

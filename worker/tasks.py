@@ -136,7 +136,7 @@ def _render_on_card(task: Any, card: dict[str, Any]) -> None:
     try:
         work = CardBatches.from_json(card)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
-        log.warning("batches for a card are left out, in words of another release: %s", error)
+        log.warning("batches for a graphics card cannot be parsed and are skipped: %s", error)
         return
     first = work.batches[0]
 
@@ -316,7 +316,7 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
     try:
         work = ViewParts.from_json(parts)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
-        log.warning("a view is left out, in words of another release: %s", error)
+        log.warning("a view cannot be parsed and is skipped: %s", error)
         return
     with SlotTask(worker, {"view": work.watch, "message": work.message}) as hand:
         if count_deaths(task, worker, work.message) >= DEATHS_ALLOWED:
@@ -336,7 +336,7 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
     try:
         work = ViewFrame.from_json(frame)
     except (KeyError, TypeError, ValueError) as error:
-        log.warning("a frame of a view is left out, in words of another release: %s", error)
+        log.warning("a frame of a view cannot be parsed and is skipped: %s", error)
         return
     with SlotTask(worker, {"view": work.watch, "message": work.message}):
         if count_deaths(task, worker, work.message) >= DEATHS_ALLOWED:

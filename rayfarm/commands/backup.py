@@ -31,15 +31,15 @@ def backup(
         Path | None, typer.Option(file_okay=False, help="The farm's data folder; `up` names it. [dim]$RAYFARM_DATA[/dim]")
     ] = None,
 ) -> None:
-    """Copy everything a farm must not lose, even while it runs: scenes, jobs, films and its token.
+    """Back up a farm's scenes, jobs, films and token, even while the farm runs.
 
-    The copy is consistent: it has at least the samples that its database records, and a half-done job continues from it. If the
-    folder already has a backup, only what is new is written, so a nightly backup is quick. Queues, logs and kernels are left
+    The copy is consistent: the films have at least the samples that the database records, so unfinished jobs can continue. If
+    the folder already has a backup, only new files are written, so a nightly backup is quick. Queues, logs and kernels are left
     out, because they are made again.
 
     [bold]Examples[/bold]
 
-      rayfarm backup /mnt/nas/rayfarm              again tomorrow: only what is new
+      rayfarm backup /mnt/nas/rayfarm              later backups write only new files
       rayfarm backup ~/farm-2026-11-22.tar.gz      one file
       rayfarm restore /mnt/nas/rayfarm --data ~/farm && rayfarm up --data ~/farm
     """
@@ -72,12 +72,12 @@ def backup(
 
 
 def restore(
-    source: Annotated[Path, typer.Argument(metavar="DIR|FILE", help="What `backup` made.")],
-    data: Annotated[Path, typer.Option(file_okay=False, help="The folder to make: a new one, or an empty one.")],
+    source: Annotated[Path, typer.Argument(metavar="DIR|FILE", help="The backup to restore.")],
+    data: Annotated[Path, typer.Option(file_okay=False, help="The data folder to create; it must be missing or empty.")],
 ) -> None:
     """Turn a backup into a data folder; `rayfarm up --data` on it continues unfinished jobs.
 
-    Every byte is checked against the hashes recorded with it, and the folder appears only once all of it is right. The farm
+    All files are checked against the hashes in the backup before the folder is created. The farm
     that was backed up may keep running.
 
     [bold]Examples[/bold]
@@ -110,7 +110,7 @@ def _only_sqlite() -> None:
         raise CommandError(str(error)) from None
     if settings.database_url and not settings.database_url.startswith("sqlite"):
         raise CommandError(
-            "This farm's database is no SQLite (RAYFARM_DATABASE_URL). Back it up with its own tool (pg_dump), and then films/ "
+            "This farm's database is not SQLite (RAYFARM_DATABASE_URL). Back it up with its own tool (pg_dump), and then films/ "
             "and blobs/ of the data folder: in this order, as films only ever gain."
         )
     if settings.blobs:

@@ -29,7 +29,7 @@ __all__ = ["register"]
 SCENE = shipped_folder("scenes") / "still-life.yaml"
 SIZE = "64x36"
 MIN_RUN_S = 0.5  # seconds; shorter runs are repeated with more samples
-MOST_SAMPLES = 4096
+MAX_SAMPLES = 4096
 PROBE_FACTOR = 8  # factor by which the picture is reduced to estimate the time
 
 Scene = Annotated[Path | None, typer.Option(metavar="SCENE", help="The scene to measure; by default scenes/still-life.yaml.")]
@@ -60,7 +60,7 @@ def bvh(
     scene: Scene = None,
     size: Annotated[str, typer.Option(metavar="WxH", help="Pixels.")] = SIZE,
     spp: Annotated[int, typer.Option(min=1, help="Samples per pixel.")] = 1,
-    patience: Annotated[float, typer.Option(metavar="S", help="Refuse what would take longer than this.")] = 600.0,
+    patience: Annotated[float, typer.Option(metavar="S", help="Do not run if the estimated time exceeds this.")] = 600.0,
     as_json: Json = False,
 ) -> None:
     """Render one picture four times: with and without the BVH, with one thread and with all.
@@ -95,11 +95,11 @@ def bvh(
         task = progress.add_task("measuring", total=4)
         for compiled, has_tree in ((brute, False), (tree, True)):
             for threads in (1, cores):
-                seconds, sums = _timed(compiled, settings, spp, threads)
+                seconds, sums = _render_timed(compiled, settings, spp, threads)
                 same = digest(sums)
                 if seconds < MIN_RUN_S:
-                    more = min(int(spp * MIN_RUN_S / seconds) + 1, MOST_SAMPLES)
-                    seconds = _timed(compiled, settings, more, threads)[0] * spp / more
+                    more = min(int(spp * MIN_RUN_S / seconds) + 1, MAX_SAMPLES)
+                    seconds = _render_timed(compiled, settings, more, threads)[0] * spp / more
                 rows.append(Row(has_tree, threads, seconds, same))
                 progress.advance(task)
     if as_json:
@@ -108,7 +108,7 @@ def bvh(
     _print_results(path, summary["counts"], settings, spp, rows)
 
 
-def _timed(compiled: CompiledScene, settings: RenderSettings, spp: int, threads: int) -> tuple[float, Sums]:
+def _render_timed(compiled: CompiledScene, settings: RenderSettings, spp: int, threads: int) -> tuple[float, Sums]:
     from renderer.render import render_frame
 
     begun = time.perf_counter()
@@ -122,7 +122,7 @@ def _expected_s(compiled: CompiledScene, settings: RenderSettings, spp: int) -> 
     The estimate is extrapolated from a smaller picture, whose rendering is timed.
     """
     small = replace(settings, width=max(settings.width // PROBE_FACTOR, 1), height=max(settings.height // PROBE_FACTOR, 1))
-    return _timed(compiled, small, 1, 1)[0] * settings.width * settings.height * spp / (small.width * small.height)
+    return _render_timed(compiled, small, 1, 1)[0] * settings.width * settings.height * spp / (small.width * small.height)
 
 
 def _print_results(path: Path, counts: dict[str, int], settings: RenderSettings, spp: int, rows: list[Row]) -> None:

@@ -19,7 +19,7 @@ __all__ = ["register"]
 
 BLOCK = 8
 MAX_SHOWN_DIFFERENCE = 0.5  # relative difference shown in full colour
-MISSING = 'Mitsuba is not installed in this Python: pip install "mitsuba>=3.5"'
+MISSING_MITSUBA = 'Mitsuba is not installed in this Python: pip install "mitsuba>=3.5"'
 MISSING_PBRT = (
     "There is no program pbrt on the PATH to compare with. Build pbrt-v4 (github.com/mmp/pbrt-v4) and put it there, or render "
     "the scene by Rayfarm alone: rayfarm render {scene} -o picture.exr"
@@ -62,7 +62,7 @@ def compare(
     peer_name = "pbrt" if suffix == ".pbrt" else "Mitsuba"
     if output is not None:
         if output.suffix.lower() != ".png":
-            raise CommandError(f"{output.name}: what is written is a .png; end the name so")
+            raise CommandError(f"{output.name}: the output is a .png file; use that suffix")
         check_writable(output)
     peer = _pbrt(scene) if peer_name == "pbrt" else _mitsuba()
     import numpy as np
@@ -85,7 +85,7 @@ def compare(
     out.print(f"mean        {ours.mean():.5g} of Rayfarm, {theirs.mean():.5g} of {peer_name}: {ratio - 1:+.2%}")
     for name, a, b in zip(("red", "green", "blue"), ours.mean((0, 1)), theirs.mean((0, 1)), strict=True):
         out.print(f"  {name:<9} {a:.5g}, {b:.5g}: {a / max(b, 1e-12) - 1:+.2%}")
-    blocks = _blocks(ours, theirs)
+    blocks = _block_differences(ours, theirs)
     out.print(
         f"{BLOCK}x{BLOCK} blocks  relative difference: median {np.median(blocks):.2%}, "
         f"95 % below {np.percentile(blocks, 95):.2%}, the most {blocks.max():.2%}",
@@ -106,7 +106,7 @@ def _mitsuba() -> Any:
     try:
         import mitsuba
     except ImportError:
-        raise CommandError(MISSING) from None
+        raise CommandError(MISSING_MITSUBA) from None
     mitsuba.set_variant("scalar_rgb")  # the variant that works without LLVM
     return mitsuba
 
@@ -149,7 +149,7 @@ def _pbrt_picture(program: str, scene: Path, spp: int) -> Any:
         return np.asarray(read_picture(picture.read_bytes(), picture.name), np.float64)[..., :3]
 
 
-def _blocks(ours: Any, theirs: Any) -> Any:
+def _block_differences(ours: Any, theirs: Any) -> Any:
     """Returns the relative difference between the means of the two pictures in each block of pixels."""
     import numpy as np
 

@@ -17,7 +17,7 @@ from rayfarm.login import farm_client
 
 __all__ = ["register"]
 
-SHOWN = 40
+MAX_SHOWN_ITEMS = 40
 KIND_NAMES = {"film": "film", "compiled": "compiled scene", "upload": "upload"}
 
 
@@ -34,21 +34,22 @@ def gc(
         float | None, typer.Option(min=0, metavar="GB", help="Delete the oldest films until all take no more than this.")
     ] = None,
     compiled_older_than: Annotated[
-        float | None, typer.Option(min=0, metavar="DAYS", help="Delete compiled scenes that nobody has used for this long.")
+        float | None, typer.Option(min=0, metavar="DAYS", help="Delete compiled scenes unused for this long.")
     ] = None,
     uploads_older_than: Annotated[
-        float | None, typer.Option(min=0, metavar="DAYS", help="Delete scenes that nobody has used for this long, for good.")
+        float | None,
+        typer.Option(min=0, metavar="DAYS", help="Delete uploaded scenes unused for this long; they cannot be restored."),
     ] = None,
-    dry_run: Annotated[bool, typer.Option("--dry-run", help="Only say what would be deleted.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="List what would be deleted, and delete nothing.")] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")] = False,
     server: options.Server = None,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
-    """Delete what a farm need not keep: old films, compiled scenes nobody uses, unused uploads.
+    """Delete data that can be restored or is unused: old films, unused compiled scenes and uploads.
 
     Without options it follows the farm's own rules, RAYFARM_KEEP_FILMS_DAYS and the like, which the farm applies every hour by
     itself; by default they keep everything. A deleted film is rendered again, to the same bits, when its job is set to running;
-    a scene is compiled again when it is next used. What unfinished and pinned jobs need is kept.
+    a scene is compiled again when it is next used. Data of unfinished and pinned jobs is kept.
 
     [bold]Examples[/bold]
 
@@ -67,7 +68,7 @@ def gc(
             if not as_json:
                 _print_items(found)
             if not yes and not (sys.stdin.isatty() and typer.confirm("Let these go?")):
-                raise CommandError("Nothing was let go. --yes does it without being asked.")
+                raise CommandError("Nothing was deleted. --yes deletes without asking.")
             with err.status("Looking for what may go ...") as status:
 
                 def show_progress(done: int, planned: int | None) -> None:
@@ -91,11 +92,11 @@ def _print_items(found: dict[str, Any]) -> None:
     table = Table(box=None, pad_edge=False)
     for title in ("WHAT", "ID", "SIZE", "DAYS", "WHY", "NAME"):
         table.add_column(title, justify="right" if title in ("SIZE", "DAYS") else "left")
-    for item in items[:SHOWN]:
+    for item in items[:MAX_SHOWN_ITEMS]:
         days = f"{item['age_s'] / 86400:.0f}"
         table.add_row(KIND_NAMES[item["what"]], item["id"], _gigabytes(item["bytes"]), days, item["why"], escape(item["name"]))
     out.print(table)
-    more = f" {len(items) - SHOWN} more are not shown." if len(items) > SHOWN else ""
+    more = f" {len(items) - MAX_SHOWN_ITEMS} more are not shown." if len(items) > MAX_SHOWN_ITEMS else ""
     out.print(f"{len(items)} may go, {_gigabytes(found['bytes'])}.{more}")
 
 

@@ -29,7 +29,7 @@ def info(
     strict: options.Strict = False,
     root: options.Root = None,
 ) -> None:
-    """Show what is in a scene: its cameras, counts and bounds, and what is wrong with it.
+    """Show a scene's cameras, counts, bounds and warnings.
 
     [bold]Example[/bold]
 

@@ -28,7 +28,7 @@ def jobs(
     server: options.Server = None,
     as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
 ) -> None:
-    """List a farm's jobs, or show one; below it says why a job failed or waits.
+    """List a farm's jobs, or show one job, with the reason if it failed or waits.
 
     Exits with 1 and a sentence if no farm answers or it has no such job.
 

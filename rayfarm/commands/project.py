@@ -28,10 +28,10 @@ def register(app: typer.Typer) -> None:
 @projects.command("add")
 def add(
     name: Name,
-    members: Annotated[list[str] | None, typer.Argument(help="Users who may see it.")] = None,
+    members: Annotated[list[str] | None, typer.Argument(help="The project's first members.")] = None,
     server: options.Server = None,
 ) -> None:
-    """Make a project. Only its members and administrators see what is uploaded to it, and what is rendered from that.
+    """Make a project. Its scenes and the jobs that render them are visible only to its members and administrators.
 
     [bold]Examples[/bold]
 
@@ -47,7 +47,7 @@ def add(
 
 @projects.command("list")
 def show(server: options.Server = None) -> None:
-    """List the projects you can see, their members, and what is in them."""
+    """List the projects visible to you, with their members and contents."""
     with farm_client(server) as farm:
         rows = all_of(farm, "/api/projects")
     table = Table("PROJECT", "MEMBERS", "SCENES", "JOBS", box=None, pad_edge=False)
@@ -60,13 +60,13 @@ def show(server: options.Server = None) -> None:
 
 
 @projects.command("let-in")
-def let_in(
+def add_member(
     name: Name,
     user: User,
-    only_look: Annotated[bool, typer.Option("--only-look", help="They may look at what is in it, but change nothing.")] = False,
+    only_look: Annotated[bool, typer.Option("--only-look", help="Read-only access to the project.")] = False,
     server: options.Server = None,
 ) -> None:
-    """Let a user see what is in a project and add to it, or change what a member may do."""
+    """Add a user to a project, or change a member's access."""
     asked = {"role": "view"} if only_look else {}
     with farm_client(server) as farm:
         farm.call("PUT", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}", **asked)
@@ -74,8 +74,8 @@ def let_in(
 
 
 @projects.command("put-out")
-def put_out(name: Name, user: User, server: options.Server = None) -> None:
-    """Remove a user from a project, at once, even from pages that are open."""
+def remove_member(name: Name, user: User, server: options.Server = None) -> None:
+    """Remove a user from a project. Open pages lose access at once."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}")
     out.print(f"{user} sees nothing of {name} any more.", markup=False)

@@ -35,7 +35,7 @@ def show(
     everybody: Annotated[bool, typer.Option("--all", help="List all users' limits; for administrators.")] = False,
     server: options.Server = None,
 ) -> None:
-    """Show your limits, and how much of them is used."""
+    """Show your limits and your usage."""
     with farm_client(server) as farm:
         rows = all_of(farm, "/api/quotas") if everybody else farm.call("GET", "/api/quota")
     table = Table("WHOSE", "BYTES", "JOBS AT A TIME", "SAMPLES A DAY", box=None, pad_edge=False)
@@ -53,7 +53,7 @@ def set_limits(
     token: OfToken = False,
     server: options.Server = None,
 ) -> None:
-    """Set a user's limits; whatever is left out is unlimited.
+    """Set a user's limits; limits that are not given become unlimited.
 
     [bold]Examples[/bold]
 
@@ -68,7 +68,7 @@ def set_limits(
 
 @quotas.command("reset")
 def reset(name: User, token: OfToken = False, server: options.Server = None) -> None:
-    """Return a user to everybody's limits, or a token to its user's."""
+    """Reset a user to the farm's default limits, or a token to its user's limits."""
     with farm_client(server) as farm:
         farm.call("DELETE", _path(name, token))
     out.print(f"{name} has no limits of its own any more.", markup=False)
@@ -83,7 +83,7 @@ def _amount(text: str) -> int | None:
         return None
     found = AMOUNT.fullmatch(text.strip())
     if found is None:
-        raise CommandError(f"{text!r} is no amount; give a number, as 20, 50G or 2T")
+        raise CommandError(f"{text!r} is not an amount; give a number such as 20, 50G or 2T")
     return round(float(found[1]) * UNITS[found[2]])
 
 

@@ -135,24 +135,24 @@ def render(
     order = PictureOrder(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads, strict)
     if pixel is not None:
         if gpu:
-            raise CommandError("--pixel follows a path on the processor: leave out --gpu")
+            raise CommandError("--pixel traces a path on the processor: omit --gpu")
         if frames is not None:
-            raise CommandError("--pixel follows a path of one frame: name it by --frame")
-        _replay(scene, variant, moment, order, pixel, sample or 0, no_bvh, as_json, root)
+            raise CommandError("--pixel traces a path of one frame: select it by --frame")
+        _print_path(scene, variant, moment, order, pixel, sample or 0, no_bvh, as_json, root)
         return
     if output is None:
         output = Path(f"{scene.resolve().stem}{'' if frames is None else '.####'}.png")
     if sample is not None or as_json:
-        raise CommandError("--sample and --json go with --pixel X,Y")
+        raise CommandError("--sample and --json need --pixel X,Y")
     if frame is not None and frames is not None:
         raise CommandError("--frame and --frames were both given; --frames 7,9-12 names any of them")
     if gpu:
         order = replace(order, card=open_card())
     if overwrite and frames is None:
-        raise CommandError("--overwrite goes with --frames; a single picture is always written anew")
+        raise CommandError("--overwrite needs --frames; a single picture is always overwritten")
     order = replace(order, planes=_aovs(aov, output))
     shot = None if frames is None else Sequence(scene, parse_frames(frames), output, moment, overwrite)
-    _check(output, shot, order, stats)
+    _check_output_files(output, shot, order, stats)
     if shot is not None:
         with open_stage(
             *(scene, picture.environment(), variant, picture.camera, no_bvh, threads, picture.shutter(), root),
@@ -190,7 +190,7 @@ def render(
     with show_progress() as show:
         done = render_to(
             *(output, order, compiled, summary, settings, clock, show, motion[0]),
-            on_picture=lambda picture: _say_darkness(picture, output, exposure),
+            on_picture=lambda picture: _print_darkness_note(picture, output, exposure),
         )
     _print_summary(output, settings, clock, done)
     report_bad_samples(scene, settings, done, moment_options(moment) + camera_options(order, settings))
@@ -198,7 +198,7 @@ def render(
         _write(stats, statistics(clock, done))
 
 
-def _say_darkness(picture: F32, output: Path, exposure: float) -> None:
+def _print_darkness_note(picture: F32, output: Path, exposure: float) -> None:
     """Prints a note if a tone-mapped picture looks black, with the exposure that makes it visible."""
     from renderer.image.darkness import darkness
 
@@ -213,7 +213,7 @@ def _say_darkness(picture: F32, output: Path, exposure: float) -> None:
     )
 
 
-def _check(output: Path, shot: Sequence | None, order: PictureOrder, stats: Path | None) -> None:
+def _check_output_files(output: Path, shot: Sequence | None, order: PictureOrder, stats: Path | None) -> None:
     """Raises CommandError, before rendering, if the requested files cannot be written."""
     from renderer.image import encode
     from renderer.image import tonemap as tonemaps
@@ -228,12 +228,14 @@ def _check(output: Path, shot: Sequence | None, order: PictureOrder, stats: Path
     if shot is None or not is_movie(output):
         encode.format_of(output)
     elif order.denoise:
-        raise CommandError("--denoise writes pictures beside pictures, and a film has none: name pictures by -o out.####.png")
+        raise CommandError(
+            "--denoise writes a second picture per frame, which a movie cannot contain: write pictures with -o out.####.png"
+        )
     if order.curve not in tonemaps.CURVES:
         raise CommandError(f"--tonemap is {order.curve!r}; known are {', '.join(tonemaps.CURVES)}")
 
 
-def _replay(
+def _print_path(
     scene: Path,
     variant: str | None,
     moment: Moment,
@@ -262,7 +264,7 @@ def _replay(
 def _aovs(text: str | None, output: Path) -> list[str]:
     names = aovs.parse_names((name.strip() for name in text.split(",")), None) if text else []
     if names and output.suffix.lower() != ".exr":
-        raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
+        raise CommandError(f"--aov needs an .exr: {output.suffix} cannot contain further channels")
     return names
 
 

@@ -48,7 +48,7 @@ def shares(
     if share is None and (changes or reset):
         raise CommandError("Say whose share: `rayfarm shares user:NAME --weight 2`")
     if reset and changes:
-        raise CommandError("--reset goes without --weight and --max-slots")
+        raise CommandError("--reset cannot be combined with --weight or --max-slots")
     with farm_client(server) as farm:
         if share is not None and reset:
             farm.call("DELETE", f"/api/shares/{quote(share, safe='')}")

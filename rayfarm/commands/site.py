@@ -22,7 +22,7 @@ def register(app: typer.Typer) -> None:
 
 
 def site(
-    name: Annotated[str, typer.Argument(help="The site's name, which its workers give as --site.")],
+    name: Annotated[str, typer.Argument(help="The site's name; its workers are started with --site NAME.")],
     join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, such as http://host:8000.")],
     token_file: Annotated[
         Path | None,
@@ -37,10 +37,11 @@ def site(
     ] = "",
     log_format: LogFormat = None,
 ) -> None:
-    """Add up what a site's workers have rendered of each tile and send it to the farm as one result, until Ctrl-C.
+    """Add up the results of a site's workers for each tile, and send the sum to the farm, until Ctrl-C.
 
     If many machines are far from the farm, less data travels between them, and the farm has less to receive. Start one on any
-    machine of the site, and start the site's workers with --site NAME. While it is down they send to the farm themselves.
+    machine of the site, and start the site's workers with --site NAME. While it is down, the workers send their results to the
+    farm directly.
 
     [bold]Examples[/bold]
 

@@ -65,7 +65,10 @@ def submit(
     aov: options.Aov = None,
     denoise: options.Denoise = False,
     project: Annotated[
-        str, typer.Option(metavar="NAME", help="The project whose members alone see it; by default everybody does.")
+        str,
+        typer.Option(
+            metavar="NAME", help="The project to add it to, visible only to the project's members; by default all users see it."
+        ),
     ] = "",
     strict: options.Strict = False,
     root: options.Root = None,
@@ -78,7 +81,7 @@ def submit(
         str | None,
         typer.Option(
             metavar="TIME",
-            help="When it is wanted: the next 08:00, or an ISO time such as 2026-05-01T08:00. Warns if the forecast is later.",
+            help="Deadline: a time such as 08:00, or an ISO time such as 2026-05-01T08:00. Warns if the forecast is later.",
             rich_help_panel=QUEUE,
         ),
     ] = None,
@@ -100,14 +103,14 @@ def submit(
         ),
     ] = None,
     fresh: Annotated[
-        bool, typer.Option("--fresh", help="Render it from the first sample, whatever earlier jobs have of the same picture.")
+        bool, typer.Option("--fresh", help="Render all samples, without reusing those of earlier jobs of the same picture.")
     ] = False,
     param: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="A parameter of a job template; may be given several times."),
     ] = None,
 ) -> None:
-    """Upload a scene to a farm and ask for its picture.
+    """Upload a scene to a farm and submit a job that renders it.
 
     Prints the job's id. Without --wait it returns at once; Ctrl-C while waiting leaves the job running. Checks first whether
     the picture can be written. Exits with 1 and a sentence if anything fails, with 130 on Ctrl-C.
@@ -147,14 +150,12 @@ def submit(
     if param:
         raise CommandError(f"--param goes with a job template, and {scene.name} is none")
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
-    _check_name(output, is_shot=frames is not None)
+    _check_output_format(output, is_shot=frames is not None)
     shot = FarmShot.from_options(frames, frame, moving, output, aov, denoise, overwrite)
     if shot is not None and picture.changes_view_partly():
-        raise CommandError(
-            "A farm's frames are seen by a camera of the scene, or by a view of your own: give --eye and --target too"
-        )
+        raise CommandError("A farm needs a camera of the scene or a complete view: give both --eye and --target")
     if overwrite and frames is None:
-        raise CommandError("--overwrite goes with --frames; a single picture is always written anew")
+        raise CommandError("--overwrite needs --frames; a single picture is always overwritten")
     if shot is not None and not shot.frames:
         err.print(f"All {len(shot.all_frames)} frames are there; --overwrite renders them again", markup=False)
         return
@@ -229,27 +230,27 @@ def _submit_template(
     )
 
 
-def _check_name(output: Path | None, is_shot: bool) -> None:
+def _check_output_format(output: Path | None, is_shot: bool) -> None:
     """Raises CommandError if a farm cannot produce files of this format."""
     if output is None or _format(output) in FORMATS:
         return
     given = (*FORMATS, *MOVIES) if is_shot else FORMATS
     if _format(output) not in given:
-        raise CommandError(f"{output.name}: a farm gives .{', .'.join(given)}; end the name with one of these")
+        raise CommandError(f"{output.name}: a farm writes .{', .'.join(given)}; end the name with one of these")
 
 
 def _check_output(output: Path | None, shot: FarmShot | None, aov: str | None, denoise: bool) -> None:
     """Raises CommandError if the picture could not be written after rendering."""
     if output is None:
         if aov:
-            raise CommandError("--aov says what to write; name the picture with -o")
+            raise CommandError("--aov needs an output file: give -o")
         return
     if shot is None:
         check_writable(output)
         if denoise:
             check_writable(options.denoised_name(output))
     if aov and output.suffix.lower() != ".exr":
-        raise CommandError(f"--aov needs an .exr: {output.suffix} has no room for further channels")
+        raise CommandError(f"--aov needs an .exr: {output.suffix} cannot contain further channels")
 
 
 def _format(output: Path) -> str:

@@ -28,7 +28,7 @@ def register(app: typer.Typer) -> None:
 
 @tokens.command("make")
 def make(
-    name: Annotated[str, typer.Argument(help="What it is for, such as: nightly script")],
+    name: Annotated[str, typer.Argument(help="Purpose of the token, such as: nightly script")],
     role: Annotated[
         Literal["view", "submit", "admin", "worker"], typer.Option(help="What it permits; worker: to join, and nothing else.")
     ] = "submit",
@@ -53,7 +53,7 @@ def make(
 
 @tokens.command("list")
 def show(server: options.Server = None) -> None:
-    """List the tokens: whose they are, what they permit, until when, and when each was last used."""
+    """List the tokens with their users, roles, expiry dates and last uses."""
     with farm_client(server) as farm:
         rows = all_of(farm, "/api/tokens?all=true")
     table = Table("TOKEN", "FOR", "ROLE", "BY", "UNTIL", "LAST SHOWN", box=None, pad_edge=False)
@@ -67,7 +67,7 @@ def show(server: options.Server = None) -> None:
 def withdraw(
     token: Annotated[str, typer.Argument(help="Its id, as `rayfarm token list` shows it.")], server: options.Server = None
 ) -> None:
-    """Withdraw a token: it is refused from now on."""
+    """Revoke a token at once."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/tokens/{quote(token, safe='')}")
     out.print(f"{token} lets nobody in any more.", markup=False)

@@ -73,7 +73,7 @@ def show(server: options.Server = None) -> None:
 
 @users.command("role")
 def role(name: Name, role: RoleName, server: options.Server = None) -> None:
-    """Give a user another role, at once."""
+    """Change a user's role. It takes effect at once."""
     with farm_client(server) as farm:
         farm.call("PATCH", f"/api/users/{quote(name, safe='')}", role=role)
     out.print(f"{name} is {role} from now on.", markup=False)
@@ -81,7 +81,7 @@ def role(name: Name, role: RoleName, server: options.Server = None) -> None:
 
 @users.command("password")
 def password(name: Name, server: options.Server = None) -> None:
-    """Give a user another password, which is asked for; logs the user out everywhere."""
+    """Change a user's password, which is read from the terminal. All of the user's sessions end."""
     with farm_client(server) as farm:
         farm.call("PATCH", f"/api/users/{quote(name, safe='')}", password=_password())
     out.print(f"{name} has another password, and is logged out everywhere.", markup=False)
@@ -89,7 +89,7 @@ def password(name: Name, server: options.Server = None) -> None:
 
 @users.command("remove")
 def remove(name: Name, server: options.Server = None) -> None:
-    """Remove a user. Scenes and jobs stay."""
+    """Delete a user. The user's scenes and jobs stay."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/users/{quote(name, safe='')}")
     out.print(f"{name} is let in no longer.", markup=False)
@@ -97,10 +97,10 @@ def remove(name: Name, server: options.Server = None) -> None:
 
 @users.command("link")
 def link(
-    name: Annotated[str, typer.Argument(help="Whom it logs in; by default you, the owner.")] = "owner",
+    name: Annotated[str, typer.Argument(help="The user to log in; by default the owner of the farm.")] = "owner",
     server: options.Server = None,
 ) -> None:
-    """Print a link that logs somebody in, once, within a day."""
+    """Print a login link that can be used once, within a day."""
     with farm_client(server) as farm:
         print(printable(link_of(public_url(farm.url), farm.call("POST", "/api/links", user=name)["code"])))
 

@@ -58,7 +58,7 @@ def watch(
     server: options.Server = None,
     frame: Annotated[
         float | None,
-        typer.Option(metavar="N", help="Stay with this frame of a shot; by default the one being rendered is shown."),
+        typer.Option(metavar="N", help="The frame of a shot to show; by default the one being rendered."),
     ] = None,
     graphics: Annotated[
         str, typer.Option(metavar="NAME", help="auto asks the terminal; or kitty, sixel, blocks, or none (lines only).")
@@ -126,7 +126,7 @@ def watch(
             ends.enter_context(feed)
         ended = _show_until_ended(farm, live, terminal, graphics, exposure, tonemap, news)
         final = live.job
-        _pass_on_result(farm, live, feed, viewer, output)
+        _send_final_picture(farm, live, feed, viewer, output)
     if ended == signal.SIGINT:
         raise typer.Exit(EXIT_INTERRUPTED)
     if terminal is None and final.state != "finished":
@@ -170,7 +170,7 @@ def _show_until_ended(
     return None if ended is None else int(ended)
 
 
-def _pass_on_result(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
+def _send_final_picture(farm: Client, live: LiveJob, feed: TevFeed | None, viewer: str | None, output: Path | None) -> None:
     """Sends the EXR of a finished job to tev and opens it in the viewer, if these were requested."""
     from rayfarm.reading_files import read_picture
     from rayfarm.watch.viewer import open_in

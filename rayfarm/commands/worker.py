@@ -65,7 +65,10 @@ def worker(
     idle: Annotated[
         float,
         typer.Option(
-            min=0, metavar="MINUTES", help="Work only when nobody has used this machine for this long.", rich_help_panel=NIGHT
+            min=0,
+            metavar="MINUTES",
+            help="Accept work only after this machine has been unused for this long.",
+            rich_help_panel=NIGHT,
         ),
     ] = 0.0,
     nice: Annotated[
@@ -78,7 +81,8 @@ def worker(
         float, typer.Option(min=0, metavar="GB", help="Memory that it may use; by default all.", rich_help_panel=NIGHT)
     ] = 0.0,
     site: Annotated[
-        str, typer.Option(metavar="NAME", help="The site this machine is at: `rayfarm site NAME` adds up what it renders.")
+        str,
+        typer.Option(metavar="NAME", help="The site of this machine, whose reducer (`rayfarm site NAME`) adds up its results."),
     ] = "",
     blender: Wanted = False,
     blender_program: Program = None,
@@ -86,8 +90,8 @@ def worker(
 ) -> None:
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
 
-    The machine needs network access to the farm's page and its Redis, but no shared folder. It may come and go at any time, and
-    waits while the farm is down. If there is no farm, or the token is wrong, it exits with 1 and a sentence.
+    The machine needs network access to the farm's page and its Redis, but no shared folder. It may join and leave at any time,
+    and waits while the farm is down. If there is no farm, or the token is wrong, it exits with 1 and a sentence.
 
     [bold]Examples[/bold]
 

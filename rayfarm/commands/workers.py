@@ -30,19 +30,23 @@ def workers(
     ] = None,
     idle: Annotated[
         float | None,
-        typer.Option(min=0, metavar="MINUTES", help="Work only when nobody has used that machine for this long; 0: always."),
+        typer.Option(
+            min=0, metavar="MINUTES", help="Accept work only after the machine has been unused for this long; 0: always."
+        ),
     ] = None,
     nice: Annotated[
         int | None, typer.Option(min=0, max=19, help="Its nice level: higher leaves more of the machine to other programs.")
     ] = None,
     slots: Annotated[int | None, typer.Option(min=1, help="The most slots it uses; never more than it was started with.")] = None,
     memory: Annotated[float | None, typer.Option(min=0, metavar="GB", help="Memory that it may use; 0: no limit.")] = None,
-    pause: Annotated[bool, typer.Option("--pause", help="Finish what it has in hand and take no more work.")] = False,
-    resume: Annotated[bool, typer.Option("--resume", help="Take work again, even if it was set aside for its faults.")] = False,
-    reset: Annotated[bool, typer.Option("--reset", help="Return hours, limits and nice level to how it was started.")] = False,
+    pause: Annotated[bool, typer.Option("--pause", help="Finish the batches in progress and accept no more.")] = False,
+    resume: Annotated[bool, typer.Option("--resume", help="Accept work again, even after a quarantine.")] = False,
+    reset: Annotated[
+        bool, typer.Option("--reset", help="Reset hours, limits and nice level to the worker's start values.")
+    ] = False,
     server: options.Server = None,
 ) -> None:
-    """List a farm's workers, or change one while it runs. It obeys within seconds, after finishing what it has in hand.
+    """List a farm's workers, or change one while it runs. Changes take effect within seconds; batches in progress are finished.
 
     [bold]Examples[/bold]
 

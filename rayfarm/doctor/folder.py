@@ -32,9 +32,18 @@ from service.store.upgrade import SchemaState, schema_state
 __all__ = ["check_folder"]
 
 LOW_DISK_SPACE = 5 << 30
-NETWORKS = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p")
-SECRETS = ("token", "owner-token", "secrets.json", "webhook-secret", "login-key", "farm.json", "redis.conf", "rayfarm.sqlite")
-NAMED = 3  # examples listed of many faults
+NETWORK_FILE_SYSTEMS = ("nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p")
+SECRETS = (
+    "token",
+    "owner-token",
+    "secrets.json",
+    "webhook-secret",
+    "login-key",
+    "farm.json",
+    "redis.conf",
+    "rayfarm.sqlite",
+)
+MAX_EXAMPLES = 3  # examples listed of many faults
 
 Progress = Callable[[int, int], None]
 
@@ -57,7 +66,7 @@ def check_folder(settings: Settings, deep: bool, progress: Progress) -> Iterator
         return
     yield from _check_permissions(data)
     yield _check_free_space(data, settings.min_free_bytes)
-    if (kind := _file_system(data)) in NETWORKS:
+    if (kind := _file_system(data)) in NETWORK_FILE_SYSTEMS:
         yield note_finding(
             "Data folder",
             f"It lies on a network drive ({kind}), on which SQLite's locks may fail and a cut connection damages databases.",
@@ -227,7 +236,7 @@ def _hash(path: Path) -> str:
 
 
 def _names_text(names: list[str]) -> str:
-    return ", ".join(names[:NAMED]) + (" ..." if len(names) > NAMED else "")
+    return ", ".join(names[:MAX_EXAMPLES]) + (" ..." if len(names) > MAX_EXAMPLES else "")
 
 
 def _user(path: Path) -> str:

@@ -74,13 +74,13 @@ def images(farm: Client, job: str, arguments: RenderArguments, at_once: bool = F
         is_final = found.state == "finished"
         if is_final or (not at_once and found.samples > max(seen, 0)):
             seen = found.samples
-            yield _fetched(farm, found, arguments, is_final)
+            yield _fetch_image(farm, found, arguments, is_final)
         if is_final:
             return
         time.sleep(POLL_S)
 
 
-def _fetched(farm: Client, job: Job, arguments: RenderArguments, is_final: bool) -> Image:
+def _fetch_image(farm: Client, job: Job, arguments: RenderArguments, is_final: bool) -> Image:
     frame = job.frames[0] if job.frames else None
     groups = group_names(str((job.settings or {}).get("light_groups") or ""))
     planes = [name for name in aovs.parse_names(arguments.aovs, groups) if name not in ("color", aovs.MOTION)]

@@ -18,7 +18,7 @@ from renderer.errors import SceneError
 
 __all__ = ["as_files"]
 
-_NAMING = ("file", "image", "picture", "profile")  # keys whose value is a file name
+_FILE_NAME_KEYS = ("file", "image", "picture", "profile")  # keys whose value is a file name
 
 
 @contextlib.contextmanager
@@ -80,7 +80,7 @@ class _Writer:
                 found = self._image(found, where)
             return {
                 key: self._link(each, where)
-                if key in _NAMING and isinstance(each, str | Path)
+                if key in _FILE_NAME_KEYS and isinstance(each, str | Path)
                 else self.json_value(each, f"{where}.{key}")
                 for key, each in found.items()
             }

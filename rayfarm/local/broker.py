@@ -16,9 +16,9 @@ from service.access.redis_release import RedisRelease, parse_version_output
 
 __all__ = ["LOOPBACK", "find_server", "memory_limit", "server_release", "write_config"]
 
-ANYWHERE = ("0.0.0.0", "::", "")
+WILDCARD_HOSTS = ("0.0.0.0", "::", "")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
-NAMES = ("valkey-server", "redis-server")
+SERVER_PROGRAMS = ("valkey-server", "redis-server")
 PATIENCE_S = 10.0
 LEAST_BUFFERS = 256 << 20  # bytes of unread output or unfinished input
 LARGEST_ANSWER = 192 << 20  # bytes; the service reads results about 64 MiB at a time
@@ -46,7 +46,7 @@ def find_server() -> Path:
 
 
 def _programs() -> Iterator[Path]:
-    for name in NAMES:
+    for name in SERVER_PROGRAMS:
         if found := shutil.which(name):
             yield Path(found)
     with contextlib.suppress(metadata.PackageNotFoundError):
@@ -99,7 +99,7 @@ def write_config(path: Path, host: str, port: int, password: str) -> None:
         "lua-time-limit 1000",
         'save ""',
         "appendonly no",
-        f"dir {_quoted(str(path.parent))}",
+        f"dir {_quote_config_value(str(path.parent))}",
         "daemonize no",
         "tcp-keepalive 30",
         f"timeout {IDLE_S}",
@@ -115,11 +115,11 @@ def _listen_addresses(host: str) -> str:
     """
     if host in LOOPBACK:
         return "127.0.0.1 -::1" if host == "::1" else "127.0.0.1"
-    if host in ANYWHERE:
+    if host in WILDCARD_HOSTS:
         return "0.0.0.0 -::" if host != "0.0.0.0" else "0.0.0.0"
     return f"127.0.0.1 {host}"
 
 
-def _quoted(text: str) -> str:
+def _quote_config_value(text: str) -> str:
     """Returns a text quoted for the configuration file."""
     return '"' + text.replace("\\", r"\\").replace('"', r"\"").replace("\n", r"\n") + '"'

@@ -309,12 +309,16 @@ def _is_free(host: str, port: int) -> bool:
         try:
             probe.bind((host, port))
         except PermissionError as error:
-            raise CommandError(f"Port {port} needs more rights than this user has. Choose one above 1023 with --port.") from error
+            raise CommandError(
+                f"Port {port} needs permissions that this user lacks. Choose one above 1023 with --port."
+            ) from error
         except socket.gaierror as error:
-            raise CommandError(f"{host!r} is no address of this machine. Use --host 127.0.0.1 or --host 0.0.0.0.") from error
+            raise CommandError(f"{host!r} is not an address of this machine. Use --host 127.0.0.1 or --host 0.0.0.0.") from error
         except OSError as error:
             if error.errno == errno.EADDRNOTAVAIL:
-                raise CommandError(f"{host} is no address of this machine. Use --host 127.0.0.1 or --host 0.0.0.0.") from error
+                raise CommandError(
+                    f"{host} is not an address of this machine. Use --host 127.0.0.1 or --host 0.0.0.0."
+                ) from error
             return False
     return True
 

@@ -38,16 +38,15 @@ KILL_SIGNALS = (signal.SIGKILL, signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 @dataclass
 class Part:
-    """One process of the farm. grace_s: time to stop gracefully, in seconds. fatal_codes: exit codes after which it is not
-    restarted.
+    """A process that the supervisor starts, watches and restarts, such as the service or the worker.
 
-    arguments: options for a process that imports first and then reads them from standard input
-    (renderer.child_processes.wait_for_start_line); None for others.
-    spare: such a process that waits; has_spare: whether there should always be one.
+    grace_s: seconds to stop gracefully before it is killed. fatal_codes: exit codes after which it is not restarted. arguments:
+    options for a process that imports first and then reads them from standard input
+    (renderer.child_processes.wait_for_start_line); None for other processes. spare: a replacement process that has imported and
+    waits for its options. has_spare: whether there should always be one.
 
-    Pauses before restarts increase while the part ends before it is in service. serves: whether it is in service; a quick check,
-    called until it is true. Without `serves`, a part has failed if it ends within steady_s seconds of its start; steady_s exceeds
-    its startup time.
+    serves: returns whether the part is in service; called until it returns True. If a part ends before that, the pause before
+    its next restart increases. Without `serves`, the pause increases if the part ends within steady_s seconds of its start.
     """
 
     name: str

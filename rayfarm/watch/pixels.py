@@ -15,7 +15,7 @@ __all__ = ["Kitty", "Pixels", "Sixel"]
 U8 = npt.NDArray[np.uint8]
 CHUNK = 4096  # bytes of base64, as the protocol demands
 COLOURS = 256  # registers that terminals have
-MOST = (1600, 1200)  # pixels that are sent
+MAX_SIZE = (1600, 1200)  # pixels that are sent
 
 
 class Pixels:
@@ -26,7 +26,7 @@ class Pixels:
 
     def size_in_pixels(self, columns: int, rows: int) -> tuple[int, int]:
         """Returns the size in pixels, (width, height), of an area of this many cells."""
-        return min(columns * self.cell[0], MOST[0]), min(rows * self.cell[1], MOST[1])
+        return min(columns * self.cell[0], MAX_SIZE[0]), min(rows * self.cell[1], MAX_SIZE[1])
 
     def cells(self, size: tuple[int, int]) -> tuple[int, int]:
         """Returns the number of columns and rows that a picture of this size in pixels covers."""
@@ -64,14 +64,14 @@ class Kitty(Pixels):
         for number, piece in enumerate(pieces):
             more = number < len(pieces) - 1
             out.append(b"\x1b_G%sm=%d;%s\x1b\\" % ((head if number == 0 else "").encode(), more, piece))
-        return b"".join([*out, _deleted(old)])
+        return b"".join([*out, _delete_image_command(old)])
 
     def clearing_bytes(self) -> bytes:
         """Returns the bytes that delete both images of kitty's graphics, which remain after the screen is cleared."""
-        return _deleted(self.FIRST) + _deleted(self.FIRST + 1)
+        return _delete_image_command(self.FIRST) + _delete_image_command(self.FIRST + 1)
 
 
-def _deleted(image: int) -> bytes:
+def _delete_image_command(image: int) -> bytes:
     return b"\x1b_Ga=d,d=I,i=%d,q=2\x1b\\" % image
 
 
@@ -92,11 +92,11 @@ class Sixel(Pixels):
         out = [b'\x1b[%d;%dH\x1bP0;1q"1;1;%d;%d' % (row, column, width, height)]
         for number, (r, g, b) in enumerate((palette * 100 + 127) // 255):
             out.append(b"#%d;2;%d;%d;%d" % (number, r, g, b))
-        bands = b"-".join(_band(numbers[top : top + 6]) for top in range(0, height, 6))
+        bands = b"-".join(_encode_band(numbers[top : top + 6]) for top in range(0, height, 6))
         return b"".join([*out, bands, b"\x1b\\"])
 
 
-def _band(numbers: U8) -> bytes:
+def _encode_band(numbers: U8) -> bytes:
     """Encodes up to six rows of colour numbers: for each colour, the pixels that have it."""
     bits = 1 << np.arange(len(numbers))
     lines = []

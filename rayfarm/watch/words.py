@@ -9,7 +9,7 @@ from renderer.printable import one_line
 
 __all__ = ["fit_columns", "frame_title", "progress_text"]
 
-BAR = 24  # cells
+BAR_WIDTH = 24  # cells
 EIGHTHS = " ▏▎▍▌▋▊▉█"
 
 
@@ -18,11 +18,11 @@ def progress_text(job: Job, with_bar: bool = False) -> str:
     done = f"{100 * job.progress:.0f} %"
     parts = [job.message or job.state, f"{_bar(job.progress)} {done}" if with_bar else done]
     if job.samples_per_s and not job.is_over:
-        parts.append(f"{_short(job.samples_per_s)} samples/s")
+        parts.append(f"{_format_count(job.samples_per_s)} samples/s")
     if job.eta_s is not None and not job.is_over:
-        parts.append(f"{_time(job.eta_s)} left")
+        parts.append(f"{_format_duration(job.eta_s)} left")
     elif job.active_s:
-        parts.append(f"{_time(job.active_s)}")
+        parts.append(f"{_format_duration(job.active_s)}")
     return " · ".join(parts)
 
 
@@ -52,19 +52,19 @@ def fit_columns(text: str, columns: int) -> str:
 
 
 def _bar(progress: float) -> str:
-    eighths = round(8 * BAR * min(max(progress, 0.0), 1.0))
+    eighths = round(8 * BAR_WIDTH * min(max(progress, 0.0), 1.0))
     full, rest = divmod(eighths, 8)
-    return f"▕{('█' * full + (EIGHTHS[rest] if full < BAR else '')).ljust(BAR)}▏"
+    return f"▕{('█' * full + (EIGHTHS[rest] if full < BAR_WIDTH else '')).ljust(BAR_WIDTH)}▏"
 
 
-def _short(number: float) -> str:
+def _format_count(number: float) -> str:
     for size, letter in ((1e9, "G"), (1e6, "M"), (1e3, "k")):
         if number >= size:
             return f"{number / size:.3g} {letter}"
     return f"{number:.3g} "
 
 
-def _time(seconds: float) -> str:
+def _format_duration(seconds: float) -> str:
     minutes, left = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{hours}:{minutes:02}:{left:02}" if hours else f"{minutes}:{left:02}"

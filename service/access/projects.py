@@ -240,7 +240,7 @@ class Projects:
         with self._sessions.begin() as session:
             if session.get(Project, name, with_for_update=True) is None:
                 raise project_not_found(name)
-            counts = {kind: _count(row, name, session) for kind, row in ROWS.items()}
+            counts = {kind: _count_content(row, name, session) for kind, row in ROWS.items()}
             left = [_amount(kind, count) for kind, count in counts.items() if count]
             if left:
                 raise Conflict(
@@ -268,7 +268,7 @@ def lock_project(name: str, session: Session) -> None:
         raise project_not_found(name)
 
 
-def _count(row: Any, project: str, session: Session) -> int:
+def _count_content(row: Any, project: str, session: Session) -> int:
     query = select(func.count()).select_from(row).where(row.project == project)
     return session.scalar(query.where(Scene.of.is_(None)) if row is Scene else query) or 0
 

@@ -32,11 +32,11 @@ TYPES: tuple[tuple[bytes, bytes], ...] = (
     (b"unacked_mutex", b"string"),
     (b"unacked", b"hash"),
 )
-MATCHES = ("rayfarm[:.]*", "_kombu.binding*", "unacked*")
+KEY_PATTERNS = ("rayfarm[:.]*", "_kombu.binding*", "unacked*")
 ROUNDS_BETWEEN_SCANS = 6  # rounds between two scans of all keys
 EXCESS_SHARE = 0.5  # share of Redis's memory, or of its connections, above which excess use is searched for
-MOST_OF_MEMORY = 0.125  # share of the memory for the keys of one kind, except results, whose size the service limits itself
-MOST_OF_CLIENTS = 0.25  # share of the connections for one worker's Redis user
+MAX_MEMORY_FRACTION = 0.125  # share of the memory for the keys of one kind, except results, whose size the service limits itself
+MAX_CLIENT_FRACTION = 0.25  # share of the connections for one worker's Redis user
 KIND = re.compile(rb"rayfarm:[a-z-]+|rayfarm\.|_kombu|unacked")
 RESULTS = b"rayfarm:results"
 WORKER_USER = "rayfarm-"
@@ -85,9 +85,9 @@ class RedisCare:
     def unblock(self) -> None:
         """Ends a script that blocks Redis and logs the outcome. Raises redis.RedisError."""
         if end_blocking_script(self._redis):
-            log.warning("a script blocked Redis and was ended")
+            log.warning("a script that blocked Redis was killed")
         else:
-            log.error("a script blocks Redis and has written already; only a restart of Redis ends it")
+            log.error("a script that has already written data blocks Redis; only a restart of Redis ends it")
 
     def _warn(self) -> None:
         flaw = release_of(self._redis.info("server")).flaw
@@ -98,7 +98,7 @@ class RedisCare:
     def _close_excess_connections(self) -> None:
         """Closes connections if Redis has few left.
 
-        Closes all connections of each worker user that holds more than the fraction MOST_OF_CLIENTS of Redis's limit.
+        Closes all connections of each worker user that holds more than the fraction MAX_CLIENT_FRACTION of Redis's limit.
         """
         clients = self._redis.info("clients")
         most = int(clients.get("maxclients") or 0)
@@ -106,8 +106,8 @@ class RedisCare:
             return
         users = Counter(str(client.get("user", "")) for client in self._redis.client_list())
         for user, count in users.items():
-            if user.startswith(WORKER_USER) and count > MOST_OF_CLIENTS * most:
-                log.warning("the Redis user %s of a worker's token has %d connections, which are closed", user, count)
+            if user.startswith(WORKER_USER) and count > MAX_CLIENT_FRACTION * most:
+                log.warning("the Redis user %s of a worker has %d connections; all of them are closed", user, count)
                 self._redis.execute_command("CLIENT", "KILL", "USER", user)
 
     def _remove_largest_keys(self) -> None:
@@ -125,7 +125,7 @@ class RedisCare:
                     if size is not None and name != RESULTS and (found := KIND.match(name)):
                         kinds.setdefault(found[0], []).append((size, name))
         for kind, known in kinds.items():
-            over = sum(size for size, _ in known) - MOST_OF_MEMORY * limit
+            over = sum(size for size, _ in known) - MAX_MEMORY_FRACTION * limit
             gone: list[bytes] = []
             for size, name in sorted(known, reverse=True):
                 if over <= 0:
@@ -140,8 +140,8 @@ class RedisCare:
                 )
 
     def _key_batches(self) -> Iterator[list[bytes]]:
-        """Yields the names of the farm's keys in lists of at most AT_ONCE."""
-        for pattern in MATCHES:
+        """Yields the names of the farm's keys in lists of at most KEYS_PER_PIPELINE."""
+        for pattern in KEY_PATTERNS:
             names: list[bytes] = []
             for name in self._redis.scan_iter(pattern, count=KEYS_PER_PIPELINE):
                 names.append(name)

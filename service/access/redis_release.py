@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-__all__ = ["OLDEST", "RedisRelease", "parse_version_output", "release_of"]
+__all__ = ["MIN_VERSION", "RedisRelease", "parse_version_output", "release_of"]
 
-OLDEST = (6, 2)  # Celery's queues need LMPOP and ZRANGE BYSCORE
+MIN_VERSION = (6, 2)  # Celery's queues need LMPOP and ZRANGE BYSCORE
 # The first patch release of each series with the fixes of CVE-2025-49844 (code execution by a Lua script) and CVE-2025-21605
 # (output buffers that grow without a login); of Valkey 9.0 also of CVE-2026-27623 (a crash without a login).
 FIXED: dict[str, dict[tuple[int, ...], int]] = {
@@ -31,13 +31,13 @@ class RedisRelease:
     @property
     def is_too_old(self) -> bool:
         """Returns True if the release lacks commands that the farm needs."""
-        return self.name == "Redis" and self.numbers[:2] < OLDEST
+        return self.name == "Redis" and self.numbers[:2] < MIN_VERSION
 
     @property
     def flaw(self) -> str | None:
         """A warning sentence if the release lacks security fixes; None if it has them.
 
-        A distribution may have backported the fixes without changing the version number.
+        The check uses the version number only. A distribution may have backported the fixes without changing the number.
         """
         fixed = FIXED[self.name]
         series = self.numbers[:2]

@@ -163,7 +163,7 @@ class RedisUsers:
                 else:
                     self._warn(error)
             except (redis.RedisError, FarmError, OSError) as error:
-                log.debug("workers' users of Redis are not looked after now: %s", error)
+                log.debug("the Redis users of workers cannot be updated: %s", error)
             with contextlib.suppress(redis.RedisError, OSError):
                 self._care.maintain()
             if self._stop.wait(REFRESH_EVERY_S):
@@ -175,7 +175,7 @@ class RedisUsers:
 
     def _warn(self, error: Exception) -> None:
         if self.trouble is None:
-            log.warning("Redis has no users for workers (%s): all share one password, withdrawn workers included", error)
+            log.warning("Redis cannot create users for workers (%s): all workers share one password, even revoked ones", error)
         self.trouble = str(error)
 
 

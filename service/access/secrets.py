@@ -11,7 +11,7 @@ import secrets
 
 __all__ = ["fingerprint", "is_same", "new_secret"]
 
-MOST = 512  # characters of a secret that are hashed
+MAX_SECRET_LENGTH = 512  # characters of a secret that are hashed
 
 
 def new_secret(kind: str) -> str:
@@ -21,7 +21,7 @@ def new_secret(kind: str) -> str:
 
 def fingerprint(secret: str) -> str:
     """Returns the SHA-256 of a secret in hexadecimal; it is stored instead of the secret."""
-    return hashlib.sha256(secret[:MOST].encode("utf-8", "surrogatepass")).hexdigest()
+    return hashlib.sha256(secret[:MAX_SECRET_LENGTH].encode("utf-8", "surrogatepass")).hexdigest()
 
 
 def is_same(given: str, expected: str) -> bool:

@@ -39,7 +39,7 @@ class Users:
                     owner=repr(OWNER),
                 )
             )
-        kept = None if password is None else _checked(password, name)
+        kept = None if password is None else _checked_hash(password, name)
         user = User(name=name, role=role.api_name, password=kept, created=time.time())
         with self._sessions.begin() as session:
             if session.get(User, name) is not None:
@@ -82,7 +82,7 @@ class Users:
         Raises NotFound and Invalid.
         """
         self.find(name)
-        kept = _checked(password, name)
+        kept = _checked_hash(password, name)
         with self._sessions.begin() as session:
             user = session.get(User, name)
             if user is None:
@@ -114,7 +114,7 @@ class Users:
         return user if is_right(password, user.password if user else None) else None
 
 
-def _checked(password: str, name: str) -> str:
+def _checked_hash(password: str, name: str) -> str:
     check_strength(password, name)
     return hashed(password)
 

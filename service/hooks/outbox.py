@@ -95,7 +95,7 @@ class Outbox:
             except FarmError as error:
                 log.warning("hooks wait: %s", error)
             except Exception:
-                log.exception("a fault in telling hooks")
+                log.exception("unexpected error while hooks were notified")
 
     def _record_ended_jobs(self, hook: str) -> None:
         since = self._since.get(hook)
@@ -164,7 +164,7 @@ class Outbox:
                 self._rests.pop(hook, None)
             except Exception as error:  # a fault in one message must not block other hooks, and is not retried forever
                 if not isinstance(error, UndeliveredError):
-                    log.exception("a fault in telling %s of job %s", redacted_hook(row.hook), row.job)
+                    log.exception("unexpected error while notifying %s of job %s", redacted_hook(row.hook), row.job)
                 # One failure delays all waiting messages, so that not each of them waits for the timeout.
                 self._rests[hook] = time.monotonic() + min(RETRIES_S[min(row.attempts, len(RETRIES_S)) - 1], MAX_HOOK_PAUSE_S)
                 is_given_up = isinstance(error, RefusedError) or row.attempts > len(RETRIES_S)

@@ -39,7 +39,7 @@ class Need:
 
     @property
     def weight(self) -> tuple[bool, int, bool]:
-        """Key by which requirements are sorted: a stricter requirement has a larger key."""
+        """Sort key of the requirement: a stricter requirement has a larger key."""
         return self.role is None, self.role or 0, self.known
 
 
@@ -182,7 +182,7 @@ def need_of(method: str, path: str) -> tuple[str, Need]:
     applies.
     """
     method = "GET" if method == "HEAD" else method
-    fitting = [(known, pattern) for known, pattern, compiled in _compiled() if compiled.match(path)]
+    fitting = [(known, pattern) for known, pattern, compiled in _compile_patterns() if compiled.match(path)]
     of_method = [pattern for known, pattern in fitting if known == method]
     if of_method:
         return max(((pattern, NEEDS[method, pattern]) for pattern in of_method), key=lambda found: found[1].weight)
@@ -193,5 +193,5 @@ def need_of(method: str, path: str) -> tuple[str, Need]:
 
 
 @cache
-def _compiled() -> tuple[tuple[str, str, re.Pattern[str]], ...]:
+def _compile_patterns() -> tuple[tuple[str, str, re.Pattern[str]], ...]:
     return tuple((method, pattern, compile_path(pattern)[0]) for method, pattern in NEEDS)

@@ -11,7 +11,7 @@ from service.store.models import Job
 
 __all__ = ["content_disposition", "picture_name", "title_of"]
 
-LONGEST = 100  # characters of a title: file systems allow 255 bytes, and a character may take four
+MAX_TITLE_LENGTH = 100  # characters of a title: file systems allow 255 bytes, and a character may take four
 SUFFIX = re.compile(r"\.[A-Za-z]\w{0,7}$")
 ALLOWED_PUNCTUATION = "._-+()"  # in addition to letters and digits
 
@@ -20,7 +20,7 @@ def title_of(job: Job) -> str:
     """Returns the job's name in a form suited to file names: letters, digits and a few marks, without the scene file's suffix."""
     plain = unicodedata.normalize("NFC", SUFFIX.sub("", job.name))
     clean = "".join(c if c in ALLOWED_PUNCTUATION or unicodedata.category(c)[0] in "LNM" else "-" for c in plain)
-    return re.sub("-{2,}", "-", clean).strip("-.")[:LONGEST] or job.id
+    return re.sub("-{2,}", "-", clean).strip("-.")[:MAX_TITLE_LENGTH] or job.id
 
 
 def picture_name(job: Job, frame: float, samples: int, kind: str, extension: str) -> str:

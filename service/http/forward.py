@@ -232,9 +232,9 @@ async def _relay_to_client(owner_socket: ClientConnection, send: Send) -> None:
 
 
 async def _result_unless(ended: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:
-    """Returns the result of the coroutine `doing`.
+    """Returns the result of the coroutine `doing`, or None if it was cancelled.
 
-    None if `ended` is set first, or if another of the relay's tasks ends first; `doing` is then cancelled.
+    It is cancelled if the event `ended` is set first, or if one of the tasks `others` ends first.
     """
     task, ending = asyncio.create_task(doing), asyncio.create_task(ended.wait())
     try:

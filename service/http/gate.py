@@ -28,7 +28,7 @@ from service.http.hosts import LOOPBACK_NAMES, is_local_address, name_of
 from service.http.problems import Problem
 from service.http.security import SAFE_METHODS, send_error
 from service.http.visit import VISIT, address_of, bearer_token
-from service.jobs.lookup import thing_not_found
+from service.jobs.lookup import resource_not_found
 
 __all__ = ["LOG_IN", "AuthorizationMiddleware", "cookie_name"]
 
@@ -156,7 +156,7 @@ def _needs_login(access: Access, connection: HTTPConnection) -> bool:
 def _warn_of_proxy() -> None:
     """Logs a warning, once, that a proxy forwards to a service that needs no login on its own machine."""
     log.warning(
-        "A proxy passes requests on to this farm, which needs no login on its own machine. Such requests need a login. Set "
+        "A proxy forwards requests to this farm, which needs no login on its own machine. Forwarded requests need a login. Set "
         "RAYFARM_TRUSTED_PROXIES to the proxy's address, or RAYFARM_LOGIN=always: requests of a proxy that adds no header look "
         "like those of a person on this machine."
     )
@@ -192,7 +192,7 @@ async def _may_see(access: Access, sight: ProjectVisibility, thing: tuple[Kind, 
 
 async def _not_found(thing: tuple[Kind, str], scope: Scope, receive: Receive, send: Send) -> None:
     """Sends the "not found" response of the object's kind, for a missing object or one in a hidden project."""
-    sentence = str(thing_not_found(*thing))
+    sentence = str(resource_not_found(*thing))
     if scope["type"] == "http":
         await send_error(Problem(404, sentence), scope, receive, send)
         return

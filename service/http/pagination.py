@@ -10,9 +10,9 @@ from fastapi import Depends, Query, Response
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-__all__ = ["MOST", "TOTAL", "Page", "PageDependency"]
+__all__ = ["MAX_ITEMS", "TOTAL", "Page", "PageDependency"]
 
-MOST = 1000  # items in one answer
+MAX_ITEMS = 1000  # items in one answer
 TOTAL = "X-Total-Count"
 T = TypeVar("T")
 
@@ -31,9 +31,9 @@ class Page:
         return items[self.offset : self.offset + self.limit]
 
     def rows(self, query: Select[Any], session: Session, first: Sequence[T] = ()) -> tuple[Sequence[T], list[Any]]:
-        """Returns the requested range of a list that consists of `first` followed by the rows of an ordered query.
+        """Returns the requested range of a list that consists of the items `first` followed by the rows of an ordered query.
 
-        The range is returned in two lists: entries of `first`, which are in no table, and rows.
+        The range is returned as two lists: items of `first`, which are not stored in a table, and database rows.
         """
         count = session.scalar(select(func.count()).select_from(query.order_by(None).subquery())) or 0
         here = self.slice_of(first)
@@ -42,7 +42,7 @@ class Page:
         return here, list(session.scalars(query.limit(left).offset(skipped))) if left else []
 
 
-def _page(response: Response, limit: int = Query(100, ge=1, le=MOST), offset: int = Query(0, ge=0, le=1 << 31)) -> Page:
+def _page(response: Response, limit: int = Query(100, ge=1, le=MAX_ITEMS), offset: int = Query(0, ge=0, le=1 << 31)) -> Page:
     return Page(limit, offset, response)
 
 

@@ -57,13 +57,13 @@ STATUS: dict[type[FarmError], int] = {
     FilmLost: 409,
 }
 RETRY_AFTER_S = 2
-MOST_ERRORS = 50  # errors of a body in an answer, which would otherwise echo all of it
-MOST_TEXT = 300  # characters echoed per error
+MAX_ERRORS = 50  # errors of a body in an answer, which would otherwise echo all of it
+MAX_TEXT_LENGTH = 300  # characters echoed per error
 STANDARD = (400, 404, 405)  # statuses that Starlette and FastAPI answer with their own words
 FASTAPI_BAD_BODY = "There was an error parsing the body"
 
 
-def _standard(status: int, path: str, method: str) -> Sentence:
+def _standard_sentence(status: int, path: str, method: str) -> Sentence:
     match status:
         case 400:
             return Sentence(
@@ -140,7 +140,7 @@ def response(status: int, detail: str, headers: Mapping[str, str] | None = None,
     return ProblemResponse(body, status, headers=dict(headers or {}))
 
 
-def _error(field: str, message: str) -> dict[str, Any]:
+def _field_error(field: str, message: str) -> dict[str, Any]:
     return {"field": field, "message": message, **_code_fields(message)}
 
 
@@ -163,7 +163,7 @@ def install(app: FastAPI) -> None:
         headers = {} if seconds is None else {"Retry-After": str(math.ceil(seconds))}
         more: dict[str, Any] = {}
         if isinstance(error, Invalid) and error.field is not None:
-            more["errors"] = [_error(error.field, str(error).removesuffix("."))]
+            more["errors"] = [_field_error(error.field, str(error).removesuffix("."))]
         return response(next(STATUS[kind] for kind in type(error).__mro__ if kind in STATUS), str(error), headers, **more)
 
     @app.exception_handler(HTTPException)
@@ -178,14 +178,14 @@ def install(app: FastAPI) -> None:
         elif status == 405:
             status, detail = 404, http.HTTPStatus.NOT_FOUND.phrase
         if status in STANDARD and detail in (http.HTTPStatus(status).phrase, FASTAPI_BAD_BODY):
-            detail = _standard(status, _short(request.url.path), request.method)
+            detail = _standard_sentence(status, _shorten(request.url.path), request.method)
         return response(status, detail, headers)
 
     @app.exception_handler(RequestValidationError)
     async def _invalid(request: Request, error: RequestValidationError) -> ProblemResponse:
-        faults = [("" if e["type"] == "json_invalid" else _field(e["loc"]), _message(e)) for e in error.errors()[:MOST_ERRORS]]
+        faults = [("" if e["type"] == "json_invalid" else _field(e["loc"]), _message(e)) for e in error.errors()[:MAX_ERRORS]]
         detail = reduce(joined_faults, (_with_field(*each) for each in faults[:5]))
-        return response(422, with_full_stop(detail), errors=[_error(*each) for each in faults])
+        return response(422, with_full_stop(detail), errors=[_field_error(*each) for each in faults])
 
     @app.exception_handler(ClientDisconnect)
     async def handle_disconnect(request: Request, error: ClientDisconnect) -> Response:
@@ -221,7 +221,7 @@ def _field(location: Sequence[Any]) -> str:
     text = ""
     for part in location[1:] if location and location[0] in ("body", "query", "path", "header") else location:
         text += f"[{part}]" if isinstance(part, int) else f".{part}" if text else str(part)
-    return _short(text)
+    return _shorten(text)
 
 
 def _message(error: Mapping[str, Any]) -> str:
@@ -241,9 +241,9 @@ def _message(error: Mapping[str, Any]) -> str:
     if (coded := coded_validation_message(error)) is not None:
         return coded
     message = str(error["msg"]).removeprefix("Value error, ").rstrip(".")
-    short = _short(message[:1].lower() + message[1:])
+    short = _shorten(message[:1].lower() + message[1:])
     return Sentence("request-value-invalid", "{message}", message=short, type=error["type"])
 
 
-def _short(text: str) -> str:
-    return text if len(text) <= MOST_TEXT else f"{text[: MOST_TEXT // 2]} ... {text[-MOST_TEXT // 2 :]}"
+def _shorten(text: str) -> str:
+    return text if len(text) <= MAX_TEXT_LENGTH else f"{text[: MAX_TEXT_LENGTH // 2]} ... {text[-MAX_TEXT_LENGTH // 2 :]}"

@@ -21,7 +21,7 @@ from service.store.staging import BlobWriter
 
 __all__ = ["UPLOAD_FORM", "check_length", "check_upload_quota", "only_file", "read_single_upload"]
 
-LONGEST = 200  # characters of a file name
+MAX_NAME_LENGTH = 200  # characters of a file name
 UPLOAD_FORM = {
     "requestBody": {
         "required": True,
@@ -41,7 +41,7 @@ UPLOAD_FORM = {
 def check_length(request: Request, farm: Farm, what: str, way_out: str = Sentence("advice-shrink", "Make it smaller")) -> None:
     """Rejects a body whose Content-Length exceeds the limit, before any of it is read. Raises Problem.
 
-    what: what is uploaded, and way_out: what to do instead, both as parts of the error message.
+    what: name of the uploaded object, and way_out: advice, both inserted into the error message.
     """
     limit = farm.settings.max_upload_bytes
     if exceeds_limit(request.headers.get("content-length", ""), limit):
@@ -99,4 +99,4 @@ def only_file(form: Form, suffixes: tuple[str, ...], address: str, what: str) ->
             )
         )
     stem, suffix = PurePosixPath(plain).stem, PurePosixPath(plain).suffix
-    return stem[: LONGEST - len(suffix)] + suffix, writer
+    return stem[: MAX_NAME_LENGTH - len(suffix)] + suffix, writer

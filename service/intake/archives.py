@@ -59,10 +59,10 @@ def extract_archive(
                 left -= writer.size
                 yield path, writer
     except DAMAGED as error:
-        raise _damaged(name, error) from error
+        raise _damaged_archive_error(name, error) from error
     except OSError as error:
         if error.errno in (None, errno.EINVAL):  # from bzip2: damaged data; from the file system: a negative offset
-            raise _damaged(name, error) from error
+            raise _damaged_archive_error(name, error) from error
         raise
 
 
@@ -92,7 +92,7 @@ class _Archive:
         return getattr(self._file, name)
 
 
-def _damaged(name: str, error: Exception) -> Invalid:
+def _damaged_archive_error(name: str, error: Exception) -> Invalid:
     return Invalid(
         Sentence(
             "archive-unreadable",

@@ -36,7 +36,7 @@ def examples(folder: Path) -> list[tuple[Example, Path]]:
     Scene files are NAME.yaml, or NAME/NAME.yaml for examples that have further files in that folder.
     """
     files = [*folder.glob("*.yaml"), *(path for path in folder.glob("*/*.yaml") if path.stem == path.parent.name)]
-    return [(_described(path), path) for path in sorted(files, key=lambda path: path.stem)]
+    return [(_read_metadata(path), path) for path in sorted(files, key=lambda path: path.stem)]
 
 
 def form_of(example: Example, path: Path, blobs: BlobStore) -> Form:
@@ -61,7 +61,7 @@ def _files_of(path: Path) -> list[tuple[str, Path]]:
     return [(file.relative_to(path.parent).as_posix(), file) for file in sorted(path.parent.rglob("*")) if file.is_file()]
 
 
-def _described(path: Path) -> Example:
+def _read_metadata(path: Path) -> Example:
     text = path.read_text(encoding="utf-8")
 
     def first_match(pattern: re.Pattern[str]) -> str | None:

@@ -71,12 +71,12 @@ def keep_reference(
                 with translated_disk_errors():
                     file.commit()
                     film.commit()
-                return _recorded(row, sessions)
+                return _record_reference(row, sessions)
         finally:
             film.discard()
 
 
-def _recorded(row: Reference, sessions: Sessions) -> Reference:
+def _record_reference(row: Reference, sessions: Sessions) -> Reference:
     try:
         with sessions.begin() as session:
             lock_project(row.project, session)

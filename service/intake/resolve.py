@@ -18,7 +18,7 @@ from service.store.models import Job, Scene
 __all__ = ["default_tile_size", "frame_settings", "refusal", "refuse_warnings", "resolve"]
 
 LIGHT_WARNINGS = {"scene-without-light", "scene-lights-weak"}  # codes of warnings that an environment makes void
-MOST_TILES = 1 << 17  # each takes hundreds of bytes of the engine's memory while the job is rendered
+MAX_TILES = 1 << 17  # each takes hundreds of bytes of the engine's memory while the job is rendered
 
 
 def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
@@ -62,14 +62,14 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
     job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
     tiles = -(-width // job.tile_size) * -(-height // job.tile_size)
-    if tiles > MOST_TILES:
+    if tiles > MAX_TILES:
         raise SettingsError(
             Sentence(
                 "tiles-too-many",
                 "tile_size is {tile_size}, which makes {tiles} tiles per frame; at most {most} are allowed",
                 tile_size=job.tile_size,
                 tiles=tiles,
-                most=MOST_TILES,
+                most=MAX_TILES,
             ),
             field="tile_size",
         )

@@ -28,7 +28,7 @@ def entry_chunks(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterator[byte
                 yield piece
         return
     crc = 0
-    for piece in _decompressed(_compressed_chunks(file, entry), entry.compress_type):
+    for piece in _decompress(_compressed_chunks(file, entry), entry.compress_type):
         crc = zlib.crc32(piece, crc)
         yield piece
     if crc != entry.CRC:
@@ -50,7 +50,7 @@ def _compressed_chunks(file: zipfile.ZipFile, entry: zipfile.ZipInfo) -> Iterato
             yield piece
 
 
-def _decompressed(packed: Iterator[bytes], method: int) -> Iterator[bytes]:
+def _decompress(packed: Iterator[bytes], method: int) -> Iterator[bytes]:
     decompressor: bz2.BZ2Decompressor | lzma.LZMADecompressor = bz2.BZ2Decompressor()
     if method == zipfile.ZIP_LZMA:
         decompressor = lzma.LZMADecompressor(lzma.FORMAT_ALONE, memlimit=LZMA_MEMORY)

@@ -133,7 +133,7 @@ def store_form(
     try:
         title = plain_title(form.fields.get("name", ""))
         is_strict = _boolean_field("strict", form)
-        sent = _expanded(form, store, settings, check_disk, notes)
+        sent = _expand_archives(form, store, settings, check_disk, notes)
         for name, writer in sent:
             if name in files:
                 raise Invalid(Sentence("upload-file-duplicate", "The file {name} is sent twice. Send it once.", name=name))
@@ -144,14 +144,17 @@ def store_form(
             return _record_added_files(
                 partial(find, form.fields["base"].strip()), files, main, is_strict, garbage, settings, record
             )
-        main, environment = _choose(form, files, notes)
+        main, environment = _choose_main_and_environment(form, files, notes)
         chosen = _strip_common_folder(files, main)
         if environment is not None and environment in files:
             environment = chosen.strip(environment)
         name = title[:200] or _stated_name(chosen) or PurePosixPath(chosen.main).stem
         with translated_disk_errors(), garbage.pinned(writer.sha256 for writer in chosen.files.values()):
-            refs = _committed(chosen.files)
-            up, floor = _axis(_choice_field("up", form, UPS), chosen.main), _floor(_choice_field("floor", form, FLOORS))
+            refs = _commit_files(chosen.files)
+            up, floor = (
+                _stored_up_axis(_choice_field("up", form, UPS), chosen.main),
+                _stored_floor(_choice_field("floor", form, FLOORS)),
+            )
             id = _scene_id(refs, chosen.main, environment, None, up, floor)
             upload = Upload(id, name, chosen.main, environment, refs, notes, up=up, floor=floor)
             return record(upload.as_strict() if is_strict else upload)
@@ -210,7 +213,7 @@ def _record_added_files(
     hashes = [writer.sha256 for writer in files.values()]
     with translated_disk_errors(), garbage.pinned([*hashes, *(ref.sha256 for ref in kept)]):
         find()  # the scene may have been deleted meanwhile, with its files
-        refs = sorted((*kept, *_committed(files)), key=_path)
+        refs = sorted((*kept, *_commit_files(files)), key=_path)
         main, notes, variant, up, name = scene.main, scene.notes, scene.variant, scene.up, scene.name
         if requested:
             main, notes = _choose_main_file([ref.path for ref in refs], requested)
@@ -227,13 +230,17 @@ def _choice_field(name: str, form: Form, among: Collection[str]) -> str | None:
     if text and text not in among:
         raise Invalid(
             Sentence(
-                "choice-invalid", "{name} is {value}; possible are {values}.", name=name, value=repr(text[:60]), values=[*among]
+                "choice-invalid",
+                "{name} is {value}; it must be one of {values}.",
+                name=name,
+                value=repr(text[:60]),
+                values=[*among],
             )
         )
     return text or None
 
 
-def _axis(requested: str | None, main: str) -> str | None:
+def _stored_up_axis(requested: str | None, main: str) -> str | None:
     """Returns an up axis in its stored form. Raises Invalid if files in the format of `main` state their up axis."""
     if requested is None or requested == AUTO:
         return None
@@ -249,7 +256,7 @@ def _axis(requested: str | None, main: str) -> str | None:
     return requested
 
 
-def _floor(requested: str | None) -> str | None:
+def _stored_floor(requested: str | None) -> str | None:
     """Returns the value of `floor` in its stored form."""
     return None if requested == "off" else requested
 
@@ -264,7 +271,7 @@ def _boolean_field(name: str, form: Form) -> bool | None:
     return text in ("true", "1") if text else None
 
 
-def _committed(files: dict[str, BlobWriter]) -> list[BlobRef]:
+def _commit_files(files: dict[str, BlobWriter]) -> list[BlobRef]:
     """Commits the files to the blob store; returns their BlobRefs sorted by path."""
     hashes = commit_all(files.values())
     return sorted((BlobRef(path, sha256, files[path].size) for path, sha256 in zip(files, hashes, strict=True)), key=_path)
@@ -305,8 +312,8 @@ def changed_upload(
     if isinstance(light, BlobRef):
         files = sorted([*(file for file in files if file.path != light.path), light], key=lambda file: file.path)
     variant = scene.variant if variant is None else _variant_of(scene, variant)
-    up = scene.up if up is None else _axis(up, scene.main)
-    floor = scene.floor if floor is None else _floor(floor)
+    up = scene.up if up is None else _stored_up_axis(up, scene.main)
+    floor = scene.floor if floor is None else _stored_floor(floor)
     id = _scene_id(files, scene.main, environment, variant, up, floor)
     upload = Upload(id, scene.name, scene.main, environment, files, scene.notes, variant, up=up, floor=floor)
     upload = upload.as_strict() if scene.strict else upload
@@ -407,7 +414,7 @@ def _refuse_files_as_folders(names: Iterable[str]) -> None:
                 )
 
 
-def _expanded(
+def _expand_archives(
     form: Form, store: BlobStore, settings: Settings, check_disk: Callable[[int], None], notes: list[str]
 ) -> list[tuple[str, BlobWriter]]:
     """Returns the form's files with archives replaced by their contents, without junk files."""
@@ -438,7 +445,7 @@ def _expanded(
     return found
 
 
-def _choose(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
+def _choose_main_and_environment(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
     """Returns the path of the main file, and the environment: an image's path, a preset or a sky. Raises Invalid."""
     if not files or all(writer.size == 0 for writer in files.values()):
         raise Invalid(Sentence("upload-without-scene", "The upload is empty. Choose a scene file and its textures."))

@@ -38,13 +38,13 @@ def change_many(changes: ChangesIn, farm: Farm, visit: Visit) -> ChangesOut:
         if changes.state == "deleted":
             answer.changed += [WasOut(**each._asdict()) for each in farm.deleting.delete(some)]
         else:
-            _change(some, changes, farm, visit, answer)
+            _change_jobs(some, changes, farm, visit, answer)
     known = {each.id for each in answer.changed} | {each.id for each in answer.refused}
     answer.refused += [RefusedOut(id=id, why=str(job_not_found(id))) for id in (*ids, *unseen) if id not in known]
     return answer
 
 
-def _change(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer: ChangesOut) -> None:
+def _change_jobs(ids: list[str], changes: ChangesIn, farm: Farm, visit: Visit, answer: ChangesOut) -> None:
     anew: dict[str, bool] = {}
     if changes.state == "running":
         for id in ids:

@@ -53,7 +53,7 @@ def create(
 
     Raises NotFound, Conflict, Invalid, OverQuota, OutOfSpace and NotAllowed.
     """
-    asked = request.model_dump(mode="json", exclude=_omitted(request))
+    asked = request.model_dump(mode="json", exclude=_fields_not_stored(request))
     if (first := job_with_key(idempotency_key, visit.user, farm)) is not None:
         return Created(repeated_answer(first, asked, farm, visit.sight), is_repeat=True)
     if not visit.sight.is_visible(farm.access.projects.project_of("scene", request.scene)):
@@ -61,9 +61,9 @@ def create(
     farm.access.projects.check(farm.access.projects.project_of("scene", request.scene) or "", visit.sight)
     check_free_space(farm.settings.data, farm.settings.min_free_bytes)
     keys = sorted(map(frame_key, request.numbers()))
-    job = _row(request, keys, asked, idempotency_key, visit, farm)
+    job = _new_job_row(request, keys, asked, idempotency_key, visit, farm)
     try:
-        answer = _stored(job, request, keys, visit, farm)
+        answer = _store_job(job, request, keys, visit, farm)
     except IntegrityError:  # a request with the same key was faster
         if (first := job_with_key(idempotency_key, visit.user, farm)) is None:
             raise
@@ -85,7 +85,7 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
             raise Conflict(
                 Sentence(
                     "job-not-finished",
-                    "The job is {state}; only a job that is not over can be started again.",
+                    "The job is {state}; only an unfinished job can be restarted.",
                     state=STATE_LABELS[job.state],
                 )
             )
@@ -108,7 +108,7 @@ def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:
     return describe(made.id, farm)
 
 
-def _row(
+def _new_job_row(
     request: JobIn, keys: list[int], stored_request: dict[str, Any], idempotency_key: str | None, visit: Visit, farm: Farm
 ) -> Job:
     """Returns the database row of a new job, not yet stored. keys: sorted frame keys. stored_request: the request as stored."""
@@ -128,7 +128,7 @@ def _row(
         spp=request.spp,
         noise=request.noise,
         seconds=request.seconds,
-        shot=_shot(request, keys).to_json() if request.is_shot else None,
+        shot=_requested_shot(request, keys).to_json() if request.is_shot else None,
         idempotency_key=stored_key(idempotency_key, visit.user),
         user=visit.user,
         key=visit.token,
@@ -138,7 +138,7 @@ def _row(
     )
 
 
-def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm) -> JobOut:
+def _store_job(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm) -> JobOut:
     """Stores a job with its frames and dependencies; returns its description for the API."""
     with (
         farm.lighting.holding(job.lit or job.scene),
@@ -146,7 +146,7 @@ def _stored(job: Job, request: JobIn, keys: list[int], visit: Visit, farm: Farm)
         farm.sessions.begin() as session,
     ):
         scene = session.get(Scene, request.scene, with_for_update=True)
-        _check(job, scene, farm)
+        _check_request(job, scene, farm)
         farm.quotas.check_job(visit.caller, session, samples_of(job) * len(keys))
         session.add(job)
         session.flush()
@@ -172,10 +172,10 @@ def _current_request(job: Job) -> JobIn:
     return JobIn.model_validate({**given, **now, "fresh": True})
 
 
-def _omitted(request: JobIn) -> set[str]:
-    """Returns the names of those fields that are not stored if they have their default.
+def _fields_not_stored(request: JobIn) -> set[str]:
+    """Returns the names of the request's fields that are not stored while they have their default values.
 
-    So requests that older releases stored, which lack these fields, compare equal.
+    Requests stored by older releases lack these fields, and compare equal to a request in which they have the defaults.
     """
     return {name for name in ("denoise", "fresh", "strict", "verify") if not getattr(request, name)} - (
         {"verify"} if request.verify == 0 else set()
@@ -192,7 +192,7 @@ def _with_reused_samples(job: Job, keys: list[int], is_fresh: bool, farm: Farm) 
     begun: InitialValues = {}
     if not is_fresh and farm.settings.reuse_films:
         with farm.sessions() as session:
-            _check(job, session.get(Scene, job.scene), farm)
+            _check_request(job, session.get(Scene, job.scene), farm)
         begun = farm.reuse.begin(job, keys)
     try:
         yield begun
@@ -202,7 +202,7 @@ def _with_reused_samples(job: Job, keys: list[int], is_fresh: bool, farm: Farm) 
         raise
 
 
-def _shot(request: JobIn, keys: list[int]) -> Shot:
+def _requested_shot(request: JobIn, keys: list[int]) -> Shot:
     """Returns the shot to render, with the frames in rendering order.
 
     If a time limit is the only goal, frames are rendered breadth-first, so that all frames get a share of the time.
@@ -233,7 +233,7 @@ def _no_scene(id: str) -> NotFound:
     )
 
 
-def _check(job: Job, scene: Scene | None, farm: Farm) -> None:
+def _check_request(job: Job, scene: Scene | None, farm: Farm) -> None:
     """Resolves the job's settings if its scene is ready. Raises an error if the request can never be rendered."""
     if scene is None or scene.of is not None:
         raise _no_scene(job.scene)

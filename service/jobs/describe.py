@@ -81,7 +81,7 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
     as_of = time.time()
     view = view or engine.snapshot
     shots = {job.id for job in jobs if job.shot is not None}
-    recorded = _recorded([job.id for job in jobs if job.id not in shots], session)
+    recorded = _stored_frame_numbers([job.id for job in jobs if job.id not in shots], session)
     sums = sums_of([job for job in jobs if job.id in shots], view.jobs, session)
     waits = waits_of(jobs, session)
     found = [
@@ -92,7 +92,7 @@ def jobs_out(jobs: Sequence[Job], session: Session, engine: Engine, view: Snapsh
     return found
 
 
-def _recorded(jobs: list[str], session: Session) -> dict[str, Recorded]:
+def _stored_frame_numbers(jobs: list[str], session: Session) -> dict[str, Recorded]:
     """Returns the numbers (samples, progress, noise ...) of still images' frames as stored in the database, by job id."""
     found: dict[str, Recorded] = {}
     columns = [getattr(Frame, name) for name in ("job", "number", *RECORDED)]

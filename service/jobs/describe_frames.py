@@ -36,7 +36,7 @@ __all__ = [
     "still_numbers",
 ]
 
-BAD_SHOWN = 16
+MAX_BAD_SAMPLES = 16
 Recorded = list[tuple[int, FrameNumbers]]  # frame keys and numbers of a job
 RECORDED = FrameNumbers._fields  # columns of a frame's row
 
@@ -117,7 +117,7 @@ def plain_frames(job: Job, found: Recorded) -> list[dict[str, Any]]:
 
 
 def latest_frame_numbers(job: Job, live_numbers: JobNumbers | None, key: int, recorded: FrameNumbers) -> FrameNumbers:
-    """Returns the more recent numbers of a shot's frame: the engine's (`live_numbers`) or the stored ones.
+    """Returns the newer statistics of a shot's frame: the engine's (`live_numbers`), or those in the database (`recorded`).
 
     For a job that has ended, the engine's are used only if they have more samples, as shortly after a cancellation.
     """
@@ -161,7 +161,7 @@ def bad_samples_of(job: Job, frame: FrameOut, session: Session, engine: Engine) 
     except (FarmError, SettingsError):
         return []  # being deleted, or film broken or of another release: see the job's error
     reading = _scene_options(job, session) if bad else []
-    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b, reading)) for b in bad[:BAD_SHOWN]]
+    return [BadSampleOut(**b._asdict(), reproduce=sample_command(settings, *b, reading)) for b in bad[:MAX_BAD_SAMPLES]]
 
 
 def _scene_options(job: Job, session: Session) -> list[str]:

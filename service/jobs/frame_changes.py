@@ -24,6 +24,6 @@ def carry_out_and_describe(id: str, farm: Farm, begun: InitialValues | None = No
     try:
         farm.frame_changes.carry_out(id, begun)
     except FarmError as error:
-        log.warning("job %s: its frames are changed later: %s", id, error)
+        log.warning("job %s: changes of its frames are postponed: %s", id, error)
     farm.events.publish(RowWritten("job", id))
     return describe(id, farm)

@@ -14,7 +14,7 @@ from service.store.models import Job, Scene
 
 __all__ = ["JobFilter", "Order", "matches", "search_words"]
 
-MOST_WORDS = 8
+MAX_WORDS = 8
 
 Order = Literal["newest", "oldest", "name", "priority", "state"]
 _LISTED_COLUMNS = [column for column in Job.__table__.columns if column.name != "history"]  # large, and not part of a list
@@ -50,7 +50,7 @@ class JobFilter:
 
     def ids_in(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[str]:
         """Returns the ids of matching jobs, in order."""
-        query = self._apply(select(Job.id)).order_by(*_ordered(order))
+        query = self._apply(select(Job.id)).order_by(*_sort_columns(order))
         return list(session.scalars(query.limit(limit).offset(offset)))
 
     def rows(self, order: Order, session: Session, limit: int, offset: int = 0) -> list[Job]:
@@ -82,7 +82,7 @@ class JobFilter:
 
 def search_words(search: str) -> tuple[str, ...]:
     """Splits a search text into words."""
-    return tuple(search.lower().split()[:MOST_WORDS])
+    return tuple(search.lower().split()[:MAX_WORDS])
 
 
 def matches(
@@ -101,7 +101,7 @@ def _matches_word(word: str) -> ColumnElement[bool]:
     return or_(matches(word, Job.name, Job.id), Job.scene.in_(scenes), Job.id.in_(noted))
 
 
-def _ordered(order: Order) -> tuple[Any, ...]:
+def _sort_columns(order: Order) -> tuple[Any, ...]:
     newest = (Job.created.desc(), Job.id)
     match order:
         case "newest":

@@ -25,7 +25,7 @@ __all__ = [
     "names_of_ids",
     "no_scene",
     "reference_not_found",
-    "thing_not_found",
+    "resource_not_found",
     "without_samples",
 ]
 
@@ -153,7 +153,7 @@ def reference_not_found(id: str) -> NotFound:
     )
 
 
-def thing_not_found(kind: Kind, id: str) -> NotFound:
+def resource_not_found(kind: Kind, id: str) -> NotFound:
     """Returns the error for an object that is missing or hidden from the caller. The message is the same for both."""
     return {"job": job_not_found, "scene": no_scene, "environment": environment_not_found, "reference": reference_not_found}[
         kind

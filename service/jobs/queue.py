@@ -17,7 +17,7 @@ from service.store.models import ACTIVE_STATES, Job, Wait
 
 __all__ = ["add_dependencies", "needs_of", "reduce_dependencies", "waits_of", "waits_sentence", "warning_of"]
 
-MOST_NAMED = 500  # jobs in one query
+MAX_IDS_PER_QUERY = 500  # jobs in one query
 MAX_LISTED = 3
 DAY_S, HOUR_S, MINUTE_S = 86400.0, 3600.0, 60.0
 
@@ -67,7 +67,7 @@ def add_dependencies(job: Job, after: Sequence[str], session: Session) -> None:
             raise Conflict(
                 Sentence(
                     "after-job-ended",
-                    "after: the job {id} ({name}) has {state}. Choose a job that is not over.",
+                    "after: the job {id} ({name}) has {state}. Choose an unfinished job.",
                     id=id,
                     name=other.name,
                     state=_ended_phrase(other.state),
@@ -96,9 +96,9 @@ def waits_of(jobs: Iterable[Job], session: Session) -> dict[str, list[WaitOut]]:
     """Returns for each job the jobs that it waits for, by job id."""
     ids = [job.id for job in jobs if job.state in ACTIVE_STATES and job.request.get("after")]
     found: dict[str, list[WaitOut]] = {}
-    for at in range(0, len(ids), MOST_NAMED):
+    for at in range(0, len(ids), MAX_IDS_PER_QUERY):
         query = select(Wait.job, Wait.other, Job.name, Job.state).join(Job, Job.id == Wait.other, isouter=True)
-        query = query.where(Wait.job.in_(ids[at : at + MOST_NAMED])).order_by(Wait.job, Job.created)
+        query = query.where(Wait.job.in_(ids[at : at + MAX_IDS_PER_QUERY])).order_by(Wait.job, Job.created)
         for job, other, name, state in session.execute(query):
             found.setdefault(job, []).append(WaitOut(id=other, name=name, state=state))
     return found

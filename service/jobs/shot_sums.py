@@ -23,7 +23,7 @@ from service.store.models import ACTIVE_STATES, Frame, FrameChange, Job
 
 __all__ = ["ShotSums", "live_numbers", "sums_of"]
 
-MOST_NAMED = 500  # jobs in one query
+MAX_IDS_PER_QUERY = 500  # jobs in one query
 MAX_CACHED = 20_000  # ended jobs in the cache
 MIN_CACHED_FRAMES = 500  # number of frames above which sums are cached
 
@@ -88,9 +88,9 @@ def sums_of(jobs: Sequence[Job], live: Mapping[str, JobNumbers], session: Sessio
             found[job.id] = remembered
         else:
             asked.append(job)
-    for at in range(0, len(asked), MOST_NAMED):
-        some = asked[at : at + MOST_NAMED]
-        found |= _recorded(some, session)
+    for at in range(0, len(asked), MAX_IDS_PER_QUERY):
+        some = asked[at : at + MAX_IDS_PER_QUERY]
+        found |= _sums_from_database(some, session)
         for job in some:
             known = live.get(job.id) if job.state not in ACTIVE_STATES else None
             if known is not None and known.frames and known.samples > found[job.id].samples:
@@ -116,7 +116,7 @@ def _engine_sums(job: Job, live: JobNumbers) -> ShotSums:
     return ShotSums(*about, live.samples, live.bad_samples, live.progress * len(live.frames), live.noise)
 
 
-def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
+def _sums_from_database(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
     """Returns totals over the frames of shots, computed from the numbers stored in the database, by job id."""
     ids = [job.id for job in jobs]
     counts = func.count(), func.count(Frame.noise), func.min(Frame.number)
@@ -134,7 +134,7 @@ def _recorded(jobs: Sequence[Job], session: Session) -> dict[str, ShotSums]:
     named = select(Frame.job, Frame.number).where(*where, Frame.state == "failed").order_by(Frame.number)
     for job_id, number in session.execute(named):
         failed.setdefault(str(job_id), []).append(number)
-    texts = _texts(jobs, session)
+    texts = _frame_range_texts(jobs, session)
     return {id: _sums_of_rows(texts[id], rows.get(id, []), first.get(id), failed.get(id, [])) for id in ids}
 
 
@@ -157,7 +157,7 @@ def _sums_of_rows(frames: str, rows: list[Any], first: tuple[int, FrameNumbers] 
     )
 
 
-def _texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
+def _frame_range_texts(jobs: Sequence[Job], session: Session) -> dict[str, str]:
     """Returns the frame ranges of shots as text, by job id.
 
     Earlier releases did not store it: then it is derived from the frames.

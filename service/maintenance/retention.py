@@ -143,14 +143,16 @@ class Retention:
         while not self._stopping.wait(pause_s):
             pause_s = EVERY_S
             if (ahead_s := clock.jumped_s()) > MAX_CLOCK_JUMP_S:
-                log.warning("the clock was put forward by %.0f s: nothing goes by its age for an hour. Is it right?", ahead_s)
+                log.warning(
+                    "the clock was set forward by %.0f s: nothing is deleted by age for an hour. Check the clock.", ahead_s
+                )
                 continue
             try:
                 self.carry_out(self.deletable_items(self._rules))
             except FarmError as error:
-                log.warning("what may go stays for now: %s", error)
+                log.warning("retention is postponed: %s", error)
             except Exception:
-                log.exception("a fault while it was looked what may go")
+                log.exception("unexpected error while retention rules were evaluated")
 
     def begin(self, rules: Rules) -> Run:
         """Starts a thread that deletes by these rules, and returns its progress. Raises Conflict if a deletion is in progress."""
@@ -181,7 +183,7 @@ class Retention:
         except FarmError as error:
             run.state, run.error = "failed", str(error)
         except Exception as error:
-            log.exception("a fault while old films and scenes were deleted")
+            log.exception("unexpected error while old films and scenes were deleted")
             run.state = "failed"
             run.error = Sentence(
                 "retention-failed", "The cleanup failed ({kind}). See the service's log.", kind=type(error).__name__
@@ -203,9 +205,9 @@ class Retention:
             try:
                 if act[item.what](item):
                     gone.append(item)
-                    log.info("%s %s (%s) was let go: %s", item.what, item.id, item.name, item.why)
+                    log.info("%s %s (%s) was deleted: %s", item.what, item.id, item.name, item.why)
             except FarmError as error:
-                log.warning("%s %s stays for now: %s", item.what, item.id, error)
+                log.warning("%s %s is not deleted yet: %s", item.what, item.id, error)
         return gone
 
     def _old_films(self, session: Session, rules: Rules, now: float) -> list[Item]:

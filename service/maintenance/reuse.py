@@ -55,7 +55,7 @@ class _ReusableJob:
 
     @property
     def end_fields(self) -> tuple[str, int | None, float | None, float | None, str, str]:
-        """The values whose change, while samples are copied, makes the copy unusable: state, goals, shot and doubted samples."""
+        """The job's state, goals, shot and distrusted workers. If these change while samples are copied, the copy is unusable."""
         job = self.job
         return job.state, job.spp, job.noise, job.seconds, json.dumps(job.shot, sort_keys=True), json.dumps(job.doubted)
 
@@ -86,7 +86,7 @@ class SampleReuse:
             try:
                 taken = self._copy_best_samples(job, sources)
             except FarmError as error:
-                log.info("nothing is taken for job %s: %s", job.id, error)
+                log.info("job %s reuses no samples: %s", job.id, error)
                 return {}
             if not taken:
                 return {}
@@ -110,9 +110,7 @@ class SampleReuse:
         with self._films.copy(job.id, RenderSettings.from_json(job.settings), job.tile_size) as take:
             for key in sorted({key for source in sources.values() for key in source.samples}):
                 if found and time.monotonic() > until:
-                    log.info(
-                        "job %s renders from frame %g on what others have: copying takes too long", job.id, frame_number(key)
-                    )
+                    log.info("job %s reuses no samples from frame %g on, since copying takes too long", job.id, frame_number(key))
                     break
                 having = [id for id in sources if key in sources[id].samples and id not in refused]
                 for id in sorted(having, key=lambda id: -sources[id].samples[key]):
@@ -122,7 +120,7 @@ class SampleReuse:
                             fitting.add(id)
                         had = take(id, [key], job.spp or MAX_SPP)
                     except FarmError as error:
-                        log.info("nothing more is taken from job %s: %s", id, error)
+                        log.info("no further samples of job %s are reused: %s", id, error)
                         refused.add(id)
                         continue
                     if key in had:
@@ -184,7 +182,7 @@ class SampleReuse:
         if noise is not None:
             history.points.append([0.0, float(samples), noise])
         job.history = history.to_json()
-        log.info("job %s begins with %g samples a pixel of %d frame(s) of job %s", job.id, spp, len(reused), main.id)
+        log.info("job %s reuses %g samples per pixel of %d frame(s) of job %s", job.id, spp, len(reused), main.id)
         if job.shot is None:
             return {key: {"samples": samples, "noise": noise} for key, (_, samples) in reused.items()}
         rows = self._rows(reused)

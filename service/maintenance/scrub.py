@@ -139,9 +139,9 @@ class Scrubber:
         try:
             return action()
         except FarmError as error:
-            log.warning("films are checked later: %s", error)
+            log.warning("checking films is postponed: %s", error)
         except Exception:
-            log.exception("a defect of the film check")
+            log.exception("unexpected error in the check of films")
         return None
 
     def _find_missing(self) -> None:
@@ -180,7 +180,7 @@ class Scrubber:
         except SettingsError:
             pass  # of another release, whose settings cannot be interpreted
         except FarmError as error:  # the film is held, the disk full, the database away
-            log.warning("the film of %s is checked later: %s", id, error)
+            log.warning("checking the film of job %s is postponed: %s", id, error)
             again_s = min(again_s, RETRY_AFTER_S)
         with self._sessions.begin() as session:
             session.execute(update(Job).where(Job.id == id).values(checked=time.time() - self._every_s + again_s))
@@ -217,7 +217,7 @@ class Scrubber:
                 history = History.parse(row.history)
                 history.add_event("healed")
                 row.history = history.to_json()
-                log.warning("%s is rendered again, as far as it is missing: %s", row.id, why)
+                log.warning("the missing samples of job %s are rendered again: %s", row.id, why)
         self._events.publish(RowWritten("job", job.id))
 
 

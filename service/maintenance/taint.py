@@ -57,9 +57,9 @@ class TaintMarker:
             try:
                 self._mark_jobs(worker)
             except FarmError as error:
-                log.warning("not all pictures with samples of %s are marked: %s", worker, error)
+                log.warning("not all jobs with samples of worker %s are marked: %s", worker, error)
             except Exception:
-                log.exception("a defect while pictures with samples of %s were searched", worker)
+                log.exception("unexpected error while jobs with samples of worker %s were searched", worker)
 
     def _mark_jobs(self, worker: str) -> None:
         with self._sessions() as session:
@@ -74,7 +74,7 @@ class TaintMarker:
                 log.warning("the film of %s could not be searched for samples of %s: %s", id, worker, error)
             if self._stopping.wait(PAUSE_FACTOR * (time.monotonic() - began)):
                 return
-        log.info("%d finished jobs have samples of %s", found, worker)
+        log.info("%d finished jobs have samples of the distrusted worker %s", found, worker)
 
     def _mark_job(self, id: str, worker: str) -> bool:
         with self._sessions() as session:

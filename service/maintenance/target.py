@@ -64,7 +64,10 @@ class FolderTarget:
         self._part.mkdir(PRIVATE_FOLDER)
 
     def manifest(self, name: str) -> bytes | None:
-        """See Target. Deletes the manifest, so that the backup is marked incomplete until the new one is written."""
+        """Returns the content of a previous backup's manifest; None if there is no previous backup.
+
+        Deletes the manifest, so that the backup is marked incomplete until the new one is written.
+        """
         path = self._folder / name
         if not path.exists():
             return None
@@ -73,13 +76,13 @@ class FolderTarget:
         return data
 
     def has(self, name: str, size: int) -> bool:
-        """See Target."""
+        """Returns True if the folder already contains a file with this name and size."""
         with suppress(FileNotFoundError):
             return (self._folder / name).stat().st_size == size
         return False
 
     def put(self, name: str, path: Path) -> None:
-        """See Target."""
+        """Copies a file to the folder under this name."""
         target, part = self._folder / name, self._part / "copy"
         make_private(target.parent)
         shutil.copyfile(path, part)
@@ -87,11 +90,11 @@ class FolderTarget:
         rename_synced(part, target)
 
     def write(self, name: str, data: bytes) -> None:
-        """See Target."""
+        """Writes a small file with this content and name to the folder."""
         write_atomically(self._folder / name, data)
 
     def prune(self, keep: set[str]) -> None:
-        """See Target."""
+        """Deletes the files in the folder whose names are not in `keep`."""
         shutil.rmtree(self._part, ignore_errors=True)
         for path in self._folder.rglob("*"):
             if path.is_file() and path.relative_to(self._folder).as_posix() not in keep:
@@ -99,7 +102,7 @@ class FolderTarget:
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
-        """See Target."""
+        """Context manager that yields a folder for temporary files."""
         with tempfile.TemporaryDirectory(dir=self._part) as folder:
             yield Path(folder)
 
@@ -120,33 +123,33 @@ class TarTarget:
         self._has: dict[str, int] = {}
 
     def manifest(self, name: str) -> bytes | None:
-        """See Target."""
+        """Returns None, since a tar file never has a previous backup."""
         return None
 
     def has(self, name: str, size: int) -> bool:
-        """See Target."""
+        """Returns True if the tar file already contains a file with this name and size."""
         return self._has.get(name) == size
 
     def put(self, name: str, path: Path) -> None:
-        """See Target. If a name is stored twice, the later file is used."""
-        self._tar.add(path, name, filter=_private)
+        """Adds a copy of a file to the tar file. If a name is stored twice, the later file is used."""
+        self._tar.add(path, name, filter=_with_private_mode)
         self._has[name] = path.stat().st_size
 
     def write(self, name: str, data: bytes) -> None:
-        """See Target."""
+        """Adds a small file with this content and name to the tar file."""
         info = tarfile.TarInfo(name)
         info.size, info.mtime = len(data), int(time.time())
-        self._tar.addfile(_private(info), io.BytesIO(data))
+        self._tar.addfile(_with_private_mode(info), io.BytesIO(data))
 
     def prune(self, keep: set[str]) -> None:
-        """See Target. Closes the tar file and moves it to its final name; there are no previous files to delete."""
+        """Closes the tar file and moves it to its final name. There are no previous files to delete."""
         self._tar.close()
         self._file.close()
         rename_synced(self._part, self._path)
 
     @contextmanager
     def scratch(self) -> Iterator[Path]:
-        """See Target."""
+        """Context manager that yields a folder for temporary files."""
         with tempfile.TemporaryDirectory(dir=self._path.parent, prefix=".rayfarm-") as folder:
             yield Path(folder)
 
@@ -167,6 +170,6 @@ def target_at(path: Path, marker: str) -> Target:
     return FolderTarget(path, marker)
 
 
-def _private(info: tarfile.TarInfo) -> tarfile.TarInfo:
+def _with_private_mode(info: tarfile.TarInfo) -> tarfile.TarInfo:
     info.mode, info.uid, info.gid, info.uname, info.gname = PRIVATE, 0, 0, "", ""
     return info

@@ -13,13 +13,13 @@ from service.models.strict import Strict
 
 __all__ = ["ChangesIn", "ChangesOut", "RefusedOut", "WasOut"]
 
-MOST_JOBS = 1000  # per request
+MAX_JOBS = 1000  # per request
 
 
 class ChangesIn(Strict):
     """A change to apply to many jobs."""
 
-    jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MOST_JOBS)
+    jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MAX_JOBS)
     state: Literal["running", "paused", "cancelled", "deleted"] | None = None
     priority: int | None = Field(None, ge=-100, le=100)
     of: list[JobState] | None = Field(None, description="only those of them that are in one of these states")

@@ -105,7 +105,7 @@ class EnvironmentIn(Strict):
             raise ValueError(
                 Sentence(
                     "preset-unknown",
-                    "there is no preset {name}; known are {presets}",
+                    "there is no preset {name}; the presets are {presets}",
                     name=repr(value[:60]),
                     presets=[*PRESETS],
                 )
@@ -272,7 +272,9 @@ class JobPatch(QueuePatch):
     def _check_order(cls, value: str | None) -> str | None:
         if value is not None and value not in ORDERS:
             raise ValueError(
-                Sentence("order-unknown", "there is no order {name}; known are {orders}", name=repr(value[:60]), orders=[*ORDERS])
+                Sentence(
+                    "order-unknown", "there is no order {name}; the orders are {orders}", name=repr(value[:60]), orders=[*ORDERS]
+                )
             )
         return value
 

@@ -26,7 +26,7 @@ JobIds = Annotated[list[Annotated[str, Field(max_length=100)]], Field(max_length
 MaxSlots = Annotated[int | None, Field(ge=1, le=1_000_000, description="slots that render it at a time, at most; null: no limit")]
 
 
-def _checked(text: str | None) -> str | None:
+def _checked_deadline(text: str | None) -> str | None:
     if text is not None:
         deadline_of(text)
     return text
@@ -38,7 +38,7 @@ Deadline = Annotated[
         max_length=60,
         description="by when it is wanted: an ISO time, or the next 08:00; of the service's zone where it names none",
     ),
-    AfterValidator(_checked),
+    AfterValidator(_checked_deadline),
 ]
 
 

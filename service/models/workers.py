@@ -135,5 +135,5 @@ def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerO
 
 
 def _renders_frame(doing: dict[str, Any]) -> bool:
-    """Returns True if a slot's current work is a frame of a job (frame keys are counted in halves of a frame)."""
+    """Returns True if a slot's current work is a frame of a job. Frame keys are in units of half a frame."""
     return isinstance(doing.get("frame"), int)

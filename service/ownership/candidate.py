@@ -98,9 +98,9 @@ class Candidate:
         self._engine.dispose()
 
     def _lock_proves_death(self) -> bool:
-        """Returns True if a free lock on the folder proves that the owner is dead, because the owner held the lock.
+        """Returns True if a free lock on the data folder proves that the owner is dead, because the owner held that lock.
 
-        Also returns True until the owner's row was first read.
+        Also returns True while the owner's database row has not been read.
         """
         return self.known is None or self.known.locked
 
@@ -138,7 +138,7 @@ class Candidate:
                 raise StartupError(
                     Sentence(
                         "database-in-use",
-                        "Another service ({place}) works with this database, and its films lie in another folder. Give "
+                        "Another service ({place}) uses this database with films in another folder. Give "
                         "this one the same folder (RAYFARM_DATA), or a database of its own (RAYFARM_DATABASE_URL).",
                         place=row.place,
                     )
@@ -159,7 +159,7 @@ class Candidate:
         now = self._clock()
         self._stuck_since = self._stuck_since if self._stuck_since is not None else now
         if now - self._stuck_since > self._settings.lease_s and is_stopped(row.process) and kill_process(row.process or {}):
-            log.warning("ended %s, which stands still and holds the database", row.place)
+            log.warning("killed %s, which was suspended while it locked the database", row.place)
 
 
 def _is_damage(error: DatabaseError) -> bool:
@@ -180,7 +180,7 @@ def take_farm(settings: Settings, patience_s: float) -> Ownership:
                 raise StartupError(
                     Sentence(
                         "data-folder-in-use",
-                        "Another service works on {data}. Stop it, or set RAYFARM_DATA to a folder of its own.",
+                        "Another service uses {data}. Stop it, or set RAYFARM_DATA to a folder of its own.",
                         data=settings.data,
                     )
                 )

@@ -69,10 +69,10 @@ class Ownership:
         self._thread = threading.Thread(target=self._run, name="owning", daemon=True)
 
     def start(self, on_lost: Callable[[], None], moves: Callable[[], bool]) -> None:
-        """Starts the thread that answers candidates.
+        """Starts the thread that answers services that want to take over the farm.
 
-        on_lost: called once, from a thread, after another service has taken over. moves: function that returns whether this
-        service makes progress; if not, candidates get no answer, so that one of them takes over.
+        on_lost: called once, from a thread, after another service has taken over. moves: returns whether this service makes
+        progress; while it returns False, requests are not answered, so that another service takes over.
         """
         self._on_lost, self._moves = on_lost, moves
         self._thread.start()
@@ -86,7 +86,7 @@ class Ownership:
             if not self.is_lost:
                 rows.give_up(self._bare, self.epoch)
         except FarmError as error:
-            log.info("the next service has to wait, as it cannot be told that this one has ended: %s", error)
+            log.info("the release of the farm cannot be recorded, so the next service has to wait: %s", error)
         close_database(self.engine)
         self._folder.release()
 
@@ -125,7 +125,7 @@ class Ownership:
                     self.confirm()
                 except FarmError as error:
                     self._asked_in_vain = self._clock()
-                    log.debug("whether this service still owns the farm is not known: %s", error)
+                    log.debug("ownership of the farm cannot be confirmed: %s", error)
         if self.is_lost:
             raise NotOwner
         if self.is_doubtful and self._heard:
@@ -157,7 +157,7 @@ class Ownership:
         self._lost.set()
         self._stop.set()
         if self._told.acquire(blocking=False):
-            log.warning("another service has taken over: this one writes nothing any more")
+            log.warning("another service has taken over the farm: this one writes nothing from now on")
             threading.Thread(target=self._on_lost, name="lost", daemon=True).start()
 
     def _run(self) -> None:
@@ -165,6 +165,6 @@ class Ownership:
             try:
                 self.confirm()
             except FarmError as error:
-                log.debug("whether this service still owns the farm is not known: %s", error)
+                log.debug("ownership of the farm cannot be confirmed: %s", error)
             except Exception:
-                log.exception("a fault in looking who owns the farm")
+                log.exception("unexpected error while the owner of the farm was checked")

@@ -99,7 +99,7 @@ async def add_environment(
     form = await read_single_upload(request, farm, Sentence("kind-image", "image"))
     try:
         name, file = only_file(
-            form, SUFFIXES, "/api/environments", Sentence("environment-image-invalid", "no image that lights a scene")
+            form, SUFFIXES, "/api/environments", Sentence("environment-image-invalid", "not an image that can light a scene")
         )
         await run_in_threadpool(farm.access.projects.recheck, project, visit.caller, visit.sight)
         sha256, size = file.sha256, file.size

@@ -28,7 +28,7 @@ from service.viewing.explaining import unreadable_answer
 __all__ = ["router"]
 
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
-MOST_SAMPLES = 4096  # limit on rendered samples, as in renderer/pixel_paths.py
+MAX_SAMPLES = 4096  # limit on rendered samples, as in renderer/pixel_paths.py
 
 router = api_router(prefix="/api/jobs", tags=["jobs"])
 
@@ -144,7 +144,7 @@ def explain(
     scene, row = _rows(job, frame_key(frame), farm)
     kind = _kind(job, scene, farm)
     sums, count = _film_sums_at(film, frame_key(frame), x, y)
-    work = _question(job, scene, row, kind, x, y, count, sample)
+    work = _explain_request(job, scene, row, kind, x, y, count, sample)
     found = farm.explaining.explain(work, kind)
     try:
         return _explained_out(found, scene, film.film_exponent, (x, y, frame), sums if kind == job.kind else None, count)
@@ -209,19 +209,19 @@ def _kind(job: Job, scene: Scene, farm: Farm) -> str:
 def _film_sums_at(film: Film, key: int, x: int, y: int) -> tuple[list[int] | None, int]:
     """Returns a pixel's sums in the film, for colour and sample count, and the number of consecutive samples from sample 0.
 
-    key: the frame's key, twice its number. The sums are None if the film has samples after a gap, or more than can be
+    key: key of the frame (2 * frame number). The sums are None if the film has samples after a gap, or more than can be
     explained.
     """
     at, tile = next((i, t) for i, t in enumerate(film.tiles) if t.x <= x < t.x + t.w and t.y <= y < t.y + t.h)
     before, sums, after = film.coverage(key, at), film.tile_sums(key, at), film.coverage(key, at)
     count = after.prefix
-    if sums is None or before.total != after.total or after.total != count or count > MOST_SAMPLES:
+    if sums is None or before.total != after.total or after.total != count or count > MAX_SAMPLES:
         return None, count
     pixel = sums[:, y - tile.y, x - tile.x]
     return [*map(int, pixel[COLOR]), int(pixel[SAMPLES])], count
 
 
-def _question(
+def _explain_request(
     job: Job, scene: Scene, row: Frame | None, kind: str, x: int, y: int, count: int, sample: int | None
 ) -> ExplainPixel:
     base = str(scene.compiled[kind]["sha256"])
@@ -264,4 +264,4 @@ def _question(
                 error=error,
             )
         ) from None
-    return ExplainPixel("", job.id, compiled, asked, x, y, min(count, MOST_SAMPLES), sample, moment)
+    return ExplainPixel("", job.id, compiled, asked, x, y, min(count, MAX_SAMPLES), sample, moment)

@@ -138,19 +138,19 @@ async def image(
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; the curves are {curves}.",
                 name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )
         )
     job = await run_in_threadpool(find_job, id, farm)
-    planes, in_layers = _planes(aov, job)
+    planes, in_layers = _requested_planes(aov, job)
     if denoise and planes:
         raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
     PictureRequest(extension, planes, in_layers, width=width).check()
-    film, version, samples = await run_in_threadpool(_picture, id, n, farm)
+    film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
-    denoised = await _denoised(id, n, film, farm) if denoise and not asks_head else None
+    denoised = await _denoised_artifact(id, n, film, farm) if denoise and not asks_head else None
     if denoised is not None:
         version, samples = denoised.version, denoised.samples
     key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width} {visible}"
@@ -268,7 +268,7 @@ def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: 
 @router.get("/{n}/digest", response_model=Digest)
 async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependency) -> Digest:
     """Returns the digest of a frame's sums. Equal requests give equal digests, whichever workers rendered them."""
-    film, version, samples = await run_in_threadpool(_picture, id, n, farm)
+    film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.run(
         (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder, user=visit.queue
@@ -276,14 +276,14 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
     return Digest(digest=made, samples=samples)
 
 
-async def _denoised(id: str, n: float, film: Film, farm: Farm) -> ArtifactResult:
+async def _denoised_artifact(id: str, n: float, film: Film, farm: Farm) -> ArtifactResult:
     """Returns the denoised frame once a worker has made it. Occupies no thread meanwhile, since many clients may wait."""
     made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
     # Shielded: a client that disconnects must not cancel the work for other clients.
     return await asyncio.shield(asyncio.wrap_future(made))
 
 
-def _planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:
+def _requested_planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:
     """Returns the names of the requested planes, and whether they are layers in addition to the colour.
 
     text: the query parameter `aov`.
@@ -312,7 +312,7 @@ def _film_state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     return film, film.version(frame_key(n)), samples
 
 
-def _picture(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
+def _film_state_with_samples(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
     """Returns the same as `_film_state`, but also raises Conflict for a frame without samples while the job renders."""
     film = find_picture(id, n, farm)
     return film, film.version(frame_key(n)), film.samples(frame_key(n))

@@ -16,7 +16,7 @@ from service.jobs.create import begin_anew, create
 from service.jobs.describe import describe, jobs_out
 from service.jobs.listing import JobFilter, Order, search_words
 from service.jobs.lookup import job_not_found
-from service.models.changes import MOST_JOBS, ChangesIn, ChangesOut
+from service.models.changes import MAX_JOBS, ChangesIn, ChangesOut
 from service.models.jobs import JobIn, JobOut, JobPatch, JobState
 
 __all__ = ["router"]
@@ -74,7 +74,7 @@ def list_jobs(
     chosen: Choice,
     farm: FarmDependency,
     sort: Order = "newest",
-    limit: int = Query(100, ge=1, le=MOST_JOBS),
+    limit: int = Query(100, ge=1, le=MAX_JOBS),
     offset: int = Query(0, ge=0, le=1 << 31),
 ) -> Response:
     """Lists the jobs that match the filter, one page. The header X-Total-Count contains the number of all matching jobs."""

@@ -29,7 +29,7 @@ router = api_router(prefix="/api/login/openid", tags=["access"])
 log = logging.getLogger(__name__)
 
 MAX_PARAMETER_LENGTH = 2048
-MOST_PENDING = 8  # logins of one browser; their cookies, of 410 characters each, fit a proxy's 8 kB for a header
+MAX_PENDING_LOGINS = 8  # logins of one browser; their cookies, of 410 characters each, fit a proxy's 8 kB for a header
 
 
 @router.get("", status_code=302, response_class=RedirectResponse)
@@ -41,7 +41,7 @@ def begin(request: Request, farm: FarmDependency) -> RedirectResponse:
     except Refused as refusal:
         return _refusal_redirect(request, refusal)
     answer = RedirectResponse(begun.url, 302, {"Cache-Control": "no-store"})
-    for name in _pending(farm, request)[: 1 - MOST_PENDING]:  # browsers send the oldest first (RFC 6265, 5.4)
+    for name in _pending(farm, request)[: 1 - MAX_PENDING_LOGINS]:  # browsers send the oldest first (RFC 6265, 5.4)
         set_cookie(request, answer, name, "", 0, same_site="lax")
     # Not SameSite=Strict: the cookie must be sent when the provider redirects back.
     set_cookie(request, answer, _cookie(farm, request, begun.state), begun.sealed, LOGIN_TIMEOUT_S, same_site="lax")

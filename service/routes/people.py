@@ -23,7 +23,7 @@ __all__ = ["router"]
 
 router = api_router(tags=["access"])
 
-MOST_LINES = 1000
+MAX_LINES = 1000
 Name = Annotated[str, Field(min_length=1, max_length=64)]
 Password = Annotated[str | None, Field(max_length=MAX_LENGTH)]
 
@@ -136,7 +136,7 @@ def make_link(body: LinkIn, farm: FarmDependency) -> LinkOut:
 
 
 @router.get("/api/audit", response_model=list[AuditLine])
-def get_audit(farm: FarmDependency, limit: int = Query(100, ge=1, le=MOST_LINES)) -> list[dict[str, Any]]:
+def get_audit(farm: FarmDependency, limit: int = Query(100, ge=1, le=MAX_LINES)) -> list[dict[str, Any]]:
     """Returns the audit log, newest entries first: who did what, and from where."""
     return farm.access.audit.latest(limit)
 

@@ -85,7 +85,7 @@ async def add_reference(
     form = await read_single_upload(request, farm, Sentence("kind-picture", "picture"))
     try:
         name, file = only_file(
-            form, SUFFIXES, "/api/references", Sentence("reference-image-invalid", "no image that can be compared with")
+            form, SUFFIXES, "/api/references", Sentence("reference-image-invalid", "not an image that can be used as a reference")
         )
         temporary = farm.settings.data / "tmp"
         await run_in_threadpool(farm.access.projects.recheck, project, visit.caller, visit.sight)
@@ -101,13 +101,13 @@ async def add_reference(
 @router.get("/{id}", response_model=ReferenceOut)
 def get_reference(id: Id, farm: FarmDependency) -> ReferenceOut:
     """Returns one reference picture."""
-    return _reference_out(_find(id, farm))
+    return _reference_out(_find_reference(id, farm))
 
 
 @router.get("/{id}/film", response_class=Response, responses={200: FILM})
 def reference_film(id: Id, request: Request, farm: FarmDependency) -> Response:
     """Returns a reference picture's colour in the format of /api/jobs/{id}/frames/{n}/film, as one tile with one sample."""
-    blob = farm.blobs.serve(_find(id, farm).film["sha256"])
+    blob = farm.blobs.serve(_find_reference(id, farm).film["sha256"])
     if "gzip" in request.headers.get("accept-encoding", ""):
         headers = {**CACHE_HEADERS, "Vary": "Accept-Encoding", "Content-Encoding": "gzip", "Content-Length": str(blob.size)}
         return StreamingResponse(blob.chunks, media_type="application/octet-stream", headers=headers)
@@ -132,12 +132,12 @@ async def reference_image(
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; the curves are {curves}.",
                 name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )
         )
-    row = await run_in_threadpool(_find, id, farm)
+    row = await run_in_threadpool(_find_reference, id, farm)
     headers = {**CACHE_HEADERS, "Content-Disposition": content_disposition(f"{row.name.rpartition('.')[0]}.{extension}")}
     if is_head(request):
         return headers_response(headers, MEDIA[extension])
@@ -156,7 +156,7 @@ async def reference_image(
 @router.get("/{id}/file", response_class=Response, responses={200: FILM})
 def reference_file(id: Id, farm: FarmDependency) -> Response:
     """Returns the uploaded file unchanged."""
-    row = _find(id, farm)
+    row = _find_reference(id, farm)
     blob = farm.blobs.serve(row.file["sha256"])
     headers = {
         **CACHE_HEADERS,
@@ -180,7 +180,7 @@ def delete_reference(id: Id, farm: FarmDependency) -> None:
     farm.reserve.run_deletion(lambda: farm.garbage.collect(delete_row))
 
 
-def _find(id: str, farm: Farm) -> Reference:
+def _find_reference(id: str, farm: Farm) -> Reference:
     with farm.sessions() as session:
         found = session.get(Reference, id)
     if found is None:

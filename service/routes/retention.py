@@ -19,16 +19,16 @@ from service.models.strict import Strict
 __all__ = ["router"]
 
 router = api_router(prefix="/api/retention", tags=["farm"])
-MOST_DAYS = 36500.0
+MAX_DAYS = 36500.0
 
 
 class RetentionIn(Strict):
     """Retention rules. If none is given, the farm's own rules apply (RAYFARM_KEEP_*)."""
 
-    films_days: float | None = Field(None, ge=0, le=MOST_DAYS, description="films of jobs that were over for longer go")
+    films_days: float | None = Field(None, ge=0, le=MAX_DAYS, description="films of jobs that were over for longer go")
     films_bytes: int | None = Field(None, ge=0, le=1 << 60, description="films beyond that go, the oldest first")
-    compiled_days: float | None = Field(None, ge=0, le=MOST_DAYS, description="what unused scenes were compiled to goes")
-    uploads_days: float | None = Field(None, ge=0, le=MOST_DAYS, description="scenes that were not used for longer go")
+    compiled_days: float | None = Field(None, ge=0, le=MAX_DAYS, description="what unused scenes were compiled to goes")
+    uploads_days: float | None = Field(None, ge=0, le=MAX_DAYS, description="scenes that were not used for longer go")
     dry_run: bool = Field(True, description="only tell")
 
 

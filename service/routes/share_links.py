@@ -29,9 +29,9 @@ __all__ = ["router"]
 router = api_router(prefix="/api", tags=["jobs"])
 
 DAY_S = 86400.0
-MOST_DAYS = 365
+MAX_DAYS = 365
 PAGE = "shared/"
-GONE = Sentence("share-link-invalid", "This link has expired or was withdrawn. Ask for a new one.")
+LINK_INVALID = Sentence("share-link-invalid", "This link has expired or was withdrawn. Ask for a new one.")
 
 
 class ShareLinkIn(BaseModel):
@@ -39,7 +39,7 @@ class ShareLinkIn(BaseModel):
 
     model_config = ConfigDict(extra="forbid")
 
-    days: float = Field(7.0, gt=0, le=MOST_DAYS, allow_inf_nan=False)
+    days: float = Field(7.0, gt=0, le=MAX_DAYS, allow_inf_nan=False)
 
 
 class ShareLinkOut(BaseModel):
@@ -99,10 +99,10 @@ def _share_of(request: Request, farm: FarmDependency) -> Share:
     """Returns the share link of a request. Raises NotFound if the link is invalid, or its creator may no longer see the job."""
     share = farm.access.keys.find_share(bearer_token(request.headers))
     if share is None:
-        raise NotFound(GONE)
+        raise NotFound(LINK_INVALID)
     projects = farm.access.projects
     if not projects.visibility(share.creator).is_visible(projects.project_of("job", share.job)):
-        raise NotFound(GONE)
+        raise NotFound(LINK_INVALID)
     return share
 
 

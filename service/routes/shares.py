@@ -94,7 +94,7 @@ def set_share(share: Share, body: ShareIn, farm: FarmDependency) -> ShareOut:
         raise Invalid(
             Sentence(
                 "share-invalid",
-                "share: there is no {share}. Possible are {everybody}, user:NAME and project:NAME.",
+                "share: there is no {share}. Shares are {everybody}, user:NAME and project:NAME.",
                 share=repr(share[:60]),
                 everybody=EVERYBODY,
             )

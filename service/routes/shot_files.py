@@ -86,7 +86,7 @@ async def frames_zip(
     }
     if is_head(request):
         return headers_response(headers, "application/zip")
-    stream = _zipped(job, film, wish, frames, which, farm, visit.queue)
+    stream = _zip_frames(job, film, wish, frames, which, farm, visit.queue)
     return StreamingResponse(stream, media_type="application/zip", headers=headers)
 
 
@@ -129,7 +129,7 @@ async def get_movie(
     return StreamingResponse(made.pieces(), media_type=MOVIE_MEDIA[extension], headers=headers)
 
 
-async def _zipped(
+async def _zip_frames(
     job: Job, film: Film, wish: PictureRequest, frames: str | None, which: str, farm: Farm, user: str
 ) -> AsyncIterator[bytes]:
     stream = ZipStream()
@@ -182,7 +182,7 @@ def _curve(name: str) -> str:
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; the curves are {curves}.",
                 name=repr(name[:60]),
                 curves=[*tonemap.CURVES],
             )

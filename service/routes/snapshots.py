@@ -64,12 +64,12 @@ def list_snapshots(id: str, farm: FarmDependency) -> list[SnapshotOut]:
 @router.get("/{spp}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
 def snapshot_film(id: str, spp: Spp, request: Request, farm: FarmDependency) -> Response:
     """Returns a snapshot in the format of /api/jobs/{id}/frames/{n}/film."""
-    found = _find(id, spp, farm)
+    found = _find_snapshot(id, spp, farm)
     gzip = "gzip" in request.headers.get("accept-encoding", "")
     headers = {"ETag": _etag(id, found, str(gzip)), "Cache-Control": "no-cache", "Vary": "Accept-Encoding"}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
-    size, pieces = _packed(id, spp, farm)
+    size, pieces = _find_packet(id, spp, farm)
     if gzip:
         headers |= {"Content-Encoding": "gzip", "Content-Length": str(size)}
     return StreamingResponse(pieces if gzip else decompressed(pieces), media_type="application/octet-stream", headers=headers)
@@ -91,13 +91,13 @@ async def snapshot_image(
         raise Invalid(
             Sentence(
                 "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; known are {curves}.",
+                "tonemap: {name} is not a tone curve; the curves are {curves}.",
                 name=repr(tonemap_curve[:60]),
                 curves=[*tonemap.CURVES],
             )
         )
     job = await run_in_threadpool(find_job, id, farm)
-    found = await run_in_threadpool(_find, id, spp, farm)
+    found = await run_in_threadpool(_find_snapshot, id, spp, farm)
     headers = {"ETag": _etag(id, found, f"{extension} {exposure} {tonemap_curve}"), "Cache-Control": "no-cache"}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
@@ -109,7 +109,7 @@ async def snapshot_image(
         (id, "snapshot", headers["ETag"]),
         film_picture.film_picture_memory(width, height),
         lambda: film_picture.film_picture(
-            _packed(id, spp, farm)[1], extension, exposure, tonemap_curve, farm.settings.data / "tmp"
+            _find_packet(id, spp, farm)[1], extension, exposure, tonemap_curve, farm.settings.data / "tmp"
         ),
         user=visit.queue,
     )
@@ -117,7 +117,7 @@ async def snapshot_image(
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
 
 
-def _find(id: str, spp: int, farm: Farm) -> FilmSnapshot:
+def _find_snapshot(id: str, spp: int, farm: Farm) -> FilmSnapshot:
     find_job(id, farm)
     found = farm.snapshots.find(id, spp)
     if found is None:
@@ -125,7 +125,7 @@ def _find(id: str, spp: int, farm: Farm) -> FilmSnapshot:
     return found
 
 
-def _packed(id: str, spp: int, farm: Farm) -> tuple[int, Iterator[bytes]]:
+def _find_packet(id: str, spp: int, farm: Farm) -> tuple[int, Iterator[bytes]]:
     try:
         return farm.snapshots.packed(id, spp)
     except FileNotFoundError:

@@ -23,7 +23,7 @@ __all__ = ["router"]
 router = api_router(prefix="/api/tokens", tags=["access"])
 
 DAY_S = 86400.0
-MOST_DAYS = 3650
+MAX_DAYS = 3650
 
 Scope = Literal["view", "submit", "admin", "worker"]
 
@@ -38,7 +38,7 @@ class TokenIn(BaseModel):
 
     name: str = Field(min_length=1, max_length=100)
     role: Scope = "submit"
-    days: float | None = Field(90.0, gt=0, le=MOST_DAYS, allow_inf_nan=False)
+    days: float | None = Field(90.0, gt=0, le=MAX_DAYS, allow_inf_nan=False)
 
 
 class TokenOut(BaseModel):

@@ -57,10 +57,10 @@ async def upload(request: UploadRequest, visit: Visit, farm: Farm) -> Scene:
     def write(stored: Upload) -> Scene:
         its = replace(owner, project=bases[0].project) if bases and not request.project else owner
         farm.access.projects.recheck(its.project, visit.caller, visit.sight)
-        return _recorded(stored.as_strict() if request.strict else stored, its, visit, farm)
+        return _record_scene(stored.as_strict() if request.strict else stored, its, visit, farm)
 
     scene = await receive_upload(request.content_type, request.chunks, farm.blobs, farm.garbage, farm.settings, write, find_base)
-    _trace(scene, begun, request.traceparent)
+    _record_upload_span(scene, begun, request.traceparent)
     return scene
 
 
@@ -80,7 +80,7 @@ def open_example(name: str, project: str, visit: Visit, farm: Farm) -> Scene:
         form = form_of(*found, farm.blobs)
 
     def write(stored: Upload) -> Scene:
-        return _recorded(stored, owner, visit, farm)
+        return _record_scene(stored, owner, visit, farm)
 
     return store_form(form, farm.blobs, farm.garbage, farm.settings, lambda size: None, write)
 
@@ -89,12 +89,12 @@ def _owner(project: str, visit: Visit, farm: Farm) -> UploadOwner:
     return UploadOwner(farm.access.projects.check(project, visit.sight), visit.user, visit.token)
 
 
-def _recorded(stored: Upload, owner: UploadOwner, visit: Visit, farm: Farm) -> Scene:
+def _record_scene(stored: Upload, owner: UploadOwner, visit: Visit, farm: Farm) -> Scene:
     farm.quotas.check_bytes(visit.caller, stored.size)
     return record(replace(stored, id=id_in_project(owner.project, stored.id)), farm.sessions, farm.events, owner=owner)
 
 
-def _trace(scene: Scene, begun: float, traceparent: str | None) -> None:
+def _record_upload_span(scene: Scene, begun: float, traceparent: str | None) -> None:
     first = tracing.root_span("scene", scene.id)
     is_new = scene.created >= begun  # otherwise its trace started earlier
     tracing.record_span(

@@ -272,7 +272,7 @@ class Engine:
         )
         if self._fault != sentence or time.monotonic() - self._traced >= TRACE_EVERY_S:  # it may recur at every step
             self._traced = time.monotonic()
-            log.error("a fault in the engine", exc_info=error)
+            log.error("unexpected error in the engine", exc_info=error)
         return sentence
 
     def _step(self) -> None:
@@ -288,22 +288,22 @@ class Engine:
                 self._run_periodic_tasks()
         self._bulkheads.end_failed_jobs(self._lifecycle.fail)
         self.trust.apply_distrust(self._lifecycle.reload)
-        self._step_fault = self._run_catching_errors(self._hand_out)
+        self._step_fault = self._run_catching_errors(self._dispatch_work)
         self._answers.read_answers(1 if self._lifecycle.is_loading else BLOCK_MS)
 
-    def _hand_out(self) -> None:
+    def _dispatch_work(self) -> None:
         while not self._asked.empty():
             self._artifact_tasks.preparing.request(*self._asked.get())
-        self._artifact_tasks.preparing.hand_out()
+        self._artifact_tasks.preparing.dispatch_work()
         if shots := self._active_shots():
-            for job in self._artifact_tasks.moments.hand_out(
+            for job in self._artifact_tasks.moments.dispatch_work(
                 shots, self._lifecycle.automatic_view, self._scheduler.frames_with_batches()
             ):
                 self._lifecycle.record(job)
         self._artifact_tasks.fill_artifacts()
         with self._pace.measuring():
             self._answers.count_unread()
-            self._scheduler.hand_out(self._lifecycle.can_start)
+            self._scheduler.dispatch_work(self._lifecycle.can_start)
 
     def _clean_up_previous_run(self) -> None:
         """Deletes queued messages of a previous run, and films and logs of deleted jobs. Queues unfinished jobs and scenes."""

@@ -231,7 +231,7 @@ class Lifecycle:
             job.finish_frames()
         if job.has_first_wave and not any(kind == "picture" for _, kind, _ in job.history.events):
             job.history.add_event("picture")
-        job.history.note_departed(self._scheduler.connected_workers())
+        job.history.record_departures(self._scheduler.connected_workers())
         if job.shot is None:
             next(iter(job.frames.values())).update_noise()
         job.history.add_point(job.active_s, job.samples, job.current_noise, is_over)

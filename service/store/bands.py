@@ -39,7 +39,9 @@ def bands(
 
     def values(tile: Tile, sums: Sums) -> F32:
         found = [
-            _mattes(film, frame, tile, sums, names_of_ids) if aovs.is_matte(name) else _channel_means(sums, film, name)
+            _cryptomatte_planes(film, frame, tile, sums, names_of_ids)
+            if aovs.is_matte(name)
+            else _channel_means(sums, film, name)
             for name in names
         ]
         return np.dstack(found) if len(found) > 1 else found[0].reshape(*sums.shape[1:], -1)
@@ -51,7 +53,7 @@ def bands(
         yield band
 
 
-def _mattes(film: ReadableFilm, frame: int, tile: Tile, sums: Sums, names: Mapping[str, Sequence[str]]) -> F32:
+def _cryptomatte_planes(film: ReadableFilm, frame: int, tile: Tile, sums: Sums, names: Mapping[str, Sequence[str]]) -> F32:
     hits = film.tile_hits(frame, film.tiles.index(tile))
     return cryptomatte.layers(hits, sums[film_math.SAMPLES], film.ranks, names)
 

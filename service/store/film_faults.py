@@ -73,13 +73,13 @@ def film_faults() -> Iterator[None]:
         code = getattr(error, "sqlite_errorcode", None)
         if code is None:
             raise  # from the driver: a programming error, not a fault of the film
-        raise _classified(code, library_message(error)) from error
+        raise _classify_error(code, library_message(error)) from error
     except OSError as error:
         if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise _classified(sqlite3.SQLITE_FULL, "") from error
+            raise _classify_error(sqlite3.SQLITE_FULL, "") from error
         if error.errno == errno.EROFS:
-            raise _classified(sqlite3.SQLITE_READONLY, "") from error
-        raise _classified(
+            raise _classify_error(sqlite3.SQLITE_READONLY, "") from error
+        raise _classify_error(
             sqlite3.SQLITE_IOERR if error.errno in TEMPORARY_OS_ERRORS else sqlite3.SQLITE_PERM, library_message(error)
         ) from error
 
@@ -128,7 +128,7 @@ def owned_elsewhere_error() -> FilmUnavailable:
     return FilmUnavailable(Sentence("film-owned-elsewhere", "{film} now belongs to another service.", film=FILM))
 
 
-def _classified(code: int, message: str) -> FilmUnavailable | FilmLost:
+def _classify_error(code: int, message: str) -> FilmUnavailable | FilmLost:
     primary = code & 0xFF
     detail = message if primary not in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_READONLY) else ""
     if primary in TEMPORARY_SQLITE_ERRORS and code not in DAMAGED and code != FILE_REPLACED:

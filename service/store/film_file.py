@@ -35,7 +35,7 @@ __all__ = ["FilmFile", "RowHead", "head_sample_ranges"]
 LOCK_TIMEOUT_S = 0.1  # seconds; the engine's thread must not wait longer for one film
 MAX_BAD_KEPT = 1000
 FRAMES_PER_DELETION = 100  # frames deleted in one transaction
-BAD_SHOWN = 64
+MAX_BAD_SHOWN = 64
 
 PRAGMAS = ("page_size=32768", "journal_mode=WAL", "synchronous=NORMAL", "wal_autocheckpoint=2000", "secure_delete=OFF")
 
@@ -110,7 +110,7 @@ class FilmFile:
             with film_faults():
                 self._database.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchall()
         except FarmError as error:
-            log.info("a film keeps its log beside it: %s", error)
+            log.info("the write-ahead log of a film cannot be merged: %s", error)
 
     def row_heads(self) -> list[RowHead]:
         """Returns the heads of all rows."""
@@ -145,11 +145,11 @@ class FilmFile:
                 yield _sums(row)
 
     def bad_samples(self, frame: int) -> tuple[int, list[tuple[int, int, int]]]:
-        """Returns the number of bad samples (NaN or infinite) of a frame, and (x, y, sample) of up to BAD_SHOWN of them."""
+        """Returns the number of bad samples (NaN or infinite) of a frame, and (x, y, sample) of up to MAX_BAD_SHOWN of them."""
         with film_faults():
             (count,) = self._database.execute("SELECT coalesce(sum(bad), 0) FROM part WHERE frame = ?", (frame,)).fetchone()
             first = self._database.execute(
-                "SELECT x, y, sample FROM bad_sample WHERE frame = ? LIMIT ?", (frame, BAD_SHOWN)
+                "SELECT x, y, sample FROM bad_sample WHERE frame = ? LIMIT ?", (frame, MAX_BAD_SHOWN)
             ).fetchall()
         return int(count), first
 

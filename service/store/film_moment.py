@@ -108,7 +108,7 @@ class FilmSnapshotView:
         return sum_of_rows((packed for (packed,) in rows), self.tiles[tile], planes) if rows else None
 
     def tile_hits(self, frame: int, tile: int) -> Hits:
-        """Implements `ReadableFilm.tile_hits`."""
+        """Returns Cryptomatte's counts of a tile; empty if there are none."""
         with film_faults():
             rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
         return hits_of_rows((packed for (packed,) in rows), self.tiles[tile]) or no_hits()

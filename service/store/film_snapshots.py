@@ -158,7 +158,7 @@ class FilmSnapshots:
                 return True
             if name != job:
                 shutil.rmtree(self._folder / name, ignore_errors=True)
-                log.info("the snapshots of job %s make room for those of others", name)
+                log.info("the snapshots of job %s were deleted to make room for others", name)
                 held -= bytes
         return held + size <= self._max_bytes
 

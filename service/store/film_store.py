@@ -198,7 +198,7 @@ class FilmFolder:
             if lost := film.delete_damaged():
                 log.warning("the film of %s was damaged: %d samples are missing", job, lost)
         except FilmLost as error:
-            log.warning("the film of %s is set aside: %s", job, error)
+            log.warning("the film of job %s is renamed: %s", job, error)
             self.quarantine(job)
             film = self.open(job, settings, tile_size)
             film.add_recovered(readable_rows(self._quarantine_path(job), self._film_shape(settings, tile_size)))
@@ -244,7 +244,7 @@ class FilmFolder:
             try:
                 self.delete(job)
             except FarmError as error:
-                log.warning("the film of the deleted job %s stays: %s", job, error)
+                log.warning("the film of the deleted job %s cannot be deleted: %s", job, error)
         if self._snapshots is not None:
             self._snapshots.sweep(keep)
 

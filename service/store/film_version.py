@@ -78,7 +78,7 @@ def is_up_to_date(database: sqlite3.Connection, shape: FilmShape) -> bool:
             raise damaged_film_error(
                 Sentence(
                     "film-of-another-picture",
-                    "it is of another picture: {found} instead of {expected}",
+                    "it belongs to another picture: {found} instead of {expected}",
                     found=str(found),
                     expected=str(astuple(shape)),
                 )

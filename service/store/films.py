@@ -418,7 +418,7 @@ class Film:
                 self._fold_to_one(heads, len(heads) == len(self._contents.rows(frame, tile)))
         except (FilmUnavailable, FilmLost) as error:
             self._in_doubt = True
-            log.warning("a tile's rows stay apart: %s", error)
+            log.warning("the rows of a tile cannot be folded: %s", error)
 
     def _fold_to_one(self, heads: Sequence[RowHead], is_whole_tile: bool) -> None:
         assert self._file is not None

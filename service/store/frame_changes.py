@@ -157,7 +157,7 @@ class FrameChanges:
 
     def _carry_out(self, job: str, frame_values: FrameValues) -> None:
         while (change := self._pending_change(job)) is not None and not _is_drop(change):
-            plan = [(step, keys) for step in map(_step, change.steps) for keys in _key_portions(step.keys)]
+            plan = [(step, keys) for step in map(_parse_step, change.steps) for keys in _key_portions(step.keys)]
             while self._apply_next(change, plan, frame_values):
                 pass
 
@@ -213,7 +213,7 @@ class FrameChanges:
         try:
             self._queue_pending()
         except FarmError as error:
-            log.warning("what is left to do to frames is looked for later: %s", error)
+            log.warning("pending changes of frames are read later: %s", error)
             self._later.put("")
         while not self._stop.is_set():
             job = self._later.get()
@@ -222,7 +222,7 @@ class FrameChanges:
             try:
                 self._resume(job)
             except FarmError as error:
-                log.warning("the frames of job %s are not all written down yet: %s", job, error)
+                log.warning("not all frames of job %s are stored yet: %s", job, error)
                 self._stop.wait(RETRY_AFTER_S)
                 self._later.put(job)
             except Exception:
@@ -247,7 +247,7 @@ class FrameChanges:
 
 
 def _is_drop(change: FrameChange) -> bool:
-    return any(_step(data).do == "drop" for data in change.steps)
+    return any(_parse_step(data).do == "drop" for data in change.steps)
 
 
 def _key_portions(keys: list[int]) -> Iterator[list[int]]:
@@ -255,7 +255,7 @@ def _key_portions(keys: list[int]) -> Iterator[list[int]]:
         yield keys[at : at + AT_A_TIME]
 
 
-def _step(data: Mapping[str, Any]) -> Step:
+def _parse_step(data: Mapping[str, Any]) -> Step:
     return Step(**{name: data[name] for name in Step.__dataclass_fields__ if name in data})
 
 

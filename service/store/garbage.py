@@ -153,13 +153,17 @@ class Garbage:
         return bool(some)
 
     def _cancel_deletions(self, hashes: set[str]) -> None:
-        """Removes blobs that are now pinned from the pending deletions, and waits until deletions in progress are done."""
+        """Prevents the deletion of these blobs, which were just pinned.
+
+        Removes them from the pending deletions. If another thread is deleting some of them, waits until it has finished: those
+        blobs are gone afterwards, and the caller must store them again.
+        """
         self._left |= hashes & self._going
         self._going -= hashes
         self._deleted.wait_for(lambda: not hashes & self._deleting)
 
     def _released_blobs(self) -> set[str]:
-        """Returns the blobs that an earlier collection did not delete and that are no longer pinned."""
+        """Returns the unreferenced blobs that are still to be deleted, and that are not pinned any more."""
         self._drop_expired_pins()
         return {sha256 for sha256 in self._left if not self._is_pinned(sha256)}
 

@@ -44,7 +44,7 @@ class Reserve:
         try:
             return deletion()
         except OutOfSpace:
-            log.warning("the disk is full: the reserve is given to a deletion")
+            log.warning("the disk is full: the reserved space is released for a deletion")
             self._path.unlink(missing_ok=True)
             return deletion()
         finally:

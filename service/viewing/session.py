@@ -27,7 +27,7 @@ MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this
 
 
 class ViewSession:
-    """State of a live view that a page shows over one WebSocket. Created by the route and passed to the scheduler."""
+    """State of a live view that a page shows over one WebSocket. The route creates it and passes it to the view scheduler."""
 
     def __init__(self, wake: Callable[[], None]) -> None:
         """Creates a session without a view.

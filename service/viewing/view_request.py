@@ -15,10 +15,10 @@ from service.errors import Conflict, Invalid
 from service.intake.resolve import frame_settings, resolve
 from service.store.models import Job, Scene
 
-__all__ = ["MOST_PIXELS", "MOST_SAMPLES", "FrameRequest", "ViewRequest", "resolve_view"]
+__all__ = ["MAX_PIXELS", "MAX_SAMPLES", "FrameRequest", "ViewRequest", "resolve_view"]
 
-MOST_PIXELS = 1 << 21  # the sums of a view are held in memory
-MOST_SAMPLES = 256
+MAX_PIXELS = 1 << 21  # the sums of a view are held in memory
+MAX_SAMPLES = 256
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 
 
@@ -79,7 +79,7 @@ def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, 
         raise Conflict(Sentence("scene-not-renderable", "The scene cannot be rendered: {error}", error=scene.error))
     job = Job(request=request, spp=1, noise=None, seconds=None, tile_size=64, shot=None)
     try:
-        resolve(job, scene, MOST_PIXELS)
+        resolve(job, scene, MAX_PIXELS)
         settings = RenderSettings.from_json(job.settings or {})
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
@@ -92,7 +92,7 @@ def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, 
             shutter={name: request[name] for name in SHUTTER if request.get(name) is not None},
             auto=cameras[-1]["view"],
         )
-    samples = min(request.get("spp") or MOST_SAMPLES, MOST_SAMPLES)
+    samples = min(request.get("spp") or MAX_SAMPLES, MAX_SAMPLES)
     compiled = {kind: str(ref["sha256"]) for kind, ref in scene.compiled.items()}
     upload, noise = scene.of or scene.id, request.get("noise")
     return ViewRequest(id, upload, scene.id, settings, samples, compiled, request, noise, frame_request)

@@ -305,7 +305,7 @@ class ViewScheduler:
                 try:
                     self._handle_answer(ViewAnswer.from_bytes(data))
                 except (ValueError, KeyError, TypeError, OverflowError, RecursionError) as error:
-                    log.warning("an answer about a view is left out: %.300s", error)
+                    log.warning("an invalid answer about a view is ignored: %.300s", error)
             if self._ordered.is_set():
                 return
             data = self._redis.lpop(VIEW_ANSWERS)

@@ -20,8 +20,8 @@ __all__ = ["Broadcast", "Listener"]
 class Listener:
     """A client's set of items that changed since they were last read. Used on the event loop only.
 
-    job: the job whose changes it gets; None: all jobs, scenes and workers. frame: key (twice the number) of the frame whose
-    tiles it gets.
+    job: id of the job whose changes are collected; None: changes of all jobs, scenes and workers. frame: key of the frame whose
+    changed tiles are collected (2 * frame number).
     """
 
     def __init__(self, job: str | None, frame: int) -> None:
@@ -48,7 +48,7 @@ class Listener:
 
 
 class _JobListeners:
-    """The listeners to one job, and counters of changes: one for the job and one for each of its tiles."""
+    """The listeners to one job, with a change counter for the job and one for each of its tiles."""
 
     def __init__(self, life: int) -> None:
         self.life = life  # distinguishes counters after all listeners had left: uncounted changes may lie between
@@ -58,9 +58,10 @@ class _JobListeners:
 
 
 class Broadcast:
-    """All listeners. `report_change` and `report_tiles` are thread-safe, and cheap if there are no listeners.
+    """Passes notifications of changes to all listeners, which are clients that watch a job or the farm.
 
-    The other methods are used on the event loop only, except `close`.
+    `report_change` and `report_tiles` are thread-safe, and cheap if there are no listeners. The other methods are used on the
+    event loop only, except `close`.
     """
 
     def __init__(self, events: Events) -> None:
@@ -86,10 +87,10 @@ class Broadcast:
 
     @contextlib.contextmanager
     def listen(self, job: str | None = None, frame: int = 0) -> Iterator[Listener]:
-        """Context manager that yields a listener to one job and to the tiles of one of its frames.
+        """Context manager that yields a new listener, which collects changes until the block ends.
 
-        job: None: the listener gets changes of all jobs, scenes and workers, and no tiles. frame: the frame's key, twice its
-        number.
+        job: id of the job to listen to; None: the listener gets changes of all jobs, scenes and workers, but no tiles. frame:
+        key of the frame whose changed tiles it gets: 2 * frame number, since frame numbers are multiples of 0.5.
         """
         listener = Listener(job, frame)
         group = self._everything if job is None else self._of_job.setdefault(job, _JobListeners(next(self._lives))).listeners
@@ -124,9 +125,9 @@ class Broadcast:
             self._call_in_loop(self._deliver, what, id)
 
     def report_tiles(self, job: str, frame: int, tiles: set[int]) -> None:
-        """Notifies the job's listeners that tiles have new samples.
+        """Notifies the job's listeners that tiles of a frame have new samples.
 
-        frame: the frame's key, twice its number. tiles: indices.
+        frame: key of the frame: 2 * frame number, since frame numbers are multiples of 0.5. tiles: indices of the tiles.
         """
         if job in self._of_job:
             self._call_in_loop(self._deliver_tiles, job, frame, tiles)

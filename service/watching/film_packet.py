@@ -26,7 +26,8 @@ PIECE = 1 << 18
 def film_packet(film: ReadableFilm, frame: int, folder: Path, gzip: bool) -> PictureBody:
     """Returns the packet of a frame. Raises the errors of reading a film.
 
-    frame: the frame's key, twice its number. folder: for temporary files. gzip: whether to compress the packet.
+    frame: key of the frame: 2 * frame number, since frame numbers are multiples of 0.5. folder: for temporary files. gzip:
+    whether to compress the packet.
     """
     # Counted before radiance is read: a tile that gets samples in between reports too few, and is sent again.
     samples = [film.coverage(frame, tile).total for tile in range(len(film.tiles))]
@@ -41,7 +42,7 @@ def film_packet(film: ReadableFilm, frame: int, folder: Path, gzip: bool) -> Pic
 
     def write(path: Path) -> None:
         with path.open("wb") as file:
-            for piece in _compressed(pieces):
+            for piece in _compress_chunks(pieces):
                 file.write(piece)
 
     return PictureBody.from_writer(write, folder, ".gz")
@@ -53,7 +54,7 @@ def picture_packet(words: npt.NDArray[np.uint32]) -> Iterator[bytes]:
     words: RGB9E5 values, shape (h, w).
     """
     height, width = words.shape
-    yield from _compressed(encode_film(0, (width, height), max(width, height), [1], planes_of(words)))
+    yield from _compress_chunks(encode_film(0, (width, height), max(width, height), [1], planes_of(words)))
 
 
 def decompressed(pieces: Iterator[bytes]) -> Iterator[bytes]:
@@ -64,7 +65,7 @@ def decompressed(pieces: Iterator[bytes]) -> Iterator[bytes]:
     yield unpacker.flush()
 
 
-def _compressed(pieces: Iterable[memoryview]) -> Iterator[bytes]:
+def _compress_chunks(pieces: Iterable[memoryview]) -> Iterator[bytes]:
     packer = zlib.compressobj(LEVEL, zlib.DEFLATED, GZIP)
     for piece in pieces:
         for at in range(0, len(piece), PIECE):

@@ -72,10 +72,10 @@ def write_movie(path: Path, pictures: Iterable[U8], fps: float) -> int:
                 container.mux(stream.encode(None))
     except av.FFmpegError as error:
         raise SettingsError(
-            Sentence("video-not-writable", "{name}: the film cannot be written ({error})", name=path.name, error=error)
+            Sentence("video-not-writable", "{name}: the movie cannot be written ({error})", name=path.name, error=error)
         ) from error
     if not count:
-        raise SettingsError(Sentence("video-without-frames", "{name}: there is no frame to show", name=path.name))
+        raise SettingsError(Sentence("video-without-frames", "{name}: there are no frames to encode", name=path.name))
     return count
 
 

@@ -97,7 +97,10 @@ class PictureRequest:
 
 
 def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) -> PictureBody:
-    """Returns the requested picture file of a frame. frame: the frame's key, twice its number. folder: for temporary files."""
+    """Returns the requested picture file of a frame.
+
+    frame: key of the frame: 2 * frame number, since frame numbers are multiples of 0.5. folder: for temporary files.
+    """
     from renderer.image.encode import RGB, encode_shown, write_bands  # imported only if needed: OpenImageIO is large
 
     side = square_side(request.width, film.width, film.height)

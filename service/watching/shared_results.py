@@ -88,7 +88,8 @@ class SharedResults:
     async def tiles(self, job: str, film: Film, frame: int, tiles: Iterable[int]) -> list[Body]:
         """Returns the current encodings of those of the given tiles that have samples.
 
-        frame: the frame's key, twice its number. tiles: indices. Raises FilmUnavailable, FilmLost and FilmClosed.
+        frame: key of the frame: 2 * frame number, since frame numbers are multiples of 0.5. tiles: indices of the tiles. Raises
+        FilmUnavailable, FilmLost and FilmClosed.
         """
         found: dict[int, Body | None] = {}
         tasks: dict[asyncio.Task[dict[int, Body | None]], list[int]] = {}
@@ -167,7 +168,7 @@ def _bodies(film: Film, frame: int, tiles: list[int]) -> dict[int, Body | None]:
 def tile_body(film: Film, frame: int, tile: int) -> tuple[int, bytes] | None:
     """Returns a tile's samples per pixel, and its mean colour as RGB9E5 words; None if it has no samples.
 
-    frame: the frame's key, twice its number. tile: its index.
+    frame: key of the frame: 2 * frame number, since frame numbers are multiples of 0.5. tile: index of the tile.
     """
     sums = film.tile_planes(frame, tile, PLANES)
     if sums is None:

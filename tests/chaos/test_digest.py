@@ -19,7 +19,7 @@ from renderer.scene.load import Shot, read
 from renderer.settings import RenderSettings, View
 from tests.chaos.ending import ends_by
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
-from tests.rayfarm.test_sequence import turning
+from tests.rayfarm.test_sequence import animated_scene
 
 WIDTH, HEIGHT, SPP, DEPTH = 80, 64, 256, 5
 VIEW = View((0, 0, 3.9), (0, 0, 0), (0, 1, 0), 39.3077)
@@ -118,7 +118,7 @@ FEW = 48  # samples per pixel in tests without disturbances
 def shot(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Returns the path of a GLB file whose triangle moves, so that the compiled scene differs between frames."""
     path = tmp_path_factory.mktemp("shot") / "shot.glb"
-    path.write_bytes(turning().glb())
+    path.write_bytes(animated_scene().glb())
     return path
 
 

@@ -17,7 +17,7 @@ from playwright.sync_api import Page, expect
 from renderer.image import rgbe9995, tonemap
 from tests.helpers import Farm, wait_until
 
-__all__ = ["assert_screen", "assert_shows", "read_exr", "rendered", "shown", "split"]
+__all__ = ["assert_screen", "assert_shows", "expected_pixels", "expected_split", "read_exr", "render_job"]
 
 MARGIN = 3  # columns on each side that the divider's line covers
 
@@ -32,7 +32,7 @@ def read_exr(url: str, folder: Path) -> np.ndarray:
     return pixels
 
 
-def shown(film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
+def expected_pixels(film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
     """Returns the pixels that the page should display for a film, (h, w, 3) int from 0 to 255.
 
     The film's colours are rounded to RGB9E5, then exposure and tone curve are applied. exposure: in stops.
@@ -80,14 +80,14 @@ def assert_screen(page: Page, wanted: np.ndarray, what: str) -> np.ndarray:
 
 
 def assert_shows(page: Page, film: np.ndarray, exposure: float, curve: str) -> np.ndarray:
-    """Asserts that the screen shows this film as computed by `shown`; returns the screenshot.
+    """Asserts that the screen shows this film as computed by `expected_pixels`; returns the screenshot.
 
     exposure: in stops. curve: name of the tone curve.
     """
-    return assert_screen(page, shown(film, exposure, curve), f"{curve} at {exposure:+} EV")
+    return assert_screen(page, expected_pixels(film, exposure, curve), f"{curve} at {exposure:+} EV")
 
 
-def rendered(farm: Farm, scene: str, **request: Any) -> str:
+def render_job(farm: Farm, scene: str, **request: Any) -> str:
     """Renders a job of the scene, waits until it is finished, and returns its id."""
     with farm.client() as client:
         job = client.submit(scene, **request).id
@@ -95,7 +95,7 @@ def rendered(farm: Farm, scene: str, **request: Any) -> str:
     return job
 
 
-def split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
+def expected_split(left: np.ndarray, right: np.ndarray, page: Page) -> np.ndarray:
     """Returns the expected display of a comparison: `left` before the divider, `right` after it.
 
     The divider is at its current position on the page; pixels that it covers are -1, which `assert_screen` ignores.

@@ -20,13 +20,13 @@ from protocol.pictures import encode_tile
 from rayfarm.local.farm import free_port
 from renderer.image import rgbe9995
 
-__all__ = ["HEIGHT", "WIDTH", "Site", "call", "packet", "radiances"]
+__all__ = ["HEIGHT", "WIDTH", "Site", "call", "film_message", "sample_radiance"]
 
 WEB = Path(__file__).resolve().parents[2] / "web"
 WIDTH, HEIGHT = 64, 48
 
 
-def radiances() -> np.ndarray:
+def sample_radiance() -> np.ndarray:
     """Returns colours from black to far above white, (HEIGHT, WIDTH, 3) float32."""
     random = np.random.default_rng(7)
     film = np.exp2(random.uniform(-12, 9, (HEIGHT, WIDTH, 1))) * random.uniform(0, 1, (HEIGHT, WIDTH, 3))
@@ -34,7 +34,7 @@ def radiances() -> np.ndarray:
     return film.astype(np.float32)
 
 
-def packet(seq: int, film: np.ndarray, spp: int) -> bytes:
+def film_message(seq: int, film: np.ndarray, spp: int) -> bytes:
     """Returns the binary message of the live channel that has the whole film as one tile. seq: the message's sequence number."""
     return encode_tile(0, seq, (0, 0, WIDTH, HEIGHT), spp, rgbe9995.pack(film).astype("<u4").tobytes())
 
@@ -65,7 +65,7 @@ class Site:
         self.watchers += 1
         first = self.watchers == 1
         await socket.send_text(json.dumps({"type": "state", "job": {"id": id}}))
-        await socket.send_bytes(packet(self.watchers, radiances(), 10 * self.watchers))
+        await socket.send_bytes(film_message(self.watchers, sample_radiance(), 10 * self.watchers))
         try:
             self.acks.append(json.loads(await asyncio.wait_for(socket.receive_text(), 10))["ack"])
             if first:

@@ -11,7 +11,7 @@ from tests.service.conftest import Service
 
 @pytest.mark.long
 @pytest.mark.parametrize("module", ["shell/router", "views/workers"])
-def test_a_module_that_did_not_arrive_is_asked_for_again(many: Service, watched: Watched, module: str) -> None:
+def test_failed_module_is_requested_again(many: Service, watched: Watched, module: str) -> None:
     page = watched.page
     page.route(f"**/js/{module}.js", lambda route: route.abort())
     page.goto(f"{many.url}/#/workers")
@@ -22,7 +22,7 @@ def test_a_module_that_did_not_arrive_is_asked_for_again(many: Service, watched:
 
 
 @pytest.mark.long
-def test_a_view_whose_modules_are_gone_says_why_and_the_page_can_be_loaded_again(many: Service, watched: Watched) -> None:
+def test_missing_view_module_is_named_and_page_can_reload(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(many.url)
     expect(page.get_by_role("heading", name="Drop a scene anywhere on this page")).to_be_visible()

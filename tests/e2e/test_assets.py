@@ -68,7 +68,7 @@ def all_is_here(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_a_second_visit_asks_for_the_index_alone_and_paints_at_once(served: Served, watched: Watched) -> None:
+def test_second_visit_requests_only_the_index(served: Served, watched: Watched) -> None:
     page = watched.page
     page.add_init_script("performance.setResourceTimingBufferSize(1000)")
     page.goto(served.url)

@@ -14,22 +14,22 @@ from playwright.sync_api import Page, expect
 from renderer import settings
 from service.models.jobs import JobIn
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_screen, read_exr, rendered, shown, split
+from tests.e2e.screen import assert_screen, expected_pixels, expected_split, read_exr, render_job
 from tests.helpers import ROOT, Farm
-from tests.rayfarm.test_sequence import turning
+from tests.rayfarm.test_sequence import animated_scene
 
 SIZE = {"width": 96, "height": 64}
 
 
-def opened(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.ndarray]]:
+def open_comparison(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.ndarray]]:
     """Renders a scene with two maximum depths, and opens the comparison of the pictures.
 
     Returns (ids of the two jobs, expected display of each picture).
     """
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
-    jobs = [rendered(farm, scene, **SIZE, spp=4, max_depth=depth) for depth in (2, 9)]
+    jobs = [render_job(farm, scene, **SIZE, spp=4, max_depth=depth) for depth in (2, 9)]
     films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in jobs]
-    pictures = [shown(film, -1.0, "hue") for film in films]
+    pictures = [expected_pixels(film, -1.0, "hue") for film in films]
     assert np.abs(pictures[0] - pictures[1]).max() > 50, "the two differ, or this test says nothing"
     page.goto(f"{farm.url}/#/compare/{jobs[0]}/{jobs[1]}?ev=-1&tone=hue")
     expect(page.get_by_role("slider", name="Wipe")).to_be_visible()
@@ -41,10 +41,10 @@ def opened(farm: Farm, page: Page, tmp_path: Path) -> tuple[list[str], list[np.n
 
 
 @pytest.mark.long
-def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_each_side_of_divider_shows_its_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
-    _, pictures = opened(farm, page, tmp_path)
-    assert_screen(page, split(*pictures, page), "the middle")
+    _, pictures = open_comparison(farm, page, tmp_path)
+    assert_screen(page, expected_split(*pictures, page), "the middle")
     page.get_by_role("slider", name="Wipe").focus()
     page.keyboard.press("Home")
     assert_screen(page, pictures[1], "all of the right one")
@@ -52,9 +52,9 @@ def test_each_side_of_the_wipe_shows_its_own_picture(farm: Farm, watched: Watche
 
 
 @pytest.mark.long
-def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_divider_position_is_in_url(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
-    jobs, pictures = opened(farm, page, tmp_path)
+    jobs, pictures = open_comparison(farm, page, tmp_path)
     divider = page.get_by_role("slider", name="Wipe")
 
     # Keyboard: to one end, and back in steps of ten.
@@ -79,7 +79,7 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
     page.mouse.up()
     expect(divider).to_have_attribute("aria-valuenow", "48")
     page.mouse.move(5, 5)
-    assert_screen(page, split(*pictures, page), "after a drag")
+    assert_screen(page, expected_split(*pictures, page), "after a drag")
 
     # The URL has the whole state; swapping exchanges left and right.
     expect(page).to_have_url(re.compile(r"wipe=0\.48"))
@@ -90,7 +90,7 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
     expect(page.locator(".channel-tag.left")).to_have_text("depth 9")
     expect(divider).to_have_attribute("aria-valuenow", "52")
     page.keyboard.press("1")
-    assert_screen(page, split(pictures[1], pictures[0], page), "swapped")
+    assert_screen(page, expected_split(pictures[1], pictures[0], page), "swapped")
     expect(page).to_have_url(re.compile(f"compare/{jobs[1]}/{jobs[0]}"))
 
     # A plane of one picture next to the light of the other.
@@ -100,15 +100,15 @@ def test_the_wipe_is_moved_and_in_the_address(farm: Farm, watched: Watched, tmp_
 
 
 @pytest.mark.long
-def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_shots_are_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     """In a comparison of two shots, each side shows its frame nearest to the selected one.
 
     The link back to the picture, and a new comparison from there, keep the frame.
     """
-    parts = [("files", ("turns.glb", turning().glb()))]
+    parts = [("files", ("turns.glb", animated_scene().glb()))]
     scene = httpx.post(f"{farm.url}/api/scenes", files=parts).raise_for_status().json()["id"]
     white = {"environment": {"color": [1, 1, 1]}}
-    shots = [rendered(farm, scene, **SIZE, **white, spp=2, frames=frames) for frames in ("0-12x4", "0-15x5")]
+    shots = [render_job(farm, scene, **SIZE, **white, spp=2, frames=frames) for frames in ("0-12x4", "0-15x5")]
     films = [
         {n: read_exr(f"{farm.url}/api/jobs/{job}/frames/{n}/image.exr", tmp_path) for n in numbers}
         for job, numbers in zip(shots, ((0, 4, 8), (0, 5, 10)), strict=True)
@@ -122,8 +122,8 @@ def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_pat
     page.mouse.move(5, 5)
 
     def shows(left: int, right: int) -> None:
-        pictures = [shown(film[n], 0, "neutral") for film, n in zip(films, (left, right), strict=True)]
-        assert_screen(page, split(*pictures, page), f"frames {left} and {right}")
+        pictures = [expected_pixels(film[n], 0, "neutral") for film, n in zip(films, (left, right), strict=True)]
+        assert_screen(page, expected_split(*pictures, page), f"frames {left} and {right}")
 
     shows(8, 10)
     slider.focus()
@@ -138,7 +138,7 @@ def test_a_shot_is_compared_frame_by_frame(farm: Farm, watched: Watched, tmp_pat
 
 
 @pytest.mark.long
-def test_an_examples_comparison_is_one_click_and_the_next_click_finds_it(farm: Farm, watched: Watched) -> None:
+def test_example_comparison_opens_by_one_click(farm: Farm, watched: Watched) -> None:
     page = watched.page
     small = {"spheres": [{"title": "Shallow beside deep", "both": {**SIZE, "spp": 1}, "left": {"max_depth": 1}, "right": {}}]}
     page.route("**/comparisons.json", lambda route: route.fulfill(json=small))
@@ -155,7 +155,7 @@ def test_an_examples_comparison_is_one_click_and_the_next_click_finds_it(farm: F
     assert watched.errors == []
 
 
-def test_the_comparisons_that_are_shipped_can_be_asked_for() -> None:
+def test_shipped_comparisons_can_be_requested() -> None:
     offered = json.loads((ROOT / "web" / "examples" / "comparisons.json").read_text())
     for example, comparisons in offered.items():
         assert any((ROOT / "scenes" / f"{name}.yaml").is_file() for name in (example, f"{example}/{example}")), example

@@ -12,7 +12,7 @@ from playwright.sync_api import expect
 
 from renderer.image import encode, rgbe9995
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_screen, read_exr, rendered, shown, split
+from tests.e2e.screen import assert_screen, expected_pixels, expected_split, read_exr, render_job
 from tests.helpers import Farm
 
 SIZE = {"width": 96, "height": 64}
@@ -25,15 +25,15 @@ DROP = """([name, bytes]) => {
 
 
 @pytest.mark.long
-def test_a_moment_is_shown_in_the_pictures_place_and_compared_with_now(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_snapshot_is_shown_and_compared_with_current_picture(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
-    job = rendered(farm, scene, **SIZE, spp=256)
+    job = render_job(farm, scene, **SIZE, spp=256)
     address = f"{farm.url}/api/jobs/{job}"
     kept = httpx.get(f"{address}/snapshots").raise_for_status().json()
     assert kept and kept[0]["samples"] < 256 * 96 * 64, "a moment of it is kept, whichever"
     spp = kept[0]["spp"]
     then, now = (read_exr(f"{address}/{where}/image.exr", tmp_path) for where in (f"snapshots/{spp}", "frames/0"))
-    pictures = [shown(film, -1.0, "hue") for film in (then, now)]
+    pictures = [expected_pixels(film, -1.0, "hue") for film in (then, now)]
     assert np.abs(pictures[0] - pictures[1]).max() > 20, "the two differ, or this test says nothing"
 
     page = watched.page
@@ -64,21 +64,21 @@ def test_a_moment_is_shown_in_the_pictures_place_and_compared_with_now(farm: Far
     expect(page.locator(".channel-tag.right")).to_have_text("now")
     page.keyboard.press("1")
     page.mouse.move(5, 5)
-    assert_screen(page, split(*pictures, page), "then beside now")
+    assert_screen(page, expected_split(*pictures, page), "then beside now")
     expect(page.get_by_label("Channel of A")).to_be_disabled()
     page.get_by_label("Channel of B").select_option("albedo")
     expect(page).to_have_url(re.compile(r"\bb=albedo"))
     page.get_by_label("Channel of B").select_option("")
     page.get_by_label("Moment of A").select_option("")
     expect(page).not_to_have_url(re.compile("ta="))
-    assert_screen(page, split(pictures[1], pictures[1], page), "now beside now")
+    assert_screen(page, expected_split(pictures[1], pictures[1], page), "now beside now")
     assert watched.errors == []
 
 
 @pytest.mark.long
-def test_a_dropped_picture_becomes_a_and_is_measured_against(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_dropped_picture_becomes_reference(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
-    job = rendered(farm, scene, **SIZE, spp=4)
+    job = render_job(farm, scene, **SIZE, spp=4)
     film = read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path)
     truth = (film * np.linspace(0.5, 1.5, 96, dtype=np.float32)[:, None]).astype(np.float32)
 
@@ -91,7 +91,11 @@ def test_a_dropped_picture_becomes_a_and_is_measured_against(farm: Farm, watched
     expect(page).to_have_url(re.compile(r"compare/ref\.\w+/" + job))
     page.keyboard.press("1")
     page.mouse.move(5, 5)
-    assert_screen(page, split(shown(truth, 0, "neutral"), shown(film, 0, "neutral"), page), "the truth beside the film")
+    assert_screen(
+        page,
+        expected_split(expected_pixels(truth, 0, "neutral"), expected_pixels(film, 0, "neutral"), page),
+        "the truth beside the film",
+    )
 
     # A is the reference of the error metric; its URL alone shows the same.
     page.get_by_label("Ways to compare").get_by_text("Rel", exact=True).click()

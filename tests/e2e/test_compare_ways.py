@@ -13,7 +13,7 @@ from playwright.sync_api import Page, expect
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
 from tests.e2e.flip_judge import flip
-from tests.e2e.screen import read_exr, rendered
+from tests.e2e.screen import read_exr, render_job
 from tests.e2e.site import call
 from tests.helpers import Farm
 
@@ -34,7 +34,7 @@ def rgba(picture: np.ndarray) -> list[int]:
 
 
 @pytest.mark.long
-def test_flip_is_the_papers(page: Page) -> None:
+def test_flip_equals_reference_implementation(page: Page) -> None:
     a, b = two_pictures()
     body = "const r = m.flip(new Uint8Array(a[0]), new Uint8Array(a[1]), 64, 48); return [r.mean, [...r.map]];"
     mean, found = call(page, "compare/flip", body, [rgba(a), rgba(b)])
@@ -45,10 +45,10 @@ def test_flip_is_the_papers(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_what_differs_is_measured_and_shown(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_differences_are_measured_and_shown(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     size = {"width": 96, "height": 64}
-    jobs = [rendered(farm, scene, **size, spp=4, max_depth=depth) for depth in (2, 9)]
+    jobs = [render_job(farm, scene, **size, spp=4, max_depth=depth) for depth in (2, 9)]
     exact = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in jobs]
     films = [rgbe9995.unpack(rgbe9995.pack(film)).astype(float) for film in exact]
     shown = [tonemap.apply(film.astype(np.float32), -1.0, "hue") / 255 for film in films]

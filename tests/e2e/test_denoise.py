@@ -16,23 +16,23 @@ from playwright.sync_api import expect
 
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_screen, read_exr, rendered, shown, split
+from tests.e2e.screen import assert_screen, expected_pixels, expected_split, read_exr, render_job
 from tests.helpers import Farm
 
 SIZE = {"width": 96, "height": 64}
 
 
 @pytest.mark.long
-def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_denoised_picture_is_shown_and_film_is_unchanged(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
         pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
-    job = rendered(farm, scene, **SIZE, spp=8)
+    job = render_job(farm, scene, **SIZE, spp=8)
     image = f"{farm.url}/api/jobs/{job}/frames/0/image"
     raw = read_exr(f"{image}.exr", tmp_path)
     words = np.frombuffer(httpx.get(f"{image}.rgb9e5?denoise=true", timeout=60).raise_for_status().content, "<u4")
     clean = rgbe9995.unpack(words.reshape(SIZE["height"], SIZE["width"]))
-    pictures = [shown(raw, 0.5, "srgb"), tonemap.apply(clean, 0.5, "srgb").astype(int)]
+    pictures = [expected_pixels(raw, 0.5, "srgb"), tonemap.apply(clean, 0.5, "srgb").astype(int)]
     assert np.abs(pictures[0] - pictures[1]).mean() > 2, "the two differ, or this test says nothing"
 
     page = watched.page
@@ -43,7 +43,7 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
     expect(page.locator(".channel-tag.left")).to_have_text("Raw")
     page.keyboard.press("1")
     page.mouse.move(5, 5)
-    assert_screen(page, split(*pictures, page), "beside")
+    assert_screen(page, expected_split(*pictures, page), "beside")
     expect(page).to_have_url(re.compile("denoise=wipe"))
 
     panel.get_by_text("On", exact=True).click()
@@ -80,7 +80,7 @@ def test_the_denoised_picture_lies_beside_the_raw_one_and_replaces_nothing(farm:
     assert watched.errors == []
 
 
-def test_a_job_that_asks_for_it_is_shown_and_saved_denoised_once_it_is_finished(farm: Farm, watched: Watched) -> None:
+def test_job_with_denoise_is_shown_and_saved_denoised(farm: Farm, watched: Watched) -> None:
     if not httpx.get(f"{farm.url}/api/info").json()["denoise"]:
         pytest.skip("no worker that can denoise: Open Image Denoise is not installed")
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]

@@ -13,7 +13,7 @@ from PIL import Image
 from playwright.sync_api import Page, expect
 
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import rendered
+from tests.e2e.screen import render_job
 from tests.helpers import Farm
 
 PIXEL = (96, 64)
@@ -23,7 +23,7 @@ PIXEL = (96, 64)
 def finished(farm: Farm) -> str:
     """Returns the id of a small finished picture of a closed box with indirect light."""
     scene = httpx.post(f"{farm.url}/api/examples/cornell-box").raise_for_status().json()["id"]
-    return rendered(farm, str(scene), width=192, height=128, tile_size=64, spp=8)
+    return render_job(farm, str(scene), width=192, height=128, tile_size=64, spp=8)
 
 
 def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
@@ -32,7 +32,7 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
 
 
 @pytest.mark.long
-def test_a_pixel_is_explained_over_the_picture(farm: Farm, finished: str, watched: Watched) -> None:
+def test_pixel_explanation_is_drawn_over_picture(farm: Farm, finished: str, watched: Watched) -> None:
     """A pixel can be explained by a click with the tool, or by the button of a pinned pixel; Escape ends the explanation.
 
     The table shows what the service answers about the pixel.
@@ -76,7 +76,7 @@ def test_a_pixel_is_explained_over_the_picture(farm: Farm, finished: str, watche
 
 
 @pytest.mark.long
-def test_the_log_is_read_copied_and_taken_along(farm: Farm, finished: str, watched: Watched) -> None:
+def test_job_log_is_shown_copied_and_downloaded(farm: Farm, finished: str, watched: Watched) -> None:
     page = watched.page
     page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=farm.url)
     open_job(page, farm, finished, "?pins=10,12")
@@ -98,7 +98,7 @@ def test_the_log_is_read_copied_and_taken_along(farm: Farm, finished: str, watch
 
 
 @pytest.mark.long
-def test_the_tools_do_what_they_say(farm: Farm, finished: str, watched: Watched) -> None:
+def test_picture_tools_work(farm: Farm, finished: str, watched: Watched) -> None:
     """The picture's tools work: they copy the displayed picture, copy the URL with all display options, and show fullscreen."""
     page = watched.page
     page.context.grant_permissions(["clipboard-read", "clipboard-write"], origin=farm.url)

@@ -34,7 +34,7 @@ def finished(many: Service, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
         session.get_one(Frame, (job, 0)).samples = 0
 
 
-def refuse(route: Route) -> None:
+def reject_requests(route: Route) -> None:
     route.fulfill(status=409, content_type="application/problem+json", body=json.dumps({"status": 409, "detail": GONE}))
 
 
@@ -44,10 +44,10 @@ def busy(route: Route) -> None:
 
 
 @pytest.mark.long
-def test_the_page_says_why_a_finished_picture_is_gone(many: Service, finished: str, watched: Watched) -> None:
+def test_page_shows_why_finished_picture_is_lost(many: Service, finished: str, watched: Watched) -> None:
     page = watched.page
-    page.route(f"**/jobs/{finished}/frames/0/*", refuse)
-    page.route(f"**/jobs/{finished}/frames/0/*?**", refuse)
+    page.route(f"**/jobs/{finished}/frames/0/*", reject_requests)
+    page.route(f"**/jobs/{finished}/frames/0/*?**", reject_requests)
     page.goto(f"{many.url}/#/jobs/{finished}")
     notice = page.locator(".stage-missing")
     expect(notice).to_contain_text(GONE)
@@ -70,16 +70,16 @@ def test_the_page_says_why_a_finished_picture_is_gone(many: Service, finished: s
 
 
 @pytest.mark.long
-def test_the_page_says_why_in_german(many: Service, finished: str, watched: Watched) -> None:
+def test_lost_picture_message_is_translated(many: Service, finished: str, watched: Watched) -> None:
     page = watched.page
     page.add_init_script("localStorage['rayfarm.language'] = 'de'")
-    page.route(f"**/jobs/{finished}/frames/0/*", refuse)
-    page.route(f"**/jobs/{finished}/frames/0/*?**", refuse)
+    page.route(f"**/jobs/{finished}/frames/0/*", reject_requests)
+    page.route(f"**/jobs/{finished}/frames/0/*?**", reject_requests)
     page.goto(f"{many.url}/#/jobs/{finished}")
     expect(page.locator(".stage-missing")).to_contain_text("Der Film dieses Jobs ist weg.")
 
 
-def test_pictures_and_downloads_wait_for_a_busy_service(page: Page) -> None:
+def test_pictures_and_downloads_are_retried_when_service_is_busy(page: Page) -> None:
     tries = 0
 
     def soon(route: Route) -> None:
@@ -106,7 +106,7 @@ def test_pictures_and_downloads_wait_for_a_busy_service(page: Page) -> None:
         }""")
     assert saved.value.suggested_filename == "a picture.png"
     assert tries == 6
-    page.route("**/gone.png", refuse)
+    page.route("**/gone.png", reject_requests)
     sentence = page.evaluate("""async () => {
         const { showImage } = await import("/js/news/images.js");
         return showImage(document.body.appendChild(new Image()), "/gone.png").catch(({ message }) => message);

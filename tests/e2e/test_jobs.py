@@ -14,22 +14,22 @@ from tests.e2e.site import Site, call
 from tests.service.conftest import Service, until
 
 
-def rows(page: Page) -> Locator:
+def visible_rows(page: Page) -> Locator:
     return page.locator(".virtual-rows .job-row:not(.unknown)")
 
 
-def states(service: Service, ids: list[str]) -> set[str]:
+def shown_states(service: Service, ids: list[str]) -> set[str]:
     return {job["state"] for job in service.http.get("/api/jobs", params={"ids": ",".join(ids)}).json()}
 
 
 @pytest.mark.long
-def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many: Service, watched: Watched) -> None:
+def test_jobs_are_searched_and_sorted_by_url(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(f"{many.url}/#/jobs")
     expect(page.get_by_role("button", name="All 10,000")).to_be_visible()
     expect(page.get_by_role("button", name="Active 20")).to_be_visible()
-    expect(rows(page).first).to_contain_text("take 9999")
-    assert rows(page).count() < 60  # only those near the screen exist
+    expect(visible_rows(page).first).to_contain_text("take 9999")
+    assert visible_rows(page).count() < 60  # only those near the screen exist
 
     page.keyboard.press("End")
     page.evaluate("scrollTo(0, document.documentElement.scrollHeight)")
@@ -40,11 +40,11 @@ def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many:
     page.get_by_role("button", name="Failed").click()
     page.get_by_label("Order").select_option("oldest")
     expect(page).to_have_url(re.compile(r"#/jobs\?(?=.*search=truck\+43)(?=.*show=failed)(?=.*sort=oldest)"))
-    expect(rows(page).first).to_contain_text("Milk truck take 437")
+    expect(visible_rows(page).first).to_contain_text("Milk truck take 437")
 
     # Changes of the URL apply at once, also by going back.
     page.evaluate("location.hash = '#/jobs?show=active&sort=oldest'")
-    expect(rows(page).first).to_contain_text("Milk truck take 1")
+    expect(visible_rows(page).first).to_contain_text("Milk truck take 1")
     expect(page.get_by_label("Search jobs")).to_have_value("")
     page.go_back()
     expect(page.get_by_role("button", name="Failed")).to_have_attribute("aria-pressed", "true")
@@ -54,23 +54,23 @@ def test_all_of_them_are_found_sought_and_ordered_and_the_address_says_how(many:
 
 
 @pytest.mark.long
-def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watched) -> None:
+def test_bulk_change_of_selected_jobs_can_be_undone(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(f"{many.url}/#/jobs?show=active")
-    expect(rows(page).first).to_contain_text("take 9501")
+    expect(visible_rows(page).first).to_contain_text("take 9501")
     paused = [f"{i:020x}" for i in range(9501, 7500, -500)]
-    rows(page).nth(0).get_by_role("checkbox").click()
-    rows(page).nth(4).locator("a.name").click(modifiers=["Shift"])
+    visible_rows(page).nth(0).get_by_role("checkbox").click()
+    visible_rows(page).nth(4).locator("a.name").click(modifiers=["Shift"])
     bar = page.get_by_role("toolbar", name="Selected jobs")
     expect(bar).to_contain_text("5 selected")
 
     bar.get_by_role("button", name="Cancel").click()
     expect(page.get_by_text("5 jobs cancelled", exact=True)).to_be_visible()
     expect(page.get_by_role("button", name="Active 15")).to_be_visible()
-    assert states(many, paused) == {"cancelled"}
+    assert shown_states(many, paused) == {"cancelled"}
     page.get_by_role("button", name="Undo").click()
     expect(page.get_by_role("button", name="Active 20")).to_be_visible()
-    until(lambda: states(many, paused) == {"paused"}, "they are as they were")
+    until(lambda: shown_states(many, paused) == {"paused"}, "they are as they were")
 
     # Deletion applies to everything listed, visible or not, once the undo period has passed.
     page.evaluate("location.hash = '#/jobs?show=failed&search=kitchen'")
@@ -78,13 +78,13 @@ def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watche
     page.keyboard.press("Control+a")
     expect(bar).to_contain_text("500 selected")
     page.keyboard.press("Delete")
-    expect(rows(page)).to_have_count(0)
+    expect(visible_rows(page)).to_have_count(0)
     page.keyboard.press("z")
-    expect(rows(page).first).to_be_visible()
+    expect(visible_rows(page).first).to_be_visible()
     # When a row is removed, the next row gets the focus.
     page.keyboard.press("ArrowDown")
-    second = rows(page).nth(1).locator("a.name").get_attribute("href")
-    rows(page).first.get_by_role("button", name="Delete").press("Enter")
+    second = visible_rows(page).nth(1).locator("a.name").get_attribute("href")
+    visible_rows(page).first.get_by_role("button", name="Delete").press("Enter")
     expect(page.get_by_role("button", name="Failed 500")).to_be_visible()
     expect(page.locator(f"a.name[href='{second}']")).to_be_focused()
     page.keyboard.press("z")
@@ -97,7 +97,7 @@ def test_many_are_selected_changed_and_taken_back(many: Service, watched: Watche
 
 
 @pytest.mark.long
-def test_news_of_jobs_that_are_not_shown_change_tallies_and_never_the_order(many: Service, watched: Watched) -> None:
+def test_events_of_hidden_jobs_change_only_counts(many: Service, watched: Watched) -> None:
     page = watched.page
     page.goto(many.url)
     latest = page.get_by_label("Latest pictures")
@@ -106,7 +106,7 @@ def test_news_of_jobs_that_are_not_shown_change_tallies_and_never_the_order(many
     old = f"{501:020x}"
     many.patch(old, priority=5)
     page.get_by_role("link", name="Jobs", exact=True).click()
-    expect(rows(page).first).to_contain_text("take 9999")
+    expect(visible_rows(page).first).to_contain_text("take 9999")
     many.http.delete(f"/api/jobs/{old}").raise_for_status()
     expect(page.get_by_role("button", name="Active 19")).to_be_visible()
     page.get_by_role("link", name="Scenes").click()
@@ -115,7 +115,7 @@ def test_news_of_jobs_that_are_not_shown_change_tallies_and_never_the_order(many
 
 
 @pytest.mark.long
-def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: Watched) -> None:
+def test_job_deleted_by_another_client_disappears(many: Service, watched: Watched) -> None:
     page = watched.page
     paused = f"{1001:020x}"
     page.goto(f"{many.url}/#/jobs/{paused}")
@@ -127,7 +127,7 @@ def test_a_job_that_is_deleted_elsewhere_leaves_quietly(many: Service, watched: 
 
 
 @pytest.mark.long
-def test_the_same_error_again_is_counted_and_few_are_kept(page: Page, site: Site) -> None:
+def test_repeated_errors_are_counted_and_limited(page: Page, site: Site) -> None:
     page.goto(f"{site.url}/index.html")
     expect(page.locator("main h1").first).to_be_visible()  # a reloaded page has no errors of the previous one
     body = "for (const text of a) m.showError(text[0], text[1], {ofPage: text[2]});"
@@ -149,7 +149,7 @@ STUB = """
 
 
 @pytest.mark.long
-def test_the_end_of_a_job_is_told_where_one_wants_it(many: Service, watched: Watched) -> None:
+def test_end_of_job_is_notified_if_enabled(many: Service, watched: Watched) -> None:
     page = watched.page
     page.add_init_script(STUB)
     ids = [f"{i:020x}" for i in (9994, 9999)]  # cancelled, so the engine ignores them

@@ -10,7 +10,7 @@ from PIL import Image
 from playwright.sync_api import Locator, Page, expect
 
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import rendered
+from tests.e2e.screen import render_job
 from tests.e2e.small_glb import small_glb
 from tests.helpers import Farm
 
@@ -51,7 +51,7 @@ def tab_to(page: Page, wanted: Locator) -> None:
     raise AssertionError(f"Tab never reaches {wanted}")
 
 
-def test_a_picture_by_the_keyboard_alone(farm: Farm, watched: Watched) -> None:
+def test_picture_can_be_rendered_by_keyboard_alone(farm: Farm, watched: Watched) -> None:
     page = watched.page
     keys = page.keyboard
     glb = {"name": "small.glb", "mimeType": "model/gltf-binary", "buffer": small_glb()}
@@ -62,7 +62,7 @@ def test_a_picture_by_the_keyboard_alone(farm: Farm, watched: Watched) -> None:
     expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible()
     expect(page.get_by_role("main")).to_be_focused()
     scene = page.url.split("/scenes/")[1].split("?")[0]
-    other = rendered(farm, scene, width=96, height=54, spp=4)
+    other = render_job(farm, scene, width=96, height=54, spp=4)
 
     camera = page.get_by_label("Camera", exact=True)
     tab_to(page, camera)

@@ -11,7 +11,7 @@ import pytest
 from playwright.sync_api import Browser, Page, ViewportSize, expect
 
 from tests.e2e.conftest import SOON_CLEAR
-from tests.e2e.screen import rendered
+from tests.e2e.screen import render_job
 from tests.helpers import ROOT, Farm
 from tests.page.node import Node
 
@@ -30,11 +30,11 @@ TEXTS = "h1, h2, button, label, legend, summary, th, dt, nav a, option, .tabs *"
 def job(farm: Farm) -> str:
     """Returns the id of a small finished picture."""
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
-    return rendered(farm, scene, width=32, height=24, spp=2)
+    return render_job(farm, scene, width=32, height=24, spp=2)
 
 
 @pytest.fixture(params=["de-AT", pytest.param("zh-CN", marks=pytest.mark.long)])
-def foreign(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[Page, str]]:
+def foreign_page(browser: Browser, request: pytest.FixtureRequest) -> Iterator[tuple[Page, str]]:
     """Yields (page, locale) of a browser that is set to a language other than English."""
     context = browser.new_context(viewport=PHONE, reduced_motion="reduce", locale=request.param)
     context.set_default_timeout(20_000)
@@ -76,9 +76,9 @@ def assert_is_fit(page: Page, locale: str) -> None:
     assert_fits_and_is_named(page)
 
 
-def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, foreign: tuple[Page, str]) -> None:
+def test_every_view_is_in_browser_language(farm: Farm, job: str, foreign_page: tuple[Page, str]) -> None:
     """On a phone, every view is in the browser's language and fits the screen, and its controls have accessible names."""
-    page, locale = foreign
+    page, locale = foreign_page
     drop, render, save, jobs, tag = HEADINGS[locale]
     page.goto(farm.url)
     expect(page.get_by_role("heading", name=drop)).to_be_visible()
@@ -104,7 +104,7 @@ def test_every_view_is_in_the_language_of_the_browser(farm: Farm, job: str, fore
 
 
 @pytest.fixture(scope="module")
-def warned(farm: Farm) -> dict[str, Any]:
+def scene_with_warning(farm: Farm) -> dict[str, Any]:
     """Uploads a scene with one invalid vertex, and returns its JSON, whose warning about the vertex contains a count."""
     vertices = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv nan 0 0\nf 1 2 3\nf 1 2 4\n"
     scene = httpx.post(f"{farm.url}/api/scenes", files={"files": ("odd.obj", vertices)}).raise_for_status().json()["id"]
@@ -125,29 +125,31 @@ def translated_warning(record: dict[str, Any], language: str) -> str:
     return shown
 
 
-def test_a_warning_of_a_reader_is_translated_by_its_code(farm: Farm, warned: dict[str, Any], program: str) -> None:
+def test_reader_warning_is_translated_by_code(farm: Farm, scene_with_warning: dict[str, Any], program: str) -> None:
     """The page translates a scene reader's warning by the warning's code, and inserts the count.
 
     The warning passes from a worker through the service to the page's modules, run in Node.js. A problem response has a code too.
     """
     with Node(program, "de-DE") as node:
-        shown = node.call("base/said", "return m.allSaidOf(a, 'warnings');", warned)
-    assert translated_warning(warned, "de") in shown
+        shown = node.call("base/said", "return m.allSaidOf(a, 'warnings');", scene_with_warning)
+    assert translated_warning(scene_with_warning, "de") in shown
     problem = httpx.get(f"{farm.url}/api/jobs/none").json()
     assert (problem["code"], problem["params"]) == ("job-not-found", {"id": "'none'"})
     assert problem["detail"].startswith("There is no job")
 
 
 @pytest.mark.long
-def test_a_warning_is_shown_in_the_language_of_the_browser(farm: Farm, warned: dict[str, Any], foreign: tuple[Page, str]) -> None:
-    page, locale = foreign
-    page.goto(f"{farm.url}/#/scenes/{warned['id']}")
-    expect(page.get_by_text(translated_warning(warned, locale[:2]))).to_be_visible()
+def test_warning_is_shown_in_browser_language(
+    farm: Farm, scene_with_warning: dict[str, Any], foreign_page: tuple[Page, str]
+) -> None:
+    page, locale = foreign_page
+    page.goto(f"{farm.url}/#/scenes/{scene_with_warning['id']}")
+    expect(page.get_by_text(translated_warning(scene_with_warning, locale[:2]))).to_be_visible()
 
 
 @pytest.mark.long
-def test_the_menu_changes_the_language_and_it_stays(farm: Farm, foreign: tuple[Page, str]) -> None:
-    page, locale = foreign
+def test_language_menu_changes_language_permanently(farm: Farm, foreign_page: tuple[Page, str]) -> None:
+    page, locale = foreign_page
     page.goto(farm.url)
     expect(page.get_by_role("heading", name=HEADINGS[locale][0])).to_be_visible()
     page.locator(".language select").select_option("en")

@@ -63,9 +63,7 @@ def render(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_a_scene_is_lit_by_what_is_chosen_and_dropped(
-    watched: Watched, farm: Farm, scene: dict[str, Any], tmp_path: Path
-) -> None:
+def test_scene_uses_selected_and_dropped_environment(watched: Watched, farm: Farm, scene: dict[str, Any], tmp_path: Path) -> None:
     page = watched.page
     before = len(httpx.get(f"{farm.url}/api/scenes").json())
     page.goto(f"{farm.url}/#/scenes/{scene['id']}")
@@ -98,7 +96,7 @@ def test_a_scene_is_lit_by_what_is_chosen_and_dropped(
 
 
 @pytest.mark.long
-def test_an_image_alone_is_no_scene_but_may_be_kept(watched: Watched, farm: Farm, tmp_path: Path) -> None:
+def test_dropped_image_can_be_added_as_environment(watched: Watched, farm: Farm, tmp_path: Path) -> None:
     page = watched.page
     page.goto(farm.url)
     expect(page.get_by_role("heading").first).to_be_visible()

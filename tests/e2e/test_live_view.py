@@ -81,7 +81,7 @@ class LiveView:
         wait_until(lambda: "view=" in self.address(), 20, "the address says the view")
 
 
-def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched) -> None:
+def test_live_view_stores_nothing(farm: Farm, watched: Watched) -> None:
     view = LiveView(farm, watched)
     page = view.page
     expect(page.locator(".view-state")).to_contain_text(re.compile(r"\d spp.*(2 slots|done)"))  # may be finished already
@@ -102,7 +102,7 @@ def test_the_view_is_live_and_leaves_nothing_behind(farm: Farm, watched: Watched
 
 
 @pytest.mark.long
-def test_the_view_flies_survives_a_killed_slot_and_keeps_what_is_found(farm: Farm, watched: Watched) -> None:
+def test_live_view_navigates_and_survives_killed_slot(farm: Farm, watched: Watched) -> None:
     view = LiveView(farm, watched)
     page, surface = view.page, view.surface
     view.turn()
@@ -144,7 +144,7 @@ def farm_views(farm: Farm) -> str:
 
 
 @pytest.mark.long
-def test_on_a_phone_the_page_scrolls_under_one_finger(farm: Farm, browser: Browser) -> None:
+def test_one_finger_scrolls_page_on_phone(farm: Farm, browser: Browser) -> None:
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     with farm.client() as client:
         client.wait_for_scene(scene)

@@ -25,7 +25,7 @@ def service(tmp_path: Path) -> Iterator[Service]:
         service.stop()
 
 
-def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watched, tmp_path: Path) -> None:
+def test_login_by_link_logout_and_login_by_password(service: Service, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     page.set_viewport_size({"width": 640, "height": 480})
     token = (tmp_path / "data" / "owner-token").read_text().strip()
@@ -63,14 +63,14 @@ def test_in_by_a_link_out_and_in_by_a_password(service: Service, watched: Watche
 
 
 @pytest.mark.long
-def test_a_link_that_was_used_says_so(service: Service, watched: Watched) -> None:
+def test_used_login_link_shows_message(service: Service, watched: Watched) -> None:
     watched.page.goto(f"{service.url}/#/login?code=used")
     expect(watched.page.get_by_role("alert")).to_contain_text("used already")
     assert "used" not in watched.page.url.partition("#")[2]
 
 
 @pytest.mark.long
-def test_an_administrator_lets_others_in_and_out_again(service: Service, watched: Watched, tmp_path: Path) -> None:
+def test_administrator_adds_and_removes_users(service: Service, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     token = (tmp_path / "data" / "owner-token").read_text().strip()
     with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {token}"}, verify=False) as owner:

@@ -26,7 +26,7 @@ def say(store: redis.Redis, name: str, current: list[dict[str, Any]], **more: An
 
 
 @pytest.mark.long
-def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service, watched: Watched) -> None:
+def test_machines_show_current_work_and_can_be_paused(many: Service, watched: Watched) -> None:
     page = watched.page
     with redis.Redis.from_url(many.options["redis_url"]) as store:
         batch = {"batch": "b", "job": OLD, "frame": 0, "tile": [64, 128, 64, 64], "first": 0, "count": 8}
@@ -64,7 +64,7 @@ def test_machines_show_what_they_do_and_are_paused_and_taken_back(many: Service,
 
 
 @pytest.mark.long
-def test_no_picture_stands_under_another_ones_name(page: Page) -> None:
+def test_slot_shows_no_picture_of_another_job(page: Page) -> None:
     """A slot that starts another job shows no picture until that job's picture is loaded."""
     body = """
         const { jobs } = await import("/js/news/farm.js");
@@ -84,7 +84,7 @@ def test_no_picture_stands_under_another_ones_name(page: Page) -> None:
     assert call(page, "views/machine", body) == of
 
 
-def test_a_machine_shows_its_graphics_cards_and_why_others_are_not_used(page: Page) -> None:
+def test_machine_shows_its_graphics_cards(page: Page) -> None:
     body = """
         const { element, update } = m.machineCard();
         document.body.replaceChildren(element);

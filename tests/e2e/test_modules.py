@@ -12,7 +12,7 @@ from PIL import Image
 from playwright.sync_api import Page
 
 from renderer.image import rgbe9995, tonemap
-from tests.e2e.site import HEIGHT, WIDTH, Site, call, radiances
+from tests.e2e.site import HEIGHT, WIDTH, Site, call, sample_radiance
 from tests.grids import grid
 
 EXPOSURES = (-3.0, 0.0, 2.5)
@@ -23,9 +23,9 @@ LOOKS = {
 
 
 @grid("looks", LOOKS, ordinary=("each curve",))
-def test_the_shader_is_the_tone_mapping_of_python(looks: str, page: Page) -> None:
+def test_shader_tone_mapping_equals_python(looks: str, page: Page) -> None:
     """The page's shader applies all tone curves as Python does, within one 8-bit step, over a range of 21 stops."""
-    film = radiances()
+    film = sample_radiance()
     mount = """
         const view = new m.FilmView(a.width, a.height, { cursor() {}, moved() {} });
         document.body.replaceChildren(view.element);
@@ -54,7 +54,7 @@ def test_the_shader_is_the_tone_mapping_of_python(looks: str, page: Page) -> Non
         assert np.abs(screen - wanted).max() <= 1, (exposure, curve)
 
 
-def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Page, site: Site) -> None:
+def test_live_picture_acknowledges_and_reconnects(page: Page, site: Site) -> None:
     body = """
         const news = [];
         await new Promise((done) => {
@@ -77,7 +77,7 @@ def test_a_live_picture_acknowledges_and_comes_back_when_it_is_cut_off(page: Pag
 
 
 @pytest.mark.long
-def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
+def test_pending_pin_request_is_not_repeated(page: Page) -> None:
     """While tiles arrive, the statistics of a pinned area are updated at once.
 
     A pending request for a pinned pixel is not cancelled and sent again for each tile.
@@ -111,7 +111,7 @@ def test_a_slow_answer_about_a_pin_is_waited_for(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_a_busy_service_is_asked_again_after_the_time_that_it_names(page: Page) -> None:
+def test_retry_after_is_respected(page: Page) -> None:
     found = call(
         page,
         "news/busy",

@@ -15,7 +15,7 @@ CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 
 
 @pytest.mark.long
-def test_a_job_shows_itself_in_a_notebook(farm: Farm, page: Page) -> None:
+def test_notebook_widget_shows_job(farm: Farm, page: Page) -> None:
     with Client(farm.url) as client:
         scene = client.wait_for_scene(client.upload([CORNELL]).id)
         job = client.submit(scene.id, width=48, height=32, spp=8, max_depth=4)

@@ -42,7 +42,7 @@ def samples_shown(page: Page) -> int:
     return int(page.get_by_label("Progress", exact=True).locator(".big").inner_text().replace(",", ""))
 
 
-def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_dropped_file_is_rendered_and_pixels_equal_film(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     """A dropped file is shown first as a preview of its mesh, then as a job's picture with the film's pixels.
 
     The picture stays when the job is cancelled.
@@ -131,7 +131,7 @@ def test_a_dropped_file_becomes_a_picture_whose_pixels_are_the_films(farm: Farm,
 
 
 @pytest.mark.long
-def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watched) -> None:
+def test_invalid_scene_shows_error_of_service(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.goto(farm.url)
     with page.expect_file_chooser() as chooser:
@@ -168,7 +168,7 @@ def test_what_is_no_scene_gets_the_services_sentence(farm: Farm, watched: Watche
 
 
 @pytest.mark.long
-def test_an_example_is_a_picture_in_two_clicks_and_cancelling_keeps_it(farm: Farm, watched: Watched) -> None:
+def test_example_renders_in_two_clicks_and_cancelling_keeps_picture(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.goto(farm.url)
     page.get_by_role("button", name="Spheres", exact=True).click()
@@ -187,7 +187,7 @@ def test_an_example_is_a_picture_in_two_clicks_and_cancelling_keeps_it(farm: Far
 
 
 @pytest.mark.long
-def test_what_is_missing_is_added_and_of_several_models_one_is_chosen(farm: Farm, watched: Watched) -> None:
+def test_missing_files_are_added_and_main_file_is_selected(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.goto(farm.url)
     with page.expect_file_chooser() as chooser:

@@ -10,7 +10,7 @@ from tests.e2e.conftest import Watched
 from tests.service.conftest import Service
 
 
-def test_the_palette_finds_pages_scenes_and_jobs_by_keyboard(many: Service, watched: Watched) -> None:
+def test_palette_finds_pages_scenes_and_jobs(many: Service, watched: Watched) -> None:
     page = watched.page
     keys = page.keyboard
     page.goto(many.url)

@@ -15,7 +15,7 @@ from playwright.sync_api import Page, WebSocket, expect
 from renderer import aovs
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_screen, assert_shows, on_screen, read_exr, rendered
+from tests.e2e.screen import assert_screen, assert_shows, on_screen, read_exr, render_job
 from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 
@@ -29,7 +29,7 @@ def spheres(farm: Farm) -> str:
 @pytest.fixture(scope="module")
 def finished(farm: Farm) -> str:
     """Returns the id of a finished job with several tiles."""
-    return rendered(farm, spheres(farm), **SIZE, spp=8)
+    return render_job(farm, spheres(farm), **SIZE, spp=8)
 
 
 def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
@@ -38,7 +38,7 @@ def open_job(page: Page, farm: Farm, job: str, query: str = "") -> None:
 
 
 @pytest.mark.long
-def test_a_finished_picture_is_there_at_once(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
+def test_finished_picture_is_shown_at_once(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
     """A finished picture is shown at once, by the JPEG of the job list, until the film has arrived.
 
     The film arrives in one response, without tiles over the live channel.
@@ -97,7 +97,7 @@ def at(page: Page, x: float, y: float) -> tuple[float, float]:
 
 
 @pytest.mark.long
-def test_a_rectangle_on_the_picture_is_rendered_first(farm: Farm, watched: Watched) -> None:
+def test_focus_rectangle_is_rendered_first(farm: Farm, watched: Watched) -> None:
     job = httpx.post(f"{farm.url}/api/jobs", json={"scene": spheres(farm), **SIZE, "spp": 60_000}).raise_for_status().json()["id"]
     url = f"{farm.url}/api/jobs/{job}"
     page = watched.page
@@ -138,7 +138,7 @@ def test_a_rectangle_on_the_picture_is_rendered_first(farm: Farm, watched: Watch
 
 
 @pytest.mark.long
-def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
+def test_light_groups_and_pinned_pixels_are_shown(farm: Farm, finished: str, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     open_job(page, farm, finished, "?pins=3,4")
     page.keyboard.press("1")
@@ -208,7 +208,7 @@ def test_parts_of_the_light_and_pinned_pixels(farm: Farm, finished: str, watched
 
 
 @pytest.mark.long
-def test_the_history_tells_what_happened(farm: Farm, finished: str, watched: Watched) -> None:
+def test_history_shows_events_of_job(farm: Farm, finished: str, watched: Watched) -> None:
     page = watched.page
     open_job(page, farm, finished)
     page.get_by_role("tab", name="Info").click()

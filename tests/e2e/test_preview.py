@@ -19,7 +19,7 @@ def live_view_pixels(page: Page) -> np.ndarray:
 
 
 @pytest.mark.long  # test_page.py tests the first picture
-def test_the_mesh_stands_in_until_there_are_samples(farm: Farm, watched: Watched) -> None:
+def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched) -> None:
     page = watched.page
     page.set_viewport_size({"width": 800, "height": 480})
     page.route_web_socket("**/viewport", lambda socket: None)  # keeps samples from arriving

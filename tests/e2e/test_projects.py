@@ -15,7 +15,7 @@ from tests.service.conftest import OBJ, Service, until
 
 
 @pytest.mark.long
-def test_the_switch_is_there_for_members_and_chooses_what_is_shown(
+def test_project_menu_filters_lists_for_members(
     service: Service,  # noqa: F811
     watched: Watched,
     tmp_path: Path,
@@ -94,7 +94,7 @@ def _projects(owner: httpx.Client) -> dict[str, str]:
 
 
 @pytest.mark.long
-def test_an_administrator_manages_projects_and_limits(service: Service, watched: Watched, tmp_path: Path) -> None:  # noqa: F811
+def test_administrator_manages_projects_and_limits(service: Service, watched: Watched, tmp_path: Path) -> None:  # noqa: F811
     page = watched.page
     token = (tmp_path / "data" / "owner-token").read_text().strip()
     with httpx.Client(base_url=service.url, headers={"Authorization": f"Bearer {token}"}, verify=False) as owner:

@@ -15,7 +15,7 @@ from tests.service.conftest import Service, until
 
 
 @pytest.mark.long
-def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, watched: Watched) -> None:
+def test_job_shows_dependencies_and_deadline(many: Service, watched: Watched) -> None:
     page = watched.page
     first = many.submit("scene1", name="The first")
     job = many.submit("scene1", name="The second", after=[first])
@@ -51,7 +51,7 @@ def test_a_job_says_what_it_waits_for_and_by_when_it_is_wanted(many: Service, wa
 
 
 @pytest.mark.long
-def test_a_job_is_renamed_and_a_note_stands_in_the_list(many: Service, watched: Watched) -> None:
+def test_job_is_renamed_and_note_is_listed(many: Service, watched: Watched) -> None:
     page = watched.page
     job = many.submit("scene1", name="Take 1")
     page.goto(f"{many.url}/#/jobs/{job}")
@@ -77,7 +77,7 @@ def test_a_job_is_renamed_and_a_note_stands_in_the_list(many: Service, watched: 
 
 
 @pytest.mark.long
-def test_shares_are_seen_and_changed(many: Service, watched: Watched) -> None:
+def test_shares_are_shown_and_changed(many: Service, watched: Watched) -> None:
     page = watched.page
     many.http.put("/api/shares/user:anna", json={"weight": 2, "max_slots": 8}).raise_for_status()
     page.goto(f"{many.url}/#/workers")
@@ -98,7 +98,7 @@ def test_shares_are_seen_and_changed(many: Service, watched: Watched) -> None:
 
 
 @pytest.mark.long
-def test_a_machine_is_told_when_it_works(many: Service, watched: Watched) -> None:
+def test_working_hours_of_machine_are_changed(many: Service, watched: Watched) -> None:
     page = watched.page
     peers = (many.worker(name="attic", tags=("gpu", "kind:test-kind"), slots=4), many.worker(name="cellar"))
     for peer in peers:

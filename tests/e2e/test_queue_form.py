@@ -10,7 +10,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.site import call
-from tests.e2e.test_settings_form import open_form, submitted
+from tests.e2e.test_settings_form import open_form, submitted_request
 
 JOBS = [
     {"id": "j1", "name": "The set", "state": "running", "progress": 0.25, "created": 3},
@@ -29,12 +29,12 @@ def form(page: Page) -> Page:
 
 
 @pytest.mark.long
-def test_what_is_left_alone_is_not_asked_for(form: Page) -> None:
-    asked = submitted(form)
+def test_unchanged_options_are_not_requested(form: Page) -> None:
+    asked = submitted_request(form)
     assert not {"deadline", "priority", "max_slots", "needs", "after", "verify", "fresh"} & asked.keys()
 
 
-def test_a_job_is_asked_for_with_its_place_among_the_others(form: Page) -> None:
+def test_queue_options_are_requested(form: Page) -> None:
     fold = form.locator(".queue-fold")
     fold.get_by_label("Wanted by").fill("2035-05-01T08:00")
     fold.get_by_label("Priority").fill("5")
@@ -51,14 +51,14 @@ def test_a_job_is_asked_for_with_its_place_among_the_others(form: Page) -> None:
     expect(fold.locator("summary")).to_contain_text(
         "priority 5 · 3 slots · gpu, memory_gb=12 · after 1 job · 2.5 % verified · anew"
     )
-    asked = submitted(form)
+    asked = submitted_request(form)
     assert form.evaluate("new Date(window.asked.deadline) - new Date('2035-05-01T08:00')") == 0
     names = ("priority", "max_slots", "needs", "after", "verify", "fresh")
     assert [asked[name] for name in names] == [5, 3, ["gpu", "memory_gb=12"], ["j2"], 0.025, True]
 
 
 @pytest.mark.long
-def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
+def test_invalid_option_shows_error_at_its_field(form: Page) -> None:
     fold = form.locator(".queue-fold")
     fold.locator("summary").click()
     for label, wrong, said, right in (
@@ -70,7 +70,7 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
         fold.evaluate("fold => { fold.open = true }")
         fold.get_by_label(label).fill(wrong)
         fold.evaluate("fold => { fold.open = false }")
-        assert submitted(form) is None
+        assert submitted_request(form) is None
         expect(fold.get_by_role("alert").filter(has_text=said)).to_be_visible()
         expect(fold.get_by_label(label)).to_be_focused()
         fold.get_by_label(label).fill(right)
@@ -83,17 +83,17 @@ def test_what_is_wrong_is_said_where_it_stands(form: Page) -> None:
     fold.get_by_label("Needs").fill("gpu, memory_gb=16")
     fold.get_by_label("Needs").blur()
     expect(fold.locator(".lacking")).to_be_hidden()
-    assert submitted(form)["needs"] == ["gpu", "memory_gb=16"]
+    assert submitted_request(form)["needs"] == ["gpu", "memory_gb=16"]
 
 
 @pytest.mark.long
-def test_the_request_is_shown_as_a_program_asks_for_it(form: Page) -> None:
+def test_request_is_shown_as_program_code(form: Page) -> None:
     fold = form.locator(".by-program")
     form.locator(".queue-fold").get_by_label("Priority").fill("5")
     curl, python = (fold.get_by_label(name, exact=True) for name in ("curl", "Python"))
     expect(curl).to_contain_text('"priority":5')
     expect(python).to_contain_text("priority=5")
-    asked = submitted(form)
+    asked = submitted_request(form)
     _, _, body = shlex.split(curl.text_content() or "")[-3:]
     assert json.loads(body) == asked
     tree = ast.parse(python.text_content() or "")

@@ -21,7 +21,7 @@ def scene(i: int, name: str) -> dict[str, Any]:
 
 
 @pytest.mark.long
-def test_few_are_shown_at_first_and_all_are_found(page: Page) -> None:
+def test_latest_scenes_are_shown_first_and_search_finds_all(page: Page) -> None:
     older = scene(200, "Bridge at dawn")
     page.route("**/api/scenes?*", lambda route: answer(route, [older] if "bridge" in route.request.url else [older, *latest]))
     latest = [scene(i, f"Take {i}") for i in range(30)]
@@ -42,7 +42,7 @@ def test_few_are_shown_at_first_and_all_are_found(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_where_there_are_few_nothing_is_sought(page: Page) -> None:
+def test_few_scenes_have_no_search(page: Page) -> None:
     call(page, "views/scene-grid", SHOW, [scene(i, f"Take {i}") for i in range(5)])
     expect(page.locator(".card")).to_have_count(5)
     expect(page.get_by_label("Search scenes")).to_be_hidden()

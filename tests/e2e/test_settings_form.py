@@ -46,7 +46,7 @@ def open_form(
     call(page, "scene/settings-form", TOLD + body, {"scene": scene, "table": described(known), "asShot": as_shot})
 
 
-def submitted(page: Page) -> dict[str, Any]:
+def submitted_request(page: Page) -> dict[str, Any]:
     page.get_by_role("button", name="Render").click()
     asked: dict[str, Any] = page.evaluate("window.asked")
     return asked
@@ -71,23 +71,23 @@ class Sparkling(settings.RenderSettings):
 
 
 @pytest.mark.long
-def test_a_setting_that_the_renderer_declares_has_a_field(page: Page) -> None:
+def test_declared_setting_has_a_field(page: Page) -> None:
     open_form(page, table(Sparkling))
     field = page.get_by_label("Sparkle")
     expect(field).to_have_attribute("placeholder", "dull")
     expect(page.get_by_text("How much the snow glitters.")).to_be_visible()
     field.fill("3")
-    assert submitted(page) is None
+    assert submitted_request(page) is None
     expect(page.get_by_text("Sparkle lies between 0.1 and 2.")).to_be_visible()
     field.fill("1.5")
-    assert submitted(page)["sparkle"] == 1.5
+    assert submitted_request(page)["sparkle"] == 1.5
     page.get_by_label("Integrator").select_option("direct")
     expect(field).to_be_hidden()
-    assert "sparkle" not in submitted(page)
+    assert "sparkle" not in submitted_request(page)
 
 
 @pytest.mark.long
-def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Page) -> None:
+def test_quality_presets_show_expected_time_and_noise(page: Page) -> None:
     """Each quality preset shows the time and the noise that are expected for it.
 
     Both follow from the scene's latest picture, which took a microsecond of one slot per sample of a pixel, and had a noise of
@@ -105,29 +105,29 @@ def test_each_quality_says_what_it_takes_here_and_how_noisy_it_will_be(page: Pag
     ]
     expect(page.get_by_text("64 M samples, about 33 s on 2 slots, 5 % noise")).to_be_visible()
     page.get_by_text("Finest").click()
-    assert submitted(page)["spp"] == 1024
+    assert submitted_request(page)["spp"] == 1024
 
 
 @pytest.mark.long
-def test_what_is_changed_is_marked_and_goes_back(page: Page) -> None:
+def test_changed_field_is_marked_and_can_be_reset(page: Page) -> None:
     open_form(page)
     depth = page.get_by_label("Max depth", exact=True)
     back = page.get_by_role("button", name="Reset to 5")
     expect(back).to_be_hidden()
     depth.locator("xpath=..").locator("input[type=range]").fill("400")  # end of the slider
     expect(depth).to_have_value("64")
-    assert submitted(page)["max_depth"] == 64
+    assert submitted_request(page)["max_depth"] == 64
     back.click()
     expect(depth).to_have_value("5")
     expect(back).to_be_hidden()
-    assert "max_depth" not in submitted(page)
+    assert "max_depth" not in submitted_request(page)
     page.get_by_label("Filter").select_option("box")
     page.get_by_role("button", name="Reset to Blackman-Harris").click()
-    assert "filter" not in submitted(page)
+    assert "filter" not in submitted_request(page)
 
 
 @pytest.mark.long
-def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
+def test_comparison_lists_differences_of_settings(page: Page) -> None:
     """The comparison lists each difference of two jobs' settings with the values of both.
 
     Among them are a setting that is off, a choice, samples against a noise level, and the camera.
@@ -163,7 +163,7 @@ def test_two_jobs_differ_in_what_the_table_has(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) -> None:
+def test_comparison_lists_differences_of_scene_versions(page: Page) -> None:
     """The comparison of two jobs also lists what was changed in the scene between them: variant and environment.
 
     For jobs of an older release, the difference is found in their two scenes, which have the same name; newer jobs store it
@@ -198,7 +198,7 @@ def test_jobs_of_two_versions_of_a_scene_differ_in_what_was_changed(page: Page) 
 
 
 @pytest.mark.long
-def test_a_job_is_told_by_what_it_ends_at_and_not_by_its_cap(page: Page) -> None:
+def test_job_goal_is_shown_instead_of_sample_limit(page: Page) -> None:
     ends = {
         "512 spp": {"spp": 512, "noise": None, "seconds": None},
         "noise 7 %": {"spp": 16384, "noise": 0.07, "seconds": None},
@@ -210,14 +210,14 @@ def test_a_job_is_told_by_what_it_ends_at_and_not_by_its_cap(page: Page) -> None
 
 
 @pytest.mark.long
-def test_what_is_left_alone_is_the_scenes_own(page: Page) -> None:
+def test_unchanged_fields_use_scene_defaults(page: Page) -> None:
     open_form(page)
     plain = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 50}
-    assert submitted(page) == plain
+    assert submitted_request(page) == plain
 
 
 @pytest.mark.long
-def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
+def test_cameras_with_equal_names_are_distinguished(page: Page) -> None:
     """Cameras with the same name can be selected separately: the first is requested by name, the others by number."""
     front, auto = SCENE["cameras"]  # type: ignore[misc]
     open_form(page, scene={**SCENE, "cameras": [front, {**front, "name": "side"}, front, {**front, "name": "auto"}, auto]})
@@ -226,11 +226,11 @@ def test_cameras_of_the_same_name_are_told_apart(page: Page) -> None:
     expect(camera.get_by_role("option")).to_have_text(shown)
     for label, asked in zip(shown, ["front", "side", 2, "auto", 4], strict=False):
         camera.select_option(label=label)
-        assert submitted(page)["camera"] == asked
+        assert submitted_request(page)["camera"] == asked
 
 
 @pytest.mark.long
-def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
+def test_settings_of_finished_job_are_requested_again(page: Page) -> None:
     """The form for rendering a finished job again requests that job's settings, except those that equal the scene's own."""
     view = settings.View((0.1, 2, 3), (0, 0.5, 0), fov=33, aperture=0.02, focus=2.5)
     chosen = {"seed": 7, "integrator": "direct", "sampling": "bsdf", "light_samples": 3, "filter": "tent"}
@@ -242,13 +242,13 @@ def test_a_pictures_settings_are_asked_for_again(page: Page) -> None:
         const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, a.job);
         document.body.replaceChildren(form.element);"""
     call(page, "scene/settings-form", TOLD + body, {"scene": SCENE, "job": job, "table": described()})
-    asked = submitted(page)
+    asked = submitted_request(page)
     assert settings.View.from_json(asked.pop("view")) == view
     size = {"scene": "abc", "width": 640, "height": 320, "spp": 21, "seconds": 90}
     assert asked == {**size, **chosen, "environment": {"color": [0.123456, 2.0, 0.5], "strength": 0.7}}
 
 
-def test_what_is_changed_is_asked_for(page: Page) -> None:
+def test_changed_fields_are_requested(page: Page) -> None:
     open_form(page)
     page.get_by_label("Aperture").fill("0.1")
     page.get_by_label("Light samples").fill("4")
@@ -257,7 +257,7 @@ def test_what_is_changed_is_asked_for(page: Page) -> None:
     dial = page.get_by_role("slider", name="Where the sun stands")
     dial.press("ArrowUp")
     dial.press("Shift+ArrowLeft")
-    asked = submitted(page)
+    asked = submitted_request(page)
     # The scene camera's exact numbers are sent, though the fields show six digits.
     assert asked["view"]["eye"] == SCENE["cameras"][0]["view"]["eye"]  # type: ignore[index]
     assert asked["view"]["aperture"] == 0.1
@@ -269,7 +269,7 @@ def test_what_is_changed_is_asked_for(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_a_second_press_before_the_answer_asks_for_nothing(page: Page) -> None:
+def test_second_click_before_response_submits_nothing(page: Page) -> None:
     body = """
         let asked = 0;
         let answer;
@@ -286,21 +286,21 @@ def test_a_second_press_before_the_answer_asks_for_nothing(page: Page) -> None:
 
 
 @pytest.mark.long
-def test_only_what_an_integrator_reads_is_shown_and_sent(page: Page) -> None:
+def test_only_settings_of_integrator_are_shown_and_sent(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("AO distance")).to_be_hidden()
     page.get_by_label("Max depth", exact=True).fill("9")
     page.get_by_label("Integrator").select_option("ao")
     expect(page.get_by_label("Max depth", exact=True)).to_be_hidden()
     page.get_by_label("AO distance").fill("2.5")
-    asked = submitted(page)
+    asked = submitted_request(page)
     assert asked["integrator"] == "ao"
     assert asked["ao_distance"] == 2.5
     assert "max_depth" not in asked
 
 
 @pytest.mark.long
-def test_whitteds_constant_is_a_grey(page: Page) -> None:
+def test_whitted_ambient_is_grey(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("Ambient light")).to_be_hidden()
     page.get_by_label("Integrator").select_option("whitted")
@@ -308,32 +308,32 @@ def test_whitteds_constant_is_a_grey(page: Page) -> None:
     page.get_by_label("Ambient light").fill("0.1")
     page.get_by_label("Near plane").fill("1.5")
     page.get_by_label("Shift up").fill("0.25")
-    asked = submitted(page)
+    asked = submitted_request(page)
     assert (asked["integrator"], asked["ambient"]) == ("whitted", [0.1, 0.1, 0.1])
     assert (asked["view"]["near"], asked["view"]["shift_y"]) == (1.5, 0.25)
 
 
 @pytest.mark.long
-def test_a_panorama_is_twice_as_wide_as_high(page: Page) -> None:
+def test_panorama_is_twice_as_wide_as_high(page: Page) -> None:
     open_form(page)
     page.get_by_label("Projection").select_option("panorama")
     expect(page.get_by_label("Aperture")).to_be_hidden()
-    asked = submitted(page)
+    asked = submitted_request(page)
     assert (asked["width"], asked["height"]) == (300, 150)
     assert asked["view"]["projection"] == "panorama"
 
 
 @pytest.mark.long
-def test_what_cannot_be_is_said_beside_its_field(page: Page) -> None:
+def test_invalid_value_shows_error_at_its_field(page: Page) -> None:
     open_form(page)
     page.get_by_label("Light samples").fill("70")
     page.get_by_label("Max depth", exact=True).fill("2.5")
     page.get_by_label("Samples per pixel").fill("")
-    assert submitted(page) is None
+    assert submitted_request(page) is None
     for sentence in ("Light samples lies between 1 and 64.", "Max depth is a whole number.", "Samples per pixel needs a number."):
         expect(page.get_by_role("alert").filter(has_text=sentence)).to_be_visible()
     expect(page.get_by_label("Samples per pixel")).to_be_focused()
     page.get_by_label("Samples per pixel").fill("8")
     page.get_by_label("Max depth", exact=True).fill("2")
     page.get_by_label("Light samples").fill("1")
-    assert submitted(page)["spp"] == 8
+    assert submitted_request(page)["spp"] == 8

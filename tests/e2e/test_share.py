@@ -16,7 +16,7 @@ from tests.service.peer_worker import PeerWorker
 pytestmark = pytest.mark.long
 
 
-def test_a_link_is_created_opened_elsewhere_and_withdrawn(browser: Browser, watched: Watched, tmp_path: Path) -> None:
+def test_share_link_is_created_opened_and_revoked(browser: Browser, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     server = running_redis(tmp_path)
     with server:

@@ -19,14 +19,14 @@ from tests.e2e.conftest import Watched
 from tests.e2e.screen import assert_shows, read_exr
 from tests.e2e.site import WEB, call
 from tests.helpers import Farm, wait_until
-from tests.rayfarm.test_sequence import turning
+from tests.rayfarm.test_sequence import animated_scene
 
 WIDTH, HEIGHT = 96, 64
 # A shot of frames 0 to 1999, with the fields of its job that the page's modules read.
 MANY = {"shot": {"frames": "0-1999", "count": 2000, "fps": 24}, "frames": []}
 
 
-def uploaded(farm: Farm, *files: tuple[str, bytes]) -> str:
+def upload_scene(farm: Farm, *files: tuple[str, bytes]) -> str:
     """Uploads a scene, and returns its id once it is ready."""
     parts = [("files", (name, content)) for name, content in files]
     scene: str = httpx.post(f"{farm.url}/api/scenes", files=parts).raise_for_status().json()["id"]
@@ -51,13 +51,13 @@ def finished(farm: Farm, job: str) -> Callable[[], bool]:
     return lambda: bool(job_json(farm, job)["state"] == "finished")
 
 
-def cell(page: Page, number: int | float) -> Any:
+def strip_cell(page: Page, number: int | float) -> Any:
     return page.get_by_role("option", name=re.compile(rf"^Frame {number}\b"))
 
 
-def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_shot_is_rendered_played_and_downloaded(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
-    scene = uploaded(farm, ("shot.glb", turning().glb()))
+    scene = upload_scene(farm, ("shot.glb", animated_scene().glb()))
     job = asked(farm, scene, frames="0-4", fps=16, spp=4)
     wait_until(finished(farm, job), 120, "the shot is finished")
 
@@ -65,7 +65,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
     page.goto(f"{farm.url}/#/jobs/{job}")
     expect(page.get_by_role("region", name="Progress")).to_contain_text("of 5 frames")
     expect(page.locator(".frame-cell")).to_have_count(5)
-    expect(cell(page, 3)).to_have_accessible_name(re.compile("^Frame 3 finished"))
+    expect(strip_cell(page, 3)).to_have_accessible_name(re.compile("^Frame 3 finished"))
     expect(page.locator(".frame-picture img:visible")).to_have_count(5)
     films = {n: read_exr(f"{farm.url}/api/jobs/{job}/frames/{n}/image.exr", tmp_path) for n in (0, 3, 4)}
     assert np.abs(films[0] - films[3]).max() > 0.1, "the frames differ, or this test says nothing"
@@ -77,7 +77,7 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
 
     page.keyboard.press("1")
     shows(0)
-    cell(page, 3).click()
+    strip_cell(page, 3).click()
     shows(3)
     expect(page).to_have_url(re.compile("frame=3"))
     page.keyboard.press("ArrowRight")
@@ -120,9 +120,9 @@ def test_a_shot_is_asked_for_seen_frame_by_frame_played_and_fetched(farm: Farm, 
 
 
 @pytest.mark.long
-def test_a_shot_is_opened_at_its_frame_and_more_of_it_is_asked_for(farm: Farm, watched: Watched) -> None:
+def test_shot_opens_at_frame_and_is_extended(farm: Farm, watched: Watched) -> None:
     page = watched.page
-    scene = uploaded(farm, ("shot.glb", turning().glb()))
+    scene = upload_scene(farm, ("shot.glb", animated_scene().glb()))
     page.goto(f"{farm.url}/#/scenes/{scene}")
     page.get_by_text("Shot", exact=True).click()
     expect(page.get_by_label("Frames", exact=True)).to_have_value("0-24")
@@ -130,7 +130,7 @@ def test_a_shot_is_opened_at_its_frame_and_more_of_it_is_asked_for(farm: Farm, w
     wait_until(finished(farm, job), 120, "the shot is finished")
 
     page.goto(f"{farm.url}/#/jobs/{job}?frame=1")
-    expect(cell(page, 1)).to_have_attribute("aria-selected", "true")
+    expect(strip_cell(page, 1)).to_have_attribute("aria-selected", "true")
     page.get_by_role("tab", name="Info").click()
     page.get_by_text("Change the shot").click()
     page.get_by_label("More frames").get_by_role("textbox").fill("8-9")
@@ -150,15 +150,15 @@ def test_a_shot_is_opened_at_its_frame_and_more_of_it_is_asked_for(farm: Farm, w
 
 
 @pytest.mark.long
-def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Watched) -> None:
+def test_failed_frame_is_shown_and_frame_is_prioritized(farm: Farm, watched: Watched) -> None:
     page = watched.page
     files = [(f"smoke.{n}.obj", f"v -9 -9 0\nv 9 -9 0\nv 0 {9 + n} 0\nf 1 2 3\n".encode()) for n in (0, 1, 3)]
-    scene = uploaded(farm, ("scene.yaml", b"shapes: [{type: mesh, file: smoke.#.obj}]\n"), *files)
+    scene = upload_scene(farm, ("scene.yaml", b"shapes: [{type: mesh, file: smoke.#.obj}]\n"), *files)
     job = asked(farm, scene, frames="0-3", spp=1)
     wait_until(finished(farm, job), 120, "the others are finished")
     page.goto(f"{farm.url}/#/jobs/{job}")
-    expect(cell(page, 2)).to_have_accessible_name(re.compile(r"^Frame 2 failed: .*smoke"))
-    cell(page, 2).click()
+    expect(strip_cell(page, 2)).to_have_accessible_name(re.compile(r"^Frame 2 failed: .*smoke"))
+    strip_cell(page, 2).click()
     panel = page.get_by_role("region", name="Frame", exact=True)
     expect(panel).to_contain_text("smoke")
     page.get_by_role("tab", name="Info").click()
@@ -167,13 +167,13 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
 
     page.get_by_role("button", name="Try this frame again").click()
     wait_until(lambda: job_json(farm, job)["shot"]["first"] == 2, 10, "it is tried first")
-    expect(cell(page, 2)).to_have_accessible_name(re.compile(r"^Frame 2 failed: .*smoke"), timeout=30_000)
+    expect(strip_cell(page, 2)).to_have_accessible_name(re.compile(r"^Frame 2 failed: .*smoke"), timeout=30_000)
     expect(page.get_by_role("alert").filter(visible=True)).to_have_count(0)
 
     other = asked(farm, scene, frames="0,1,3", spp=16000)
     httpx.patch(f"{farm.url}/api/jobs/{other}", json={"state": "paused"}).raise_for_status()
     page.goto(f"{farm.url}/#/jobs/{other}")
-    cell(page, 3).click()
+    strip_cell(page, 3).click()
     page.keyboard.press("Enter")
     expect(page.get_by_role("button", name="Is rendered first")).to_be_disabled()
     assert job_json(farm, other)["shot"]["first"] == 3
@@ -184,19 +184,19 @@ def test_a_frame_that_fails_is_told_and_one_is_put_first(farm: Farm, watched: Wa
 
 @pytest.mark.long
 @pytest.mark.parametrize("scheme", ["light", pytest.param("dark", marks=pytest.mark.long)])
-def test_a_phone_has_all_of_it_below_the_picture(farm: Farm, browser: Browser, scheme: Any) -> None:
-    job = asked(farm, uploaded(farm, ("shot.glb", turning().glb())), frames="0-7", fps=16, spp=4)
+def test_phone_layout_has_controls_below_picture(farm: Farm, browser: Browser, scheme: Any) -> None:
+    job = asked(farm, upload_scene(farm, ("shot.glb", animated_scene().glb())), frames="0-7", fps=16, spp=4)
     wait_until(finished(farm, job), 120, "the shot is finished")
     context = browser.new_context(viewport={"width": 375, "height": 812}, color_scheme=scheme, has_touch=True)
     try:
         page = context.new_page()
         page.goto(f"{farm.url}/#/jobs/{job}?frame=3")
-        expect(cell(page, 3)).to_have_attribute("aria-selected", "true")
+        expect(strip_cell(page, 3)).to_have_attribute("aria-selected", "true")
         assert page.evaluate("document.documentElement.scrollWidth") == 375
         stage, bar, strip = (page.locator(name).bounding_box() for name in (".stage-box", ".play-bar", ".filmstrip"))
         assert stage and bar and strip
         assert stage["y"] + stage["height"] <= bar["y"] + 1 and bar["y"] + bar["height"] <= strip["y"] + 1
-        cell(page, 4).tap()
+        strip_cell(page, 4).tap()
         expect(page.locator(".frame-number")).to_have_text("4")
         page.get_by_role("button", name="Play", exact=True).tap()
         expect(page.locator(".loaded")).to_contain_text("8 of 8 in memory")
@@ -205,7 +205,7 @@ def test_a_phone_has_all_of_it_below_the_picture(farm: Farm, browser: Browser, s
 
 
 @pytest.mark.long
-def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> None:
+def test_filmstrip_renders_only_visible_frames(page: Page) -> None:
     body = """
         document.head.innerHTML += '<link rel="stylesheet" href="/css/tokens.css"><link rel="stylesheet" href="/css/shot.css">';
         const { ShotFrames } = await import("/js/shot/shot-frames.js");
@@ -215,18 +215,18 @@ def test_of_two_thousand_frames_only_those_in_sight_are_there(page: Page) -> Non
         window.frames_.take(Array.from({ length: 2000 }, (_, i) => frame(i)));
         document.body.append(m.filmstrip("job", window.frames_, new Disposer()));"""
     call(page, "shot/filmstrip", body, MANY)
-    expect(cell(page, 3)).to_have_attribute("aria-selected", "true")
+    expect(strip_cell(page, 3)).to_have_attribute("aria-selected", "true")
     assert 5 < page.locator(".frame-cell").count() < 30
-    expect(cell(page, 3)).to_have_attribute("aria-setsize", "2000")
+    expect(strip_cell(page, 3)).to_have_attribute("aria-setsize", "2000")
     page.evaluate("window.frames_.go(1999)")
-    expect(cell(page, 1999)).to_be_in_viewport()
+    expect(strip_cell(page, 1999)).to_be_in_viewport()
     assert 2 < page.locator(".frame-cell").count() < 30
     active = page.get_by_role("listbox").get_attribute("aria-activedescendant")
     expect(page.locator(f"[id='{active}']")).to_have_accessible_name("Frame 1999 is rendered, 50 %")
 
 
 @pytest.mark.long
-def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> None:
+def test_playback_keeps_rate_and_skips_late_frames(page: Page) -> None:
     """Playback keeps to the frame rate, and skips frames that would be drawn too late.
 
     The page's clock is simulated, since a busy machine would draw late by itself.
@@ -271,7 +271,7 @@ def test_playing_keeps_time_and_leaves_out_what_comes_too_late(page: Page) -> No
 
 
 @pytest.mark.long
-def test_a_small_picture_that_does_not_come_is_asked_for_again(page: Page) -> None:
+def test_failed_frame_thumbnail_is_requested_again(page: Page) -> None:
     asked: list[int] = []
 
     def answer(route: Route) -> None:

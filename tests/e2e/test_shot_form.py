@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import Page, expect
 
 from tests.e2e.site import call
-from tests.e2e.test_settings_form import SCENE, open_form, submitted
+from tests.e2e.test_settings_form import SCENE, open_form, submitted_request
 from tests.grids import grid
 
 MOVES = {
@@ -25,7 +25,7 @@ STILL = {"scene": "abc", "camera": "front", "width": 300, "height": 200, "spp": 
 
 
 @pytest.mark.long
-def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
+def test_default_frames_cover_the_clip(page: Page) -> None:
     open_form(page, scene=MOVES)
     expect(page.get_by_label("Frames", exact=True)).to_be_hidden()
     page.get_by_text("Shot", exact=True).click()
@@ -44,12 +44,12 @@ def test_a_shot_of_what_moves_is_as_long_as_its_clip(page: Page) -> None:
     expect(page.get_by_text("30 M samples")).to_be_visible()
     page.get_by_label("Order").select_option("every-nth")
     page.get_by_label("Every", exact=True).fill("4")
-    assert submitted(page) == {**STILL, "frames": "0-9", "clip": "2", "order": "every-nth", "every": 4}
+    assert submitted_request(page) == {**STILL, "frames": "0-9", "clip": "2", "order": "every-nth", "every": 4}
 
 
 @pytest.mark.long
 @grid(("scene", "frames"), [(MOVES, "0-50"), (SCENE, None)], ordinary=[MOVES])
-def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: dict[str, Any], frames: str | None) -> None:
+def test_form_opened_as_shot_requests_whole_clip(page: Page, scene: dict[str, Any], frames: str | None) -> None:
     open_form(page, scene=scene, as_shot=True)
     shown = page.get_by_label("Frames", exact=True)
     if frames is None:
@@ -60,7 +60,7 @@ def test_what_is_opened_as_a_shot_is_one_of_its_whole_clip(page: Page, scene: di
 
 
 @pytest.mark.long
-def test_an_example_that_is_a_shot_says_how_long_and_is_opened_as_one(page: Page) -> None:
+def test_animated_example_shows_duration_and_opens_as_shot(page: Page) -> None:
     told = {"name": "toy", "title": "A toy", "description": "It moves."}
     page.route("**/api/examples", lambda route: route.fulfill(json=[{**told, "frames": "0-95", "fps": 24}]))
     page.route("**/api/examples/toy", lambda route: route.fulfill(json={**MOVES, "id": "abc"}))
@@ -72,34 +72,34 @@ def test_an_example_that_is_a_shot_says_how_long_and_is_opened_as_one(page: Page
 
 
 @pytest.mark.long
-def test_a_still_of_what_moves_has_a_moment(page: Page) -> None:
+def test_still_of_animation_has_frame_field(page: Page) -> None:
     open_form(page, scene=MOVES)
-    assert submitted(page) == STILL
+    assert submitted_request(page) == STILL
     page.get_by_label("Frame", exact=True).fill("12.5")
-    assert submitted(page) == {**STILL, "frame": 12.5}
+    assert submitted_request(page) == {**STILL, "frame": 12.5}
     expect(page.get_by_label("Moment")).to_have_attribute("max", "50")
     page.get_by_label("Moment").fill("40")
     expect(page.get_by_label("Frame", exact=True)).to_have_value("40")
-    assert submitted(page) == {**STILL, "frame": 40}
+    assert submitted_request(page) == {**STILL, "frame": 40}
 
 
 @pytest.mark.long
-def test_what_does_not_move_is_turned_about(page: Page) -> None:
+def test_static_scene_offers_turntable(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("Frame", exact=True)).to_be_hidden()
     page.get_by_text("Shot", exact=True).click()
     expect(page.get_by_label("Frames", exact=True)).to_have_value("0-95")
     page.get_by_label("Once around").fill("2")
-    assert submitted(page) == {**STILL, "frames": "0-47", "fps": 24, "turntable": 2, "order": "in-turn"}
+    assert submitted_request(page) == {**STILL, "frames": "0-47", "fps": 24, "turntable": 2, "order": "in-turn"}
 
 
 @pytest.mark.long
-def test_frames_that_cannot_be_are_said_beside_their_field(page: Page) -> None:
+def test_invalid_frames_show_error_at_their_field(page: Page) -> None:
     open_form(page, scene=MOVES)
     page.get_by_text("Shot", exact=True).click()
     page.get_by_label("Frames", exact=True).fill("9-3")
-    assert submitted(page) is None
+    assert submitted_request(page) is None
     expect(page.get_by_role("alert").filter(has_text="The range 9-3 ends before it begins.")).to_be_visible()
     page.get_by_label("Frames", exact=True).fill("3-9")
-    asked: dict[str, Any] = submitted(page)
+    asked: dict[str, Any] = submitted_request(page)
     assert asked["frames"] == "3-9"

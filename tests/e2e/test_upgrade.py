@@ -52,7 +52,7 @@ def worker_of(release: str, service: Service, folder: Path) -> Iterator[None]:
 
 
 @pytest.mark.long
-def test_a_job_that_an_upgrade_left_half_done_begins_anew_with_a_button(tmp_path: Path, watched: Watched) -> None:
+def test_job_without_workers_after_upgrade_is_restarted_by_button(tmp_path: Path, watched: Watched) -> None:
     page = watched.page
     redis = running_redis(tmp_path)
     with redis:

@@ -35,7 +35,7 @@ def scene(farm: Farm) -> str:
 
 
 @pytest.mark.long
-def test_light_is_turned_in_the_view_and_the_sun_put_into_it(farm: Farm, watched: Watched, scene: str) -> None:
+def test_light_is_rotated_and_sun_placed_in_view(farm: Farm, watched: Watched, scene: str) -> None:
     page = watched.page
     page.goto(f"{farm.url}/#/scenes/{scene}")
     surface, readout, hint = (page.locator(name) for name in (".live-view", ".view-readout", ".view-hint"))

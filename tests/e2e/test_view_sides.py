@@ -14,7 +14,7 @@ import pytest
 from playwright.sync_api import WebSocket, expect
 
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_screen, assert_shows, read_exr, rendered, shown, split
+from tests.e2e.screen import assert_screen, assert_shows, expected_pixels, expected_split, read_exr, render_job
 from tests.e2e.site import call
 from tests.helpers import Farm, wait_until
 
@@ -22,7 +22,7 @@ SIZE = {"width": 96, "height": 64}
 
 
 @pytest.mark.long
-def test_nothing_is_compared_with_itself(watched: Watched, site) -> None:  # type: ignore[no-untyped-def]
+def test_sides_are_never_equal(watched: Watched, site) -> None:  # type: ignore[no-untyped-def]
     watched.page.goto(f"{site.url}/blank")
     body = """
         const steps = [["asA", "1"], ["asB", "2"], ["asB", "1"], ["asA", "2"], ["asA", "2"], ["asB", "3"], ["asB", "3"]];
@@ -33,12 +33,14 @@ def test_nothing_is_compared_with_itself(watched: Watched, site) -> None:  # typ
 
 
 @pytest.mark.long
-def test_pictures_are_seen_in_the_views_place(farm: Farm, watched: Watched, tmp_path: Path) -> None:
+def test_pictures_are_shown_in_place_of_view(farm: Farm, watched: Watched, tmp_path: Path) -> None:
     page = watched.page
     scene = httpx.post(f"{farm.url}/api/examples/spheres").raise_for_status().json()["id"]
     with farm.client() as client:
         client.wait_for_scene(scene)
-    a, b = (rendered(farm, scene, spp=spp, environment={"preset": light}, **SIZE) for spp, light in ((2, "studio"), (4, "noon")))
+    a, b = (
+        render_job(farm, scene, spp=spp, environment={"preset": light}, **SIZE) for spp, light in ((2, "studio"), (4, "noon"))
+    )
     films = [read_exr(f"{farm.url}/api/jobs/{job}/frames/0/image.exr", tmp_path) for job in (a, b)]
     said: list[str] = []
 
@@ -70,7 +72,9 @@ def test_pictures_are_seen_in_the_views_place(farm: Farm, watched: Watched, tmp_
     expect(page.locator(".channel-tag.right")).to_have_text(re.compile("^B: .*4 spp"))
     page.keyboard.press("1")
     page.evaluate("scrollTo(0, 0)")  # the filmstrip is further down
-    assert_screen(page, split(shown(films[0], 0, "neutral"), shown(films[1], 0, "neutral"), page), "A beside B")
+    assert_screen(
+        page, expected_split(expected_pixels(films[0], 0, "neutral"), expected_pixels(films[1], 0, "neutral"), page), "A beside B"
+    )
     expect(page.get_by_role("link", name="Compare", exact=True)).to_have_attribute("href", f"#/compare/{a}/{b}")
     assert (params()["a"], params()["b"]) == ([a], [b])
     page.reload()

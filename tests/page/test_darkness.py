@@ -11,7 +11,7 @@ from tests.page.node import Node
 
 
 @pytest.mark.parametrize("scale", [1.0, 0.011, 0.009, 3e-4, 1e-5])
-def test_a_dark_film_is_told_as_in_python(node: Node, scale: float) -> None:
+def test_dark_film_is_detected_as_in_python(node: Node, scale: float) -> None:
     picture = (scale * np.random.default_rng(5).uniform(0.5, 1, (40, 50, 3))).astype(np.float32)
     words = rgbe9995.pack(picture)
     body = """

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 
 from renderer.image import rgbe9995
-from tests.e2e.site import HEIGHT, WIDTH, packet, radiances
+from tests.e2e.site import HEIGHT, WIDTH, film_message, sample_radiance
 from tests.page.node import Node
 
 
-def test_words_decode_as_python_packs_them(node: Node) -> None:
+def test_rgb9e5_words_are_decoded_as_python_encodes_them(node: Node) -> None:
     words = np.random.default_rng(1).integers(0, 1 << 32, 500, dtype=np.uint32)
     decoded = node.call("film/rgb9e5", "return a.map((word) => m.decode(word));", words.tolist())
     np.testing.assert_array_equal(decoded, rgbe9995.unpack(words))
@@ -21,8 +21,8 @@ def test_words_decode_as_python_packs_them(node: Node) -> None:
     np.testing.assert_array_equal(peaks, rgbe9995.unpack(words).max(axis=1))
 
 
-def test_a_damaged_packet_is_refused(node: Node) -> None:
-    whole = list(packet(5, radiances(), 3))
+def test_damaged_packet_is_rejected(node: Node) -> None:
+    whole = list(film_message(5, sample_radiance(), 3))
     body = "const tile = m.decodeTile(new Uint8Array(a).buffer); return [tile.seq, tile.w, tile.h, tile.spp];"
     assert node.call("news/tile-packet", body, whole) == [5, WIDTH, HEIGHT, 3]
     refused = "try { m.decodeTile(new Uint8Array(a).buffer); return 'taken'; } catch (error) { return error.message; }"
@@ -30,7 +30,7 @@ def test_a_damaged_packet_is_refused(node: Node) -> None:
     assert "version 9" in node.call("news/tile-packet", refused, [9, *whole[1:]])
 
 
-def test_zooming_keeps_the_pixel_under_the_cursor(node: Node) -> None:
+def test_zoom_keeps_pixel_under_cursor(node: Node) -> None:
     body = """
         const view = new m.Viewport();
         view.setPicture(1280, 720);
@@ -46,9 +46,9 @@ def test_zooming_keeps_the_pixel_under_the_cursor(node: Node) -> None:
         assert abs(before - after) <= 0.5 / scale + 1e-9, "the origin is rounded to a whole pixel of the screen, no more"
 
 
-def test_an_area_is_measured_as_numpy_does(node: Node) -> None:
-    film = rgbe9995.unpack(rgbe9995.pack(radiances()))
-    words = rgbe9995.pack(radiances()).ravel().tolist()
+def test_area_statistics_equal_numpy(node: Node) -> None:
+    film = rgbe9995.unpack(rgbe9995.pack(sample_radiance()))
+    words = rgbe9995.pack(sample_radiance()).ravel().tolist()
     body = """
         const { Film } = await read("/js/film/film.js");
         const film = new Film(a.width, a.height, new Uint32Array(a.words));
@@ -72,7 +72,7 @@ def test_an_area_is_measured_as_numpy_does(node: Node) -> None:
     assert node.call("film/area", body, nothing)[0]["pixels"] == 0
 
 
-def test_pins_go_through_the_url(node: Node) -> None:
+def test_pins_are_restored_from_url(node: Node) -> None:
     body = "return a.map((text) => m.pinsText(m.pinsFrom(text)));"
     kept = ["3,4", "3,4;10,12,20,5", "0,0,1,1"]
     assert node.call("job/pins", body, kept) == kept
@@ -81,7 +81,7 @@ def test_pins_go_through_the_url(node: Node) -> None:
     ]
 
 
-def test_the_tiles_in_hand_say_whose_they_are(node: Node) -> None:
+def test_tiles_in_progress_are_labelled_with_worker_and_slot(node: Node) -> None:
     workers = [
         {"name": "b", "current": [{"job": "j", "frame": 0, "tile": [0, 0, 8, 8]}, {}]},
         {
@@ -94,7 +94,7 @@ def test_the_tiles_in_hand_say_whose_they_are(node: Node) -> None:
     assert found[0]["colour"] != found[1]["colour"]
 
 
-def test_the_histogram_counts_the_films_pixels(node: Node) -> None:
+def test_histogram_counts_film_pixels(node: Node) -> None:
     random = np.random.default_rng(3)
     film = np.exp2(random.uniform(-14, 8, (40, 50, 1)) + random.uniform(-1, 1, (40, 50, 3))).astype(np.float32)
     body = """
@@ -114,7 +114,7 @@ def test_the_histogram_counts_the_films_pixels(node: Node) -> None:
     assert found["above"] == pytest.approx((light.max(axis=2) > 1).mean()) and found["pixels"] == 2000
 
 
-def test_lines_end_at_the_edge_and_behind_the_eye(node: Node) -> None:
+def test_lines_are_clipped_at_edge_and_behind_eye(node: Node) -> None:
     """A line from a visible point to a point behind the eye is drawn up to the edge of the picture only."""
     room = {"left": 0, "top": 0, "right": 100, "bottom": 100}
 
@@ -135,7 +135,7 @@ def test_lines_end_at_the_edge_and_behind_the_eye(node: Node) -> None:
     assert line([-10, -10, 1], [-20, 50, 1]) is None
 
 
-def test_what_is_held_stays_within_its_bound(node: Node) -> None:
+def test_frame_memory_stays_within_limit(node: Node) -> None:
     for size, count in (((480, 270), 96), ((1280, 720), 250), ((3840, 2160), 2000), ((97, 31), 100_000)):
         body = "return m.planOf({ width: a.size[0], height: a.size[1] }, a.count, 2 ** 29);"
         plan = node.call("shot/frame-memory", body, {"size": size, "count": count})

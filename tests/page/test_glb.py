@@ -58,7 +58,7 @@ def model() -> bytes:
     return bytes(scene.export(file_type="glb", include_normals=True))
 
 
-def test_the_browser_places_triangles_as_the_service_does(node: Node, tmp_path: Path, model: bytes) -> None:
+def test_browser_mesh_equals_service_mesh(node: Node, tmp_path: Path, model: bytes) -> None:
     found = read_in_page(node, model)
     packet, known = found["packet"], read_by_service(tmp_path, model)
     corners = positions(packet)[np.array(packet["indices"]).reshape(-1, 3)]
@@ -74,13 +74,13 @@ def test_the_browser_places_triangles_as_the_service_does(node: Node, tmp_path: 
     assert (255, 137, 0, 255) in colors, "64 / 255 is linear, 137 in sRGB"
 
 
-def test_the_browser_frames_a_model_as_the_automatic_camera_does(node: Node, tmp_path: Path, model: bytes) -> None:
+def test_browser_view_equals_automatic_camera(node: Node, tmp_path: Path, model: bytes) -> None:
     view, known = read_in_page(node, model)["view"], frame(read_by_service(tmp_path, model).positions)
     for name in ("eye", "target", "up", "fov"):
         np.testing.assert_allclose(view[name], getattr(known, name), atol=1e-4)
 
 
-def test_many_triangles_are_decimated(node: Node) -> None:
+def test_large_mesh_is_decimated(node: Node) -> None:
     ball = trimesh.creation.icosphere(subdivisions=6)  # 81,920 triangles
     data = bytes(trimesh.Scene(ball).export(file_type="glb", include_normals=True))
     packet = read_in_page(node, data, 5000)["packet"]
@@ -91,11 +91,11 @@ def test_many_triangles_are_decimated(node: Node) -> None:
 
 
 @pytest.mark.parametrize("length", [0, 11, 40, -5])
-def test_a_damaged_file_is_left_to_the_service(node: Node, model: bytes, length: int) -> None:
+def test_damaged_file_is_left_to_service(node: Node, model: bytes, length: int) -> None:
     assert read_in_page(node, model[:length]) is None
 
 
-def test_a_compressed_file_is_left_to_the_service(node: Node, model: bytes) -> None:
+def test_compressed_file_is_left_to_service(node: Node, model: bytes) -> None:
     """The page's reader does not read a file with compressed buffer views (EXT_meshopt_compression).
 
     The bytes of such views are no coordinates, so the preview is left to the service.

@@ -19,6 +19,6 @@ ENTRIES = [{"label": label, "note": note} for label, note in (("Jobs", ""), ("Ca
         ("job nothing", []),
     ],
 )
-def test_every_word_must_match_and_what_begins_with_it_comes_first(node: Node, text: str, found: list[str]) -> None:
+def test_all_words_must_match_and_prefix_matches_rank_first(node: Node, text: str, found: list[str]) -> None:
     body = "return m.matching(a.entries, a.text).map(({ label }) => label);"
     assert node.call("shell/palette", body, {"entries": ENTRIES, "text": text}) == found

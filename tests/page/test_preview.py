@@ -15,7 +15,7 @@ VIEW: dict[str, Any] = {"eye": [3, 2, 5], "target": [0.5, 1, -1], "up": [0, 1, 0
 LOW, HIGH = [-1.0, 0.0, -2.0], [2.0, 3.0, 1.0]
 
 
-def test_a_mesh_is_decoded_as_python_encodes_it(node: Node) -> None:
+def test_mesh_packet_is_decoded_as_python_encodes_it(node: Node) -> None:
     positions = np.array([[-1.0, 0, -2], [2, 3, 1], [0.5, 1.5, -0.5]])
     mesh = Mesh(positions, np.eye(3, dtype=np.float32), np.uint8([[1, 2, 3, 255]] * 3), np.uint32([[0, 1, 2]]))
     body = """
@@ -30,7 +30,7 @@ def test_a_mesh_is_decoded_as_python_encodes_it(node: Node) -> None:
     assert "came with" in node.call("news/mesh-packet", refused, list(encode_mesh(mesh))[:-4])
 
 
-def projected(node: Node, view: dict[str, Any], point: list[float], aspect: float = 1.5) -> np.ndarray:
+def projected_point(node: Node, view: dict[str, Any], point: list[float], aspect: float = 1.5) -> np.ndarray:
     """Returns the normalised device coordinates at which the preview shows a point. aspect: width / height of the picture."""
     call = "return [...m.clipMatrix(a.view, a.aspect, a.low, a.high)];"
     columns = node.call("scene/mesh-camera", call, {"view": view, "aspect": aspect, "low": LOW, "high": HIGH})
@@ -38,13 +38,13 @@ def projected(node: Node, view: dict[str, Any], point: list[float], aspect: floa
     return np.asarray(clip[:3] / clip[3])
 
 
-def test_the_mesh_is_seen_as_the_path_tracer_sees_it(node: Node) -> None:
+def test_preview_projection_equals_path_tracer(node: Node) -> None:
     """The preview projects points as the path tracer does.
 
     The view's target is in the picture's centre; a point half the view's height above it, at the same distance, is at the upper
     edge. Lens shifts and orthographic views are tested too.
     """
-    np.testing.assert_allclose(projected(node, VIEW, VIEW["target"])[:2], 0, atol=1e-6)
+    np.testing.assert_allclose(projected_point(node, VIEW, VIEW["target"])[:2], 0, atol=1e-6)
     eye, target = np.array(VIEW["eye"], float), np.array(VIEW["target"], float)
     forward = target - eye
     distance = np.linalg.norm(forward)
@@ -52,22 +52,22 @@ def test_the_mesh_is_seen_as_the_path_tracer_sees_it(node: Node) -> None:
     right /= np.linalg.norm(right)
     above = np.cross(right, forward / distance)
     half = distance * math.tan(math.radians(20))
-    np.testing.assert_allclose(projected(node, VIEW, list(target + half * above))[:2], [0, 1], atol=1e-5)
-    np.testing.assert_allclose(projected(node, VIEW, list(target + 1.5 * half * right))[:2], [1, 0], atol=1e-5)
+    np.testing.assert_allclose(projected_point(node, VIEW, list(target + half * above))[:2], [0, 1], atol=1e-5)
+    np.testing.assert_allclose(projected_point(node, VIEW, list(target + 1.5 * half * right))[:2], [1, 0], atol=1e-5)
     shifted = {**VIEW, "shift_x": 0.25, "shift_y": -0.1}  # shifts are in picture heights
-    np.testing.assert_allclose(projected(node, shifted, VIEW["target"])[:2], [-0.5 / 1.5, 0.2], atol=1e-5)
+    np.testing.assert_allclose(projected_point(node, shifted, VIEW["target"])[:2], [-0.5 / 1.5, 0.2], atol=1e-5)
     flat = {**VIEW, "projection": "orthographic", "height": 4.0}
-    np.testing.assert_allclose(projected(node, flat, list(target + 2 * above))[:2], [0, 1], atol=1e-5)
+    np.testing.assert_allclose(projected_point(node, flat, list(target + 2 * above))[:2], [0, 1], atol=1e-5)
 
 
 @pytest.mark.parametrize("more", [{}, {"projection": "orthographic", "height": 4.0}])
-def test_all_of_the_scene_is_between_the_clipping_planes(node: Node, more: dict[str, Any]) -> None:
+def test_scene_is_between_clipping_planes(node: Node, more: dict[str, Any]) -> None:
     corners = [[x, y, z] for x in (LOW[0], HIGH[0]) for y in (LOW[1], HIGH[1]) for z in (LOW[2], HIGH[2])]
     for view in (VIEW, {**VIEW, "eye": [300, 200, 500]}):
-        assert all(-1 <= projected(node, {**view, **more}, corner)[2] <= 1 for corner in corners)
+        assert all(-1 <= projected_point(node, {**view, **more}, corner)[2] <= 1 for corner in corners)
 
 
-def test_steps_are_timed_as_they_are_heard_of(node: Node) -> None:
+def test_preparation_steps_are_timed(node: Node) -> None:
     body = """
         const times = new m.StepTimes(0.2);
         for (const [progress, code, now] of a) times.put(m.stepOf({ progress, codes: { step: { code } } }), now);

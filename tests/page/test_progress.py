@@ -9,7 +9,7 @@ from tests.page.node import Node
 JOB = {"id": "j", "created": 1, "state": "running", "name": "n", "priority": 0, "progress": 0.5, "message": None, "eta_s": 60}
 
 
-def test_an_older_description_of_a_job_is_dropped(node: Node) -> None:
+def test_outdated_job_description_is_ignored(node: Node) -> None:
     """The page ignores a description of a job that is older than the one it has.
 
     Events and the job's socket deliver descriptions in no common order.
@@ -23,7 +23,7 @@ def test_an_older_description_of_a_job_is_dropped(node: Node) -> None:
     assert node.call("news/farm", body, {"job": JOB, "steps": [[5, 9000], [6, 10]]}) == 6, "the service's clock was set back"
 
 
-def test_the_remaining_time_is_smoothed(node: Node) -> None:
+def test_remaining_time_is_smoothed(node: Node) -> None:
     """The displayed remaining time hardly follows a short disturbance.
 
     A forecast that is three times as long for five seconds adds at most a fifth of the difference; after two minutes it is
@@ -41,13 +41,13 @@ def test_the_remaining_time_is_smoothed(node: Node) -> None:
     assert lasting[-1] == pytest.approx(5400 - 119, rel=0.02), "what lasts is believed after four times 30 s"
 
 
-def test_the_remaining_time_is_rounded(node: Node) -> None:
+def test_remaining_time_is_rounded(node: Node) -> None:
     body = "return a.map((seconds) => m.rounded(seconds));"
     seconds = [0.4, 3, 43, 75, 130, 1790, 2740, 3 * 3600]
     assert node.call("news/time-left", body, seconds) == [5, 5, 45, 80, 120, 1800, 2700, 3 * 3600]
 
 
-def test_no_time_is_shown_before_a_twentieth_is_done(node: Node) -> None:
+def test_no_remaining_time_below_five_percent_progress(node: Node) -> None:
     body = "m.noteForecast({ ...a, ...{} }, 100); return m.timeLeft(a.id, 100);"
     assert node.call("news/time-left", body, {**JOB, "eta_s": 2690}) == "about 45 min"
     assert node.call("news/time-left", body, {**JOB, "progress": 0.04}) == ""
@@ -55,7 +55,7 @@ def test_no_time_is_shown_before_a_twentieth_is_done(node: Node) -> None:
     assert node.call("news/time-left", body, {**JOB, "state": "paused"}) == ""
 
 
-def test_a_frame_is_paused_while_its_job_is(node: Node) -> None:
+def test_frame_is_paused_with_its_job(node: Node) -> None:
     body = """
         const job = (state) => ({ state, shot: { frames: "0-3" } });
         const frames = new m.ShotFrames(job("running"));
@@ -66,7 +66,7 @@ def test_a_frame_is_paused_while_its_job_is(node: Node) -> None:
     assert node.call("shot/shot-frames", body, "paused") == ["finished", "paused", "paused", "queued"]
 
 
-def test_a_job_starts_with_the_live_views_picture(node: Node) -> None:
+def test_new_job_shows_live_view_picture(node: Node) -> None:
     body = """
         const { Film } = await read("/js/film/film.js");
         const view = new Film(2, 1, new Uint32Array([7, 9]));

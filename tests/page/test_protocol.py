@@ -12,7 +12,7 @@ from tests.page.node import Node
 
 
 @pytest.mark.parametrize("layout", LAYOUTS, ids=lambda layout: layout.name)
-def test_a_head_is_decoded_in_node_as_python_encodes_it(layout: Layout[Any], node: Node) -> None:
+def test_message_head_is_decoded_as_python_encodes_it(layout: Layout[Any], node: Node) -> None:
     """Binary message heads are decoded in Node.js as Python encoded them, with maximum values in all fields but the type."""
     row = layout.row._make((1 << 8 * int(field.kind.name[1:]) // 8) - 1 - i for i, field in enumerate(layout.fields))
     name = layout.row.__name__

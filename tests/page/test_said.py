@@ -21,19 +21,19 @@ def translate(program: str, *pairs: tuple[str | None, Any], locale: str = "de-DE
     return found
 
 
-def test_a_code_is_translated_with_its_values(program: str) -> None:
+def test_code_is_translated_with_parameters(program: str) -> None:
     german = json.loads((ROOT / "web/words/service.de.json").read_text())["job-not-found"].replace("{id}", "'x'")
     assert translate(program, (NO_JOB, NO_JOB.coded)) == [german] and german != NO_JOB
     assert translate(program, (NO_JOB, NO_JOB.coded), locale="en-GB") == [NO_JOB]
 
 
-def test_a_text_without_a_code_is_shown_as_it_is(program: str) -> None:
+def test_text_without_code_is_unchanged(program: str) -> None:
     """A text without a known code, from an older worker or a newer release, is shown unchanged."""
     unknown = {"code": "not-known-here", "params": {}}
     assert translate(program, (NO_JOB, None), ("New.", unknown), (None, None)) == [NO_JOB, "New.", ""]
 
 
-def test_a_sentence_within_a_sentence_is_translated_too(program: str) -> None:
+def test_nested_sentence_is_translated(program: str) -> None:
     inner = Sentence("view-waits-for-worker", "Waits for a worker.")
     german = json.loads((ROOT / "web/words/service.de.json").read_text())
     outer = with_count(inner.removesuffix("."), 3)
@@ -42,7 +42,7 @@ def test_a_sentence_within_a_sentence_is_translated_too(program: str) -> None:
     assert within in translate(program, (outer, outer.coded))[0]
 
 
-def test_a_code_is_found_within_a_message_too(program: str) -> None:
+def test_code_inside_message_is_found(program: str) -> None:
     inner = Sentence("file-missing", "{name} is not among the files; add it", name="a.png")
     outer = Sentence("scene-not-renderable", "{error}", error=inner)
     messages = [inner.coded, outer.coded, {"code": "x", "params": {"all": [1, outer.coded]}}, NO_JOB.coded, None]
@@ -52,7 +52,7 @@ def test_a_code_is_found_within_a_message_too(program: str) -> None:
 
 
 @pytest.mark.parametrize("field", ["error", "warnings"])
-def test_a_record_names_the_codes_of_its_fields(program: str, field: str) -> None:
+def test_record_fields_are_translated_by_their_codes(program: str, field: str) -> None:
     record = {"error": NO_JOB, "warnings": [NO_JOB, "Plain."], "codes": {"error": NO_JOB.coded, "warnings": [NO_JOB.coded, None]}}
     with Node(program, "de-DE") as node:
         body = "return Array.isArray(a[0][a[1]]) ? m.allSaidOf(...a) : m.saidOf(...a);"

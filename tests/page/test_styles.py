@@ -20,7 +20,7 @@ def _values(sheet: str, name: str) -> list[str]:
 
 
 @pytest.mark.parametrize("sheet", SHEETS)
-def test_sizes_weights_and_radii_are_of_the_scale(sheet: str) -> None:
+def test_sizes_weights_and_radii_are_in_scale(sheet: str) -> None:
     sizes = [value for value in _values(sheet, "font-size") if not SIZE.fullmatch(value)]
     if sheet == "base.css":
         sizes = [value for value in sizes if not ROOT_SIZE.fullmatch(value)]
@@ -30,7 +30,7 @@ def test_sizes_weights_and_radii_are_of_the_scale(sheet: str) -> None:
     assert [part for part in radii if not RADIUS.fullmatch(part)] == []
 
 
-def test_the_scale_has_six_sizes_and_three_radii() -> None:
+def test_scale_has_six_sizes_and_three_radii() -> None:
     tokens = SHEETS["tokens.css"]
     assert re.findall(r"--text-(\d+): ([\d.]+)rem", tokens) == [
         (str(size), f"{size / 16:g}") for size in (12, 13, 14, 16, 20, 24)

@@ -10,13 +10,13 @@ from renderer.frames import frames_text, parse_frames
 from tests.page.node import Node
 
 
-def test_files_that_are_refused_are_spoken_of_in_the_plural(node: Node) -> None:
+def test_rejected_files_message_uses_plural(node: Node) -> None:
     body = "return m.notUploadedTitle(a.map((path) => ({ path })));"
     assert node.call("shell/gather-files", body, ["room.obj"]) == "room.obj was not taken"
     assert node.call("shell/gather-files", body, ["a.png", "room.obj", "b.png"]) == "room.obj and 2 more were not taken"
 
 
-def test_how_long_an_upload_still_takes(node: Node) -> None:
+def test_upload_time_follows_recent_speed(node: Node) -> None:
     """The estimated time of an upload follows from its speed in the last seconds, although it was faster before."""
     body = """
         const pace = new m.Pace(1_000_000);
@@ -30,7 +30,7 @@ def test_how_long_an_upload_still_takes(node: Node) -> None:
     assert node.call("shell/upload-pace", body, [[0, 0], [5, 100], [5, 9000]])[-1] is None, "it stands still"
 
 
-def test_keys_of_one_letter_can_be_turned_off(node: Node) -> None:
+def test_single_letter_shortcuts_can_be_disabled(node: Node) -> None:
     body = """
         const done = [];
         const shortcut = (keys) => ({ keys, does: keys, run: () => done.push(keys) });
@@ -46,18 +46,18 @@ def test_keys_of_one_letter_can_be_turned_off(node: Node) -> None:
     assert node.call("shell/shortcuts", body) == [*all_of_them, "ArrowUp", "Escape", False, *all_of_them]
 
 
-def test_a_time_is_as_short_as_it_can_be(node: Node) -> None:
+def test_durations_are_formatted_briefly(node: Node) -> None:
     times = node.call("base/format", "return a.map(m.clock);", [7, 125, 3725, 47 * 3600, 622 * 3600 + 1098])
     assert times == ["0:07", "2:05", "1:02:05", "47:00:00", "25 d 22 h"]
 
 
-def test_the_size_of_a_scene_is_short_whatever_its_unit(node: Node) -> None:
+def test_scene_size_is_formatted_briefly(node: Node) -> None:
     extents = node.call("base/format", "return a.map(m.extent);", [[4, 3, 2.54321], [4e5, 3e5, 12], [0, 0, 0], [2e-5, 0, 1e-7]])
     assert extents == ["4 × 3 × 2.54", "4 × 3 × 0.00012 · 10⁵", "0 × 0 × 0", "2 × 0 × 0.01 · 10⁻⁵"]
 
 
 @pytest.mark.parametrize(("locale", "shown"), [("de-DE", "1\u202f234\u202f567"), ("en-GB", "1,234,567"), ("zh-CN", "1,234,567")])
-def test_a_comma_does_not_part_thousands_where_it_begins_decimals(program: str, locale: str, shown: str) -> None:
+def test_decimal_comma_is_no_thousands_separator(program: str, locale: str, shown: str) -> None:
     with Node(program, locale) as node:
         assert node.call("base/format", "return m.count(a)", 1_234_567) == shown
         assert node.call("base/format", "return m.compact(a)", 1_234_567) == "1.23 M"
@@ -66,7 +66,7 @@ def test_a_comma_does_not_part_thousands_where_it_begins_decimals(program: str, 
 TEXTS = ["0-99", "7", "1-250x5,300", "0-2x0.5", "12.5, 3-4", "5,5,4-6", "9-3", "3-", "", "a", "1-9x0", "0-100000"]
 
 
-def test_frames_are_what_the_renderer_takes_them_for(node: Node) -> None:
+def test_frame_ranges_are_parsed_as_by_renderer(node: Node) -> None:
     for text, got in zip(
         TEXTS, node.call("base/frame-numbers", "return a.map((text) => m.parseFrames(text));", TEXTS), strict=True
     ):
@@ -80,7 +80,7 @@ def test_frames_are_what_the_renderer_takes_them_for(node: Node) -> None:
             assert again == frames_text(wanted), text
 
 
-def test_what_the_service_refuses_is_told_in_german(german: Node) -> None:
+def test_service_errors_are_shown_in_german(german: Node) -> None:
     problem = (
         '{"title": "Insufficient Storage", "detail": "The upload is empty.", "status": 507, '
         '"code": "upload-without-files", "params": {}}'
@@ -89,7 +89,7 @@ def test_what_the_service_refuses_is_told_in_german(german: Node) -> None:
     assert told == "Der Upload ist leer. Die Dateien wählen, die hinzukommen sollen."
 
 
-def test_the_channels_are_those_that_the_service_lists(node: Node) -> None:
+def test_channels_equal_service_list(node: Node) -> None:
     body = """
         const { inWords, table } = await read("/js/news/settings-table.js");
         const before = m.channels().map(({ name }) => name);

@@ -21,7 +21,7 @@ def vector(view: dict[str, list[float]], name: str) -> np.ndarray:
     return np.array(view[name])
 
 
-def test_turning_keeps_the_target_and_its_distance(node: Node) -> None:
+def test_orbiting_keeps_target_and_distance(node: Node) -> None:
     distance = np.linalg.norm(vector(VIEW, "eye") - vector(VIEW, "target"))
     for dx, dy in ((0.3, 0), (0, 0.4), (-2, -0.5), (0.1, 9)):
         turned = node.call("scene/orbit", f"return m.orbit(a, {dx}, {dy});", VIEW)
@@ -33,7 +33,7 @@ def test_turning_keeps_the_target_and_its_distance(node: Node) -> None:
     np.testing.assert_allclose(back["eye"], VIEW["eye"], atol=1e-12)
 
 
-def test_orbiting_from_a_files_camera_keeps_the_horizon_level(node: Node) -> None:
+def test_orbiting_file_camera_keeps_horizon_level(node: Node) -> None:
     """Orbiting keeps the horizon level even if the file's camera has a tilted up vector.
 
     Files store the camera's own Y axis as the up vector. Only a camera with a roll keeps this vector.
@@ -50,7 +50,7 @@ def test_orbiting_from_a_files_camera_keeps_the_horizon_level(node: Node) -> Non
     assert node.call("scene/orbit", "return m.orbit(a, 1.5, 0.2);", rolled)["up"] == rolled["up"]
 
 
-def test_what_is_dragged_follows_the_hand(node: Node) -> None:
+def test_dragged_point_follows_pointer(node: Node) -> None:
     """A dragged point follows the pointer.
 
     After panning by half a picture height to the right and a quarter down, the view's target is displaced by these distances.
@@ -66,7 +66,7 @@ def test_what_is_dragged_follows_the_hand(node: Node) -> None:
     np.testing.assert_allclose([seen @ right / height, seen @ above / height, seen @ forward], [0.5, -0.25, 0], atol=1e-9)
 
 
-def test_a_pixels_depth_along_the_line_of_sight(node: Node) -> None:
+def test_pixel_depth_is_along_view_direction(node: Node) -> None:
     body = "return m.alongSight(a, { width: 300, height: 200 }, { x: 299, y: 0 }, 7);"
     half = math.tan(math.radians(20))
     direction = np.array([299 / 200 * half, 199 / 200 * half, 1])
@@ -76,7 +76,7 @@ def test_a_pixels_depth_along_the_line_of_sight(node: Node) -> None:
     assert node.call("scene/orbit", body, shifted) == pytest.approx(7 / np.linalg.norm(direction))
 
 
-def test_flying_moves_eye_and_target_along_the_cameras_axes(node: Node) -> None:
+def test_flying_moves_along_camera_axes(node: Node) -> None:
     moved = node.call("scene/orbit", "return m.fly(a, 0, 2, 3);", VIEW)
     forward = vector(VIEW, "target") - vector(VIEW, "eye")
     way = np.array([0, 2, 0]) + 3 * forward / np.linalg.norm(forward)
@@ -84,7 +84,7 @@ def test_flying_moves_eye_and_target_along_the_cameras_axes(node: Node) -> None:
     np.testing.assert_allclose(vector(moved, "target") - vector(VIEW, "target"), way, atol=1e-12)
 
 
-def test_a_view_goes_through_the_url(node: Node) -> None:
+def test_view_is_restored_from_url(node: Node) -> None:
     whole = {**VIEW, "projection": "perspective"}
     other = {**whole, "up": [0, 0, 1], "aperture": 0.02, "focus": 5.3, "projection": "orthographic", "height": 2.5, "near": 0.1}
     shifted = {**whole, "shift_x": 0.25, "shift_y": -0.5}
@@ -94,7 +94,7 @@ def test_a_view_goes_through_the_url(node: Node) -> None:
     assert node.call("scene/view-url", "return a.map(m.viewFromText);", bad) == [None] * len(bad)
 
 
-def test_a_small_picture_is_made_large_smoothly(node: Node) -> None:
+def test_small_picture_is_upscaled_smoothly(node: Node) -> None:
     small = np.random.default_rng(3).uniform(0.1, 4.0, (3, 4, 3)).astype(np.float32)
     body = """
         const { Film } = await read("/js/film/film.js");
@@ -111,7 +111,7 @@ def test_a_small_picture_is_made_large_smoothly(node: Node) -> None:
         np.testing.assert_allclose(found, expected, atol=expected.max() * 2**-9)
 
 
-def test_a_picture_of_the_view_is_unpacked_as_it_was_packed(node: Node) -> None:
+def test_view_picture_packet_is_decoded(node: Node) -> None:
     generator = np.random.default_rng(5)
     rects = [Tile(0, 0, 9, 6), Tile(9, 0, 4, 6), Tile(0, 6, 9, 5), Tile(9, 6, 4, 5)]
     means = [2.0 ** generator.uniform(-20, 14, (3, rect.h, rect.w)).astype(np.float32) for rect in rects]
@@ -133,7 +133,7 @@ def test_a_picture_of_the_view_is_unpacked_as_it_was_packed(node: Node) -> None:
             assert (abs(theirs - ours) <= 2**-8 * ours.max(-1, keepdims=True)).all(), "but for how a half is rounded"
 
 
-def test_a_drag_turns_the_light_and_changes_its_strength(node: Node) -> None:
+def test_drag_rotates_light_and_changes_strength(node: Node) -> None:
     def dragged(across: float, up: float, rotation: float = 0, strength: float = 1) -> dict[str, float]:
         before = {"rotation": rotation, "strength": strength}
         body = "return m.dragged(a.before, a.moved, { width: 720, height: 400 });"
@@ -146,7 +146,7 @@ def test_a_drag_turns_the_light_and_changes_its_strength(node: Node) -> None:
     assert dragged(0, 116, strength=0)["strength"] > 0, "out of darkness too"
 
 
-def test_the_sun_is_where_its_highlight_meets_the_eye(node: Node) -> None:
+def test_sun_direction_follows_from_highlight(node: Node) -> None:
     random = np.random.default_rng(5)
     for _ in range(20):
         sight, normal = (v / np.linalg.norm(v) for v in random.normal(size=(2, 3)))
@@ -167,7 +167,7 @@ def test_the_sun_is_where_its_highlight_meets_the_eye(node: Node) -> None:
     assert (sky["azimuth"], sky["elevation"]) == pytest.approx((90, 53.13), abs=0.01)
 
 
-def test_a_view_follows_the_scenes_centre_when_another_axis_is_up(node: Node) -> None:
+def test_view_follows_scene_centre_when_up_axis_changes(node: Node) -> None:
     """When another axis of the scene becomes the up axis, the view follows the centre of the rotated scene.
 
     The view keeps its direction and distance. The rotations are those of the scene reader.

@@ -41,19 +41,19 @@ from protocol.view_parts import (
 from protocol.vitals import Vitals, log_key, log_wanted_key, vitals_key
 from renderer.settings import RenderSettings, Tile, View
 
-__all__ = ["LIGHT", "encoded"]
+__all__ = ["LIGHT", "encoded_messages"]
 
 LIGHT = np.random.default_rng(7).gamma(1.0, 2.0, (3, 5, 3)).astype(np.float32)
 NAMES = ("PREPARE", "PREPARE_FRAMES", "RENDER_BATCH", "RENDER_BATCHES", "DENOISE", "VECTORS", "ENVIRONMENT", "RESULTS")
 MORE = ("WORKER_KEYS", "VERSION_HEADER", "SAMPLES_HEADER")
 
 
-def _blank(message: dict[str, Any]) -> dict[str, Any]:
+def _without_settings(message: dict[str, Any]) -> dict[str, Any]:
     """Returns the message with its settings replaced by a constant, since each release adds fields to the settings."""
     return {name: "SETTINGS" if name == "settings" else value for name, value in message.items()}
 
 
-def encoded() -> dict[str, Any]:
+def encoded_messages() -> dict[str, Any]:
     """Returns one encoded message of each kind that the service and workers exchange, by name; bytes are in hexadecimal."""
     settings = RenderSettings(8, 6, View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)))
     blob = BlobRef("a/b.obj", "0" * 64, 12, (("1" * 64, 3),))
@@ -71,15 +71,17 @@ def encoded() -> dict[str, Any]:
     found = {
         "blob_ref": asdict(blob),
         "manifest": Manifest("s1", "a.obj", [blob], "sky", None, None).to_json(),
-        "render_batch": _blank(batch.to_json()),
-        "joint_batch": {**joint, "whole": _blank(joint["whole"])},
+        "render_batch": _without_settings(batch.to_json()),
+        "joint_batch": {**joint, "whole": _without_settings(joint["whole"])},
         "prepare_frames": asdict(frames),
         "denoise": asdict(DenoiseFrame("w", "j", 0, 8, 6)),
         "vectors": asdict(FrameVectors("w", "j", 0, "s", 8, 6, {})),
         "environment": asdict(ShowEnvironment("w", "e", "sky.hdr", "0" * 64, 9, 64)),
-        "view_parts": _blank(ViewParts("m", "w", 3, "c" * 64, settings, [Part(1, Tile(0, 0, 4, 4), 0, 2)], True).to_json()),
+        "view_parts": _without_settings(
+            ViewParts("m", "w", 3, "c" * 64, settings, [Part(1, Tile(0, 0, 4, 4), 0, 2)], True).to_json()
+        ),
         "view_frame": ViewFrame("m", "w", 3, frames).to_json(),
-        "explain": _blank(ExplainPixel("m", "j", "c" * 64, settings, 1, 2, 64, 5, frames).to_json()),
+        "explain": _without_settings(ExplainPixel("m", "j", "c" * 64, settings, 1, 2, 64, 5, frames).to_json()),
         "worker_report": report.to_bytes(),
         "terms": terms.to_bytes(),
         "terms_digest": terms.digest,

@@ -47,7 +47,7 @@ def options(monkeypatch: pytest.MonkeyPatch) -> Callable[..., argparse.Namespace
     return make
 
 
-def test_a_worker_says_that_it_has_blender_and_takes_what_needs_it(
+def test_worker_with_blender_reports_it_and_serves_blender_queue(
     program: str, options: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert command._check_settings(options()) is None
@@ -68,7 +68,7 @@ def test_a_worker_says_that_it_has_blender_and_takes_what_needs_it(
         command._check_settings(options("--blender=/no/blender"))
 
 
-def test_what_blender_wrote_lies_beside_what_lights_it(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_environment_image_is_placed_beside_blender_files(program: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder, written = tmp_path / "scene", tmp_path / CONVERTED_FOLDER
     room: Any = SimpleNamespace(folder=tmp_path, scene=folder)
     (folder / "sky").mkdir(parents=True)

@@ -9,7 +9,7 @@ from protocol.event_stream import EVENTS, KEEP_ALIVE, RETRY, JobEvent, WorkerEve
 from tests.helpers import ROOT
 
 
-def test_an_event_has_a_type_and_one_line_of_data() -> None:
+def test_event_has_type_and_one_data_line() -> None:
     text = JobEvent("a1", {"id": "a1", "name": "two\nlines"}).to_text()
     assert text.endswith("\n\n")
     event, data = text.rstrip("\n").split("\n")
@@ -23,7 +23,7 @@ def test_what_is_no_event_is_a_field_or_a_comment() -> None:
     assert re.fullmatch(r": .*\n\n", KEEP_ALIVE)
 
 
-def test_the_page_handles_every_event() -> None:
+def test_page_handles_every_event() -> None:
     code = (ROOT / "web/js/news/farm.js").read_text()
     handlers = re.search(r"const TAKERS = .*?\}\);", code, re.DOTALL)
     assert handlers is not None

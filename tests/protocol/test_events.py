@@ -18,19 +18,19 @@ MODELS: dict[str, type[BaseModel]] = {
 }
 
 
-def test_the_service_knows_all_events() -> None:
+def test_service_knows_all_events() -> None:
     assert MODELS.keys() == EVENTS.keys()
 
 
 @pytest.mark.parametrize("name", EVENTS)
-def test_an_event_has_the_fields_that_the_service_validates(name: str) -> None:
+def test_event_fields_equal_validated_fields(name: str) -> None:
     declared, fields = EVENTS[name], MODELS[name].model_fields
     assert declared.__annotations__.keys() == fields.keys() - {"type"} - ({"owner"} if name == "wake" else set())
     required = {field for field, info in fields.items() if info.is_required()} - {"type"}
     assert required <= declared.__required_keys__, "the service refuses an event without it"
 
 
-def test_a_worker_sends_the_declared_fields() -> None:
+def test_worker_sends_declared_fields() -> None:
     worker: Any = type("Worker", (), {"name": "w"})
     settings = RenderSettings(8, 6, View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)))
     batch = RenderBatch("b", "j", 0, "c", Tile(0, 0, 8, 6), 0, 1, settings)

@@ -19,7 +19,7 @@ def test_generated_files_are_current() -> None:
     assert not stale, f"{stale} differ from what is declared: run `python -m protocol.generate`"
 
 
-def test_the_published_layouts_are_those_declared() -> None:
+def test_documented_layouts_equal_declarations() -> None:
     """docs/api.md lists each field of the binary layouts with its type, in order."""
     published = re.sub(r"\s+", " ", (ROOT / "docs" / "api.md").read_text())
     for layout in LAYOUTS:
@@ -31,7 +31,7 @@ class Row(NamedTuple):
     value: Annotated[int, I64, "a value"]
 
 
-def test_a_layout_has_no_padding_and_checks_its_mark() -> None:
+def test_layout_has_no_padding_and_checks_version() -> None:
     plain, marked = Layout("row", Row), Layout("row", Row, version=3, kind=7)
     assert plain.pack(Row(1, -2)) == b"\1" + (-2).to_bytes(8, "little", signed=True)
     assert [field.at for field in marked.fields] == [2, 3] and marked.size == 11
@@ -54,7 +54,7 @@ def test_a_layout_has_no_padding_and_checks_its_mark() -> None:
         (viewport.Look({"id": 7, "width": 96}), viewport.FROM_CLIENT, '{"id": 7, "width": 96}'),
     ],
 )
-def test_a_clients_message_is_as_it_was(message: FromClient, kinds: tuple[type[FromClient], ...], text: str) -> None:
+def test_client_message_round_trip(message: FromClient, kinds: tuple[type[FromClient], ...], text: str) -> None:
     assert message.to_text() == text
     assert read_client(text, kinds) == message
 
@@ -78,12 +78,12 @@ def test_a_clients_message_is_as_it_was(message: FromClient, kinds: tuple[type[F
         ),
     ],
 )
-def test_a_message_of_the_service_is_as_it_was(message: FromService, kinds: tuple[type[FromService], ...], text: str) -> None:
+def test_service_message_round_trip(message: FromService, kinds: tuple[type[FromService], ...], text: str) -> None:
     assert message.to_text() == text
     assert read_service(text, kinds) == message
 
 
-def test_messages_of_other_releases_are_ignored() -> None:
+def test_unknown_messages_are_ignored() -> None:
     assert read_client('{"later": 1}', live.FROM_CLIENT) is None
     assert read_service('{"type": "later"}', live.FROM_SERVICE) is None
     assert read_service('{"type": "state", "job": {}, "later": 1}', live.FROM_SERVICE) == live.JobState({})

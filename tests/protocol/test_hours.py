@@ -41,14 +41,14 @@ NIGHTS = "Mon-Fri 19:00-07:00, Sat-Sun"
         ("Sat 08:00-08:00", "2026-03-08T07:59", True),  # 24 hours
     ],
 )
-def test_when_it_works(text: str, moment: str, are_now: bool) -> None:
+def test_includes_working_hours(text: str, moment: str, are_now: bool) -> None:
     assert Hours.parse(text).includes(datetime.fromisoformat(moment)) is are_now
 
 
 @pytest.mark.parametrize(
     "text", ["", "Mondays", "Mon 19-07", "Mon-", "Fre", "25:00-26:00", "10:70-11:00", "Mon,,Tue", "24:30-01:00"]
 )
-def test_what_is_none(text: str) -> None:
+def test_invalid_hours_are_rejected(text: str) -> None:
     with pytest.raises(ValueError) as error:
         Hours.parse(text)
     assert code_of(error.value) in ("hours-malformed", "hours-day-unknown", "hours-time-invalid")
@@ -67,7 +67,7 @@ print(round((before - local_now()).total_seconds() / 3600))
 """
 
 
-def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
+def test_changed_time_zone_takes_effect() -> None:
     """A changed time zone of the machine takes effect without a restart.
 
     The zone is changed in a mount namespace, so that the zone of the machine that runs the test stays unchanged.
@@ -87,9 +87,7 @@ def test_a_machine_whose_zone_is_set_anew_goes_by_that_one() -> None:
 @pytest.mark.parametrize(
     ("evening", "hours"), [("2026-03-28T20:00+01:00", 6), ("2026-10-24T20:00+02:00", 8), ("2026-05-02T20:00+02:00", 7)]
 )
-def test_a_night_in_which_the_clocks_are_changed_is_worked_from_its_begin_to_its_end(
-    evening: str, hours: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_clock_change_does_not_interrupt_working_night(evening: str, hours: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """On a night of a clock change, a worker renders from the beginning to the end of its hours without interruption.
 
     The night is one hour shorter or longer than others.

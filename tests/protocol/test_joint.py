@@ -11,7 +11,7 @@ from protocol.joint import JointBatch, Piece
 from renderer.settings import RenderSettings, Tile, View
 
 
-def test_it_survives_the_way_and_each_piece_is_a_batch() -> None:
+def test_joint_batch_round_trip_and_pieces() -> None:
     settings = RenderSettings(64, 64, View((0, 0, 4), (0, 0, 0)))
     whole = RenderBatch("m", "job", 2, "a" * 64, Tile(0, 0, 64, 64), 8, 5, settings, 2)
     joint = JointBatch(whole, (Piece("x", 8, 2), Piece("y", 10, 3)), 1.5)
@@ -21,6 +21,6 @@ def test_it_survives_the_way_and_each_piece_is_a_batch() -> None:
 
 
 @pytest.mark.parametrize("words", [None, [], {"pieces": []}, {"pieces": [["a", 1]]}, {"pieces": [], "whole": {}, "hold_s": 1}])
-def test_what_is_none_is_refused(words: object) -> None:
+def test_invalid_joint_batch_is_rejected(words: object) -> None:
     with pytest.raises((ValueError, TypeError, KeyError)):
         JointBatch.from_json(words)

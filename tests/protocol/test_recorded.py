@@ -27,11 +27,11 @@ from protocol.pictures import (
 from protocol.result_bytes import result_of
 from protocol.view_parts import ViewAnswer
 from renderer.image import rgbe9995
-from tests.protocol.messages import LIGHT, encoded
+from tests.protocol.messages import LIGHT, encoded_messages
 
 RECORDED: dict[str, Any] = json.loads(Path(__file__).with_name("recorded.json").read_text())
 PICTURES = ("tile", "film", "view")
-ENCODED = encoded()
+ENCODED = encoded_messages()
 WORDS = rgbe9995.pack(LIGHT)
 PLANES = np.moveaxis(LIGHT, -1, 0)
 VIEW_TILES = [ViewTile((0, 0, 3, 3), PLANES[..., :3], 4, False), ViewTile((3, 0, 2, 3), PLANES[..., 3:], 64, True)]
@@ -39,11 +39,11 @@ VIEW_HEADS = VIEW.size + 2 * VIEW_TILE.size
 
 
 @pytest.mark.parametrize("name", [name for name in RECORDED if name not in PICTURES])
-def test_a_message_is_encoded_as_recorded(name: str) -> None:
+def test_message_encoding_equals_recording(name: str) -> None:
     assert json.loads(json.dumps(ENCODED[name])) == RECORDED[name]
 
 
-def test_a_tile_is_encoded_and_decoded_as_recorded() -> None:
+def test_tile_encoding_equals_recording() -> None:
     packet = encode_tile(75, 2**32 + 7, (5, 6, 2, 1), 64, WORDS[:1, :2].astype("<u4").tobytes())
     assert packet.hex() == RECORDED["tile"]
     head, words = decode_tile(packet)
@@ -51,7 +51,7 @@ def test_a_tile_is_encoded_and_decoded_as_recorded() -> None:
     np.testing.assert_array_equal(words, WORDS[:1, :2])
 
 
-def test_a_film_is_encoded_and_decoded_as_recorded() -> None:
+def test_film_encoding_equals_recording() -> None:
     packet = b"".join(encode_film(0, (5, 3), 5, [1], planes_of(WORDS)))
     assert packet.hex() == RECORDED["film"]
     head, samples, words = decode_film(packet)
@@ -59,7 +59,7 @@ def test_a_film_is_encoded_and_decoded_as_recorded() -> None:
     np.testing.assert_array_equal(words, WORDS)
 
 
-def test_a_view_is_encoded_and_decoded_as_recorded() -> None:
+def test_view_encoding_equals_recording() -> None:
     """A view is encoded and decoded as recorded; bodies are compared decompressed, since zlib releases compress differently."""
     packet = encode_view(VIEW_TILES, (5, 3), (50, 30), 9, 3)
     assert packet[:VIEW_HEADS].hex() == RECORDED["view"]["head"]
@@ -73,7 +73,7 @@ def test_a_view_is_encoded_and_decoded_as_recorded() -> None:
 
 @pytest.mark.parametrize("decode", [decode_tile, decode_film, decode_view])
 @pytest.mark.parametrize("name", PICTURES)
-def test_a_damaged_packet_is_refused(decode: Any, name: str) -> None:
+def test_damaged_packet_is_rejected(decode: Any, name: str) -> None:
     recorded = RECORDED[name]
     packet = bytes.fromhex(recorded if isinstance(recorded, str) else recorded["head"] + recorded["body"])
     for damaged in (packet[:1], packet[:-1], packet + b"\0", bytes([9]) + packet[1:]):

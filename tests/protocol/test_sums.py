@@ -30,7 +30,7 @@ def sums_of(seed: int, bits: list[int]) -> Sums:
 @given(
     st.integers(0, 1 << 30), st.lists(st.sampled_from([0, 1, 8, 9, 16, 17, 32, 33, 63, 64]), min_size=CHANNELS, max_size=CHANNELS)
 )
-def test_what_is_packed_comes_back(seed: int, bits: list[int]) -> None:
+def test_packed_sums_round_trip(seed: int, bits: list[int]) -> None:
     sums = sums_of(seed, bits)
     sums[COLOR_HALF] = sums[COLOR]
     for packing in (1, 2):
@@ -47,7 +47,7 @@ def test_what_is_packed_comes_back(seed: int, bits: list[int]) -> None:
         np.testing.assert_array_equal(found[[0, 4, SAMPLES]], sums[[0, 4, SAMPLES]] * [[[1]], [[3]], [[1]]])
 
 
-def test_planes_that_are_alike_take_no_room() -> None:
+def test_equal_planes_take_no_space() -> None:
     sums = np.zeros((CHANNELS, 5, 7), np.int64)
     sums[COLOR] = sums_of(3, [24, 24, 24])
     without = len(pack_sums(sums))
@@ -57,12 +57,12 @@ def test_planes_that_are_alike_take_no_room() -> None:
     assert without < 3 * 4 * 35 + 9 * CHANNELS + 2 + 30
 
 
-def test_planes_that_an_older_release_did_not_know_are_zero() -> None:
+def test_planes_missing_in_older_release_are_zero() -> None:
     sums = sums_of(5, [20] * CHANNELS)
     for packing in (1, 2):
         old_planes = sums[:12]
         old = pack_sums(old_planes, packing)
-        with pytest.raises(ValueError, match="sums of"):
+        with pytest.raises(ValueError, match="sums have"):
             unpack_sums(old, TILE)
         found = unpack_sums(old, TILE, stored=True)
         np.testing.assert_array_equal(found[:12], sums[:12])
@@ -72,7 +72,7 @@ def test_planes_that_an_older_release_did_not_know_are_zero() -> None:
         assert not found[12:].any()
 
 
-def test_damaged_sums_are_found_out() -> None:
+def test_damaged_sums_are_rejected() -> None:
     good = pack_sums(sums_of(7, [0, 20, 40, 8] * 5))
     heads = 2 + 9 * CHANNELS
     wrong = [b"", good[:1], good[:40], good[:-1], good + b"x", b"\x03" + good[1:]]
@@ -88,7 +88,7 @@ def test_damaged_sums_are_found_out() -> None:
 
 
 @pytest.mark.parametrize("packing", [1, 2])
-def test_no_pixel_has_more_samples_than_there_are_or_fewer_than_none(packing: int) -> None:
+def test_pixel_sample_counts_are_checked(packing: int) -> None:
     sums = sums_of(9, [20] * CHANNELS)
     for least, most, is_right in ((3, 3, True), (0, 3, True), (0, 4, False), (4, 4, False), (-1, 3, False), (-1, -1, False)):
         sums[SAMPLES] = least
@@ -99,12 +99,12 @@ def test_no_pixel_has_more_samples_than_there_are_or_fewer_than_none(packing: in
             if is_right:
                 check_weight(data, TILE, 3)
             else:
-                with pytest.raises(ValueError, match="samples of a pixel, of 3"):
+                with pytest.raises(ValueError, match="but the batch has 3"):
                     check_weight(data, TILE, 3)
 
 
-def test_sums_of_a_film_with_light_groups_have_their_planes() -> None:
-    """They are refused by a film that has others, and damaged numbers of planes by all."""
+def test_sums_with_light_groups_have_extra_planes() -> None:
+    """A film with other planes rejects sums with light groups. Sums with a damaged number of planes are always rejected."""
     planes = plane_count(3)
     sums = sums_of(4, [20] * planes)
     sums[SAMPLES] = 2

@@ -20,7 +20,7 @@ def offer(bench: Bench) -> Offer:  # noqa: F811
     return Offer.from_bytes(bench.store.get(offer_key(bench.report().name)))  # type: ignore
 
 
-def ask(bench: Bench, terms: Terms) -> Offer:  # noqa: F811
+def send_terms(bench: Bench, terms: Terms) -> Offer:  # noqa: F811
     """Sends settings ("terms") to the worker, and waits until the worker applies them; returns its report of them."""
     bench.store.set(terms_key(bench.report().name), terms.to_bytes())  # type: ignore
     wait_until(lambda: offer(bench).keeps == terms.digest, 20, "it keeps what is asked")
@@ -28,7 +28,7 @@ def ask(bench: Bench, terms: Terms) -> Offer:  # noqa: F811
 
 
 @pytest.mark.long
-def test_a_worker_obeys_within_seconds_and_loses_nothing(bench: Bench, info: SceneInfo) -> None:  # noqa: F811
+def test_worker_applies_terms_within_seconds_without_losing_batches(bench: Bench, info: SceneInfo) -> None:  # noqa: F811
     first = offer(bench)
     report = bench.report()
     assert report is not None
@@ -37,7 +37,7 @@ def test_a_worker_obeys_within_seconds_and_loses_nothing(bench: Bench, info: Sce
     assert first.memory == psutil.virtual_memory().total
     queue = needs_queue(report.kind, "gpu")
     level = first.nice
-    now = ask(bench, Terms(slots=1, nice=min(level + 2, 19), queues=(queue,)))
+    now = send_terms(bench, Terms(slots=1, nice=min(level + 2, 19), queues=(queue,)))
     assert (now.nice, now.queues, now.trouble) == (min(level + 2, 19), (queue,), None)
     slots = slots_of(report.pid)
     assert {process.nice() for process in slots} == {now.nice}
@@ -49,10 +49,10 @@ def test_a_worker_obeys_within_seconds_and_loses_nothing(bench: Bench, info: Sce
         bench.celery.send_task(RENDER_BATCH, kwargs={"batch": batch.to_json()}, queue=where, task_id=batch.batch)
     came = {bench.next("batch").event["batch"] for _ in range(3)}
     tomorrow = (datetime.now() + timedelta(days=2)).strftime("%a")
-    rests = ask(bench, Terms(hours=tomorrow, queues=(queue,)))
+    rests = send_terms(bench, Terms(hours=tomorrow, queues=(queue,)))
     assert rests.why == f"Outside its hours: {tomorrow}."
     wait_until(lambda: bench.report().state == "paused", 20, "it rests")  # type: ignore
-    ask(bench, Terms(queues=(queue,)))
+    send_terms(bench, Terms(queues=(queue,)))
     came |= {bench.next("batch").event["batch"] for _ in range(3)}
     assert came == {f"terms-{i}" for i in range(6)}, "what was in hand and what waited"
     wait_until(lambda: bench.report().slots == 2, 20, "it has all its slots again")  # type: ignore

@@ -9,7 +9,7 @@ from protocol import vitals
 from protocol.vitals import Vitals
 
 
-def test_memory_is_as_the_system_says() -> None:
+def test_memory_equals_system_values() -> None:
     found = vitals.read_vitals()
     assert found is not None
     assert found.memory_total == psutil.virtual_memory().total
@@ -29,6 +29,6 @@ def test_memory_is_as_the_system_says() -> None:
         b'{"memory_used": -1, "memory_total": 2}',
     ],
 )
-def test_nonsense_is_refused(data: bytes) -> None:
+def test_invalid_vitals_are_rejected(data: bytes) -> None:
     with pytest.raises(ValueError):
         Vitals.from_bytes(data)

@@ -15,12 +15,12 @@ import pytest
 from rayfarm.cli import main
 from tests.helpers import ROOT
 
-__all__ = ["rayfarm", "started"]
+__all__ = ["rayfarm", "run_program"]
 
 LISTENS_TO = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-def started(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
+def run_program(*arguments: str | Path, **environment: str) -> subprocess.CompletedProcess[str]:
     """Runs the program in a new process, and returns its exit code and output."""
     command = [sys.executable, "-m", "rayfarm", *map(str, arguments)]
     return subprocess.run(

@@ -21,9 +21,7 @@ def program(folder: Path, name: str, version: str) -> Path:
     return made
 
 
-def test_the_servers_own_wheel_is_taken_where_the_path_has_only_flawed_ones(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_wheel_is_preferred_to_flawed_servers(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     program(tmp_path, "redis-server", "Redis server v=6.2.14")
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
     found = broker.find_server()
@@ -33,7 +31,7 @@ def test_the_servers_own_wheel_is_taken_where_the_path_has_only_flawed_ones(
     assert broker.find_server() == newer
 
 
-def test_a_flawed_server_is_better_than_none(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_flawed_server_is_used_if_there_is_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     old = program(tmp_path, "redis-server", "Redis server v=7.0.15")
     monkeypatch.setattr(broker, "_programs", lambda: iter([old]))
     assert broker.find_server() == old
@@ -52,12 +50,12 @@ def test_a_flawed_server_is_better_than_none(tmp_path: Path, monkeypatch: pytest
         ("::", "0.0.0.0 -::"),
     ],
 )
-def test_it_listens_no_further_than_the_farm(tmp_path: Path, host: str, bound: str) -> None:
+def test_redis_listens_on_farm_addresses_only(tmp_path: Path, host: str, bound: str) -> None:
     broker.write_config(tmp_path / "redis.conf", host, 1, "secret")
     assert f"bind {bound}" in (tmp_path / "redis.conf").read_text().splitlines()
 
 
-def test_a_client_without_the_password_fills_no_memory(tmp_path: Path) -> None:
+def test_unauthenticated_client_cannot_fill_memory(tmp_path: Path) -> None:
     server = running_redis(tmp_path)
     with server, redis.Redis.from_url(server.url) as store:
         before = store.info("memory")["used_memory"]
@@ -77,7 +75,7 @@ def test_a_client_without_the_password_fills_no_memory(tmp_path: Path) -> None:
         assert store.set("works", b"1")
 
 
-def test_the_data_may_lie_in_a_folder_of_any_name(tmp_path: Path) -> None:
+def test_data_folder_may_have_any_name(tmp_path: Path) -> None:
     """Data folders with spaces in their path work, such as ~/My Projects or ~/Library/Application Support."""
     folder = tmp_path / 'Application Support "ü" \\n'
     folder.mkdir()
@@ -90,7 +88,7 @@ def test_the_data_may_lie_in_a_folder_of_any_name(tmp_path: Path) -> None:
         server.stop()
 
 
-def test_a_value_that_is_too_large_is_refused_before_it_is_sent(tmp_path: Path) -> None:
+def test_oversized_value_is_rejected_before_transfer(tmp_path: Path) -> None:
     server = running_redis(tmp_path)
     with server, redis.Redis.from_url(server.url) as store:
         connection = store.connection_pool.get_connection()

@@ -20,7 +20,7 @@ from renderer.denoise import is_available
 from renderer.errors import RayfarmError
 from tests.grids import grid
 from tests.helpers import ROOT, wait_until
-from tests.rayfarm.program import rayfarm, started
+from tests.rayfarm.program import rayfarm, run_program
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 COMMANDS = ("up", "worker", "render", "submit", "jobs", "info", "bench", "restore")
@@ -36,20 +36,20 @@ def read(path: Path) -> tuple[np.ndarray, list[str]]:
 
 @pytest.mark.long
 def test_help_names_every_command() -> None:
-    done = started("--help")
+    done = run_program("--help")
     assert done.returncode == 0
     assert all(command in done.stdout for command in COMMANDS)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("command", COMMANDS)
-def test_help_teaches_by_example(command: str) -> None:
+def test_help_has_examples(command: str) -> None:
     done = rayfarm(command, "--help")
     assert done.returncode == 0
     assert f"rayfarm {command}" in done.stdout or command == "bench"  # has a table format of its own
 
 
-def test_help_reads_well() -> None:
+def test_help_is_well_formatted() -> None:
     """Help texts are well formatted.
 
     Paragraphs fill the line, examples are indented, flags have no value, and no placeholder is a Python type.
@@ -63,11 +63,11 @@ def test_help_reads_well() -> None:
     assert not [word for word in ("<bool>", "<int", "<float", "<path>") if word in submit]
 
 
-def test_it_says_its_version() -> None:
+def test_version_is_printed() -> None:
     assert rayfarm("--version").stdout == f"rayfarm {__version__}\n"
 
 
-def test_every_command_has_its_module() -> None:
+def test_every_command_has_a_module() -> None:
     modules = {path.stem for path in (ROOT / "rayfarm" / "commands").glob("*.py")} - {"__init__"}
     assert modules == set(cli.COMMANDS)
 
@@ -82,9 +82,7 @@ def test_every_command_has_its_module() -> None:
         ([], cli.COMMANDS),
     ],
 )
-def test_only_the_command_that_is_typed_is_imported(
-    words: list[str], imported: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_only_requested_command_is_imported(words: list[str], imported: tuple[str, ...], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(sys, "argv", ["rayfarm", *words])
     assert cli._commands_to_import() == imported
 
@@ -93,7 +91,7 @@ def test_only_the_command_that_is_typed_is_imported(
 @grid("suffix", ["png", "jpg", "exr", "hdr"], ordinary=("exr",))
 def test_render_writes_every_format(tmp_path: Path, suffix: str) -> None:
     picture = tmp_path / f"cornell.{suffix}"
-    program = started if suffix == "png" else rayfarm
+    program = run_program if suffix == "png" else rayfarm
     done = program("render", CORNELL, "-o", picture, "--size", "24x16", "--spp", "4", "--max-depth", "3")
     assert done.returncode == 0, done.stderr
     if suffix in ("png", "jpg"):
@@ -106,7 +104,7 @@ def test_render_writes_every_format(tmp_path: Path, suffix: str) -> None:
         assert pixels.max() > 1.0  # the lamp is brighter than white, since the file is scene-linear
 
 
-def test_render_writes_aovs_and_stats_and_is_the_same_for_any_number_of_threads(tmp_path: Path) -> None:
+def test_render_is_equal_for_any_number_of_threads(tmp_path: Path) -> None:
     for threads in (1, 2):
         done = rayfarm(
             "render", CORNELL, "-o", tmp_path / f"{threads}.exr", "--size=32x32", "--spp=4", f"--threads={threads}",
@@ -128,7 +126,7 @@ def test_render_writes_aovs_and_stats_and_is_the_same_for_any_number_of_threads(
 
 @pytest.mark.long
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
-def test_a_denoised_picture_stands_beside_the_raw_one(tmp_path: Path) -> None:
+def test_denoised_picture_is_written_next_to_raw_one(tmp_path: Path) -> None:
     common = ["render", str(CORNELL), "--size=48x48", "--spp=4"]
     assert rayfarm(*common, "-o", tmp_path / "plain.exr").returncode == 0
     done = rayfarm(*common, "-o", tmp_path / "picture.exr", "--denoise", "--aov=depth")
@@ -141,7 +139,7 @@ def test_a_denoised_picture_stands_beside_the_raw_one(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_tile_and_a_range_of_samples_are_a_part_of_the_whole(tmp_path: Path) -> None:
+def test_tile_and_sample_range_are_part_of_picture(tmp_path: Path) -> None:
     """A tile and a range of samples, as in the command of a failed batch, are parts whose sum equals the picture."""
     common = ["render", str(CORNELL), "--size=32x32"]
     assert rayfarm(*common, "-o", tmp_path / "whole.exr", "--spp=4").returncode == 0
@@ -155,7 +153,7 @@ def test_a_tile_and_a_range_of_samples_are_a_part_of_the_whole(tmp_path: Path) -
 
 
 @pytest.mark.long
-def test_without_a_bvh_it_is_the_same_picture(tmp_path: Path) -> None:
+def test_picture_without_bvh_is_equal(tmp_path: Path) -> None:
     for name, more in (("tree", []), ("brute", ["--no-bvh"])):
         done = rayfarm("render", CORNELL, "-o", tmp_path / f"{name}.exr", "--size=32x32", "--spp=2", *more)
         assert done.returncode == 0, done.stderr
@@ -163,7 +161,7 @@ def test_without_a_bvh_it_is_the_same_picture(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_bench_of_the_bvh_times_four_ways_to_one_picture() -> None:
+def test_bvh_benchmark_times_four_runs_of_one_picture() -> None:
     done = rayfarm("bench", "bvh", "--json", "--size=16x9", "--scene", ROOT / "scenes" / "still-life.yaml")
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
@@ -178,7 +176,7 @@ def test_the_bench_of_the_bvh_times_four_ways_to_one_picture() -> None:
 
 
 @pytest.mark.long
-def test_one_path_is_followed_again_and_gives_what_the_film_has(tmp_path: Path) -> None:
+def test_traced_path_equals_film_sample(tmp_path: Path) -> None:
     common = ["render", str(CORNELL), "--size=16x16"]
     done = rayfarm(*common, "-o", tmp_path / "one.exr", "--tile=5,9,1,1", "--first=3", "--spp=1")
     assert done.returncode == 0, done.stderr
@@ -195,7 +193,7 @@ def test_one_path_is_followed_again_and_gives_what_the_film_has(tmp_path: Path) 
     assert "--pixel X,Y" in rayfarm(*common, "-o", "x.png", "--sample=3").stderr
 
 
-def test_info_is_for_people_and_programs() -> None:
+def test_info_prints_text_and_json() -> None:
     done = rayfarm("info", CORNELL)
     counts = next(line for line in done.stdout.splitlines() if line.startswith("Holds")).removeprefix("Holds").split(",")
     assert all(part.strip().endswith("s") != part.strip().startswith("1 ") for part in counts), counts
@@ -232,23 +230,23 @@ def test_info_is_for_people_and_programs() -> None:
             1,
             "RAYFARM_TOKEN is empty, but a worker needs the farm's token. Set it to the one that `rayfarm up` shows",
         ),
-        (["worker", "--join", "http://127.0.0.1:9", "--token-file", sys.executable], 1, "is no file with a token"),
-        (["up", "--no-browser", "--host", "203.0.113.7"], 1, "is no address of this machine"),
+        (["worker", "--join", "http://127.0.0.1:9", "--token-file", sys.executable], 1, "contains no token"),
+        (["up", "--no-browser", "--host", "203.0.113.7"], 1, "is not an address of this machine"),
     ],
 )
-def test_what_is_wrong_is_a_sentence_and_an_exit_code(tmp_path: Path, arguments: list[str], code: int, sentence: str) -> None:
+def test_errors_print_one_sentence_and_exit_code(tmp_path: Path, arguments: list[str], code: int, sentence: str) -> None:
     done = rayfarm(*arguments, RAYFARM_DATA=str(tmp_path / "data"), RAYFARM_TOKEN="")
     assert done.returncode == code, done.stderr
     assert sentence in " ".join(done.stderr.split())
     assert "Traceback" not in done.stderr
 
 
-def test_debug_shows_where_an_error_came_from() -> None:
+def test_debug_option_shows_traceback() -> None:
     with pytest.raises(RayfarmError, match=r"missing\.glb"):  # the exception that Python shows
         rayfarm("--debug", "render", "missing.glb", "-o", "out.png")
 
 
-def test_a_damaged_file_is_a_sentence(tmp_path: Path) -> None:
+def test_damaged_file_prints_error_message(tmp_path: Path) -> None:
     (tmp_path / "noise.glb").write_bytes(b"glTF" + bytes(range(256)))
     done = rayfarm("info", tmp_path / "noise.glb")
     assert done.returncode == 1
@@ -256,7 +254,7 @@ def test_a_damaged_file_is_a_sentence(tmp_path: Path) -> None:
     assert "Traceback" not in done.stderr
 
 
-def test_ctrl_c_ends_a_render_at_once_and_leaves_no_half_picture(tmp_path: Path) -> None:
+def test_ctrl_c_ends_render_without_partial_file(tmp_path: Path) -> None:
     picture = tmp_path / "long.png"
     command = [sys.executable, "-m", "rayfarm", "render", str(CORNELL), "-o", str(picture), "--spp=100000", "--threads=1"]
     process = subprocess.Popen(command, cwd=ROOT, stderr=subprocess.PIPE, text=True)

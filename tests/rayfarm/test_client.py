@@ -55,7 +55,7 @@ def command(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> tuple
 
 
 @grid("name", NOT_A_FARM)
-def test_what_is_no_farm_is_told_by_every_method(name: str) -> None:
+def test_every_method_detects_other_servers(name: str) -> None:
     answer, words = NOT_A_FARM[name]
     with foreign_server(answer) as port, Client(f"http://127.0.0.1:{port}") as farm:
         for method, ask in ASKING.items():
@@ -66,7 +66,7 @@ def test_what_is_no_farm_is_told_by_every_method(name: str) -> None:
 
 
 @grid("name", NOT_A_FARM)
-def test_what_is_no_farm_ends_every_command_with_a_sentence(
+def test_every_command_fails_with_message_for_other_servers(
     name: str, capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
     with foreign_server(NOT_A_FARM[name][0]) as port:
@@ -85,7 +85,7 @@ def test_what_is_no_farm_ends_every_command_with_a_sentence(
     assert not list(tmp_path.iterdir())
 
 
-def test_files_are_named_by_paths_and_by_texts() -> None:
+def test_upload_accepts_paths_and_strings() -> None:
     here = Path("a")
     expected = {"x.obj": here / "x.obj", "x.mtl": here / "x.mtl"}
     assert by_name(["a/x.obj", here / "x.mtl"]) == expected
@@ -93,7 +93,7 @@ def test_files_are_named_by_paths_and_by_texts() -> None:
     assert by_name("a/x.obj") == by_name(here / "x.obj") == {"x.obj": here / "x.obj"}
 
 
-def test_a_list_is_a_farms_only_where_a_farm_sends_it() -> None:
+def test_list_from_farm_is_accepted() -> None:
     def answer(request: bytes) -> bytes:
         return json_answer({"name": "rayfarm", "version": "0.1.0"} if b"/api/info" in request else [])
 
@@ -121,7 +121,7 @@ def test_a_list_is_a_farms_only_where_a_farm_sends_it() -> None:
         ),
     ],
 )
-def test_a_farm_that_is_not_well_is_a_sentence(answer: bytes, words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_server_error_gives_message(answer: bytes, words: str, capsys: pytest.CaptureFixture[str]) -> None:
     with foreign_server(answer) as port:
         for arguments in (["jobs"], ["submit", CORNELL]):
             code, _, err = command(capsys, *arguments, f"--server=http://127.0.0.1:{port}")
@@ -130,20 +130,20 @@ def test_a_farm_that_is_not_well_is_a_sentence(answer: bytes, words: str, capsys
             assert "Traceback" not in err
 
 
-def test_a_farm_that_is_away_and_an_address_that_is_none_are_sentences(capsys: pytest.CaptureFixture[str]) -> None:
+def test_unreachable_farm_and_invalid_address_give_messages(capsys: pytest.CaptureFixture[str]) -> None:
     for server, words in (
         ("http://127.0.0.1:9", "No farm answers"),
-        ("http://exa mple", "no address"),
-        ("http://[", "no address"),
-        ("ftp://host", "no address"),
-        ("host:99999", "no address"),
+        ("http://exa mple", "not the address"),
+        ("http://[", "not the address"),
+        ("ftp://host", "not the address"),
+        ("host:99999", "not the address"),
     ):
         code, _, err = command(capsys, "jobs", "--server", server)
         assert code == 1
         assert words in err
 
 
-def test_names_with_square_brackets_are_shown_as_they_are(capsys: pytest.CaptureFixture[str]) -> None:
+def test_square_brackets_in_names_are_printed(capsys: pytest.CaptureFixture[str]) -> None:
     about = {"id": "98cb", "name": "[/nightly]", "role": "view", "user": "anna", "created": 0, "expires": None, "seen": None}
     with foreign_server(lambda asked: json_answer([about])) as port:
         code, said, _ = command(capsys, "token", "list", "--server", f"http://127.0.0.1:{port}")
@@ -153,7 +153,7 @@ def test_names_with_square_brackets_are_shown_as_they_are(capsys: pytest.Capture
         assert any('"[/b]"' in str(cell) for cell in progress.make_tasks_table(progress.tasks).columns[0].cells)
 
 
-def test_no_proxy_leads_to_this_machine(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_loopback_bypasses_proxy(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("HTTP_PROXY", "http_proxy", "ALL_PROXY", "all_proxy"):
         monkeypatch.setenv(name, "socks5://127.0.0.1:9")
     monkeypatch.setenv("NO_PROXY", "")
@@ -163,7 +163,7 @@ def test_no_proxy_leads_to_this_machine(monkeypatch: pytest.MonkeyPatch) -> None
         Client("http://studio.example:8000")
 
 
-def test_an_id_is_no_more_than_a_part_of_an_address() -> None:
+def test_ids_are_quoted_in_urls() -> None:
     asked: list[str] = []
 
     def answer(request: bytes) -> bytes:
@@ -179,7 +179,7 @@ def test_an_id_is_no_more_than_a_part_of_an_address() -> None:
     assert asked == ["/api/jobs/..%2Fscenes%2Fs", "/api/jobs/%3Flimit%3D1", "/api/jobs/-"]
 
 
-def test_an_answer_that_does_not_end_is_not_listened_to(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_endless_response_is_aborted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("rayfarm.client.MAX_ANSWER", 1 << 20)
     monkeypatch.setattr("rayfarm.client.MAX_PICTURE", 1 << 21)
 
@@ -194,7 +194,7 @@ def test_an_answer_that_does_not_end_is_not_listened_to(monkeypatch: pytest.Monk
                 ask()
 
 
-def test_the_answers_of_release_0_1_0_are_read_and_so_are_a_newer_ones() -> None:
+def test_responses_of_other_releases_are_read() -> None:
     newer = {"scene": OLD["scene"] | {"owner": "Ann"}, "worker": OLD["worker"] | {"gpus": 2}}
     newer["job"] = OLD["job"] | {"deadline": 7.0, "frames": [OLD["job"]["frames"][0] | {"time": 0.5}]}
     for answers in (OLD, newer):
@@ -206,7 +206,7 @@ def test_the_answers_of_release_0_1_0_are_read_and_so_are_a_newer_ones() -> None
         assert read(Worker, answers["worker"]).state == "ready"
 
 
-def test_what_lacks_a_field_says_which() -> None:
+def test_missing_field_is_named_in_error() -> None:
     for cls, name, missing in ((Scene, "scene", "status"), (Job, "job", "state"), (Worker, "worker", "slots")):
         cut = {key: value for key, value in OLD[name].items() if key != missing}
         with pytest.raises(ValueError, match=f"its {name} lacks {missing}"):
@@ -215,7 +215,7 @@ def test_what_lacks_a_field_says_which() -> None:
             read(cls, OLD[name] | {missing: {"of": "another type"}})
 
 
-def test_the_results_types_are_there_by_name() -> None:
+def test_response_types_are_exported() -> None:
     assert {"Client", "ClientError", "Scene", "Job", "Frame", "Worker", "BadSample", "Camera"} <= set(rayfarm.__all__)
     assert all(hasattr(rayfarm, name) for name in rayfarm.__all__)
 
@@ -238,7 +238,7 @@ def farm_that(state: str, picture: bytes = b"", uploads: list[bytes] | None = No
     return answer
 
 
-def test_a_picture_arrives_whole(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_picture_is_downloaded_completely(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     output = tmp_path / "out.png"
     output.write_bytes(b"an older one")
     with foreign_server(farm_that("finished", b"\x89PNG...")) as port:
@@ -248,7 +248,7 @@ def test_a_picture_arrives_whole(capsys: pytest.CaptureFixture[str], tmp_path: P
     assert list(tmp_path.iterdir()) == [output]
 
 
-def test_a_job_that_fails_ends_with_its_sentence(capsys: pytest.CaptureFixture[str]) -> None:
+def test_failed_job_prints_its_error(capsys: pytest.CaptureFixture[str]) -> None:
     for state, words in (("failed", "The disk is full."), ("cancelled", "was cancelled before it was finished")):
         with foreign_server(farm_that(state)) as port:
             code, _, err = command(capsys, "submit", CORNELL, "--wait", f"--server=127.0.0.1:{port}")
@@ -256,7 +256,7 @@ def test_a_job_that_fails_ends_with_its_sentence(capsys: pytest.CaptureFixture[s
         assert words in err
 
 
-def test_where_the_picture_goes_is_looked_at_before_anything_is_rendered(
+def test_output_path_is_checked_before_upload(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     uploads: list[bytes] = []
@@ -281,7 +281,7 @@ def test_where_the_picture_goes_is_looked_at_before_anything_is_rendered(
     assert uploads == []
 
 
-def test_a_disk_that_fills_up_leaves_the_older_picture_and_says_where_the_new_one_is(
+def test_full_disk_keeps_older_picture(
     capsys: pytest.CaptureFixture[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     output = tmp_path / "out.png"
@@ -300,7 +300,7 @@ def test_a_disk_that_fills_up_leaves_the_older_picture_and_says_where_the_new_on
     assert list(tmp_path.iterdir()) == [output]
 
 
-def test_a_picture_that_is_cut_short_is_not_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
+def test_truncated_picture_is_not_written(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     def answer(request: bytes) -> bytes:
         if b"/image." in request:
             return http_answer(b"\x89PNG", "image/png", length=5000).replace(b"Connection", b"X-Samples: 12\r\nConnection")
@@ -326,7 +326,7 @@ def test_ctrl_c_ends_with_130(capsys: pytest.CaptureFixture[str], monkeypatch: p
         assert command(capsys, "jobs", f"--server=127.0.0.1:{port}")[0] == 130
 
 
-def test_a_job_that_waits_says_why(capsys: pytest.CaptureFixture[str]) -> None:
+def test_waiting_job_shows_reason(capsys: pytest.CaptureFixture[str]) -> None:
     def answer(request: bytes) -> bytes:
         return json_answer([OLD["job"] | {"state": "queued", "message": "Waits for a worker: none is connected.", "error": None}])
 
@@ -336,7 +336,7 @@ def test_a_job_that_waits_says_why(capsys: pytest.CaptureFixture[str]) -> None:
     assert "Waits for a worker: none is connected." in out
 
 
-def test_a_service_that_is_away_for_a_while_is_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreachable_service_is_retried(monkeypatch: pytest.MonkeyPatch) -> None:
     answers = [http_answer(b"", "text/html", "503 Service Unavailable"), b"", json_answer(OLD["job"])]
     sleep = time.sleep
     monkeypatch.setattr("rayfarm.client.time.sleep", lambda seconds: sleep(0.01))

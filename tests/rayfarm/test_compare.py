@@ -23,7 +23,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 @pytest.mark.long
-def test_it_says_how_far_they_agree(folder: Path) -> None:
+def test_comparison_prints_differences(folder: Path) -> None:
     pytest.importorskip("mitsuba")
     done = rayfarm("compare", folder / "scene.xml", "--spp=16", "-o", folder / "both.png", "--most=0.03")
     assert done.returncode == 0, done.stderr
@@ -40,18 +40,18 @@ def test_it_says_how_far_they_agree(folder: Path) -> None:
     [
         (["scene.glb"], "is not a Mitsuba or pbrt scene"),
         (["scene.pbrt"], "There is no program pbrt on the PATH"),
-        (["scene.xml", "-o", "both.exr"], "what is written is a .png"),
+        (["scene.xml", "-o", "both.exr"], "the output is a .png file"),
         (["nowhere.xml"], "There is no file"),
     ],
 )
-def test_what_is_wrong_is_said(arguments: list[str], sentence: str, folder: Path) -> None:
+def test_errors_are_reported(arguments: list[str], sentence: str, folder: Path) -> None:
     done = rayfarm("compare", *(str(folder / each) if each[0] != "-" else each for each in arguments))
     assert done.returncode == 1
     assert sentence in " ".join(done.stderr.split())
 
 
 @pytest.mark.long
-def test_with_pbrt_on_the_path(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_comparison_with_pbrt(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A script in place of pbrt receives pbrt's arguments, and its picture is compared."""
     (folder / "scene.pbrt").write_text(world('LightSource "infinite" Shape "sphere"'))
     ours = tmp_path / "ours.exr"

@@ -48,5 +48,5 @@ def test_styles_and_progress_still_reach_a_terminal() -> None:
     assert "\x1b[2J" not in file.getvalue() and r"\u001b[2J" in file.getvalue()
 
 
-def test_a_watched_line_has_its_width() -> None:
+def test_line_is_fitted_to_width() -> None:
     assert fit_columns("a\x1bb\nc", 12) == r"a\u001bb c  "

@@ -38,7 +38,7 @@ def waits(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     early.end_processes()
 
 
-def test_a_waiting_process_takes_its_options_environment_and_log_from_a_line(tmp_path: Path) -> None:
+def test_waiting_process_reads_options_environment_and_log(tmp_path: Path) -> None:
     log = tmp_path / "log"
     log.write_text("before\n")
     line = start_line(["0", "two words"], {"GIVEN": "a\nb"}, log)
@@ -51,18 +51,18 @@ def test_a_waiting_process_takes_its_options_environment_and_log_from_a_line(tmp
     assert json.loads(said) == [["0", "two words"], "a\nb", "yes", ""]
 
 
-def test_a_waiting_process_ends_at_the_end_of_its_input() -> None:
+def test_waiting_process_ends_at_end_of_input() -> None:
     done = subprocess.run([sys.executable, "-c", WAITS], input=b"", cwd=ROOT, capture_output=True, check=True)
     assert done.stdout == done.stderr == b""
 
 
-def test_a_log_that_cannot_be_opened_does_not_keep_a_process_from_beginning(tmp_path: Path) -> None:
+def test_process_starts_without_log(tmp_path: Path) -> None:
     line = start_line(["0"], {"GIVEN": ""}, tmp_path / "missing" / "log")
     done = subprocess.run([sys.executable, "-c", WAITS], input=line, cwd=ROOT, capture_output=True, check=True)
     assert json.loads(done.stdout)[0] == ["0"]
 
 
-def test_the_supervisor_takes_over_what_was_started_early(waits: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_supervisor_takes_over_early_process(waits: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     early.start_processes(["a.module"])
     process = early.take_process("a.module")
     assert process is not None
@@ -80,7 +80,7 @@ def test_the_supervisor_takes_over_what_was_started_early(waits: None, tmp_path:
     assert not psutil.pid_exists(process.pid)
 
 
-def test_what_was_started_early_and_died_is_started_again(waits: None, tmp_path: Path) -> None:
+def test_dead_early_process_is_restarted(waits: None, tmp_path: Path) -> None:
     early.start_processes(["a.module"])
     process = early.take_process("a.module")
     assert process is not None
@@ -96,7 +96,7 @@ def test_what_was_started_early_and_died_is_started_again(waits: None, tmp_path:
         supervisor.stop(lambda: True)
 
 
-def test_what_was_not_taken_is_ended(waits: None) -> None:
+def test_unused_early_process_is_ended(waits: None) -> None:
     early.start_processes(["a.module", "another.module"])
     pids = [child.pid for child in psutil.Process().children() if "wait_for_start_line" in " ".join(child.cmdline())]
     early.end_processes()
@@ -122,7 +122,7 @@ def test_only_commands_that_start_processes_start_them_early(
     assert found == started
 
 
-def test_a_module_is_run_later_with_its_arguments(tmp_path: Path) -> None:
+def test_module_runs_with_later_arguments(tmp_path: Path) -> None:
     (tmp_path / "printing.py").write_text("import sys\nif __name__ == '__main__': print(sys.argv[1:])\n")
     command = [*delayed_command("printing", 0.01), "--one", "two"]
     assert subprocess.check_output(command, cwd=tmp_path, text=True) == "['--one', 'two']\n"

@@ -58,7 +58,7 @@ def run(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -
 
 
 @pytest.mark.long
-def test_people_and_tokens_are_kept_from_inside(run: Run) -> None:
+def test_users_and_tokens_are_managed_in_container(run: Run) -> None:
     added = run("user", "add", "anna")
     assert added.returncode == 0, added.stderr
     assert "https://farm.example/#/login?code=" in added.stdout, "the link names the address at which the page is opened"
@@ -78,7 +78,7 @@ def test_people_and_tokens_are_kept_from_inside(run: Run) -> None:
 
 
 @pytest.mark.long
-def test_a_backup_is_made_and_the_farm_looked_at(run: Run, tmp_path: Path) -> None:
+def test_backup_and_doctor_run_in_container(run: Run, tmp_path: Path) -> None:
     done = run("backup", str(tmp_path / "backup"))
     assert done.returncode == 0, done.stderr
     assert any((tmp_path / "backup").iterdir())
@@ -93,7 +93,7 @@ def test_a_backup_is_made_and_the_farm_looked_at(run: Run, tmp_path: Path) -> No
 
 
 @pytest.mark.long
-def test_a_token_that_is_given_counts(run: Run, tmp_path: Path) -> None:
+def test_given_token_takes_precedence(run: Run, tmp_path: Path) -> None:
     assert "nobody" not in run("user", "list").stderr
     refused = run("user", "list", RAYFARM_API_TOKEN="wrong")
     assert refused.returncode == 1

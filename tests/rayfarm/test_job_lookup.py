@@ -36,16 +36,16 @@ def find(text: str, *ids: str) -> str:
     return find_job(cast(Client, cast(Any, FarmWith(*ids))), text).id
 
 
-def test_an_id_or_its_beginning_finds_the_job() -> None:
+def test_id_or_prefix_finds_job() -> None:
     assert find("7f3a21c0", "7f3a21c0", "7f3a21c0aa") == "7f3a21c0"
     assert find("7f3", "7f3a21c0", "9b7f3a21") == "7f3a21c0"
 
 
-def test_an_ambiguous_beginning_lists_the_candidates() -> None:
+def test_ambiguous_prefix_lists_candidates() -> None:
     with pytest.raises(CommandError, match="2 jobs have ids that begin with '7f': 7f3a21c0, 7f99"):
         find("7f", "7f3a21c0", "7f99")
 
 
-def test_an_unknown_beginning_is_the_farms_own_error() -> None:
+def test_unknown_prefix_gives_error_of_farm() -> None:
     with pytest.raises(ClientError, match="no job 'ab'"):
         find("ab", "7f3a21c0")

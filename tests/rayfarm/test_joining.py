@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from rayfarm.errors import CommandError
-from rayfarm.joining import FATAL, run
+from rayfarm.joining import FATAL_EXIT_CODE, run
 
 REASON = "http://127.0.0.1:8000 does not know this token."
 LATER = "nanobind: leaked 1 functions!"  # printed by a library while the process exits
@@ -26,11 +26,11 @@ SAID = f"rayfarm worker: {REASON}"
     ],
     ids=["last line", "earlier line", "JSON", "no reason"],
 )
-def test_the_reason_of_an_exit_is_shown_though_libraries_print_after_it(
+def test_exit_reason_is_shown_despite_later_output(
     lines: list[str], expected: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("RAYFARM_CACHE", str(tmp_path))
-    program = f"print({chr(10).join(lines)!r}); raise SystemExit({FATAL})"
+    program = f"print({chr(10).join(lines)!r}); raise SystemExit({FATAL_EXIT_CODE})"
     with pytest.raises(CommandError) as ended:
         run("worker", [sys.executable, "-c", program], "token", "Joining.")
     assert str(ended.value) == expected

@@ -19,7 +19,7 @@ def job(service: Service) -> str:
     return job
 
 
-def test_a_running_farm_is_copied_and_made_again(service: Service, job: str, tmp_path: Path) -> None:
+def test_running_farm_is_backed_up_and_restored(service: Service, job: str, tmp_path: Path) -> None:
     data, copy, again = service.options["data"], tmp_path / "copy.tar", tmp_path / "again"
     done = rayfarm("backup", copy, "--data", data, COLUMNS="200")
     assert done.returncode == 0, done.stderr
@@ -37,13 +37,13 @@ def test_a_running_farm_is_copied_and_made_again(service: Service, job: str, tmp
 
 
 @pytest.mark.long
-def test_what_may_go_is_shown_and_goes_only_when_that_is_meant(service: Service, job: str) -> None:
+def test_gc_lists_then_deletes_when_confirmed(service: Service, job: str) -> None:
     asked = ("gc", "--films-older-than=0", "--server", service.url)
     shown = rayfarm(*asked, "--dry-run", COLUMNS="200").stdout
     assert job in shown
     assert "1 may go" in shown
     unsure = rayfarm(*asked, COLUMNS="200")
-    assert (unsure.returncode, "Nothing was let go" in unsure.stderr) == (1, True)
+    assert (unsure.returncode, "Nothing was deleted" in unsure.stderr) == (1, True)
     assert service.job(job)["state"] == "finished"
     gone = json.loads(rayfarm(*asked, "--yes", "--json", COLUMNS="200").stdout)
     assert [item["id"] for item in gone["items"]] == [job]

@@ -27,7 +27,7 @@ def differences(folder: Path, bsdf: str) -> list[str]:
     return known_differences(read(folder, "a.xml"), "Mitsuba")
 
 
-def test_rough_metal_is_brighter_by_what_a_second_facet_gives(tmp_path: Path) -> None:
+def test_rough_metal_energy_difference_is_reported(tmp_path: Path) -> None:
     """Scenes with rough metal are reported as up to 14 % brighter than Mitsuba's picture, at a roughness (alpha) of 0.25.
 
     The exact value is 13.7 % of white (docs/correctness.md). At alpha 0.02, no difference is reported.
@@ -38,7 +38,7 @@ def test_rough_metal_is_brighter_by_what_a_second_facet_gives(tmp_path: Path) ->
     assert differences(tmp_path, METAL.format(0.02)) == []
 
 
-def test_rough_glass_and_normal_maps_are_named(tmp_path: Path) -> None:
+def test_rough_glass_and_normal_maps_are_reported(tmp_path: Path) -> None:
     (found,) = differences(tmp_path, GLASS)
     assert found.startswith("Rough glass")
     (found,) = differences(tmp_path, BUMPS.format("true"))
@@ -47,5 +47,5 @@ def test_rough_glass_and_normal_maps_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("bsdf", ['<bsdf type="diffuse"/>', '<bsdf type="dielectric"/>', BUMPS.format("false")])
-def test_of_what_agrees_nothing_is_said(bsdf: str, tmp_path: Path) -> None:
+def test_nothing_is_reported_for_equal_materials(bsdf: str, tmp_path: Path) -> None:
     assert differences(tmp_path, bsdf) == []

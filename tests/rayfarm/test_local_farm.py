@@ -12,7 +12,7 @@ from rayfarm.local.supervisor import Part
 
 
 @pytest.mark.parametrize(("host", "listens"), [("::", ""), ("127.0.0.1", "127.0.0.1"), ("0.0.0.0", "0.0.0.0")])
-def test_any_address_of_ipv6_is_any_of_ipv4_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, host: str, listens: str) -> None:
+def test_ipv6_wildcard_also_listens_on_ipv4(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, host: str, listens: str) -> None:
     started: list[Part] = []
     farm = LocalFarm(tmp_path, host, 0, 0, lambda sentence: None)
     monkeypatch.setattr(farm, "_start", started.append)
@@ -25,7 +25,7 @@ def test_any_address_of_ipv6_is_any_of_ipv4_too(tmp_path: Path, monkeypatch: pyt
 
 
 @pytest.mark.parametrize("release", ["Redis server v=6.2.14", "Redis server v=7.0.15", "Valkey server v=8.0.5"])
-def test_a_redis_with_known_flaws_is_named_on_the_console(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, release: str) -> None:
+def test_redis_with_security_flaws_gives_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, release: str) -> None:
     program = tmp_path / "redis-server"
     program.write_text(f"#!/bin/sh\necho '{release} sha=0:0'\n")
     program.chmod(0o755)
@@ -35,9 +35,7 @@ def test_a_redis_with_known_flaws_is_named_on_the_console(tmp_path: Path, monkey
 
 
 @pytest.mark.parametrize(("host", "count"), [("127.0.0.1", 0), ("::1", 0), ("0.0.0.0", 1), ("::", 1)])
-def test_plain_http_for_other_machines_is_named_on_the_console(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, host: str, count: int
-) -> None:
+def test_plain_http_gives_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, host: str, count: int) -> None:
     said = warnings(tmp_path, monkeypatch, host)
     assert len(said) == count
     assert all("not encrypted" in each and "--tls-cert" in each for each in said)

@@ -9,7 +9,7 @@ import pytest
 from rayfarm.login import owner_token
 
 
-def test_the_owners_token_is_what_the_service_was_told_else_what_it_kept(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_configured_owner_token_precedes_stored_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert owner_token(tmp_path) == ""
     (tmp_path / "owner-token").write_text("kept\n")
     assert owner_token(tmp_path) == "kept"

@@ -18,7 +18,7 @@ CALLER = "00-" + "ab" * 16 + "-" + "cd" * 8 + "-01"
 
 
 @pytest.fixture(scope="module")
-def observed(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, Receiver, str, str]]:
+def observed_farm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Farm, Receiver, str, str]]:
     """Yields (farm, collector, job id, scene id) of a farm that was stopped after a job rendered with JSON logs and tracing."""
     settings = {"RAYFARM_LOG_FORMAT": "json", "RAYFARM_LOG_LEVEL": "debug"}
     with Receiver() as receiver:
@@ -64,8 +64,8 @@ def lines(farm: Farm, name: str) -> list[dict[str, Any]]:
 
 
 @pytest.mark.long
-def test_every_line_is_an_object_and_says_what_it_is_about(observed: tuple[Farm, Receiver, str, str]) -> None:
-    farm, _, job, _ = observed
+def test_log_lines_are_json_with_ids(observed_farm: tuple[Farm, Receiver, str, str]) -> None:
+    farm, _, job, _ = observed_farm
     service, worker = lines(farm, "service"), lines(farm, "worker")
     assert {line["process"] for line in service} == {"service"}
     assert any(line["logger"].startswith("uvicorn") for line in service)
@@ -84,8 +84,8 @@ def test_every_line_is_an_object_and_says_what_it_is_about(observed: tuple[Farm,
 
 
 @pytest.mark.long
-def test_spans_lead_from_the_upload_to_the_tiles(observed: tuple[Farm, Receiver, str, str]) -> None:
-    _, receiver, job, scene = observed
+def test_spans_connect_upload_to_tiles(observed_farm: tuple[Farm, Receiver, str, str]) -> None:
+    _, receiver, job, scene = observed_farm
     (upload,) = receiver.of("upload")
     assert (upload.attributes["rayfarm.scene"], upload.parent, upload.service) == (scene, "", "rayfarm-service")
     (prepare,) = receiver.of("prepare")

@@ -15,25 +15,25 @@ CAMERAS = [
 ]
 
 
-def test_numbers_are_read() -> None:
+def test_numbers_are_parsed() -> None:
     assert options.parse_vec3("1,-2.5,3e2", "--eye") == (1.0, -2.5, 300.0)
     assert options.parse_size("1920X1080") == (1920, 1080)
     assert options.parse_tile("8,16,32,64") == Tile(8, 16, 32, 64)
 
 
 @pytest.mark.parametrize("text", ["1,2", "1,2,x", "", "1,2,nan", "1,2,inf"])
-def test_a_wrong_vector_names_its_option(text: str) -> None:
+def test_invalid_vector_error_names_option(text: str) -> None:
     with pytest.raises(CommandError, match="--target is"):
         options.parse_vec3(text, "--target")
 
 
 @pytest.mark.parametrize("text", ["1920", "x", "10x", "1.5x2"])
-def test_a_wrong_size_gets_an_example(text: str) -> None:
+def test_invalid_size_error_has_example(text: str) -> None:
     with pytest.raises(CommandError, match="as --size 1920x1080"):
         options.parse_size(text)
 
 
-def test_an_environment_is_a_file_or_a_colour(tmp_path: Path) -> None:
+def test_environment_is_file_or_colour(tmp_path: Path) -> None:
     sky = tmp_path / "sky,1,2.exr"
     sky.touch()
     assert options.environment_of(str(sky)) == options.Env(image=sky)
@@ -51,7 +51,7 @@ def test_an_environment_is_a_file_or_a_colour(tmp_path: Path) -> None:
         options.environment_of("1,-1,1")
 
 
-def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
+def test_unknown_camera_error_lists_cameras() -> None:
     for wanted in ("side", "²", "9" * 5000, "-1"):
         with pytest.raises(CommandError, match="0: front, 1: top") as caught:
             options.find_camera(CAMERAS, wanted)
@@ -60,7 +60,7 @@ def test_an_unknown_camera_is_answered_with_those_there_are() -> None:
         options.find_camera(CAMERAS, "2")
 
 
-def test_a_picture_with_light_of_its_own_is_not_said_to_be_in_a_studio() -> None:
+def test_no_studio_warning_with_environment() -> None:
     warnings = ["Not supported and left out: X.", NO_LIGHTS_WARNING, WEAK_LIGHTS_WARNING]
     assert options.relevant_warnings(warnings, options.environment_of(None)) == warnings
     for env in ("1,1,1", "sky:30"):

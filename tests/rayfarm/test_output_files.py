@@ -16,7 +16,7 @@ from rayfarm.output_files import check_writable, write
 from tests.helpers import ROOT
 
 
-def test_a_picture_takes_the_place_of_an_older_one_and_keeps_its_link_and_its_rights(tmp_path: Path) -> None:
+def test_overwriting_keeps_links_and_permissions(tmp_path: Path) -> None:
     real = tmp_path / "real.png"
     real.write_bytes(b"older")
     real.chmod(0o640)
@@ -40,7 +40,7 @@ def test_a_picture_takes_the_place_of_an_older_one_and_keeps_its_link_and_its_ri
     assert sorted(path.name for path in tmp_path.iterdir()) == ["link.png", "new.png", "real.png"]
 
 
-def test_a_file_that_may_be_changed_in_a_folder_that_may_not(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_writable_file_in_read_only_folder_is_written(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def denied(*_: object, **__: object) -> None:
         raise PermissionError(13, "Permission denied")
 
@@ -58,7 +58,7 @@ def test_a_file_that_may_be_changed_in_a_folder_that_may_not(tmp_path: Path, mon
 @pytest.mark.parametrize(
     "wrong", [["-o", "{}/missing/out.png"], ["-o", "{}"], ["-o", "{}/out.png", "--stats", "{}/missing/stats.json"]]
 )
-def test_render_looks_first_at_where_it_will_write(
+def test_render_checks_output_path_first(
     wrong: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     arguments = [part.format(tmp_path) for part in wrong]

@@ -38,7 +38,7 @@ CAMERAS = [
 ]
 
 
-def parsed(arguments: list[str]) -> Picture:
+def parse_picture(arguments: list[str]) -> Picture:
     """Returns the picture requested by these command-line arguments."""
     found: list[Picture] = []
     app = typer.Typer()
@@ -53,38 +53,41 @@ def parsed(arguments: list[str]) -> Picture:
     return found[0]
 
 
-def test_a_camera_is_chosen_by_name_or_number_and_then_changed() -> None:
-    assert parsed([]).view(CAMERAS) == View((0, 1, 5), (0, 1, 0), (0, 1, 0), 40.0)
-    assert parsed(["--camera=top"]).view(CAMERAS).eye == (0, 9, 0)
-    assert parsed(["--camera=1"]).view(CAMERAS).aperture == 0.25
-    changed = parsed(["--camera=0", "--eye=1,2,3", "--fov=20", "--projection=orthographic", "--ortho-height=3"])
+def test_camera_is_selected_by_name_or_number_and_changed() -> None:
+    assert parse_picture([]).view(CAMERAS) == View((0, 1, 5), (0, 1, 0), (0, 1, 0), 40.0)
+    assert parse_picture(["--camera=top"]).view(CAMERAS).eye == (0, 9, 0)
+    assert parse_picture(["--camera=1"]).view(CAMERAS).aperture == 0.25
+    changed = parse_picture(["--camera=0", "--eye=1,2,3", "--fov=20", "--projection=orthographic", "--ortho-height=3"])
     assert changed.view(CAMERAS) == View((1, 2, 3), (0, 1, 0), (0, 1, 0), 20.0, "orthographic", height=3.0)
-    assert parsed(["--camera=top"]).request(CAMERAS)["camera"] == 1
+    assert parse_picture(["--camera=top"]).request(CAMERAS)["camera"] == 1
     namesakes = [{**camera, "name": "Camera"} for camera in CAMERAS]
-    assert parsed(["--camera=1"]).request(namesakes)["camera"] == 1
-    assert parsed(["--camera=top", "--aperture=0"]).request(CAMERAS)["view"]["aperture"] == 0.0
+    assert parse_picture(["--camera=1"]).request(namesakes)["camera"] == 1
+    assert parse_picture(["--camera=top", "--aperture=0"]).request(CAMERAS)["view"]["aperture"] == 0.0
 
 
-def test_an_impossible_view_says_why() -> None:
+def test_invalid_view_gives_reason() -> None:
     with pytest.raises(CommandError, match="eye and target are the same point"):
-        parsed(["--eye=0,1,0"]).view(CAMERAS)
+        parse_picture(["--eye=0,1,0"]).view(CAMERAS)
     with pytest.raises(CommandError, match="known are perspective"):
-        parsed(["--projection=fish"]).view(CAMERAS)
+        parse_picture(["--projection=fish"]).view(CAMERAS)
     with pytest.raises(CommandError, match="0: front, 1: top"):
-        parsed(["--camera=²"]).view(CAMERAS)
+        parse_picture(["--camera=²"]).view(CAMERAS)
 
 
-def test_the_scene_file_is_asked_where_the_person_says_nothing() -> None:
+def test_scene_defaults_apply_without_options() -> None:
     defaults = {"width": 100, "height": 50, "sampler": "independent", "max_depth": 3, "roulette": 0.5}
-    made = parsed(["--max-depth=7"]).settings(CAMERAS, defaults)
+    made = parse_picture(["--max-depth=7"]).settings(CAMERAS, defaults)
     assert (made.width, made.height, made.sampler, made.max_depth, made.roulette) == (100, 50, "independent", 7, 0.5)
     assert made.filter == RenderSettings(1, 1, made.view).filter
-    assert (parsed([]).settings(CAMERAS, {}).width, parsed(["--size=8x9"]).settings(CAMERAS, defaults).height) == (960, 9)
+    assert (parse_picture([]).settings(CAMERAS, {}).width, parse_picture(["--size=8x9"]).settings(CAMERAS, defaults).height) == (
+        960,
+        9,
+    )
 
 
 def test_every_setting_has_an_option() -> None:
-    assert parsed([]).given_settings().keys() == set(OPTIONAL)
-    view = parsed([])._view().keys()
+    assert parse_picture([]).given_settings().keys() == set(OPTIONAL)
+    view = parse_picture([])._view().keys()
     assert view == {field.name for field in fields(View)}
 
 
@@ -98,15 +101,15 @@ def test_every_setting_has_an_option() -> None:
         (["--env=studio", "--floor"], Placement(None, "on")),
     ],
 )
-def test_a_scene_stands_as_on_the_page_unless_other_light_is_given(words: list[str], expected: Placement) -> None:
-    assert parsed(words).placement() == expected
+def test_default_placement_equals_page(words: list[str], expected: Placement) -> None:
+    assert parse_picture(words).placement() == expected
 
 
-def test_an_unknown_axis_is_refused_and_the_views_up_is_told_apart() -> None:
+def test_unknown_axis_is_rejected() -> None:
     with pytest.raises(CommandError, match="--up-axis is 'w'; it takes one of auto, y, z, x, -y, -z, -x"):
-        parsed(["--up-axis=w"]).check()
+        parse_picture(["--up-axis=w"]).check()
     with pytest.raises(CommandError, match="--up-axis z"):
-        parsed(["--up=z"]).check()
+        parse_picture(["--up=z"]).check()
 
 
 numbers = st.floats(-1e6, 1e6).map(lambda v: v + 0.0)
@@ -155,15 +158,15 @@ def any_settings(draw: Any) -> RenderSettings:
 @pytest.mark.long
 @given(any_settings())
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_a_failing_batchs_command_asks_for_the_same_settings_to_the_bit(wanted: RenderSettings) -> None:
+def test_reproduce_command_gives_equal_settings(wanted: RenderSettings) -> None:
     words = shlex.split(batch_command(wanted, Tile(1, 2, 3, 4), 5, 6))
     assert words[:4] == ["rayfarm", "render", "SCENE", "-o"]
-    got = parsed(words[5:]).settings(CAMERAS, {"filter": "box", "max_depth": 2})
+    got = parse_picture(words[5:]).settings(CAMERAS, {"filter": "box", "max_depth": 2})
     assert got == wanted
 
 
 @given(any_settings())
 @settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_what_is_asked_of_a_farm_is_what_it_takes(wanted: RenderSettings) -> None:
+def test_farm_request_is_valid(wanted: RenderSettings) -> None:
     words = shlex.split(batch_command(wanted, Tile(1, 2, 3, 4), 5, 6))
-    JobIn(scene="scene", **parsed(words[5:]).request(CAMERAS))
+    JobIn(scene="scene", **parse_picture(words[5:]).request(CAMERAS))

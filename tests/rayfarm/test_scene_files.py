@@ -10,7 +10,7 @@ from rayfarm.scene_files import files_to_upload, opened_scene
 
 
 @pytest.fixture
-def room(tmp_path: Path) -> Path:
+def scene_folder(tmp_path: Path) -> Path:
     (tmp_path / "textures").mkdir()
     (tmp_path / "room.obj").write_text("mtllib room.mtl\nv 0 0 0\n")
     (tmp_path / "room.mtl").write_text("newmtl a\nmap_Kd textures/old floor.png\n")
@@ -20,44 +20,42 @@ def room(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_what_a_file_names_is_taken_along_and_nothing_else(room: Path) -> None:
-    assert set(files_to_upload(room / "room.obj")) == {"room.obj", "room.mtl", "textures/old floor.png"}
+def test_referenced_files_are_uploaded_and_no_others(scene_folder: Path) -> None:
+    assert set(files_to_upload(scene_folder / "room.obj")) == {"room.obj", "room.mtl", "textures/old floor.png"}
 
 
-def test_names_in_urls_are_understood(tmp_path: Path) -> None:
+def test_url_encoded_names_are_found(tmp_path: Path) -> None:
     (tmp_path / "a b.bin").write_bytes(b"\0")
     (tmp_path / "scene.gltf").write_text('{"buffers": [{"uri": "a%20b.bin"}]}')
     assert set(files_to_upload(tmp_path / "scene.gltf")) == {"scene.gltf", "a b.bin"}
 
 
-def test_profiles_and_pictures_of_lights_are_taken_along(tmp_path: Path) -> None:
+def test_light_profiles_and_textures_are_uploaded(tmp_path: Path) -> None:
     for name in ("lamp.ies", "slide.png", "other.ies"):
         (tmp_path / name).write_bytes(b"\0")
     (tmp_path / "a.yaml").write_text("lights: [{profile: lamp.ies}, {picture: slide.png}]\n")
     assert set(files_to_upload(tmp_path / "a.yaml")) == {"a.yaml", "lamp.ies", "slide.png"}
 
 
-def test_a_folder_is_taken_whole_but_for_junk(room: Path) -> None:
-    (room / ".DS_Store").touch()
-    assert set(files_to_upload(room)) == {"room.obj", "room.mtl", "textures/old floor.png", "diary.txt", "other.obj"}
+def test_folder_is_uploaded_without_junk_files(scene_folder: Path) -> None:
+    (scene_folder / ".DS_Store").touch()
+    assert set(files_to_upload(scene_folder)) == {"room.obj", "room.mtl", "textures/old floor.png", "diary.txt", "other.obj"}
 
 
-def test_an_environment_from_elsewhere_is_brought_into_the_scenes_folder(
-    room: Path, tmp_path_factory: pytest.TempPathFactory
-) -> None:
+def test_external_environment_is_placed_in_scene_folder(scene_folder: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
     sky = tmp_path_factory.mktemp("skies") / "sky.exr"
     sky.write_bytes(b"exr")
-    with opened_scene(room / "room.obj", sky) as (folder, main, inside):
+    with opened_scene(scene_folder / "room.obj", sky) as (folder, main, inside):
         assert main == "room.obj"
         assert inside is not None
         assert (folder / inside).read_bytes() == b"exr"
         assert (folder / "textures" / "old floor.png").exists()
-        assert folder != room
+        assert folder != scene_folder
     assert not folder.exists()
     assert sky.exists()
 
 
-def test_a_zip_whose_packed_bytes_are_damaged_is_told(tmp_path: Path) -> None:
+def test_damaged_zip_gives_error(tmp_path: Path) -> None:
     archive = tmp_path / "room.zip"
     with zipfile.ZipFile(archive, "w", zipfile.ZIP_DEFLATED) as packed:
         packed.writestr("a.obj", "v 0 0 0\n" * 5000)
@@ -68,10 +66,10 @@ def test_a_zip_whose_packed_bytes_are_damaged_is_told(tmp_path: Path) -> None:
         pass
 
 
-def test_a_zip_is_unpacked_for_the_while(room: Path, tmp_path: Path) -> None:
+def test_zip_is_unpacked_temporarily(scene_folder: Path, tmp_path: Path) -> None:
     archive = tmp_path / "room.zip"
     with zipfile.ZipFile(archive, "w") as packed:
-        packed.write(room / "room.obj", "inside/room.obj")
+        packed.write(scene_folder / "room.obj", "inside/room.obj")
         packed.writestr("__MACOSX/room.obj", "junk")
         packed.writestr("../climbing.obj", "v 0 0 0")
     with opened_scene(archive) as (folder, main, _):
@@ -91,7 +89,7 @@ def test_a_zip_is_unpacked_for_the_while(room: Path, tmp_path: Path) -> None:
         ("broken.zip", b"PK no zip", "broken.zip cannot be unpacked"),
     ],
 )
-def test_what_is_no_scene_gets_a_sentence(tmp_path: Path, name: str, content: bytes | None, sentence: str) -> None:
+def test_path_that_is_no_scene_gives_error(tmp_path: Path, name: str, content: bytes | None, sentence: str) -> None:
     path = tmp_path / name
     if content is not None:
         path.write_bytes(content)
@@ -99,7 +97,7 @@ def test_what_is_no_scene_gets_a_sentence(tmp_path: Path, name: str, content: by
         pass
 
 
-def test_names_in_other_encodings_and_spellings_are_taken_along(tmp_path: Path) -> None:
+def test_names_in_other_encodings_are_found(tmp_path: Path) -> None:
     for name in ("木纹.png", "木目.png", "cafe\u0301.png", "paint.1002.png", "diary.png"):
         (tmp_path / name).write_bytes(b"png")
     (tmp_path / "m.obj").write_text("mtllib lost.mtl\n")
@@ -116,7 +114,7 @@ def test_names_in_other_encodings_and_spellings_are_taken_along(tmp_path: Path) 
     }
 
 
-def test_a_zip_with_backslashes_is_unpacked_into_folders(tmp_path: Path) -> None:
+def test_zip_with_backslashes_is_unpacked_into_folders(tmp_path: Path) -> None:
     with zipfile.ZipFile(tmp_path / "a.zip", "w") as archive:
         archive.writestr("x\\m.obj", "v 0 0 0\n")
         archive.writestr("..\\t.png", "")

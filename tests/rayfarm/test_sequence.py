@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from rayfarm.options import Env
-from rayfarm.reading import _loaded, open_stage
+from rayfarm.reading import _load_compiled_scene, open_stage
 from renderer.arrays.scene import flat
 from renderer.denoise import is_available
 from renderer.scene.animation import Moment
@@ -25,7 +25,7 @@ from tests.renderer.scene.builders import TRIANGLE, Gltf
 SMALL = ["--size=24x16", "--spp=2", "--env=1,1,1"]
 
 
-def turning(camera_alone: bool = False) -> Gltf:
+def animated_scene(camera_alone: bool = False) -> Gltf:
     """Builds a file in which a large triangle, or only the camera, moves to the right within a second, above a static floor."""
     g = Gltf()
     g.mesh(np.float32([(-5, -1, -5), (5, -1, -5), (0, -1, 5)]))
@@ -42,7 +42,7 @@ def turning(camera_alone: bool = False) -> Gltf:
 @pytest.fixture
 def shot(tmp_path: Path) -> Path:
     path = tmp_path / "shot.glb"
-    path.write_bytes(turning().glb())
+    path.write_bytes(animated_scene().glb())
     return path
 
 
@@ -58,7 +58,7 @@ def pixels(path: Path) -> np.ndarray:
         return np.asarray(image).copy()
 
 
-def test_frames_differ_and_each_is_the_still_of_its_moment(shot: Path, tmp_path: Path) -> None:
+def test_each_frame_equals_single_picture(shot: Path, tmp_path: Path) -> None:
     done = rayfarm("render", shot, "-o", tmp_path / "out.###.png", "--frames", "0-24x12,6.5", *SMALL)
     assert done.returncode == 0, done.stderr
     names = {0: "out.000.png", 12: "out.012.png", 24: "out.024.png", 6.5: "out.006.5.png"}
@@ -75,7 +75,7 @@ def test_frames_differ_and_each_is_the_still_of_its_moment(shot: Path, tmp_path:
     assert np.array_equal(pixels(tmp_path / "slow.24.png"), pictures[12])
 
 
-def test_a_sequence_takes_up_where_it_stopped(shot: Path, tmp_path: Path) -> None:
+def test_sequence_continues_where_it_stopped(shot: Path, tmp_path: Path) -> None:
     common = ["render", shot, "-o", tmp_path / "out.#.png", "--frames", "0-3", *SMALL]
     assert rayfarm(*common).returncode == 0
     whole = pixels(tmp_path / "out.2.png")
@@ -96,9 +96,7 @@ def test_a_sequence_takes_up_where_it_stopped(shot: Path, tmp_path: Path) -> Non
     assert pixels(tmp_path / "out.0.png").shape == whole.shape
 
 
-def test_a_frame_that_fails_is_named_and_the_others_are_rendered(
-    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failed_frame_is_named_and_others_are_rendered(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     from rayfarm.reading import ConfinedScene
     from renderer.errors import SceneError
 
@@ -123,7 +121,7 @@ def test_a_frame_that_fails_is_named_and_the_others_are_rendered(
     assert "2 of 4 frames are there" in healed.stderr
 
 
-def test_ctrl_c_says_how_to_go_on(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ctrl_c_prints_how_to_continue(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def interrupted(*_: object) -> None:
         raise KeyboardInterrupt
 
@@ -140,16 +138,16 @@ def test_ctrl_c_says_how_to_go_on(shot: Path, tmp_path: Path, monkeypatch: pytes
         (["--frames", "9-3"], "the range 9-3 ends before it begins"),
         (["--frames", "0-3", "-o", "out.png"], "there are 4 frames. Write #### for their numbers: -o out.####.png"),
         (["--frames", "0-3", "--frame", "1"], "--frame and --frames were both given"),
-        (["--frames", "0-3", "--pixel", "1,1"], "name it by --frame"),
+        (["--frames", "0-3", "--pixel", "1,1"], "select it by --frame"),
         (["--frame", "0.25"], "it must be from 0 to"),
         (["--frame", "1", "--fps", "0"], "fps is 0"),
-        (["--frame", "1", "--overwrite"], "--overwrite goes with --frames"),
+        (["--frame", "1", "--overwrite"], "--overwrite needs --frames"),
         (["--frames", "0-1", "--camera", "7"], "camera is number 7"),
         (["--frames", "0-1", "--clip", "swim"], "has no clip 'swim'; its clips are 0: go"),
         (["--frames", "0-1", "-o", "missing/out.#.png"], "There is no folder"),
     ],
 )
-def test_what_cannot_be_is_a_sentence(shot: Path, tmp_path: Path, options: list[str], sentence: str) -> None:
+def test_invalid_combinations_give_error(shot: Path, tmp_path: Path, options: list[str], sentence: str) -> None:
     written = [] if "-o" in options else ["-o", str(tmp_path / "out.#.png")]
     done = rayfarm("render", shot, *written, *options, *SMALL)
     assert done.returncode == 1
@@ -157,10 +155,10 @@ def test_what_cannot_be_is_a_sentence(shot: Path, tmp_path: Path, options: list[
     assert "Traceback" not in done.stderr
 
 
-def test_only_what_moved_is_built_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_moved_parts_are_compiled_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
-    monkeypatch.setattr("rayfarm.reading._loaded", lambda *a: (built.append(1), _loaded(*a))[1])
-    for name, g, times in (("camera.glb", turning(camera_alone=True), 1), ("body.glb", turning(), 3)):
+    monkeypatch.setattr("rayfarm.reading._load_compiled_scene", lambda *a: (built.append(1), _load_compiled_scene(*a))[1])
+    for name, g, times in (("camera.glb", animated_scene(camera_alone=True), 1), ("body.glb", animated_scene(), 3)):
         (tmp_path / name).write_bytes(g.glb())
         built.clear()
         with open_stage(tmp_path / name, Env()) as stage:
@@ -174,8 +172,8 @@ def test_only_what_moved_is_built_anew(tmp_path: Path, monkeypatch: pytest.Monke
         assert len(built) == times
 
 
-def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: Path) -> None:
-    g = turning()
+def test_automatic_camera_does_not_follow_motion(tmp_path: Path) -> None:
+    g = animated_scene()
     del g.root["nodes"][2]["camera"]
     (tmp_path / "bare.glb").write_bytes(g.glb())
     with open_stage(tmp_path / "bare.glb", Env()) as stage:
@@ -187,13 +185,13 @@ def test_the_camera_that_frames_a_scene_stands_still_while_that_moves(tmp_path: 
 
 @pytest.mark.long
 @pytest.mark.parametrize("camera_alone", [False, True])
-def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, camera_alone: bool) -> None:
+def test_motion_vectors_do_not_change_picture(tmp_path: Path, camera_alone: bool) -> None:
     """Motion vectors are stored as layers of the EXR file, and its colours equal those of a picture without motion vectors.
 
     Either the triangle or the camera moves by 2 units per second, at a distance of 5 units.
     """
     path = tmp_path / "shot.glb"
-    path.write_bytes(turning(camera_alone).glb())
+    path.write_bytes(animated_scene(camera_alone).glb())
     asked = ["--frames", "0-1", "--aov=depth,motion", *SMALL]
     done = rayfarm("render", path, "-o", tmp_path / "out.#.exr", *asked)
     assert done.returncode == 0, done.stderr
@@ -217,7 +215,7 @@ def test_motion_vectors_are_layers_that_leave_the_picture_alone(tmp_path: Path, 
 
 @pytest.mark.long
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
-def test_denoised_frames_are_made_steady_and_the_same_however_they_are_come_to(shot: Path, tmp_path: Path) -> None:
+def test_temporal_denoising_is_independent_of_existing_files(shot: Path, tmp_path: Path) -> None:
     asked = ["--frames", "0-3", "--denoise", *SMALL]
     assert rayfarm("render", shot, "-o", tmp_path / "a.#.exr", *asked).returncode == 0
     whole = {frame: layers_of(tmp_path / f"a.{frame}-denoised.exr")["R"] for frame in range(4)}
@@ -233,9 +231,9 @@ def test_denoised_frames_are_made_steady_and_the_same_however_they_are_come_to(s
     assert np.abs(alone - whole[1]).mean() < 0.05 * alone.mean()
 
 
-def test_a_turntable_goes_around_once_and_builds_nothing_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_turntable_rotates_once_without_recompilation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     built = []
-    monkeypatch.setattr("rayfarm.reading._loaded", lambda *a: (built.append(1), _loaded(*a))[1])
+    monkeypatch.setattr("rayfarm.reading._load_compiled_scene", lambda *a: (built.append(1), _load_compiled_scene(*a))[1])
     (tmp_path / "s.yaml").write_text("fps: 10\nshapes: [{type: cube, transform: [{rotate: {axis: y, degrees: 20}}]}]")
     done = rayfarm("render", tmp_path / "s.yaml", "-o", tmp_path / "out.##.png", "--frames", "0-20x5", "--turntable", "2", *SMALL)
     assert done.returncode == 0, done.stderr
@@ -245,7 +243,7 @@ def test_a_turntable_goes_around_once_and_builds_nothing_anew(tmp_path: Path, mo
     assert len({picture.tobytes() for picture in pictures[:4]}) == 4
 
 
-def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None:
+def test_missing_numbered_file_is_named(tmp_path: Path) -> None:
     for number in (1, 2, 4):
         (tmp_path / f"drop.{number:02d}.obj").write_text(f"v 0 {number} 0\nv 1 {number} 0\nv 0 {number + 1} 0\nf 1 2 3\n")
     done = rayfarm("render", tmp_path / "drop.##.obj", "-o", tmp_path / "out.#.png", "--frames", "1-4", *SMALL)
@@ -271,9 +269,9 @@ def test_numbered_files_are_rendered_and_a_hole_is_named(tmp_path: Path) -> None
 
 @pytest.mark.long
 @grid("camera_alone", [False, True], ordinary=(False,))
-def test_with_a_shutter_each_frame_is_blurred_and_still_the_still_of_its_moment(tmp_path: Path, camera_alone: bool) -> None:
+def test_blurred_frame_equals_single_picture(tmp_path: Path, camera_alone: bool) -> None:
     shot = tmp_path / "shot.glb"
-    shot.write_bytes(turning(camera_alone).glb())
+    shot.write_bytes(animated_scene(camera_alone).glb())
     done = rayfarm("render", shot, "-o", tmp_path / "out.##.png", "--frames", "12,6", "--shutter=4", *SMALL)
     assert done.returncode == 0, done.stderr
     for frame, name in ((12, "out.12.png"), (6, "out.06.png")):
@@ -287,7 +285,7 @@ def test_with_a_shutter_each_frame_is_blurred_and_still_the_still_of_its_moment(
 
 
 @pytest.mark.long
-def test_a_scene_file_may_ask_for_a_shutter_and_a_turntable_has_one(tmp_path: Path) -> None:
+def test_shutter_of_scene_file_is_used_and_options_override_it(tmp_path: Path) -> None:
     shape = "{type: cube, transform: [{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 900]]}}}]}"
     (tmp_path / "s.yaml").write_text(
         f"settings: {{shutter: 1}}\ncameras: [{{eye: [0, 1, 5], target: [0, 0, 0]}}]\nshapes: [{shape}]"
@@ -310,7 +308,7 @@ def test_a_scene_file_may_ask_for_a_shutter_and_a_turntable_has_one(tmp_path: Pa
     assert len(set(different)) == len(different)
 
 
-def test_frames_become_a_film_and_the_same_command_takes_up_where_it_stopped(shot: Path, tmp_path: Path) -> None:
+def test_movie_command_continues_where_it_stopped(shot: Path, tmp_path: Path) -> None:
     common = ["render", shot, "-o", tmp_path / "out.mp4", *SMALL, "--fps=10"]
     done = rayfarm(*common, "--frames", "0-4")
     assert done.returncode == 0, done.stderr
@@ -320,7 +318,7 @@ def test_frames_become_a_film_and_the_same_command_takes_up_where_it_stopped(sho
     assert [path.name for path in tmp_path.iterdir() if path.is_dir()] == [], "the frames are gone when the film is whole"
 
 
-def test_a_film_of_a_shot_with_a_hole_keeps_its_frames(tmp_path: Path) -> None:
+def test_movie_with_failed_frame_keeps_frames(tmp_path: Path) -> None:
     for number in (1, 3):
         (tmp_path / f"smoke.{number}.obj").write_text("v -9 -9 0\nv 9 -9 0\nv 0 9 0\nf 1 2 3\n")
     common = ["render", tmp_path / "smoke.#.obj", "-o", tmp_path / "out.mp4", "--frames", "1-3", *SMALL]

@@ -23,7 +23,7 @@ def ball(g, levels=2, offset=(0, 0, 0), **more):
     return g.mesh(mesh.positions + np.float32(offset), mesh.triangles.reshape(-1).astype(np.uint32), **more)
 
 
-def everything(shines=False, shows=False):
+def animated_test_scene(shines=False, shows=False):
     """Builds an animated glTF scene with every kind of motion.
 
     It has a static ball, a rotating arm with a ball and a light, a morphing ball, a skinned ball, and a moving camera.
@@ -87,7 +87,7 @@ shapes:
 """
 
 
-def blob(triangles):
+def obj_file(triangles):
     """Returns an OBJ file with `triangles` triangles."""
     corners = np.random.default_rng(triangles).random((3 * triangles, 3))
     lines = [f"v {x:g} {y:g} {z:g}" for x, y, z in corners]
@@ -95,9 +95,9 @@ def blob(triangles):
 
 
 SHOTS = {
-    "all.glb": everything(),
-    "lamp.glb": everything(shines=True),
-    "blink.glb": everything(shows=True),
+    "all.glb": animated_test_scene(),
+    "lamp.glb": animated_test_scene(shines=True),
+    "blink.glb": animated_test_scene(shows=True),
     "all.yaml": YAML,
     "numbered.yaml": NUMBERED,
 }
@@ -109,12 +109,12 @@ def folder(tmp_path):
     for name, data in SHOTS.items():
         (tmp_path / name).write_bytes(data)
     for frame in range(25):
-        (tmp_path / f"blob.{frame:02}.obj").write_bytes(blob(1 + 400 * (5 * frame % 13)))
+        (tmp_path / f"blob.{frame:02}.obj").write_bytes(obj_file(1 + 400 * (5 * frame % 13)))
     return tmp_path
 
 
 @grid("name", NAMES, ordinary=("all.glb",))
-def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
+def test_every_moment_equals_fresh_compilation(folder, name):
     stage = OpenScene(Shot(folder, name), threads=1)
     seen = set()
     for frame in (5, 0, 9, 17, 9, 24, 0.5):
@@ -128,7 +128,7 @@ def test_every_moment_is_what_compiling_it_alone_gives(folder, name):
 
 
 @grid("name", NAMES, ordinary=("numbered.yaml",))
-def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
+def test_open_shutter_equals_fresh_compilation(folder, name):
     asked = {"shutter": 0.5}
     stage = OpenScene(Shot(folder, name), threads=1, shutter=asked)
     for frame in (5, 0, 9, 9, 0.5):
@@ -145,7 +145,7 @@ def test_so_is_every_moment_that_the_shutter_is_open_for(folder, name):
 
 @pytest.mark.long
 @grid("name", NAMES, ordinary=("all.glb",))
-def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
+def test_between_neighbours_does_not_change_later_frames(folder, name):
     stage = OpenScene(Shot(folder, name), threads=1)
     for frame in (5, 6):
         between, summary = stage.between_neighbours(Moment(frame))
@@ -161,7 +161,7 @@ def test_a_look_at_the_frames_beside_leaves_no_trace(folder, name):
             np.testing.assert_array_equal(ours, theirs, err_msg=f"{part} of frame {frame}")
 
 
-def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
+def test_neighbour_without_surfaces_gives_no_motion(tmp_path):
     g = Gltf()
     ball(g)
     visible = "/nodes/0/extensions/KHR_node_visibility/visible"
@@ -173,7 +173,7 @@ def test_where_a_frame_beside_shows_nothing_the_frame_stands_still(tmp_path):
 
 
 @pytest.mark.long
-def test_what_stands_still_is_made_once(folder, monkeypatch):
+def test_static_parts_are_compiled_once(folder, monkeypatch):
     made = []
     for name in ("build_static", "build_bodies", "pack"):
         known = getattr(__import__("renderer.scene.placed_bodies", fromlist=[name]), name)
@@ -188,7 +188,7 @@ def test_what_stands_still_is_made_once(folder, monkeypatch):
         assert sorted(made) == ["build_bodies", "build_static", "pack"], name
 
 
-def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
+def test_camera_motion_needs_no_compilation(tmp_path, monkeypatch):
     g = Gltf()
     ball(g)
     g.root["cameras"] = [{"type": "perspective", "perspective": {"yfov": 0.8, "znear": 0.1}}]
@@ -204,7 +204,7 @@ def test_a_camera_that_moves_needs_nothing_compiled(tmp_path, monkeypatch):
 
 
 @pytest.mark.long
-def test_the_camera_that_frames_a_scene_does_so_at_its_beginning(folder):
+def test_automatic_camera_frames_scene_at_start(folder):
     late, soon = OpenScene(Shot(folder, "all.yaml"), threads=1), OpenScene(Shot(folder, "all.yaml"), threads=1)
     first = soon.scene_at(Moment(0))[1]["cameras"][-1]
     assert late.scene_at(Moment(20))[1]["cameras"][-1] == first

@@ -11,7 +11,7 @@ from tests.rayfarm.program import rayfarm
 from tests.service.conftest import OBJ, Service
 
 
-def test_all_warnings_are_listed_and_none_are_no_error():
+def test_strict_lists_all_warnings():
     refuse_warnings("a.glb", [], True)
     refuse_warnings("a.glb", ["One.", "Two."], False)
     with pytest.raises(CommandError) as caught:
@@ -19,7 +19,7 @@ def test_all_warnings_are_listed_and_none_are_no_error():
     assert str(caught.value) == "a.glb: 2 warnings, and --strict makes them errors:\n  One.\n  Two."
 
 
-def test_files_below_a_root_belong_to_a_scene(tmp_path):
+def test_files_below_root_belong_to_scene(tmp_path):
     inner = tmp_path / "scenes"
     inner.mkdir()
     (tmp_path / "x.usda").write_text('#usda 1.0\ndef Cube "m" {}\n')
@@ -33,7 +33,7 @@ def test_files_below_a_root_belong_to_a_scene(tmp_path):
         relative_to_root(tmp_path / "x.usda", inner)
 
 
-def test_submit_lists_the_warnings_and_makes_no_job(service: Service, tmp_path: Path) -> None:
+def test_strict_submit_lists_warnings_and_creates_no_job(service: Service, tmp_path: Path) -> None:
     (tmp_path / "a.obj").write_bytes(OBJ + b"# guessed\n")
     with service.worker():
         done = rayfarm("submit", tmp_path / "a.obj", "--server", service.url, "--strict", COLUMNS="200")

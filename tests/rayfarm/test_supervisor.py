@@ -41,7 +41,7 @@ NAMELESS = pytest.param(40, "signal 40", marks=pytest.mark.skipif(sys.platform !
 
 
 @pytest.mark.parametrize(("number", "name"), [(signal.SIGKILL, "SIGKILL"), NAMELESS])
-def test_a_part_that_dies_is_started_again_and_it_is_said(
+def test_dead_part_is_restarted_and_reported(
     supervisor: Supervisor, reports: list[str], tmp_path: Path, number: int, name: str
 ) -> None:
     part = Part("sleeper", SLEEPER, tmp_path / "log")
@@ -58,7 +58,9 @@ def test_a_part_that_dies_is_started_again_and_it_is_said(
 
 
 @pytest.mark.long
-def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
+def test_repeatedly_failing_part_is_restarted_with_growing_delay(
+    supervisor: Supervisor, reports: list[str], tmp_path: Path
+) -> None:
     part = Part("broken", [sys.executable, "-c", "raise SystemExit(7)"], tmp_path / "log")
     supervisor.start(part)
     deadline = time.monotonic() + 2.5
@@ -70,7 +72,7 @@ def test_a_part_that_cannot_live_is_tried_ever_more_rarely(supervisor: Superviso
 
 
 @pytest.mark.long
-def test_a_part_that_is_killed_again_and_again_is_soon_back(supervisor: Supervisor, tmp_path: Path) -> None:
+def test_repeatedly_killed_part_is_restarted_quickly(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("sleeper", SLEEPER, tmp_path / "log")
     supervisor.start(part)
     for _ in range(6):
@@ -85,7 +87,7 @@ def test_a_part_that_is_killed_again_and_again_is_soon_back(supervisor: Supervis
         assert part.running
 
 
-def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
+def test_only_early_failures_increase_delay(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
     part = Part("tired", [sys.executable, "-c", "import time; time.sleep(100)"], tmp_path / "log")
     supervisor.start(part)
     for lived, pause in ((1.0, "0.2"), (1.0, "1"), (1.0, "2"), (60.0, "0.2"), (1.0, "1")):
@@ -99,9 +101,7 @@ def test_only_what_dies_soon_after_its_start_waits_longer(supervisor: Supervisor
         supervisor.check_parts()
 
 
-def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
-    supervisor: Supervisor, reports: list[str], tmp_path: Path
-) -> None:
+def test_failure_before_service_increases_delay(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
     """A process that fails before it is ready is restarted after an increasing delay: 0.2, 1 and 2 s.
 
     An example is a worker that fails while it compiles kernels. After a run longer than `steady_s`, the delay is 0.2 s again.
@@ -120,7 +120,7 @@ def test_what_dies_before_it_can_be_ready_waits_longer_however_slowly(
         supervisor.check_parts()
 
 
-def test_what_had_served_is_back_at_once_whatever_ended_it(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
+def test_part_that_served_is_restarted_at_once(supervisor: Supervisor, reports: list[str], tmp_path: Path) -> None:
     """A process that has served is restarted after 0.2 s, whatever signal ended it.
 
     For a process that has never served, the delay increases with each restart.
@@ -154,9 +154,7 @@ WAITS = [
 
 
 @pytest.mark.long
-def test_one_that_waits_takes_the_place_of_one_that_died(
-    supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_spare_replaces_dead_part(supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervision, "SPARE_AFTER_S", 0.0)
     monkeypatch.setattr(supervision, "IDLE_CHECK_EVERY_S", 0.0)
     others: list[str] = []
@@ -191,9 +189,7 @@ def test_one_that_waits_takes_the_place_of_one_that_died(
     assert not any(map(_runs, pids))
 
 
-def test_a_part_that_was_killed_before_it_had_a_spare_gets_one_as_soon_as_it_serves(
-    supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_killed_part_gets_spare_once_it_serves(supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A process killed before it had a spare gets one as soon as it serves, even while other processes of the farm start.
 
     Otherwise it would have no spare if the same fault recurred while they start.
@@ -209,14 +205,14 @@ def test_a_part_that_was_killed_before_it_had_a_spare_gets_one_as_soon_as_it_ser
     wait_until(lambda: supervisor.check_parts() is None and part.process is not first and part.spare is not None, 20, "one waits")
 
 
-def test_a_fatal_exit_code_is_not_tried_again(supervisor: Supervisor, tmp_path: Path) -> None:
+def test_fatal_exit_code_prevents_restart(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("refused", [sys.executable, "-c", "raise SystemExit(3)"], tmp_path / "log", fatal_codes=(3,))
     supervisor.start(part)
     ended: list[Part | None] = []
     wait_until(lambda: ended.append(supervisor.check_parts()) or ended[-1] is part, 5, "the part is given up")
 
 
-def test_stopping_takes_along_what_a_part_has_started(supervisor: Supervisor, tmp_path: Path) -> None:
+def test_stopping_ends_child_processes_of_part(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("family", FAMILY, tmp_path / "log", grace_s=0.3)
     supervisor.start(part)
     wait_until(lambda: part.last_log_lines().strip().isdigit(), 5, "the grandchild runs")
@@ -226,7 +222,7 @@ def test_stopping_takes_along_what_a_part_has_started(supervisor: Supervisor, tm
     wait_until(lambda: not _runs(grandchild), 5, "the grandchild has ended")
 
 
-def test_hurry_does_not_wait(supervisor: Supervisor, tmp_path: Path) -> None:
+def test_immediate_stop_does_not_wait(supervisor: Supervisor, tmp_path: Path) -> None:
     part = Part("family", FAMILY, tmp_path / "log", grace_s=60)
     supervisor.start(part)
     wait_until(lambda: part.last_log_lines().strip().isdigit(), 5, "it runs")
@@ -235,7 +231,7 @@ def test_hurry_does_not_wait(supervisor: Supervisor, tmp_path: Path) -> None:
     assert time.monotonic() - begun < 2
 
 
-def test_parts_end_with_a_supervisor_that_is_killed(tmp_path: Path) -> None:
+def test_parts_end_with_killed_supervisor(tmp_path: Path) -> None:
     program = f"""
 import sys, time
 from pathlib import Path
@@ -262,7 +258,7 @@ def _runs(pid: int) -> bool:
         return False
 
 
-def test_a_full_disk_or_a_lack_of_processes_does_not_end_the_farm(
+def test_resource_exhaustion_does_not_end_farm(
     supervisor: Supervisor, reports: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (tmp_path / "logs").write_text("a file where the folder of logs should be")
@@ -292,9 +288,7 @@ WRITER = [
 
 
 @pytest.mark.parametrize("is_full", [False, True])
-def test_a_log_is_bounded_while_it_is_written(
-    supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_full: bool
-) -> None:
+def test_log_size_is_limited(supervisor: Supervisor, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, is_full: bool) -> None:
     monkeypatch.setattr(supervision, "LOG_KEPT", 200_000)
     monkeypatch.setattr(supervision, "LOGS_EVERY_S", 0.0)
     part = Part("writer", WRITER, tmp_path / "writer.log")

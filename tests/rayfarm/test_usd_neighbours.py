@@ -6,7 +6,7 @@ from rayfarm.scene_files import files_to_upload
 from tests.renderer.scene.usd_files import TYPES, bind, material, mesh, stage, texture
 
 
-def test_the_layers_and_pictures_that_a_binary_stage_names_go_along(tmp_path):
+def test_files_named_by_binary_stage_are_found(tmp_path):
     part = stage(tmp_path / "part.usdc")
     part.SetDefaultPrim(UsdGeom.Xform.Define(part, "/p").GetPrim())
     bind(

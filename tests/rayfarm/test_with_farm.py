@@ -26,7 +26,7 @@ from renderer.render import render_frame
 from renderer.scene.animation import Moment
 from tests.helpers import ROOT, Farm, wait_until
 from tests.rayfarm.program import rayfarm
-from tests.rayfarm.test_sequence import turning
+from tests.rayfarm.test_sequence import animated_scene
 from tests.renderer.scene.builders import Gltf, shoe
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
@@ -59,7 +59,7 @@ def pixels(path: Path) -> np.ndarray:
         file.close()
 
 
-def test_submit_gives_the_picture_that_render_gives(farm: Farm, tmp_path: Path) -> None:
+def test_submit_equals_render(farm: Farm, tmp_path: Path) -> None:
     code, out, err = run("submit", CORNELL, "--server", farm.url, "--wait", "-o", tmp_path / "farm.exr", *SMALL)
     assert code == 0, err
     job = out.strip()
@@ -73,7 +73,7 @@ def test_submit_gives_the_picture_that_render_gives(farm: Farm, tmp_path: Path) 
     assert (shown["id"], shown["state"], shown["width"], shown["height"]) == (job, "finished", 48, 32)
 
 
-def test_a_scene_without_light_stands_on_the_same_floor_here_and_there(farm: Farm, tmp_path: Path) -> None:
+def test_studio_floor_is_equal_with_farm(farm: Farm, tmp_path: Path) -> None:
     scene = tmp_path / "pyramid.obj"
     scene.write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
     asked = [*SMALL, "--up-axis=z"]
@@ -89,7 +89,7 @@ def test_a_scene_without_light_stands_on_the_same_floor_here_and_there(farm: Far
 
 
 @pytest.mark.long
-def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
+def test_environment_image_is_uploaded(farm: Farm, tmp_path: Path) -> None:
     sky = np.full((16, 32, 3), 0.25, np.float32)
     file = oiio.ImageOutput.create(str(tmp_path / "sky.exr"))
     file.open(str(tmp_path / "sky.exr"), oiio.ImageSpec(32, 16, 3, "float"))
@@ -106,7 +106,7 @@ def test_an_environment_image_goes_along(farm: Farm, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(farm: Farm, tmp_path: Path) -> None:
+def test_sky_is_equal_with_farm_and_denoised_picture_is_written(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "ball.yaml").write_text(
         "shapes: [{type: sphere, center: [0, 0, 0], radius: 1, material: white}]\nmaterials: {white: {kind: diffuse, color: 1}}\n"
     )
@@ -130,7 +130,7 @@ def test_a_sky_is_the_same_here_and_there_and_a_denoised_picture_comes_along(far
 
 
 @pytest.mark.long
-def test_a_variant_is_the_same_here_and_there(farm: Farm, tmp_path: Path) -> None:
+def test_variant_is_equal_with_farm(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "shoe.glb").write_bytes(shoe().glb())
     shown = ["--size=16x16", "--spp=4", "--eye=0.3,0.3,2", "--target=0.3,0.3,0", "--aov=albedo"]
     for variant in ([], ["--variant=night"], ["--variant=0"]):
@@ -145,8 +145,8 @@ def test_a_variant_is_the_same_here_and_there(farm: Farm, tmp_path: Path) -> Non
     assert "no variant 'winter'; its variants are 0: beach, 1: night, 2: day" in err
 
 
-def test_a_shot_is_fetched_frame_by_frame_and_is_what_render_gives(farm: Farm, tmp_path: Path) -> None:
-    (tmp_path / "shot.glb").write_bytes(turning().glb())
+def test_shot_frames_equal_render(farm: Farm, tmp_path: Path) -> None:
+    (tmp_path / "shot.glb").write_bytes(animated_scene().glb())
     shown = ["--size=24x16", "--spp=4", "--env=1,1,1"]
     common = ["submit", tmp_path / "shot.glb", "--server", farm.url, "-o", tmp_path / "far.###.exr", *shown]
     code, out, err = run_in_process(*common, "--frames=0-3,6.5", "--order=centre-out")
@@ -168,7 +168,7 @@ def test_a_shot_is_fetched_frame_by_frame_and_is_what_render_gives(farm: Farm, t
 
 def moving_scene() -> Gltf:
     """Builds a file with a triangle that moves to the right within a second, and a camera that rises."""
-    g = turning()
+    g = animated_scene()
     samplers, channels = g.root["animations"][0]["samplers"], g.root["animations"][0]["channels"]
     samplers.append({"input": samplers[0]["input"], "output": g.array(np.float32([(0, 0, 5), (0, 2, 5)]))})
     channels.append({"sampler": 1, "target": {"node": 2, "path": "translation"}})
@@ -185,7 +185,7 @@ def digest_here(scene: Path, frame: float, picture: Picture, turntable: float | 
 
 
 @pytest.mark.long
-def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> None:
+def test_blurred_frame_equals_render(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "shot.glb").write_bytes(moving_scene().glb())
     cube = "{type: cube, transform: [{rotate: {axis: y, degrees: {keys: [[0, 0], [1, 900]]}}}]}"
     (tmp_path / "own.yaml").write_text(f"settings: {{shutter: 2}}\nshapes: [{cube}]")
@@ -215,8 +215,8 @@ def test_a_blurred_frame_is_what_render_gives(farm: Farm, tmp_path: Path) -> Non
 
 
 @pytest.mark.long
-def test_a_farm_makes_a_film_of_a_shot(farm: Farm, tmp_path: Path) -> None:
-    (tmp_path / "shot.glb").write_bytes(turning().glb())
+def test_farm_encodes_movie_of_shot(farm: Farm, tmp_path: Path) -> None:
+    (tmp_path / "shot.glb").write_bytes(animated_scene().glb())
     arguments = ["--size=64x48", "--spp=2", "--frames=0-5", "--fps=12"]
     code, _, err = run_in_process("submit", tmp_path / "shot.glb", "--server", farm.url, "-o", tmp_path / "shot.mp4", *arguments)
     assert code == 0, err
@@ -226,7 +226,7 @@ def test_a_farm_makes_a_film_of_a_shot(farm: Farm, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_frame_that_fails_ends_the_command_with_1_and_the_others_are_written(farm: Farm, tmp_path: Path) -> None:
+def test_failed_frame_gives_exit_code_1_and_others_are_written(farm: Farm, tmp_path: Path) -> None:
     for number in (0, 1, 3):
         (tmp_path / f"smoke.{number}.obj").write_text(f"v -9 -9 0\nv 9 -9 0\nv 0 {9 + number} 0\nf 1 2 3\n")
     (tmp_path / "scene.yaml").write_text("shapes: [{type: mesh, file: smoke.#.obj}]\n")
@@ -239,7 +239,7 @@ def test_a_frame_that_fails_ends_the_command_with_1_and_the_others_are_written(f
 
 
 @pytest.mark.long
-def test_files_under_numbers_are_a_shot(farm: Farm, tmp_path: Path) -> None:
+def test_numbered_files_are_a_shot(farm: Farm, tmp_path: Path) -> None:
     for number in (1, 2):
         (tmp_path / f"drop.{number:04d}.obj").write_text(f"v -9 -9 0\nv 9 -9 0\nv 0 {3 * number} 0\nf 1 2 3\n")
     arguments = ["--frames=1-2", "--size=16x16", "--spp=2", "--env=1,1,1"]
@@ -253,7 +253,7 @@ def test_files_under_numbers_are_a_shot(farm: Farm, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:
+def test_invalid_scene_gives_error(farm: Farm, tmp_path: Path) -> None:
     (tmp_path / "noise.glb").write_bytes(b"glTF" + os.urandom(200))
     code, _, err = run_in_process("submit", tmp_path / "noise.glb", "--server", farm.url)
     assert code == 1
@@ -262,7 +262,7 @@ def test_a_scene_that_is_none_is_a_sentence(farm: Farm, tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_ctrl_c_leaves_the_job_running_and_says_how_to_find_it(farm: Farm) -> None:
+def test_ctrl_c_leaves_job_running(farm: Farm) -> None:
     process = start("submit", CORNELL, "--server", farm.url, "--wait", "--size=256x256", "--spp=100000")
     assert process.stdout is not None
     job = process.stdout.readline().strip()
@@ -279,14 +279,14 @@ def test_ctrl_c_leaves_the_job_running_and_says_how_to_find_it(farm: Farm) -> No
 
 
 @pytest.mark.long
-def test_a_wrong_token_is_a_sentence(farm: Farm) -> None:
+def test_wrong_token_gives_error(farm: Farm) -> None:
     code, _, err = run("worker", "--join", farm.url, "--token", "wrong", "--slots", "1")
     assert code == 1
     assert "does not know this token" in err
 
 
 @pytest.mark.long
-def test_the_client_passes_on_the_services_sentence(farm: Farm) -> None:
+def test_client_raises_service_message(farm: Farm) -> None:
     with farm.client() as client:
         with pytest.raises(ClientError) as missing:
             client.job("no-such-job")
@@ -297,7 +297,7 @@ def test_the_client_passes_on_the_services_sentence(farm: Farm) -> None:
         assert 400 <= wrong.value.status < 500
 
 
-def test_a_farm_that_is_not_there_is_a_sentence() -> None:
+def test_missing_farm_gives_error() -> None:
     with Client("http://127.0.0.1:9") as client, pytest.raises(ClientError, match="No farm answers"):
         client.jobs()
     with Client("http://exa mple") as client, pytest.raises(ClientError):
@@ -305,7 +305,7 @@ def test_a_farm_that_is_not_there_is_a_sentence() -> None:
 
 
 @pytest.mark.long
-def test_a_second_farm_on_the_same_folder_or_port_is_told_why_not(farm: Farm, tmp_path: Path) -> None:
+def test_second_farm_on_folder_or_port_gives_error(farm: Farm, tmp_path: Path) -> None:
     port = farm.url.rpartition(":")[2]
     for arguments, sentence in (
         ([f"--data={farm.data}", "--port=0"], f"already runs on {farm.data} at {farm.url}"),
@@ -318,7 +318,7 @@ def test_a_second_farm_on_the_same_folder_or_port_is_told_why_not(farm: Farm, tm
 
 
 @pytest.mark.long
-def test_a_data_folder_of_a_newer_release_is_refused_with_a_sentence(tmp_path: Path) -> None:
+def test_newer_data_folder_is_rejected(tmp_path: Path) -> None:
     data = tmp_path / "data"
     data.mkdir()
     with closing(sqlite3.connect(data / "rayfarm.sqlite")) as database, database:

@@ -35,7 +35,7 @@ WORKER = ("worker", "--slots=1")
     [("rayfarm.commands.worker", "numpy httpx"), ("renderer.scene.readers.pbrt", "trimesh scipy.spatial")],
     ordinary=("rayfarm.commands.worker",),
 )
-def test_a_worker_waits_for_no_library_that_it_has_no_use_for(module: str, without: str) -> None:
+def test_worker_imports_no_unused_library(module: str, without: str) -> None:
     """Libraries that a worker does not use are not imported, since its start delays the whole farm."""
     found = subprocess.check_output([sys.executable, "-c", f"import sys, {module}; print(*sys.modules)"], cwd=ROOT, text=True)
     assert not set(without.split()) & set(found.split())
@@ -51,7 +51,7 @@ def test_a_worker_waits_for_no_library_that_it_has_no_use_for(module: str, witho
     ids=["html", "no redis_url"],
     ordinary=("no redis_url",),
 )
-def test_what_is_no_farm_ends_it_with_a_sentence(answer: bytes, words: str) -> None:
+def test_other_server_ends_worker_with_error(answer: bytes, words: str) -> None:
     with foreign_server(answer) as port:
         done = rayfarm(*WORKER, "--token=t", f"--join=127.0.0.1:{port}", RAYFARM_REDIS_URL="")
     assert done.returncode == 1
@@ -61,7 +61,7 @@ def test_what_is_no_farm_ends_it_with_a_sentence(answer: bytes, words: str) -> N
 
 
 @pytest.mark.long
-def test_a_redis_that_is_away_is_waited_for_until_ctrl_c() -> None:
+def test_unreachable_redis_is_retried_until_ctrl_c() -> None:
     with foreign_server(json_answer({"redis_url": "redis://127.0.0.1:9/0", "instance": "i", "data_dir": ""})) as port:
         command = [sys.executable, "-m", "rayfarm", *WORKER, "--token=t", f"--join=127.0.0.1:{port}"]
         env = {**os.environ, "COLUMNS": "160", "RAYFARM_REDIS_URL": ""}
@@ -78,9 +78,9 @@ def test_a_redis_that_is_away_is_waited_for_until_ctrl_c() -> None:
         assert "Traceback" not in said + err
 
 
-def test_what_cannot_be_started_is_a_sentence(tmp_path: Path) -> None:
+def test_invalid_options_give_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    for join, sentence in (("127.0.0.1:9", "RAYFARM_CACHE"), ("http://exa mple", "no address")):
+    for join, sentence in (("127.0.0.1:9", "RAYFARM_CACHE"), ("http://exa mple", "not the address")):
         done = rayfarm(*WORKER, "--token=t", f"--join={join}", RAYFARM_CACHE=str(tmp_path / "file"))
         assert done.returncode == 1
         assert sentence in done.stderr
@@ -88,7 +88,7 @@ def test_what_cannot_be_started_is_a_sentence(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_token_comes_from_a_file_and_one_among_the_arguments_is_warned_of(tmp_path: Path) -> None:
+def test_token_argument_gives_warning(tmp_path: Path) -> None:
     shown: list[str | None] = []
 
     class Refuses(BaseHTTPRequestHandler):
@@ -115,7 +115,7 @@ def test_a_token_comes_from_a_file_and_one_among_the_arguments_is_warned_of(tmp_
 
 
 @pytest.mark.parametrize("command", (("worker", "--join=127.0.0.1:9", "--token=t"), ("render", "no.obj", "-o", "no.png")))
-def test_a_card_that_is_not_there_ends_it_with_a_sentence(command: tuple[str, ...], tmp_path: Path) -> None:
+def test_missing_card_gives_error(command: tuple[str, ...], tmp_path: Path) -> None:
     gpu = ("--gpu=only",) if command[0] == "worker" else ("--gpu",)
     (tmp_path / "libcuda.so.1").write_text("no library")
     done = rayfarm(*command, *gpu, LD_LIBRARY_PATH=str(tmp_path))
@@ -125,7 +125,7 @@ def test_a_card_that_is_not_there_ends_it_with_a_sentence(command: tuple[str, ..
     assert "Traceback" not in done.stderr
 
 
-def test_a_choice_of_cards_that_is_none_ends_it_with_a_sentence() -> None:
+def test_invalid_card_selection_gives_error() -> None:
     done = rayfarm("worker", "--join=127.0.0.1:9", "--token=t", "--gpu=first")
     assert done.returncode == 1
     assert "--gpu is 'first'; give none, all, only, or numbers such as 0,1" in done.stderr.replace("\n", " ")
@@ -140,9 +140,7 @@ def test_a_choice_of_cards_that_is_none_ends_it_with_a_sentence() -> None:
         ("0", ["--paired", "--gpu=none"], ["--gpu=0", "--paired", "--name", "attic-gpu"]),
     ),
 )
-def test_cards_beside_cores_are_a_worker_of_their_own(
-    gpu: str, cores: list[str], cards: list[str] | None, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cards_are_a_second_worker(gpu: str, cores: list[str], cards: list[str] | None, monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[Any] = []
     found = Cards([Card(0, "RTX Test", (8, 6), 8 << 30, 1)], [])
     monkeypatch.setattr(worker_command, "run", lambda *given: started.append(given))
@@ -163,7 +161,7 @@ def test_cards_beside_cores_are_a_worker_of_their_own(
     assert f"with {3 if cards else 1 if gpu == 'only' else 2} slots" in sentence
 
 
-def test_processes_of_a_command_end_together_with_the_sentence_of_the_one_that_failed(
+def test_failed_process_ends_others_and_its_message_is_shown(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """If one process of a command fails, the others are ended, and the command prints the failed process's error message.

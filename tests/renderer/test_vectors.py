@@ -18,7 +18,7 @@ from renderer.scene.shutter_merge import merge_over_shutter
 from renderer.settings import RenderSettings, View
 from renderer.vectors import motion_vectors
 from tests.grids import grid
-from tests.rayfarm.test_stage import everything
+from tests.rayfarm.test_stage import animated_test_scene
 from tests.renderer.builders import gray, square
 from tests.renderer.scene.builders import world
 
@@ -200,7 +200,7 @@ def test_motion_vectors_of_an_animated_gltf(tmp_path: Path) -> None:
 
     The file has a hierarchy, a morph target, a skin and a moving camera.
     """
-    (tmp_path / "all.glb").write_bytes(everything())
+    (tmp_path / "all.glb").write_bytes(animated_test_scene())
     shot = Shot(tmp_path, "all.glb")
     found = [shot.scene_at(Moment(frame)) for frame in (8, 9, 10)]
     views = [replace(each.cameras[0].view, fov=50.0) for each in found]

@@ -38,7 +38,7 @@ OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 # Test files whose tests with a service run on either database, and name prefixes of the tests that do so without --long: those
 # with database queries that other tests do not make.
 ON_BOTH: dict[str, tuple[str, ...]] = {
-    "scheduling/test_jobs.py": ("test_a_job_comes_to_the_very_sums_that_its_samples_have",),
+    "scheduling/test_jobs.py": ("test_finished_film_has_expected_sums",),
     "scheduling/test_shots.py": (),
     "scheduling/test_killed_shots.py": (),
     "scheduling/test_many_hands.py": (),
@@ -47,7 +47,7 @@ ON_BOTH: dict[str, tuple[str, ...]] = {
     "scheduling/test_database_faults.py": (),
     "maintenance/test_retention.py": (),
     "store/test_garbage.py": (),
-    "ownership/test_candidate.py": ("test_of_two_that_find_it_free", "test_an_owner_that_hangs"),
+    "ownership/test_candidate.py": ("test_only_one_of_two_candidates", "test_hanging_owner_is_replaced"),
     "ownership/test_two_services.py": (),
 }
 

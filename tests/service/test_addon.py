@@ -29,7 +29,7 @@ def archive() -> zipfile.ZipFile:
     return zipfile.ZipFile(io.BytesIO(addon_zip()))
 
 
-def test_the_manifest_is_what_blender_takes(archive: zipfile.ZipFile) -> None:
+def test_manifest_is_valid_for_blender(archive: zipfile.ZipFile) -> None:
     manifest = tomllib.loads(archive.read(f"{FOLDER}/blender_manifest.toml").decode())
     assert manifest["version"] == ".".join(map(str, NUMBERS))
     assert manifest["blender_version_min"] == "4.2.0"
@@ -39,7 +39,7 @@ def test_the_manifest_is_what_blender_takes(archive: zipfile.ZipFile) -> None:
     assert all(len(why) <= 64 and not why.endswith(".") for why in manifest["permissions"].values())
 
 
-def test_bl_info_says_the_same(archive: zipfile.ZipFile) -> None:
+def test_bl_info_equals_manifest(archive: zipfile.ZipFile) -> None:
     tree = ast.parse(archive.read(f"{FOLDER}/__init__.py"))
     said = next(node.value for node in tree.body if isinstance(node, ast.Assign) and node.targets[0].id == "bl_info")
     info = ast.literal_eval(said)
@@ -48,7 +48,7 @@ def test_bl_info_says_the_same(archive: zipfile.ZipFile) -> None:
 
 
 @pytest.mark.long
-def test_it_needs_nothing_that_blender_has_not(archive: zipfile.ZipFile) -> None:
+def test_addon_imports_only_available_modules(archive: zipfile.ZipFile) -> None:
     import sys
 
     names = [name for name in archive.namelist() if name.endswith(".py")]
@@ -68,11 +68,11 @@ def test_it_needs_nothing_that_blender_has_not(archive: zipfile.ZipFile) -> None
     )
 
 
-def test_equal_sources_are_equal_bytes() -> None:
+def test_equal_sources_give_equal_archive() -> None:
     assert addon_zip() == addon_zip()
 
 
-def test_the_command_writes_it(tmp_path) -> None:
+def test_command_writes_addon(tmp_path) -> None:
     program = typer.Typer()
     blender_addon.register(program)
     for output in (tmp_path / "addon.zip", tmp_path):

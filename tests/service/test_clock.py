@@ -36,7 +36,7 @@ def in_the_middle_of_europe(monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
         ("2026-03-05", "2026-03-05T00:00+01:00"),
     ],
 )
-def test_the_time_that_is_meant(text: str, found: str) -> None:
+def test_deadline_is_parsed(text: str, found: str) -> None:
     assert deadline_of(text, EVENING) == datetime.fromisoformat(found).timestamp()
 
 
@@ -56,7 +56,7 @@ def test_the_time_that_is_meant(text: str, found: str) -> None:
         ("2026-10-25T02:10 again", "02:30", "2026-10-25T02:30+01:00"),
     ],
 )
-def test_clocks_that_are_put_forward_or_back_until_then(now: str, text: str, found: str) -> None:
+def test_deadline_across_clock_change(now: str, text: str, found: str) -> None:
     at = datetime.fromisoformat(now.removesuffix(" again")).replace(fold=int(now.endswith("again")))
     assert deadline_of(text, at) == datetime.fromisoformat(found).timestamp()
 
@@ -73,7 +73,7 @@ def test_clocks_that_are_put_forward_or_back_until_then(now: str, text: str, fou
         ("2046-03-01", "deadline-too-far"),
     ],
 )
-def test_what_is_none(text: str, codes: str) -> None:
+def test_invalid_deadline_is_rejected(text: str, codes: str) -> None:
     with pytest.raises(ValueError) as error:
         deadline_of(text, EVENING)
     assert code_of(error.value) in codes.split()

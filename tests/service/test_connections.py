@@ -78,13 +78,13 @@ def answer(client: socket.socket) -> bytes:
 
 
 @pytest.mark.parametrize("begin", [b"GET /", b"GET / HTTP/1.1\r\nX: ", b"GET / HTTP/1.1\r\nX: y\r\n"])
-def test_a_head_without_end_is_refused(server: Server, begin: bytes) -> None:
+def test_endless_head_is_rejected(server: Server, begin: bytes) -> None:
     with server.connect(begin) as client, pytest.raises(OSError, match=r"reset|pipe"):
         for _ in range(1000):
             client.sendall(b"A: b\r\n" * 10000 if begin.endswith(b"\n") else PIECE)
 
 
-def test_ordinary_requests_pass_also_several_on_one_connection(server: Server) -> None:
+def test_several_requests_on_one_connection(server: Server) -> None:
     long = b"GET / HTTP/1.1\r\nHost: h\r\nCookie: " + b"c" * 30_000 + b"\r\n\r\n"
     body = b"POST / HTTP/1.1\r\nHost: h\r\nContent-Length: 300000\r\n\r\n" + b"b" * 300_000
     last = b"GET / HTTP/1.1\r\nHost: h\r\nConnection: close\r\n\r\n"
@@ -96,7 +96,7 @@ def test_ordinary_requests_pass_also_several_on_one_connection(server: Server) -
     assert [found.count(size) for size in (b"\r\n\r\n0", b"\r\n\r\n300000")] == [3, 2]
 
 
-def test_whoever_does_not_say_what_it_wants_is_waited_for_a_while(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_incomplete_request_times_out(server: Server, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(connections, "HEAD_TIMEOUT_S", 0.2)
     monkeypatch.setattr(connections, "BODY_TIMEOUT_S", 0.2)
     with server.connect() as silent, server.connect(b"GET / HT") as slow:
@@ -107,7 +107,7 @@ def test_whoever_does_not_say_what_it_wants_is_waited_for_a_while(server: Server
     until(lambda: not server.server.server_state.tasks, "nothing waits for it any more")
 
 
-def test_one_more_connection_than_there_may_be_ends_the_one_that_waits_longest(server: Server) -> None:
+def test_excess_connection_aborts_longest_waiting_one(server: Server) -> None:
     Connection.most = 20
     working = server.connect(b"GET / HTTP/1.1\r\nHost: h\r\n\r\n")
     assert working.recv(1000).endswith(b"0")
@@ -119,7 +119,7 @@ def test_one_more_connection_than_there_may_be_ends_the_one_that_waits_longest(s
         each.close()
 
 
-def test_connections_leave_files_for_the_service_itself() -> None:
+def test_connection_limit_reserves_file_descriptors() -> None:
     _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     said = "import resource, service.connections as c; resource.setrlimit(resource.RLIMIT_NOFILE, (256, 2048))"
     told = f"{said}; print(c.most_connections(), resource.getrlimit(resource.RLIMIT_NOFILE)[0])"
@@ -129,7 +129,7 @@ def test_connections_leave_files_for_the_service_itself() -> None:
     assert done.stdout.split() == ["1536", "2048"]
 
 
-def test_a_short_body_is_whole_before_anybody_looks_at_it(server: Server) -> None:
+def test_application_starts_after_short_body_is_complete(server: Server) -> None:
     def post(path: bytes, length: int, body: bytes = b"", more: bytes = b"") -> bytes:
         return b"POST %s HTTP/1.1\r\n%sContent-Length: %d\r\nConnection: close\r\n\r\n%s" % (path, more, length, body)
 

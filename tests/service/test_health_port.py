@@ -47,9 +47,7 @@ def served() -> Iterator[Served]:
     made.loop.close()
 
 
-def test_a_loop_that_is_busy_is_no_reason_to_restart_and_one_that_hangs_is(
-    served: Served, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_busy_loop_is_healthy_and_hanging_loop_is_not(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     assert served.get()[0] == 200
     goes_on = threading.Event()
     served.loop.call_soon_threadsafe(goes_on.wait)
@@ -63,12 +61,12 @@ def test_a_loop_that_is_busy_is_no_reason_to_restart_and_one_that_hangs_is(
     wait_until(lambda: served.get()[0] == 200, 20, "the loop goes on")
 
 
-def test_an_engine_that_has_ended_is_told(served: Served) -> None:
+def test_ended_engine_is_unhealthy(served: Served) -> None:
     served.is_engine_alive = False
     assert served.get() == (503, {"detail": "The scheduler has stopped. Restart the service."})
     assert served.get("/")[0] == 404
 
 
-def test_a_port_that_is_taken_is_said(served: Served) -> None:
+def test_port_in_use_gives_error(served: Served) -> None:
     with pytest.raises(StartupError, match="RAYFARM_HEALTH_PORT"):
         HealthPort("127.0.0.1", served.health.port, lambda: True)

@@ -31,20 +31,20 @@ def is_healthy(port: int) -> bool:
 
 
 @pytest.mark.parametrize("status", [200, 503])
-def test_a_service_is_healthy_once_it_is_ready(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ready_service_is_healthy(status: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Answers, "status", status)
     with HTTPServer(("127.0.0.1", 0), Answers) as server:
         threading.Thread(target=server.handle_request, daemon=True).start()
         assert is_healthy(server.server_port) == (status == 200)
 
 
-def test_where_nothing_answers_it_is_not() -> None:
+def test_unreachable_service_is_unhealthy() -> None:
     with HTTPServer(("127.0.0.1", 0), Answers, bind_and_activate=False) as server:
         server.server_bind()
         assert not is_healthy(server.server_port)
 
 
-def test_the_check_is_not_taken_for_a_proxy(service: Service, caplog: pytest.LogCaptureFixture) -> None:
+def test_health_check_does_not_look_like_proxy(service: Service, caplog: pytest.LogCaptureFixture) -> None:
     gate._warn_of_proxy.cache_clear()
     until(lambda: is_healthy(service.port), "it is ready")
     assert [record for record in caplog.records if "proxy" in record.getMessage()] == []

@@ -22,7 +22,7 @@ def made(folder: Path) -> dict[str, str]:
     return {name: (folder / name).read_text().strip() for name in SECRETS}
 
 
-def test_each_is_random_and_made_once(tmp_path: Path) -> None:
+def test_secrets_are_random_and_created_once(tmp_path: Path) -> None:
     first = made(tmp_path)
     assert len(set(first.values())) == len(SECRETS)
     assert all(len(value) == 64 for value in first.values())
@@ -30,7 +30,7 @@ def test_each_is_random_and_made_once(tmp_path: Path) -> None:
     assert made(tmp_path) == first
 
 
-def test_what_is_given_counts_and_stays(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_given_secrets_are_stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     before = made(tmp_path)
     monkeypatch.setenv("RAYFARM_TOKEN", "one of our own")
     assert made(tmp_path) == {**before, "token": "one of our own"}
@@ -38,12 +38,12 @@ def test_what_is_given_counts_and_stays(tmp_path: Path, monkeypatch: pytest.Monk
     assert made(tmp_path)["token"] == "one of our own"
 
 
-def test_an_empty_file_is_made_anew(tmp_path: Path) -> None:
+def test_empty_secret_file_is_replaced(tmp_path: Path) -> None:
     (tmp_path / "token").touch()
     assert made(tmp_path)["token"]
 
 
-def test_a_folder_that_cannot_be_written_is_a_sentence(
+def test_unwritable_folder_gives_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.argv", ["make_secrets", str(tmp_path / "none")])

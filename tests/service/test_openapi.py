@@ -18,7 +18,7 @@ LIST = Path(__file__).with_name("openapi.txt")
 Json = dict[str, Any]
 
 
-def test_the_published_api_is_the_listed_one() -> None:
+def test_openapi_equals_stored_list() -> None:
     listed, found = LIST.read_text(encoding="utf-8").splitlines(), list(surface())
     gone, new = [line for line in listed if line not in found], [line for line in found if line not in listed]
     assert not gone, "clients may use these: keep them, or list the API anew (python -m tests.service.test_openapi)"

@@ -86,7 +86,7 @@ def pages(web: Path) -> Pages:
     return Pages(web)
 
 
-def test_the_index_names_all_files_by_their_version_joined_where_it_can_and_all_modules_at_once(pages: Pages) -> None:
+def test_index_links_versioned_files_and_preloads_modules(pages: Pages) -> None:
     html = pages.get("/").text
     v = f"v/{pages.version()}"
     assert re.findall(r'(?:href|src)="([^"]+)"', html) == [
@@ -102,13 +102,13 @@ def test_the_index_names_all_files_by_their_version_joined_where_it_can_and_all_
     assert pages.get(f"/{v}/js/joined.js").text == "0;\n1;"
 
 
-def test_the_index_says_what_each_view_needs_beyond_the_first_modules(pages: Pages) -> None:
+def test_index_lists_modules_of_each_view(pages: Pages) -> None:
     table = re.search(r'<script type="application/json" id="view-modules">(.*?)</script>', pages.get("/").text)
     assert table
     assert json.loads(table[1]) == {"d": [f"v/{pages.version()}/js/views/{name}.js" for name in "de"]}
 
 
-def test_the_index_lists_the_views_by_address() -> None:
+def test_index_lists_views_by_url() -> None:
     """The index lists every view's address, and the page has no other list: views missing there are not shown."""
     web = ROOT / "web"
     sources = {path.relative_to(web).as_posix(): path.read_text() for path in web.rglob("*.js")}
@@ -128,7 +128,7 @@ def test_the_index_lists_the_views_by_address() -> None:
     assert len(views) == sources["js/views/showing.js"].count('await import("./')
 
 
-def test_a_file_of_this_version_is_never_asked_about_again_and_the_index_always_is(pages: Pages) -> None:
+def test_versioned_files_are_immutable_and_index_is_revalidated(pages: Pages) -> None:
     answer = pages.get(f"/v/{pages.version()}/js/base/b.js")
     assert answer.headers["cache-control"] == "public, max-age=31536000, immutable"
     assert answer.headers["content-type"].startswith("text/javascript")
@@ -138,7 +138,7 @@ def test_a_file_of_this_version_is_never_asked_about_again_and_the_index_always_
     assert pages.get("/", {"If-None-Match": index.headers["etag"]}).status_code == 304
 
 
-def test_what_is_compressed_is_the_same(pages: Pages) -> None:
+def test_compressed_files_are_equal(pages: Pages) -> None:
     path = f"/v/{pages.version()}/js/main.js"
     plain, packed = pages.get(path), pages.get(path, {"Accept-Encoding": "gzip, br"})
     assert packed.headers["content-encoding"] == "gzip" and packed.content == plain.content
@@ -147,7 +147,7 @@ def test_what_is_compressed_is_the_same(pages: Pages) -> None:
     assert int(packed.headers["content-length"]) == len(gzip.compress(plain.content, 9))
 
 
-def test_another_release_has_another_address_and_a_page_of_the_older_one_is_given_no_module(pages: Pages, web: Path) -> None:
+def test_old_page_gets_no_module_of_new_release(pages: Pages, web: Path) -> None:
     before = pages.version()
     (web / "js/base/c.js").write_text("export const c = 2;\n")
     os.utime(web / "js/base/c.js", (1, 1))
@@ -160,7 +160,7 @@ def test_another_release_has_another_address_and_a_page_of_the_older_one_is_give
 
 
 @pytest.mark.parametrize("path", ["/js/main.js", "/css/a.css", "/icon.svg"])
-def test_files_have_their_plain_addresses_too(pages: Pages, path: str) -> None:
+def test_files_have_unversioned_urls_too(pages: Pages, path: str) -> None:
     answer = pages.get(path)
     assert answer.status_code == 200 and answer.headers["cache-control"] == "no-cache"
 
@@ -178,11 +178,11 @@ def test_files_have_their_plain_addresses_too(pages: Pages, path: str) -> None:
         "/v/x/.hidden.js",
     ],
 )
-def test_there_is_nothing_else(pages: Pages, path: str) -> None:
+def test_other_paths_are_404(pages: Pages, path: str) -> None:
     assert pages.get(path).status_code == 404
 
 
-def test_the_typeface_is_the_package_s_file_cached_and_compressed(web: Path) -> None:
+def test_typeface_is_served_from_package(web: Path) -> None:
     pages = Pages(web)
     answer = pages.get("/fonts/inter.ttf", {"Accept-Encoding": "gzip"})
     assert answer.status_code == 200 and answer.headers["content-type"] == "font/ttf"
@@ -194,6 +194,6 @@ def test_the_typeface_is_the_package_s_file_cached_and_compressed(web: Path) -> 
         assert f'url("/{FONT}")' in sheet.read_text(), sheet
 
 
-def test_without_the_package_there_is_no_typeface(web: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_typeface_without_package(web: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     assert Pages(web).get("/fonts/inter.ttf").status_code == 404

@@ -15,7 +15,7 @@ from service.process_lifecycle import ServiceLifecycle
 from service.settings import Settings
 
 
-def test_a_service_that_starts_while_the_database_is_away_waits_for_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_service_start_waits_for_database(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A service that starts while the database is unreachable waits for it instead of ending.
 
     The database may be locked because the owner is suspended during a write; if the standby ended, none could take over.

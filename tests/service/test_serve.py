@@ -41,7 +41,7 @@ def image_command() -> list[str]:
         (image_command(), {"RAYFARM_PUBLISHED": "127.0.0.1"}, "0.0.0.0", 8000, False),
     ],
 )
-def test_it_listens_where_its_settings_say(
+def test_listening_address_follows_settings(
     arguments: list[str],
     variables: dict[str, str],
     host: str,
@@ -67,7 +67,7 @@ def test_it_listens_where_its_settings_say(
     assert all_told.count("--host") == 1
 
 
-def test_another_machine_is_none_of_loopback_whatever_it_says(tmp_path: Path, redis_server: running_redis) -> None:
+def test_remote_client_is_not_local(tmp_path: Path, redis_server: running_redis) -> None:
     """A client on another machine is not treated as local.
 
     This holds even if the settings do not name the address on which the server listens.
@@ -90,7 +90,7 @@ def test_another_machine_is_none_of_loopback_whatever_it_says(tmp_path: Path, re
     ("path", "status", "kept"),
     [("/readyz", 200, False), ("/healthz", 200, False), ("/readyz", 503, True), ("/api/jobs", 200, True)],
 )
-def test_probes_that_succeed_are_not_logged(path: str, status: int, kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_successful_probes_are_not_logged(path: str, status: int, kept: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     """Successful probes are not logged. The filter is added before uvicorn configures its loggers, and stays in effect."""
     access = logging.getLogger("uvicorn.access")
     monkeypatch.setattr(access, "filters", [])

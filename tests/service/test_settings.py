@@ -25,7 +25,7 @@ from tests.grids import grid
         ("RAYFARM_WEBHOOKS", "x", "RAYFARM_WEBHOOKS is invalid: it is not JSON"),
     ],
 )
-def test_what_makes_no_sense_is_named(
+def test_invalid_setting_is_named(
     name: str, value: str, why: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv(name, value)
@@ -37,7 +37,7 @@ def test_what_makes_no_sense_is_named(
 
 
 @pytest.mark.parametrize("number", [errno.ENOSPC, errno.EROFS])
-def test_a_data_folder_that_cannot_be_written_is_a_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
+def test_unwritable_data_folder_gives_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, number: int) -> None:
     def refused(*_: object) -> None:
         raise OSError(number, os.strerror(number))
 
@@ -58,12 +58,12 @@ def test_a_data_folder_that_cannot_be_written_is_a_sentence(tmp_path: Path, monk
         ({"host": "0.0.0.0"}, f"http://{socket.gethostname()}:8000"),
     ],
 )
-def test_the_page_is_named_as_people_reach_it(given: dict[str, Any], url: str, tmp_path: Path) -> None:
+def test_page_url_follows_settings(given: dict[str, Any], url: str, tmp_path: Path) -> None:
     assert Settings(data=tmp_path, **given).page_url == url
 
 
 @grid("name", Settings.model_fields)
-def test_every_setting_may_lie_in_a_file(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_every_setting_is_read_from_file(name: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Every setting may be given in a file; the environment variable takes precedence if both are set."""
     values = {
         "allowed_hosts": '["farm.example"]',
@@ -93,7 +93,7 @@ def test_every_setting_may_lie_in_a_file(name: str, monkeypatch: pytest.MonkeyPa
     assert getattr(Settings.read(**{name: expected}), name) == expected
 
 
-def test_a_secret_s_file_that_cannot_be_read_is_a_sentence(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_unreadable_secret_file_gives_error(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv("RAYFARM_TOKEN_FILE", str(tmp_path / "none"))
     with pytest.raises(StartupError, match=r"RAYFARM_TOKEN_FILE: .*none cannot be read \(No such file or directory\)"):
         Settings.read()
@@ -108,7 +108,7 @@ def test_a_secret_s_file_that_cannot_be_read_is_a_sentence(monkeypatch: pytest.M
         ("redis://[::1]:6379", "redis://:p%2Fw%40@[::1]:6379"),
     ],
 )
-def test_redis_s_password_comes_by_itself(url: str, with_it: str) -> None:
+def test_redis_password_is_inserted_into_urls(url: str, with_it: str) -> None:
     """The Redis password is inserted into URLs without one, also into the URL for workers."""
     settings = Settings(redis_url=url, redis_password="p/w@", public_redis_url=url)
     assert (settings.redis_url, settings.worker_redis_url) == (with_it, with_it)

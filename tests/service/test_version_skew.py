@@ -53,7 +53,7 @@ def store(service: Service) -> redis.Redis:
     return redis.Redis.from_url(str(service.options["redis_url"]))
 
 
-def test_a_worker_of_the_last_release_renders_and_the_film_is_what_it_was_there(service: Service) -> None:
+def test_older_worker_renders_same_film(service: Service) -> None:
     with OldWorker(str(service.options["redis_url"]), service.url, "the farm's token", kind=OLD["report"]["kind"]) as worker:
         job = service.submit(service.ready_scene(), **ASKED)
         assert service.wait_for(job, "finished")["kind"] == worker.kind
@@ -61,7 +61,7 @@ def test_a_worker_of_the_last_release_renders_and_the_film_is_what_it_was_there(
         assert service.http.get("/api/workers").json()[0]["name"] == worker.name
 
 
-def test_a_job_waits_for_its_own_kind_and_is_never_mixed(service: Service) -> None:
+def test_job_waits_for_its_worker_kind(service: Service) -> None:
     old_kind = OLD["report"]["kind"]
     address = str(service.options["redis_url"]), service.url, "the farm's token"
     with OldWorker(*address, name="old", kind=old_kind) as old:
@@ -80,7 +80,7 @@ def test_a_job_waits_for_its_own_kind_and_is_never_mixed(service: Service) -> No
 
 
 @pytest.mark.long
-def test_a_job_of_a_kind_that_is_gone_begins_anew_where_one_wants_it(service: Service) -> None:
+def test_job_of_missing_kind_is_restarted_on_request(service: Service) -> None:
     """A new job for workers of another kind renders the same picture; the old job keeps its samples, and can be continued."""
     old_kind = OLD["report"]["kind"]
     address = str(service.options["redis_url"]), service.url, "the farm's token"
@@ -112,7 +112,7 @@ def test_a_job_of_a_kind_that_is_gone_begins_anew_where_one_wants_it(service: Se
 
 
 @pytest.mark.long
-def test_what_cannot_begin_anew_stays_as_it_was(service: Service, worker: PeerWorker) -> None:
+def test_failed_restart_leaves_job_unchanged(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.05)
     job = service.submit(service.ready_scene(), spp=64)
     until(lambda: service.job(job)["samples"] > 0, "it has begun")
@@ -125,7 +125,7 @@ def test_what_cannot_begin_anew_stays_as_it_was(service: Service, worker: PeerWo
 
 
 @pytest.mark.long
-def test_reports_that_cannot_be_read_hurt_nobody(service: Service, worker: PeerWorker, store: redis.Redis) -> None:
+def test_unreadable_reports_are_ignored(service: Service, worker: PeerWorker, store: redis.Redis) -> None:
     whole = json.loads(WorkerReport("newer", "host", 1, 2, "cpu", worker.kind, "starting", 0.0).to_bytes())
     store.set(worker_key("newer"), json.dumps(whole | {"gpus": [1], "region": "attic"}))
     for number, held in enumerate(
@@ -140,7 +140,7 @@ def test_reports_that_cannot_be_read_hurt_nobody(service: Service, worker: PeerW
 
 
 @pytest.mark.long
-def test_what_an_older_service_left_in_redis_is_left_aside(service: Service, store: redis.Redis) -> None:
+def test_messages_for_older_service_are_ignored(service: Service, store: redis.Redis) -> None:
     kind = OLD["report"]["kind"]
     service.stop()
     for event in OLD["events"].values():
@@ -161,7 +161,7 @@ def test_what_an_older_service_left_in_redis_is_left_aside(service: Service, sto
 
 
 @pytest.mark.long
-def test_what_a_worker_hands_back_is_rendered_again_and_nobody_is_blamed(service: Service, worker: PeerWorker) -> None:
+def test_returned_batches_are_rendered_again(service: Service, worker: PeerWorker) -> None:
     """Batches returned after a lost connection are rendered again, however often; the scene is not blamed."""
     returns: dict[tuple[Any, ...], int] = {}
 
@@ -182,7 +182,7 @@ def test_what_a_worker_hands_back_is_rendered_again_and_nobody_is_blamed(service
     assert service.digest(job) == expected_digest(16, 16, 1)
 
 
-def test_a_scene_that_a_worker_hands_back_is_prepared_again(service: Service, worker: PeerWorker) -> None:
+def test_returned_scene_is_prepared_again(service: Service, worker: PeerWorker) -> None:
     real = worker._prepare
     left = [None] * 5
 
@@ -201,7 +201,7 @@ def test_a_scene_that_a_worker_hands_back_is_prepared_again(service: Service, wo
 
 
 @pytest.mark.long
-def test_a_worker_that_does_not_understand_its_batches_is_set_aside_and_its_jobs_go_to_others(service: Service) -> None:
+def test_worker_that_cannot_parse_batches_is_quarantined(service: Service) -> None:
     """Checks that a worker that cannot read its batches is paused, and that its jobs are rendered by another kind of worker.
 
     The paused worker has most of the slots, so the job was started with its kind.

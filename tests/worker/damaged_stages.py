@@ -50,7 +50,7 @@ def write(folder: Path) -> None:
     assert UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(folder / "a.usdc")), str(folder / "a.usdz"))
 
 
-def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
+def damaged_copy(suffix: str, data: bytes, rng: random.Random) -> bytes:
     """Returns a damaged copy of a USD file's data.
 
     suffix: for a text file, usda, odd values replace some numbers and names; for others, some bytes are changed.
@@ -67,7 +67,7 @@ def damaged(suffix: str, data: bytes, rng: random.Random) -> bytes:
     return bytes(many)
 
 
-def bounded(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
+def read_in_child(work: Callable[[Any], dict[str, Any]], subject: str) -> str:
     """Runs `work`, which reads a file, in a child process with limits of 2 GiB and 60 s. Returns the error message, or "".
 
     subject: the name of the file in error messages.
@@ -93,8 +93,8 @@ def error_messages(folder: Path, suffix: str, tries: int) -> list[str]:
 
     sentences = []
     for _ in range(tries):
-        (tried / f"a.{suffix}").write_bytes(damaged(suffix, whole, rng))
-        sentences.append(bounded(work, f"a.{suffix}"))
+        (tried / f"a.{suffix}").write_bytes(damaged_copy(suffix, whole, rng))
+        sentences.append(read_in_child(work, f"a.{suffix}"))
     return sentences
 
 
@@ -105,7 +105,7 @@ def main() -> None:
         write(folder)
         return {}
 
-    problem = bounded(made, "the stage")
+    problem = read_in_child(made, "the stage")
     assert not problem, problem
     for suffix in SUFFIXES:
         print(json.dumps({suffix: error_messages(folder, suffix, tries)}), flush=True)

@@ -22,7 +22,7 @@ def report(name: str, pid: int, host: str = "here") -> WorkerReport:
     return WorkerReport(name, host, pid, 2, "cpu", "kind", "starting", time.time())
 
 
-def test_a_report_expires_and_can_be_taken_away(redis_url: str, store: redis.Redis) -> None:
+def test_report_expires_and_can_be_deleted(redis_url: str, store: redis.Redis) -> None:
     reporter = Reporter(redis_url)
     mine = report("a", 1)
     assert reporter.write_report(mine)
@@ -32,13 +32,13 @@ def test_a_report_expires_and_can_be_taken_away(redis_url: str, store: redis.Red
     assert store.get(worker_key("a")) is None
 
 
-def test_a_worker_outlives_a_redis_that_is_away() -> None:
+def test_unreachable_redis_is_tolerated() -> None:
     reporter = Reporter("redis://127.0.0.1:9/0")
     assert not reporter.write_report(report("a", 1))
     reporter.delete_report("a")
 
 
-def test_what_is_told_and_asked_at_a_beat_is_one_message(redis_url: str, store: redis.Redis) -> None:
+def test_heartbeat_is_one_pipeline(redis_url: str, store: redis.Redis) -> None:
     telling, mine = HeartbeatConnection(redis_url), report("a", 1)
     assert telling.receive() is None
     store.rpush(render_queue("kind"), b"1", b"2")
@@ -63,7 +63,7 @@ def test_what_is_told_and_asked_at_a_beat_is_one_message(redis_url: str, store: 
     telling.close()
 
 
-def test_a_report_does_not_wait_for_late_replies(redis_url: str, store: redis.Redis) -> None:
+def test_report_does_not_wait_for_late_replies(redis_url: str, store: redis.Redis) -> None:
     """Checks that sending reports does not wait for replies of Redis, each of which is 0.4 s late."""
     with held_up(redis_url, 0.4) as url:
         telling, mine = HeartbeatConnection(url), report("slow", 1)
@@ -79,14 +79,14 @@ def test_a_report_does_not_wait_for_late_replies(redis_url: str, store: redis.Re
         telling.close()
 
 
-def test_where_redis_is_away_nothing_is_heard() -> None:
+def test_no_reply_without_redis() -> None:
     telling = HeartbeatConnection("redis://127.0.0.1:9/0")
     telling.send(report("a", 1), None, [])
     assert telling.receive(0.1) is None
     telling.close()
 
 
-def test_what_redis_refuses_is_tried_again_at_the_next_beat_and_said_once(
+def test_redis_errors_are_retried_and_logged_once(
     redis_url: str, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     refusals = [redis.OutOfMemoryError("maxmemory"), redis.OutOfMemoryError("maxmemory")]

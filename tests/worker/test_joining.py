@@ -44,7 +44,7 @@ def joining(service: Service, said: list[str], redis_url: str | None = None) -> 
     return FarmJoin(service, redis_url, "vm", "here", lambda name: report(name, os.getpid()), said.append)
 
 
-def test_it_waits_for_the_service_and_then_reports_starting(redis_url: str, store: redis.Redis) -> None:
+def test_join_waits_for_service_then_reports_starting(redis_url: str, store: redis.Redis) -> None:
     said: list[str] = []
     answer = FarmAnswer(redis_url, "instance", "")
     begun = joining(Service(LinkError("no answer"), LinkError("no answer"), answer), said)
@@ -56,7 +56,7 @@ def test_it_waits_for_the_service_and_then_reports_starting(redis_url: str, stor
     assert said == ["waiting: no answer"]
 
 
-def test_a_refusal_is_told_at_once_or_when_it_comes() -> None:
+def test_rejection_ends_join() -> None:
     with pytest.raises(RefusedError):
         joining(Service(RefusedError("wrong token")), []).begin()
     later = joining(Service(LinkError("no answer"), RefusedError("wrong token")), [])
@@ -65,13 +65,13 @@ def test_a_refusal_is_told_at_once_or_when_it_comes() -> None:
         later.finish(lambda: False)
 
 
-def test_it_can_be_stopped_while_it_waits() -> None:
+def test_waiting_join_can_be_stopped() -> None:
     waiting = joining(Service(LinkError("no answer")), [])
     waiting.begin()
     assert waiting.finish(lambda: True) is None
 
 
-def test_a_name_in_use_gets_a_number(redis_url: str, store: redis.Redis) -> None:
+def test_name_in_use_gets_suffix(redis_url: str, store: redis.Redis) -> None:
     assert free_name("vm", redis_url, "here") == "vm"
     store.set(worker_key("vm"), report("vm", 1).to_bytes())  # process 1 is always alive
     assert free_name("vm", redis_url, "here") == "vm-2"
@@ -79,7 +79,7 @@ def test_a_name_in_use_gets_a_number(redis_url: str, store: redis.Redis) -> None
     assert free_name("vm", redis_url, "here") == "vm-3"
 
 
-def test_the_name_of_a_dead_worker_of_this_host_is_taken_again(redis_url: str, store: redis.Redis) -> None:
+def test_name_of_dead_worker_is_reused(redis_url: str, store: redis.Redis) -> None:
     dead = subprocess.Popen([sys.executable, "-c", ""])
     dead.wait()
     store.set(worker_key("vm"), report("vm", dead.pid).to_bytes())
@@ -87,7 +87,7 @@ def test_the_name_of_a_dead_worker_of_this_host_is_taken_again(redis_url: str, s
 
 
 @pytest.mark.parametrize("refusal", [TokenError("no"), NotAFarmError("no"), RefusedError("no"), ZeroDivisionError("a fault")])
-def test_whatever_happens_while_it_joins_nobody_waits_for_ever(refusal: Exception) -> None:
+def test_unexpected_error_ends_join(refusal: Exception) -> None:
     later = joining(Service(LinkError("no answer"), refusal), [])
     later.begin()
     with pytest.raises(WorkerError):
@@ -97,7 +97,7 @@ def test_whatever_happens_while_it_joins_nobody_waits_for_ever(refusal: Exceptio
 @pytest.mark.parametrize(
     "held", [b"", b"\xff\x00", b"[]", b"null", b'{"name": "vm"}', b'{"name": "vm", "pid": "x"}', b"[" * 9000]
 )
-def test_a_name_that_another_release_holds_is_left_to_it(redis_url: str, store: redis.Redis, held: bytes) -> None:
+def test_unreadable_report_reserves_name(redis_url: str, store: redis.Redis, held: bytes) -> None:
     store.set(worker_key("vm"), held)
     assert free_name("vm", redis_url, "here") == "vm-2"
     store.delete(worker_key("vm"))
@@ -105,14 +105,14 @@ def test_a_name_that_another_release_holds_is_left_to_it(redis_url: str, store: 
     assert free_name("vm", redis_url, "here") == "vm-2"
 
 
-def test_a_report_with_more_fields_than_this_release_knows_is_read(redis_url: str, store: redis.Redis) -> None:
+def test_unknown_report_fields_are_ignored(redis_url: str, store: redis.Redis) -> None:
     data = json.loads(report("vm", 1).to_bytes()) | {"gpu": "yes", "colour": [1, 2]}
     store.set(worker_key("vm"), json.dumps(data))
     assert free_name("vm", redis_url, "here") == "vm-2"
     assert WorkerReport.from_bytes(json.dumps(data).encode()).pid == 1
 
 
-def test_a_redis_that_cannot_be_used_is_waited_for_with_a_hint(tmp_path: Path) -> None:
+def test_unusable_redis_is_retried_with_advice(tmp_path: Path) -> None:
     server = running_redis(tmp_path)
     server.start()
     said: list[str] = []
@@ -142,14 +142,14 @@ def test_a_redis_that_cannot_be_used_is_waited_for_with_a_hint(tmp_path: Path) -
     assert len(said) == 1, "said once, however often it is tried"
 
 
-def test_an_http_server_is_no_redis() -> None:
+def test_http_server_in_place_of_redis_is_detected() -> None:
     with foreign_server(HTML) as port, pytest.raises(LinkError, match=r"not a Redis server|no Redis server"):
         check_redis(f"redis://127.0.0.1:{port}/0")
     with foreign_server(b"") as port, pytest.raises(LinkError, match=r"not a Redis server|no Redis server"):
         check_redis(f"redis://127.0.0.1:{port}/0")
 
 
-def test_settings_that_only_the_first_work_would_find_wrong_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_settings_are_rejected_at_start(monkeypatch: pytest.MonkeyPatch) -> None:
     def check(**changed: object) -> None:
         plain = {"redis": None, "tag": [], "hours": "", "idle": 0.0, "nice": None, "memory": 0.0, "site": "", "blender": None}
         program._check_settings(argparse.Namespace(**{**plain, **changed}))

@@ -26,7 +26,7 @@ READERS: dict[str, tuple[Any, Any]] = {
 }
 
 
-def test_a_worker_joins_a_service_of_the_last_release() -> None:
+def test_worker_joins_service_of_previous_release() -> None:
     def answer(request: bytes) -> bytes:
         return json_answer(OLD["join"] if b"/join" in request else OLD["manifest"])
 
@@ -38,7 +38,7 @@ def test_a_worker_joins_a_service_of_the_last_release() -> None:
         link.client.close()
 
 
-def test_the_settings_and_sums_that_the_last_release_stored_are_read() -> None:
+def test_settings_and_sums_of_previous_release_are_read() -> None:
     settings = RenderSettings.from_json(OLD["job"]["settings"])
     assert (settings.seed, settings.light_samples, settings.environment) == (7, 2, (0.5, 0.6, 0.7))
     assert settings == RenderBatch.from_json(OLD["batch"]).settings
@@ -48,13 +48,13 @@ def test_the_settings_and_sums_that_the_last_release_stored_are_read() -> None:
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_messages_of_the_last_and_of_a_newer_release_are_read(name: str) -> None:
+def test_messages_of_previous_and_newer_release_are_read(name: str) -> None:
     read, data = READERS[name]
     assert read(data) == read(data | {"of a newer release": [1, 2]})
 
 
 @pytest.mark.parametrize("name", READERS)
-def test_what_is_no_message_is_one_kind_of_error(name: str) -> None:
+def test_invalid_message_raises_one_error_type(name: str) -> None:
     read, data = READERS[name]
     for key in data:
         cut = {other: value for other, value in data.items() if other != key}
@@ -67,6 +67,6 @@ def test_what_is_no_message_is_one_kind_of_error(name: str) -> None:
             read(nonsense)
 
 
-def test_results_are_the_fields_that_the_last_release_reads() -> None:
+def test_result_fields_suit_previous_release() -> None:
     event = OLD["events"]["batch"]
     assert Result.from_fields(Result(event, b"sums").to_fields()) == Result(event, b"sums")

@@ -12,7 +12,7 @@ from tests.helpers import wait_until
 from worker.heartbeat import Reporter
 
 
-def test_a_worker_lives_as_long_as_its_connection(redis_url: str, store: redis.Redis) -> None:
+def test_worker_is_connected_while_connection_is_open(redis_url: str, store: redis.Redis) -> None:
     name = "a name with spaces, ümläuts\nand lines"
     reporter = Reporter(redis_url)
     assert connected(store, {name}) == set()
@@ -24,7 +24,7 @@ def test_a_worker_lives_as_long_as_its_connection(redis_url: str, store: redis.R
     assert " " not in lifeline(name)
 
 
-def test_where_redis_does_not_tell_nobody_lives(redis_url: str, store: redis.Redis) -> None:
+def test_no_worker_is_connected_if_redis_cannot_list_connections(redis_url: str, store: redis.Redis) -> None:
     store.execute_command("ACL SETUSER", "narrow", "on", ">narrow", "~*", "+@all", "-@dangerous")
     try:
         with redis.Redis.from_url(f"redis://narrow:narrow@{redis_url.rpartition('@')[2]}") as narrow:

@@ -12,7 +12,7 @@ from tests.helpers import wait_until
 from worker.shutdown_reporter import ShutdownReporter
 
 
-def test_it_reports_until_it_is_gone(redis_url: str, store: redis.Redis) -> None:
+def test_stopping_worker_reports_until_its_end(redis_url: str, store: redis.Redis) -> None:
     def report(is_paused: bool) -> WorkerReport:
         return WorkerReport("attic", "host", 1, 1, "cpu", "kind", "paused" if is_paused else "ready", 0.0, 0.0, [{"batch": "b"}])
 

@@ -29,7 +29,7 @@ def error_messages(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict
 
 @pytest.mark.long
 @pytest.mark.parametrize("suffix", ["usda", "usdc", "usdz"])
-def test_a_damaged_stage_is_a_scene_or_a_sentence(error_messages: tuple[Path, dict[str, list[str]]], suffix: str) -> None:
+def test_damaged_stage_gives_scene_or_error_message(error_messages: tuple[Path, dict[str, list[str]]], suffix: str) -> None:
     folder, found = error_messages
     sentences = [sentence for sentence in found[suffix] if sentence]
     for sentence in sentences:

@@ -41,7 +41,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, Tile, View
 from tests.helpers import ROOT, wait_until
-from tests.rayfarm.test_stage import everything
+from tests.rayfarm.test_stage import animated_test_scene
 from tests.renderer.builders import emitter, scene, square
 from tests.worker.bench import Bench, a_worker, processor_time, rendering_slot, slots_of
 
@@ -75,7 +75,7 @@ def batch_of(info: SceneInfo, name: str, first: int, count: int, size: int = 64)
     )
 
 
-def test_a_scene_is_prepared(bench: Bench, info: SceneInfo) -> None:
+def test_scene_is_prepared(bench: Bench, info: SceneInfo) -> None:
     assert info.counts["spheres"] == 1
     assert info.cameras
     assert info.compiled.sha256 in bench.service.blobs
@@ -83,7 +83,7 @@ def test_a_scene_is_prepared(bench: Bench, info: SceneInfo) -> None:
     assert bench.service.blobs[made[0]["sha256"]].startswith(b"\x89PNG")
 
 
-def test_batches_add_up_to_the_whole_to_the_bit(bench: Bench, info: SceneInfo) -> None:
+def test_sum_of_batches_equals_whole_picture(bench: Bench, info: SceneInfo) -> None:
     parts = []
     for name, first, count in (("a", 0, 3), ("b", 3, 5), ("whole", 0, 8)):
         bench.render(batch_of(info, name, first, count))
@@ -97,7 +97,7 @@ def test_batches_add_up_to_the_whole_to_the_bit(bench: Bench, info: SceneInfo) -
     assert sums["whole"].any()
 
 
-def test_parts_of_a_view_are_exact_and_stale_ones_are_dropped(bench: Bench, info: SceneInfo) -> None:
+def test_view_parts_are_exact_and_outdated_ones_dropped(bench: Bench, info: SceneInfo) -> None:
     kind = bench.report().kind  # type: ignore[union-attr]
     assert bench.report().views  # type: ignore[union-attr]
     bench.store.delete(VIEW_ANSWERS)
@@ -131,8 +131,8 @@ def test_parts_of_a_view_are_exact_and_stale_ones_are_dropped(bench: Bench, info
 
 
 @pytest.mark.long
-def test_a_scene_that_moves_is_kept_in_parts_and_rendered_from_them(bench: Bench, tmp_path: Path) -> None:
-    data = everything()
+def test_animated_scene_is_stored_in_parts(bench: Bench, tmp_path: Path) -> None:
+    data = animated_test_scene()
     (tmp_path / "moves.glb").write_bytes(data)
     here = compile_scene(read(tmp_path, "moves.glb"))
     settings = RenderSettings(24, 24, View((0, 0, 9), (0, 0, 0)))
@@ -150,8 +150,8 @@ def test_a_scene_that_moves_is_kept_in_parts_and_rendered_from_them(bench: Bench
 
 
 @pytest.mark.long
-def test_a_frame_sends_its_own_parts_alone_and_is_rendered_from_them(bench: Bench, tmp_path: Path) -> None:
-    data = everything()
+def test_frame_uploads_only_its_own_parts(bench: Bench, tmp_path: Path) -> None:
+    data = animated_test_scene()
     (tmp_path / "moves.glb").write_bytes(data)
     bench.upload("shot", {"moves.glb": data}, "moves.glb")
     info = SceneInfo.from_json(bench.prepare("shot").event["info"])
@@ -187,9 +187,7 @@ def test_a_frame_sends_its_own_parts_alone_and_is_rendered_from_them(bench: Benc
         ("wrong.yaml", b"shapes: {{{", "wrong.yaml"),
     ],
 )
-def test_a_file_that_is_no_scene_is_a_sentence_and_no_end_of_a_worker(
-    bench: Bench, name: str, content: bytes, sentence: str
-) -> None:
+def test_invalid_scene_gives_error_and_worker_survives(bench: Bench, name: str, content: bytes, sentence: str) -> None:
     before = {slot.pid for slot in slots_of(bench.process.pid)}
     bench.upload(name, {name: content}, name)
     event = bench.prepare(name).event
@@ -225,7 +223,7 @@ mesh {{
 """
 
 
-def test_a_native_importer_that_crashes_is_a_sentence_and_disturbs_nothing(bench: Bench) -> None:
+def test_crashing_importer_gives_error_and_worker_survives(bench: Bench) -> None:
     before = {slot.pid for slot in slots_of(bench.process.pid)}
     bench.upload("md5", {"wild.md5mesh": MD5.format(number=2**32 - 1).encode()}, "wild.md5mesh")
     event = bench.prepare("md5").event
@@ -236,7 +234,7 @@ def test_a_native_importer_that_crashes_is_a_sentence_and_disturbs_nothing(bench
     assert bench.prepare("md5").event["type"] == "prepared"
 
 
-def test_a_reader_of_a_worker_is_confined_and_has_nothing_of_it(bench: Bench, info: SceneInfo) -> None:
+def test_reader_process_is_confined(bench: Bench, info: SceneInfo) -> None:
     auto = info.cameras[-1]["view"]
     bench.prepare_frames(
         PrepareFrames("one", "job", "ball", [0], info.compiled.sha256, auto)
@@ -255,7 +253,7 @@ def test_a_reader_of_a_worker_is_confined_and_has_nothing_of_it(bench: Bench, in
     assert (status["NoNewPrivs"].strip(), status["Seccomp"].strip()) == ("1", "2")
 
 
-def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info: SceneInfo) -> None:
+def test_batch_of_missing_scene_fails_with_command(bench: Bench, info: SceneInfo) -> None:
     lost = RenderBatch(**{**batch_of(info, "lost", 0, 1).__dict__, "compiled": "0" * 64})
     bench.render(lost)
     event = bench.next("batch", "batch-failed").event
@@ -265,7 +263,7 @@ def test_a_batch_of_a_missing_scene_says_so_and_how_to_see_it(bench: Bench, info
 
 
 @pytest.mark.long
-def test_a_service_that_is_away_is_no_fault_of_the_scene(bench: Bench, info: SceneInfo, tmp_path: Path) -> None:
+def test_unreachable_service_returns_scene(bench: Bench, info: SceneInfo, tmp_path: Path) -> None:
     made = scene([emitter(1.0)], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),))
     compiled_file.save(made, tmp_path / "compiled")
     data = (tmp_path / "compiled").read_bytes()
@@ -289,7 +287,7 @@ def denoised(bench: Bench, work: DenoiseFrame) -> dict[str, Any]:
 
 @pytest.mark.long
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
-def test_a_frame_is_denoised_from_the_films_means(bench: Bench) -> None:
+def test_frame_is_denoised_from_film_means(bench: Bench) -> None:
     assert bench.report().denoises  # type: ignore[union-attr]
     random = np.random.default_rng(5)
     truth = np.full((40, 60, 3), 0.5, np.float32)
@@ -308,7 +306,7 @@ def test_a_frame_is_denoised_from_the_films_means(bench: Bench) -> None:
 
 
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
-def test_a_frame_that_cannot_be_denoised_says_why(bench: Bench) -> None:
+def test_failed_denoising_gives_reason(bench: Bench) -> None:
     event = denoised(bench, DenoiseFrame("gone", "nowhere", 0, 60, 40))
     assert event["type"] == "denoise-failed"
     assert "answers 404" in event["error"]
@@ -317,7 +315,7 @@ def test_a_frame_that_cannot_be_denoised_says_why(bench: Bench) -> None:
     assert "The picture" in event["error"]
 
 
-def test_a_worker_that_is_told_to_pause_takes_nothing_until_it_may(bench: Bench, info: SceneInfo) -> None:
+def test_paused_worker_takes_no_tasks(bench: Bench, info: SceneInfo) -> None:
     name = bench.report().name  # type: ignore[union-attr]
     bench.store.set(pause_key(name), "Paused by a test.")
     wait_until(lambda: bench.report().state == "paused", 10, "it pauses")  # type: ignore[union-attr]
@@ -364,7 +362,7 @@ def kill_slots_until_result(bench: Bench, name: str) -> None:
     assert killed >= 3
 
 
-def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: SceneInfo) -> None:
+def test_batch_of_killed_slot_is_rendered_again(bench: Bench, info: SceneInfo) -> None:
     bench.render(batch_of(info, "long", 0, 8000))
     kill_the_slot_with(bench, 8000)
     event = bench.next("batch", "batch-failed").event
@@ -372,7 +370,7 @@ def test_the_batch_of_a_killed_slot_is_rendered_by_another(bench: Bench, info: S
 
 
 @pytest.mark.long
-def test_a_batch_that_kills_every_slot_is_given_up(bench: Bench, info: SceneInfo) -> None:
+def test_batch_that_kills_every_slot_fails(bench: Bench, info: SceneInfo) -> None:
     bench.render(batch_of(info, "deadly", 0, 1 << 20))
     kill_slots_until_result(bench, "deadly")
     event = bench.next("batch", "batch-failed").event
@@ -381,7 +379,7 @@ def test_a_batch_that_kills_every_slot_is_given_up(bench: Bench, info: SceneInfo
 
 
 @pytest.mark.long
-def test_of_several_batches_the_one_that_kills_is_given_up_alone(bench: Bench, info: SceneInfo) -> None:
+def test_only_killing_batch_of_message_fails(bench: Bench, info: SceneInfo) -> None:
     batches = [batch_of(info, name, 0, count) for name, count in (("before", 1), ("killer", 1 << 20), ("after", 2))]
     bench.celery.send_task(
         RENDER_BATCHES,
@@ -401,7 +399,7 @@ def test_of_several_batches_the_one_that_kills_is_given_up_alone(bench: Bench, i
 
 
 @pytest.mark.long
-def test_a_wrong_token_ends_the_worker_with_a_sentence(bench: Bench) -> None:
+def test_wrong_token_ends_worker_with_message(bench: Bench) -> None:
     command = [sys.executable, "-m", "worker", f"--service={bench.url}", "--slots=1"]
     done = subprocess.run(
         command, cwd=ROOT, env={**os.environ, "RAYFARM_TOKEN": "wrong"}, capture_output=True, text=True, timeout=30
@@ -411,7 +409,7 @@ def test_a_wrong_token_ends_the_worker_with_a_sentence(bench: Bench) -> None:
 
 
 @pytest.mark.long
-def test_slots_end_with_a_worker_that_is_killed(bench: Bench, tmp_path: Path) -> None:
+def test_slots_end_with_killed_worker(bench: Bench, tmp_path: Path) -> None:
     command = [sys.executable, "-m", "worker", f"--service={bench.url}", "--slots=2", f"--cache={tmp_path}", "--name=victim"]
     process = subprocess.Popen(command, cwd=ROOT, env={**os.environ, "RAYFARM_TOKEN": "token"}, stderr=subprocess.DEVNULL)
     wait_until(lambda: len(slots_of(process.pid)) >= 2, 60, "its slots are there")

@@ -69,7 +69,7 @@ def main() -> int:
         if not fetch_or_compile(link, variant=FULL):
             upload_kernel(link, jit.cache_folder(), kernel_name(variant=FULL))
     except (WorkerError, OSError) as error:
-        log.warning("the kernel %s is not handed in: %s", kernel_name(variant=FULL), error)
+        log.warning("the kernel %s is not uploaded: %s", kernel_name(variant=FULL), error)
         return 1
     return 0
 

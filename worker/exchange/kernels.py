@@ -85,7 +85,7 @@ def main() -> int:
     try:
         _upload_once_compiled(Link(options.service, token), options.folder, options.kernel)
     except (WorkerError, OSError) as error:
-        log.warning("the kernels are not handed in: %s", error)
+        log.warning("the kernels are not uploaded: %s", error)
         return 1
     return 0
 

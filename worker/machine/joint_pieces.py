@@ -236,7 +236,7 @@ def _read(path: Path) -> Result | None:
     try:
         return result_of(path.read_bytes())
     except (OSError, ValueError) as error:
-        log.warning("sums of a piece are dropped, and will be rendered again: %s", error)
+        log.warning("sums of a piece are discarded and will be rendered again: %s", error)
         return None
 
 

@@ -36,10 +36,10 @@ def memory_limit() -> int:
 
 @dataclass
 class TermsKeeper:
-    """The run-time settings of one worker, and whether they keep it from taking tasks at present.
+    """Applies the run-time settings ("terms") of one worker, and tells whether they permit the worker to take tasks at present.
 
-    own: the settings with which it was started. asked: those that the service requires. why: a sentence on why it takes no
-    tasks; None if it takes them. trouble: a sentence on which setting cannot be applied; None if all are.
+    own: the settings with which the worker was started. asked: the settings that the service requires. why: a sentence on why
+    it takes no tasks; None if it takes them. trouble: a sentence on which setting cannot be applied; None if all are.
     """
 
     slots: int  # processes that it has
@@ -79,7 +79,7 @@ class TermsKeeper:
             asked = Terms.from_bytes(data) if data is not None else Terms()
         except ValueError as error:
             if self.trouble != str(error):
-                log.warning("what is asked of this worker is left out: %s", error)
+                log.warning("invalid settings for this worker are ignored: %s", error)
             self.trouble = str(error)
             return
         if asked != self.asked:

@@ -37,7 +37,7 @@ class SkippingChannel(redis.Channel):
         try:
             return super()._brpop_read(**options)
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
-            log.warning("what lay in the queue is no message, and is left out (%s: %.200s)", type(error).__name__, error)
+            log.warning("an invalid entry in the queue is skipped (%s: %.200s)", type(error).__name__, error)
             return True  # something was read
 
 

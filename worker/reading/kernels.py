@@ -1,4 +1,4 @@
-"""Kernels that the launcher of confined readers loads, as the worker's main process does."""
+"""Loads the kernels that confined readers use. The launcher of the readers loads them once, before it forks."""
 
 from __future__ import annotations
 

@@ -70,7 +70,7 @@ class SiteLink:
         return False
 
     def _suspend_reducer(self, site: str, why: Any) -> None:
-        log.warning("sums go to the service, and not to the reducer of %s: %s", site, why)
+        log.warning("sums are sent to the service instead of the reducer of site %s: %s", site, why)
         self._known[site] = time.monotonic() + RETRY_AFTER_S, None
 
     def _reducer_of(self, site: str, anew: bool = False) -> _ReducerAddress | None:
@@ -84,7 +84,7 @@ class SiteLink:
                 said = SiteReport.from_bytes(report)
                 where = _ReducerAddress(said.address, said.port, secret)
         except (redis.RedisError, ValueError) as error:
-            log.debug("the reducer of %s is not known: %s", site, error)
+            log.debug("the reducer of site %s cannot be found: %s", site, error)
         self._known[site] = time.monotonic() + (RETRY_AFTER_S if where is None else ADDRESS_TTL_S), where
         return where
 

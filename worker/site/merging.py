@@ -12,8 +12,8 @@ from renderer.settings import Tile
 
 __all__ = ["batches_of_event", "merged_results"]
 
-BAD_SHOWN = 64
-MOST_LINES = 20  # that were warned of
+MAX_BAD_SAMPLES = 64
+MAX_WARNINGS = 20  # that were warned of
 
 
 def merged_results(results: Iterable[Result]) -> Iterator[Result]:
@@ -52,11 +52,11 @@ def _merged_run(run: list[Result]) -> Result:
         "type": "batches",
         "count": sum(event["count"] for event in events),
         "parts": [part for event in events for part in batches_of_event(event)],
-        "bad": [bad for event in events for bad in event["bad"]][:BAD_SHOWN],
+        "bad": [bad for event in events for bad in event["bad"]][:MAX_BAD_SAMPLES],
         "bad_count": sum(event["bad_count"] for event in events),
     }
     beside = {
-        "lines": [line for event in events for line in event.get("lines", ())][:MOST_LINES],
+        "lines": [line for event in events for line in event.get("lines", ())][:MAX_WARNINGS],
         "took": dict(sum((Counter(event.get("took", {})) for event in events), Counter())),
         "traceparents": [place for event in events for place in event.get("traceparents", ())],
     }

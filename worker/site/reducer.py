@@ -57,7 +57,7 @@ __all__ = ["Reducer", "main"]
 EXIT_REFUSED = 3
 LOOK_EVERY_S = 0.05
 MAX_RESULT_BYTES = 64 << 20  # bytes of a result
-MOST_BYTES = 1 << 30  # that wait here
+MAX_STORED_BYTES = 1 << 30  # that wait here
 MAX_INCOMING_BYTES = 8 * MAX_RESULT_BYTES  # limit of bytes being received from workers, and of bytes from unidentified senders
 MOST_AT_ONCE, MOST_OF_ONE = 1024, 256  # connections, and of them of one address
 FIRST_PAUSE_S, LAST_PAUSE_S = 0.2, 3.0
@@ -86,7 +86,7 @@ class Reducer:
         return any(secrets.compare_digest(signature(secret, body).encode(), claimed.encode()) for _, secret in self._secrets)
 
     def is_announced(self, size: int, signature: str) -> bool:
-        """Returns True if `signature` is a worker's valid signature of this size, which it sends before the body."""
+        """Returns True if `signature` is a worker's valid signature of the body's size, which is sent before the body."""
         return any(
             secrets.compare_digest(size_signature(secret, size).encode(), signature.encode()) for _, secret in self._secrets
         )
@@ -170,7 +170,7 @@ class _Server(ThreadingHTTPServer):
 
     def handle_error(self, request: Any, client_address: Any) -> None:
         """Ignores errors of broken connections: the sender then sends its result to the service."""
-        log.debug("a connection of %s broke", client_address, exc_info=True)
+        log.debug("a connection from %s was lost", client_address, exc_info=True)
 
 
 class _Handler(BaseHTTPRequestHandler):
@@ -205,7 +205,7 @@ class _Handler(BaseHTTPRequestHandler):
         try:
             self.server.reducer.store(body)
         except ValueError as error:
-            log.debug("sums are left to the service: %s", error)
+            log.debug("sums are rejected and left to the service: %s", error)
             return self._send_status(HTTPStatus.CONFLICT)
         except (SumsFullError, OSError) as error:
             log.warning("sums are not taken: %s", error or "too many wait")
@@ -255,7 +255,7 @@ def _run_reducer(options: argparse.Namespace, stop: threading.Event) -> int:
         alone = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)  # held until this process ends, however that is
         fcntl.flock(alone, fcntl.LOCK_EX | fcntl.LOCK_NB)
         server = _Server((options.host, options.port), _Handler)
-        reducer = Reducer(options.name, SiteSums(folder, MOST_BYTES), with_certificate_authority(farm.redis_url))
+        reducer = Reducer(options.name, SiteSums(folder, MAX_STORED_BYTES), with_certificate_authority(farm.redis_url))
     except BlockingIOError:
         raise RefusedError(f"The site {options.name} has a reducer on this machine already. One of them is enough.") from None
     except OSError as error:

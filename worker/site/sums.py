@@ -30,7 +30,7 @@ __all__ = ["SiteSums", "SumsFullError"]
 SENDING_PREFIX = "sending-"
 STALE_S = 300.0  # what an earlier life left has long been handed out again
 MAX_HOLD_S = 60.0
-MOST_PARTS = 2048  # of a run
+MAX_PARTS = 2048  # of a run
 MAX_KNOWN_RUNS = 4096  # of which some was sent and some has not come
 
 _Key = tuple[Any, ...]
@@ -191,7 +191,7 @@ def _parse_result(result: Result) -> tuple[Run, Result]:
         parts: list[list[Any]] = [
             [str(batch), int(at), int(n), float(seconds), worker] for batch, at, n, seconds in batches_of_event(event)
         ]
-        if run is None or event["type"] not in ("batch", "batches") or not 0 < len(parts) <= MOST_PARTS or not worker:
+        if run is None or event["type"] not in ("batch", "batches") or not 0 < len(parts) <= MAX_PARTS or not worker:
             raise ValueError("not sums of a run")
         if not (isinstance(event["job"], str) and isinstance(event["frame"], int) and isinstance(event["bad"], list)):
             raise ValueError("not sums of a job")

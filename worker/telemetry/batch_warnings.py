@@ -17,8 +17,8 @@ from telemetry import tracing
 
 __all__ = ["BatchWarnings", "WarningHandler", "collect_warnings", "step"]
 
-MOST = 10  # lines of a batch
-LONGEST = 300  # characters of a line
+MAX_LINES = 10  # lines of a batch
+MAX_LINE_LENGTH = 300  # characters of a line
 
 
 @dataclass
@@ -46,10 +46,10 @@ class WarningHandler(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Adds the record's message to the warnings."""
         now = _current_warnings.get()
-        if now is not None and len(now.lines) < MOST:
+        if now is not None and len(now.lines) < MAX_LINES:
             error = record.exc_info[1] if record.exc_info else None
             said = record.getMessage().strip() + (f" ({type(error).__name__}: {error})" if error is not None else "")
-            now.lines.append(f"{record.levelname.lower()}: {said}"[:LONGEST])
+            now.lines.append(f"{record.levelname.lower()}: {said}"[:MAX_LINE_LENGTH])
 
 
 @contextlib.contextmanager
@@ -65,7 +65,7 @@ def collect_warnings() -> Iterator[BatchWarnings]:
 
 @contextlib.contextmanager
 def step(name: str, **attributes: Any) -> Iterator[None]:
-    """Context manager that measures a step of a batch, and records it as a span."""
+    """Context manager that measures the duration of a step of a batch, and records the step as a tracing span."""
     begun = time.perf_counter()
     try:
         with tracing.span(name, **attributes):

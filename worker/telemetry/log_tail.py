@@ -10,9 +10,9 @@ import tempfile
 
 __all__ = ["LogTail"]
 
-KEPT = 1 << 16  # bytes that are read
-LARGEST = 1 << 20  # bytes; then all but the last of it is dropped
-LONGEST = 2000  # bytes of a line
+BYTES_READ = 1 << 16  # bytes that are read
+MAX_FILE_BYTES = 1 << 20  # bytes; then all but the last of it is dropped
+MAX_LINE_BYTES = 2000  # bytes of a line
 
 
 class LogTail(logging.Handler):
@@ -30,7 +30,7 @@ class LogTail(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Appends a line. A full disk is ignored."""
         with contextlib.suppress(OSError, ValueError):
-            self._file.write(self.format(record).encode(errors="replace")[:LONGEST] + b"\n")
+            self._file.write(self.format(record).encode(errors="replace")[:MAX_LINE_BYTES] + b"\n")
 
     def lines(self, max_lines: int = 200) -> list[str]:
         """Returns the last lines, at most `max_lines`, oldest first."""
@@ -42,7 +42,7 @@ class LogTail(logging.Handler):
     def trim(self) -> None:
         """Removes old lines from the file. Called only in the parent."""
         with contextlib.suppress(OSError, ValueError):
-            if os.fstat(self._file.fileno()).st_size > LARGEST:
+            if os.fstat(self._file.fileno()).st_size > MAX_FILE_BYTES:
                 kept = self._last_bytes()
                 os.ftruncate(self._file.fileno(), 0)
                 self._file.write(kept)
@@ -55,5 +55,5 @@ class LogTail(logging.Handler):
     def _last_bytes(self) -> bytes:
         fd = self._file.fileno()
         size = os.fstat(fd).st_size
-        data = os.pread(fd, KEPT, max(0, size - KEPT))
-        return data if size <= KEPT else data.partition(b"\n")[2]
+        data = os.pread(fd, BYTES_READ, max(0, size - BYTES_READ))
+        return data if size <= BYTES_READ else data.partition(b"\n")[2]

@@ -15,17 +15,17 @@ __all__ = ["Steps", "message_ids", "traced_task"]
 
 # What messages call it, and what lines do.
 NAMES = {"job": "job", "batch": "batch", "frame": "frame", "scene": "scene", "work": "work", "watch": "view"}
-LONGEST = 200
+MAX_ID_LENGTH = 200
 
 
 def message_ids(message: Any) -> dict[str, Any]:
     """Returns the ids (of job, batch, scene, ...) in a task's message. Skips malformed ones, which another release may send."""
     if isinstance(message, str):
-        return {"scene": message[:LONGEST]}
+        return {"scene": message[:MAX_ID_LENGTH]}
     if not isinstance(message, Mapping):
         return {}
     found = {name: message.get(key) for key, name in NAMES.items()}
-    return {name: value for name, value in found.items() if isinstance(value, (int, str)) and len(str(value)) <= LONGEST}
+    return {name: value for name, value in found.items() if isinstance(value, (int, str)) and len(str(value)) <= MAX_ID_LENGTH}
 
 
 class Steps:

@@ -46,13 +46,13 @@ def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message:
     try:
         worker.pieces.add_message(message, json.dumps(joint.to_json()).encode(), range(most)[: len(joint.pieces)], joint.hold_s)
     except (OSError, ValueError) as error:
-        log.warning("slots cannot share a batch, one renders it alone: %s", error)
+        log.warning("slots cannot share a batch, so one slot renders it alone: %s", error)
         return False
     if len(joint.pieces) > most:  # other machines may have slots for them
         try:
             _requeue(app, worker, joint, joint.pieces[most:])
         except _AWAY as error:
-            log.warning("pieces are lost, and will be handed out again: %s", error)
+            log.warning("pieces are lost and will be dispatched again: %s", error)
     ask_for_help(app, worker, min(most, len(joint.pieces)) - 1)
     return True
 
@@ -79,7 +79,7 @@ def ask_for_help(app: Celery, worker: WorkerContext, slots: int) -> None:
             for _ in range(slots):
                 app.send_task(HELP, kwargs={"asked": {}}, producer=producer, **options)
     except _AWAY as error:
-        log.warning("slots are not told of a batch yet: %s", error)
+        log.warning("slots cannot be notified of a batch yet: %s", error)
 
 
 def render_waiting_piece(worker: WorkerContext) -> None:
@@ -107,7 +107,7 @@ def send_all_sums(app: Celery, worker: WorkerContext) -> None:
         for results in worker.pieces.due_results(at_once=True):
             _send(worker, results)
     except _AWAY as error:
-        log.warning("what is left of a batch is lost, and will be handed out again: %s", error)
+        log.warning("the rest of a batch is lost and will be dispatched again: %s", error)
 
 
 def _requeue(app: Celery, worker: WorkerContext, joint: JointBatch, pieces: tuple[Piece, ...]) -> None:
@@ -130,7 +130,7 @@ def _render(worker: WorkerContext, piece: ClaimedPiece) -> None:
                 worker.pieces.store_result(piece, result)
                 return
             except OSError as error:
-                log.warning("sums are sent by themselves, as they cannot be kept for others: %s", error)
+                log.warning("sums are sent separately, since they cannot be stored: %s", error)
         worker.results.send(result)
         worker.pieces.release(piece)
 

@@ -52,12 +52,12 @@ def prepare_scene(
         if (info := relight(worker, manifest)) is not None:
             return replace(info, seconds=time.monotonic() - begun)
         try:
-            return _prepared(worker, manifest, progress, show, begun)
+            return _prepare_in_reader(worker, manifest, progress, show, begun)
         except WorkError:
             # Damaged files in the cache are not errors of the scene.
             if not [file for file in manifest.files if worker.cache.discard_damaged(file.sha256)]:
                 raise
-        return _prepared(worker, manifest, progress, show, begun)
+        return _prepare_in_reader(worker, manifest, progress, show, begun)
     except OSError as error:
         if not is_of_machine(error):
             raise
@@ -71,7 +71,9 @@ def prepare_scene(
         ) from error
 
 
-def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, show: ShowPreview, begun: float) -> SceneInfo:
+def _prepare_in_reader(
+    worker: WorkerContext, manifest: Manifest, progress: Progress, show: ShowPreview, begun: float
+) -> SceneInfo:
     with ReaderFolder("prepare") as room:
         progress(Sentence("progress-fetching-files", "fetching files"), 0.0)
         place_files(worker, manifest, room.scene)
@@ -100,7 +102,7 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, sho
             files = [replace(store(worker, folder / name), path=name) for name in written]
             summary["blend"] = {"main": written[0], "files": [asdict(file) for file in files]}
     try:
-        return replace(_info(worker, summary, compiled, begun), preview=preview)
+        return replace(_scene_info(worker, summary, compiled, begun), preview=preview)
     except (KeyError, TypeError, AttributeError) as error:
         raise WorkError(
             Sentence(
@@ -112,7 +114,7 @@ def _prepared(worker: WorkerContext, manifest: Manifest, progress: Progress, sho
         ) from error
 
 
-def _info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, begun: float) -> SceneInfo:
+def _scene_info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRef, begun: float) -> SceneInfo:
     return SceneInfo(
         kind=worker.kind,
         compiled=compiled,

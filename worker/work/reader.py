@@ -45,7 +45,7 @@ _PRELOAD = (
 )
 _ALL_PREPARING = "renderer.preparation_kernels:prepare"
 _PLAIN_NAME = re.compile(r"[0-9A-Za-z][0-9A-Za-z_.-]{0,99}")
-_MOST_MANIFEST = 64 << 20  # bytes
+_MAX_MANIFEST_BYTES = 64 << 20  # bytes
 
 
 def begin_launcher() -> None:
@@ -188,7 +188,7 @@ class ReaderFolder:
         Raises WorkError.
         """
         path = self.result(name)
-        if path.stat().st_size > _MOST_MANIFEST:
+        if path.stat().st_size > _MAX_MANIFEST_BYTES:
             raise WorkError(
                 Sentence(
                     "reader-manifest-too-large",

@@ -79,12 +79,16 @@ def blocks_of(batches: Sequence[RenderBatch], most: int = BLOCK_SAMPLES) -> list
     found: list[Block] = []
     for group in groups.values():
         single = [Block(batch.tile, [batch]) for batch in group]
-        rows = _joined(sorted(single, key=lambda block: (block.tile.y, block.tile.h, block.tile.x)), _union_with_right, most)
-        found += _joined(sorted(rows, key=lambda block: (block.tile.x, block.tile.w, block.tile.y)), _union_with_lower, most)
+        rows = _join_adjacent_blocks(
+            sorted(single, key=lambda block: (block.tile.y, block.tile.h, block.tile.x)), _union_with_right, most
+        )
+        found += _join_adjacent_blocks(
+            sorted(rows, key=lambda block: (block.tile.x, block.tile.w, block.tile.y)), _union_with_lower, most
+        )
     return found
 
 
-def _joined(blocks: list[Block], join: Callable[[Tile, Tile], Tile | None], most: int) -> list[Block]:
+def _join_adjacent_blocks(blocks: list[Block], join: Callable[[Tile, Tile], Tile | None], most: int) -> list[Block]:
     found: list[Block] = []
     for block in blocks:
         last = found[-1] if found else None
@@ -116,7 +120,7 @@ def render_on_card(worker: WorkerContext, work: CardBatches, show: Show) -> floa
     with ThreadPoolExecutor(1, thread_name_prefix="sums") as sender:
         sending: list[Future[None]] = []
         try:
-            for block, sums, took in _rendered(worker, work, show):
+            for block, sums, took in _render_blocks(worker, work, show):
                 samples, seconds = samples + block.samples, seconds + took
                 while len(sending) >= MAX_PACKED_BEHIND:
                     sending.pop(0).result()
@@ -140,14 +144,14 @@ def return_to_cpus(worker: WorkerContext, batches: Iterable[RenderBatch], reason
         worker.results.send(Result({**event.event, "for_cpu": True}))
 
 
-def _rendered(worker: WorkerContext, work: CardBatches, show: Show) -> Iterator[tuple[Block, BatchSums, float]]:
+def _render_blocks(worker: WorkerContext, work: CardBatches, show: Show) -> Iterator[tuple[Block, BatchSums, float]]:
     """Yields each rendered block with its sums and the seconds it took. Raises _UnusableError or _ReturnedError."""
     card = worker.cards[slot()]
     try:
         for block in blocks_of(work.batches):
             batch = block.batches[0]
             show(block, False)
-            renderer, scene = _ready(worker, card, batch, partial(show, block))
+            renderer, scene = _prepare_renderer(worker, card, batch, partial(show, block))
             begun = time.perf_counter()
             sums = render_batch(scene, batch.settings, block.tile, batch.first, batch.count, renderer)
             yield block, sums, time.perf_counter() - begun
@@ -158,13 +162,13 @@ def _rendered(worker: WorkerContext, work: CardBatches, show: Show) -> Iterator[
     except (CardError, DriverError) as error:  # the driver refuses all further work of this process
         _cards[card.number] = None
         log.warning("%s; from now on the processor renders in its place", error)
-        raise _UnusableError(_failed(card)) from error
+        raise _UnusableError(_card_failed_sentence(card)) from error
     except (RayfarmError, WorkerError, MemoryError) as error:  # what the CPU cannot render either fails there
         sentence = Sentence("worker-returned-batch", "{worker} returned a batch: {error}", worker=worker.name, error=error)
         raise (_ReturnedError if isinstance(error, TemporaryError) else _UnusableError)(sentence) from error
 
 
-def _ready(
+def _prepare_renderer(
     worker: WorkerContext, card: Card, batch: RenderBatch, compiling: Callable[[bool], None]
 ) -> tuple[CardRenderer, CompiledScene]:
     """Returns the renderer of a graphics card, with the kernel for a batch loaded, and the batch's scene.
@@ -182,7 +186,7 @@ def _ready(
         _cards[card.number] = CardRenderer(card)
     renderer = _cards[card.number]
     if renderer is None:
-        raise _UnusableError(_failed(card))
+        raise _UnusableError(_card_failed_sentence(card))
     scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
     variant = variant_for(batch.settings, scene)
     if not renderer.has_kernel(variant):
@@ -202,7 +206,7 @@ def _scene_too_large(card: Card) -> str:
     )
 
 
-def _failed(card: Card) -> str:
+def _card_failed_sentence(card: Card) -> str:
     return Sentence(
         "card-failed",
         "Card {number} ({name}) has failed: the processor renders in its place. The worker's log has the driver's error; start "

@@ -62,11 +62,12 @@ def _border(render: Any, size: tuple[int, int]) -> tuple[int, int, int, int] | N
 def picture_of(
     depsgraph: Any, place_of: Callable[[Any], F64], go_to: Callable[[float], None], planes: tuple[str, ...], title: str
 ) -> Picture:
-    """Exports the current frame; returns the Picture, which contains the request to the farm.
+    """Exports Blender's current frame; returns the exported files with the request that renders them on the farm.
 
     Raises ValueError if there is nothing to render.
 
-    place_of: returns a camera's transform. go_to: sets Blender to a frame number, possibly between two frames.
+    depsgraph: Blender's evaluated scene. place_of: returns the transform of a camera object as a 4 x 4 matrix. go_to: sets
+    Blender to a frame number, which may lie between two frames. planes: names of the AOVs to request. title: name of the job.
     """
     blender = depsgraph.scene
     render, settings = blender.render, blender.rayfarm

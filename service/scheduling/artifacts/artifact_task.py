@@ -128,7 +128,7 @@ class ArtifactTask(ABC, Generic[Request]):
                 wanted = self._wanted[job, frame] = _PendingRequest(request)
             return wanted.answer
 
-    def hand_out(self) -> None:
+    def dispatch_work(self) -> None:
         """Sends the requests that are not in progress to workers. Raises QueueError."""
         for key, wanted in self._unsent_requests():
             kind = self._kind()

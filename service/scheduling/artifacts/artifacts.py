@@ -41,7 +41,7 @@ class ArtifactTasks:
     def fill_artifacts(self) -> None:
         """Sends clients' open artifact requests to workers. Raises QueueError."""
         for each in self._aside:
-            each.hand_out()
+            each.dispatch_work()
 
     def review_artifacts(self) -> None:
         """Sends lost artifact requests again, and fails overdue ones. Called once a second."""

@@ -9,7 +9,7 @@ from service.scheduling.artifacts.artifact_task import ArtifactTask
 
 __all__ = ["Environments"]
 
-MOST_BYTES = 1 << 20  # of a thumbnail
+MAX_BYTES = 1 << 20  # of a thumbnail
 
 
 class Environments(ArtifactTask[ShowEnvironment]):
@@ -29,7 +29,7 @@ class Environments(ArtifactTask[ShowEnvironment]):
         self._dispatcher.send_environment(request, queue)
 
     def _is_size(self, size: int, request: ShowEnvironment) -> bool:
-        return 0 < size <= MOST_BYTES
+        return 0 < size <= MAX_BYTES
 
     def _no_worker_error(self) -> Unavailable:
         if self._workers.roster.best_kind() is not None:

@@ -57,7 +57,7 @@ class FramePreparation:
         self._unfit = UnfitMachines()
         self._unfit_kind: dict[str, str] = {}  # kind of the unfit workers, by job
 
-    def hand_out(
+    def dispatch_work(
         self, jobs: Iterable[tuple[ActiveJob, str | None]], automatic_view_of: FrameOf, busy: set[tuple[str, int]]
     ) -> list[ActiveJob]:
         """Sends the frames that are needed next to workers, to be prepared. Raises QueueError.

@@ -76,7 +76,7 @@ class ScenePreparations:
             if lease.kind == kind:
                 self.leases.end(lease.id)
 
-    def hand_out(self) -> None:
+    def dispatch_work(self) -> None:
         """Sends the requests without a lease to workers. Raises QueueError."""
         for scene, wanted_kind in list(self._wanted):
             roster, by_blender = self._workers.roster, scene in self._by_blender

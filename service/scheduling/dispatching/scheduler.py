@@ -76,18 +76,18 @@ class Scheduler:
         self.job_queue = JobQueue(workers, self.jobs)
         self.shares = Shares()
         self.sites = Sites(workers, self.leases, dispatcher, pace)
-        self._ready_sites: list[ReadySite] = []  # sites, during one call of `hand_out`
+        self._ready_sites: list[ReadySite] = []  # sites, during one call of `dispatch_work`
         self._cards = CardWorkers(workers, self.leases, pace)
         self.suspicion = Suspicion()
         self.distrusted: set[str] = set()  # workers whose results no film accepts (trust/trust.py)
         self.looks = NoiseBudget()
         self.checks: Counter[str] = Counter()  # pending verifications of batches, by job
-        self._sent: list[Lease] = []  # leases of one call of `hand_out`
+        self._sent: list[Lease] = []  # leases of one call of `dispatch_work`
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
         self.doubled = 0  # duplicates of straggling batches
 
-    def hand_out(self, start: StartJob) -> None:
+    def dispatch_work(self, start: StartJob) -> None:
         """Dispatches batches until each worker kind has its maximum number of outstanding messages. Raises QueueError.
 
         start(job, kind): starts a job on workers of this kind; returns False if the job is not ready.
@@ -119,9 +119,10 @@ class Scheduler:
     def _fill_cards(
         self, cards: list[CardWorker], turns: dict[int, list[ActiveJob]], kind: str, slots: int, start: StartJob
     ) -> None:
-        """Dispatches batches to the workers `cards`, which have graphics cards. Raises QueueError.
+        """Dispatches batches to the workers `cards`, whose slots have graphics cards. Raises QueueError.
 
-        turns: jobs by priority. kind: worker kind. slots: number of CPU slots of this kind. start: as for `hand_out`.
+        turns: jobs by priority. kind: worker kind. slots: number of CPU slots of this kind. start(job, kind): starts a job on
+        workers of this kind; returns False if the job is not ready.
         """
         for each in (job for jobs in turns.values() for job in jobs):
             each.card_rate = sum(
@@ -144,13 +145,13 @@ class Scheduler:
                     ):
                         continue  # a second message before the first is measured would be too small
                     sent = len(self._sent)
-                    hand_out = partial(self._hand_to_card, job, kind, card_worker, slots, start)
-                    self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
+                    dispatch_work = partial(self._dispatch_to_card, job, kind, card_worker, slots, start)
+                    self._bulkheads.run(job.id, Step.HAND_OUT, dispatch_work, needs_database=job.state == "queued")
                     if new := self._sent[sent:]:
                         card_worker.room -= 1
                         queue.record_served(job, 1, sum(lease.charged_s for lease in new))
 
-    def _hand_to_card(self, job: ActiveJob, kind: str, card_worker: CardWorker, cpu_slots: int, start: StartJob) -> None:
+    def _dispatch_to_card(self, job: ActiveJob, kind: str, card_worker: CardWorker, cpu_slots: int, start: StartJob) -> None:
         """Dispatches one message to the worker `card_worker`, which has graphics cards. Raises QueueError.
 
         Does nothing if the job has no batch for it. cpu_slots: number of CPU slots. If none of them may render this job, the
@@ -194,8 +195,9 @@ class Scheduler:
     ) -> int:
         """Dispatches batches of jobs of one priority for up to `free_slots` slots. Returns the number of slots used.
 
-        queue: the jobs. kind: worker kind. slots: number of CPU slots of this kind. start: as for `hand_out`. capacities:
-        capacities of the queues of jobs with requirements, by queue; extended on demand.
+        queue: the jobs. kind: worker kind. slots: number of CPU slots of this kind. start(job, kind): starts a job on workers
+        of this kind; returns False if the job is not ready. capacities: capacities of the queues of jobs with requirements, by
+        queue; computed on demand.
         """
         handed_out = 0
         while handed_out < free_slots and (job := queue.next_job()) is not None:
@@ -211,8 +213,8 @@ class Scheduler:
             if not job.knows_cost and queue.held >= max(MAX_UNMEASURED_BATCHES, len(job.film.tiles)):
                 continue  # single samples on many slots cost more than they gain
             sent = len(self._sent)
-            hand_out = partial(self._hand_out, job, kind, capacity.slots, start, min(queue.left, capacity.room))
-            self._bulkheads.run(job.id, Step.HAND_OUT, hand_out, needs_database=job.state == "queued")
+            dispatch_work = partial(self._dispatch_job, job, kind, capacity.slots, start, min(queue.left, capacity.room))
+            self._bulkheads.run(job.id, Step.HAND_OUT, dispatch_work, needs_database=job.state == "queued")
             if new := self._sent[sent:]:
                 taken = len({lease.slot_unit for lease in new})
                 handed_out += taken
@@ -226,7 +228,7 @@ class Scheduler:
     def _capacity_of(self, queue: str, kind: str, cache: dict[str, QueueCapacity]) -> QueueCapacity:
         """Returns the capacity of the workers that serve a queue of jobs with requirements.
 
-        cache: capacities that were computed during the same call of `hand_out`, by queue.
+        cache: capacities that were computed during the same call of `dispatch_work`, by queue.
         """
         if queue not in cache:
             slots = self._workers.roster.slots_serving(queue, of_cpu=True).get(kind, 0)
@@ -234,10 +236,11 @@ class Scheduler:
             cache[queue] = QueueCapacity(slots, window - self.leases.slots_waiting_in(queue))
         return cache[queue]
 
-    def _hand_out(self, job: ActiveJob, kind: str, slots: int, start: StartJob, max_slots: int) -> None:
+    def _dispatch_job(self, job: ActiveJob, kind: str, slots: int, start: StartJob, max_slots: int) -> None:
         """Dispatches the next batches of a job for at most `max_slots` slots, if it has any. Raises QueueError.
 
-        slots: number of slots that may render the job. start: as for `hand_out`.
+        slots: number of slots that may render the job. start(job, kind): starts the job on workers of this kind; returns False
+        if it is not ready.
         """
         if not start(job, kind):
             return
@@ -470,7 +473,7 @@ class Scheduler:
         others = self._other_ready_workers(worker)
         failures = self.suspicion.failures_of(worker, others)
         if others and failures >= FAILURES_ALLOWED:
-            log.warning("%s is set aside after %d failures", worker, failures, extra=ids(worker=worker))
+            log.warning("worker %s is quarantined after %d failures", worker, failures, extra=ids(worker=worker))
             reason = Sentence(
                 "worker-quarantined-failures",
                 "Set aside: {failures} of its batches failed while other workers rendered theirs. Check its log, then resume it.",
@@ -496,7 +499,7 @@ class Scheduler:
         trouble.losses += fate.counts_as_loss
         job.history.add_event("lost", lease.holder or "")
         said, known = (job.id, lease.holder, batch, fate.value), ids(job=job.id, batch=lease.id, worker=lease.holder)
-        log.info("job %s: a batch did not come back (%s, %s): %s; it is handed out again", *said, extra=known)
+        log.info("job %s: a batch was lost (%s, %s): %s; it is dispatched again", *said, extra=known)
         job.history.log.add_line(f"that was {batch_description(batch)} ({fate.value}), lost {trouble.losses} times so far")
         job.requeue(batch)
         if trouble.losses >= LOSSES_ALLOWED:

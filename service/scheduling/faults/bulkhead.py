@@ -191,7 +191,7 @@ class Bulkheads:
 
     def _clear_delay(self, id: str, step: Step, needs_database: bool) -> None:
         if needs_database and self.database_fault is not None:
-            log.warning("the database can be used again")
+            log.warning("the database is available again")
             self.database_fault = None
         waits = self._waits.get(id)
         if waits is not None and waits.pop(step, None) is not None:

@@ -24,7 +24,7 @@ from protocol.vitals import log_key, log_wanted_key, vitals_key
 
 __all__ = ["is_wrong_type", "repair", "repair_all"]
 
-AT_ONCE = 1000
+KEYS_PER_SCAN = 1000
 TYPES = (
     (RESULTS, "stream"),
     (VIEW_ANSWERS, "list"),
@@ -70,9 +70,9 @@ def repair_all(connection: redis.Redis) -> int:
     """Deletes all keys of the farm that have the wrong type. Returns their number. Raises redis.RedisError."""
     repaired = 0
     for pattern, type in TYPES:
-        keys = list(connection.scan_iter(pattern, count=AT_ONCE)) if pattern.endswith("*") else [pattern.encode()]
-        for begin in range(0, len(keys), AT_ONCE):
-            some = keys[begin : begin + AT_ONCE]
+        keys = list(connection.scan_iter(pattern, count=KEYS_PER_SCAN)) if pattern.endswith("*") else [pattern.encode()]
+        for begin in range(0, len(keys), KEYS_PER_SCAN):
+            some = keys[begin : begin + KEYS_PER_SCAN]
             with connection.pipeline(transaction=False) as pipe:
                 for key in some:
                     pipe.type(key)

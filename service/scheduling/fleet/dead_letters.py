@@ -41,7 +41,12 @@ class DeadLetters:
         """
         self.count += 1
         reason = f"{type(why).__name__}: {why}" if isinstance(why, BaseException) else str(why)
-        told = {"time": round(time.time(), 3), "where": where, "why": reason[:MAX_CHARACTERS], "message": _readable(content)}
+        told = {
+            "time": round(time.time(), 3),
+            "where": where,
+            "why": reason[:MAX_CHARACTERS],
+            "message": _readable_message(content),
+        }
         self._latest.append(json.dumps(told))
         self._is_written = False
         now = time.monotonic()
@@ -50,7 +55,9 @@ class DeadLetters:
             return
         more = f" ({self._unlogged} others since the last line)" if self._unlogged else ""
         self._logged, self._unlogged = now, 0
-        log.warning("a message was put aside (%s): %.500s%s", where, reason, more, exc_info=error, extra=ids(owner=where))
+        log.warning(
+            "a message was moved to the dead letters (%s): %.500s%s", where, reason, more, exc_info=error, extra=ids(owner=where)
+        )
 
     def flush(self) -> None:
         """Writes the list to its file if it has changed. A failure to write is only logged."""
@@ -60,10 +67,10 @@ class DeadLetters:
         try:
             write_atomically(self._path, "".join(f"{line}\n" for line in self._latest).encode())
         except OSError as error:
-            log.warning("the list of messages that were put aside is not written: %s", error)
+            log.warning("the dead letters cannot be written: %s", error)
 
 
-def _readable(content: object) -> Any:
+def _readable_message(content: object) -> Any:
     """Returns a message in a readable, shortened form. Binary fields are truncated and described by their size."""
     if isinstance(content, Mapping):
         fields = list(content.items())[:20]

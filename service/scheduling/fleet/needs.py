@@ -30,9 +30,9 @@ class Needs:
 
     @classmethod
     def parse(cls, texts: Sequence[str]) -> Needs | None:
-        """Parses requirements: tags, and entries such as "memory_gb=32". Returns None if there are none.
+        """Parses requirements: tags, and entries such as "memory_gb=32". Returns None for an empty list.
 
-        Raises ValueError with a sentence if a text is neither, or if there are too many tags.
+        Raises ValueError with a sentence if a text is invalid, or if there are too many tags.
         """
         tags, memory = set(), 0.0
         for text in texts:

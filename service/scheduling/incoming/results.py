@@ -160,7 +160,7 @@ class Results:
             except redis.WatchError:
                 return False
         self.reread()
-        log.warning("the stream of results is begun anew: its last id lay in the future")
+        log.warning("the result stream was reset, since its last id was in the future")
         return True
 
     def reread(self) -> None:

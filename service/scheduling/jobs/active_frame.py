@@ -51,7 +51,7 @@ class FrameRow(NamedTuple):
     has_settings: bool
 
 
-def _ignore(key: int) -> None:
+def _ignore_change(key: int) -> None:
     """Does nothing. Default callback of a frame that belongs to no job."""
 
 
@@ -74,7 +74,7 @@ class ActiveFrame:
         noise: float | None,
         is_measured: bool = False,
         expected_spp: int | None = None,
-        on_change: Callable[[int], None] = _ignore,
+        on_change: Callable[[int], None] = _ignore_change,
     ) -> None:
         """Creates the frame from its database row.
 
@@ -315,7 +315,7 @@ class ActiveFrame:
         return self._json[1]
 
     def _noise_for_plan(self, tile: int) -> float:
-        """Estimates the noise of a tile now, and returns it. Called by the plan."""
+        """Estimates the noise of a tile from its samples in the film, and returns it. The plan calls this at each checkpoint."""
         self._measure_tile(tile, self._coverage(tile).total)
         self._is_told_anew = True
         return self._measured[tile][1]

@@ -140,7 +140,7 @@ class ActiveJob:
         assert self.spp is not None
         if self.shot is None:
             frame = ActiveFrame(
-                row, self.film, self.settings, self.compiled, self.spp, self.noise, True, on_change=self._note_change
+                row, self.film, self.settings, self.compiled, self.spp, self.noise, True, on_change=self._mark_key_changed
             )
             frame.state = "queued"  # the job has the state of a still's frame
             if self.film.has_file:  # a plan takes kilobytes, and thousands of jobs may wait
@@ -154,8 +154,8 @@ class ActiveJob:
             row = row._replace(state="queued")  # the film lost its latest samples in a power failure
         if self.shot.order == "noisiest-first":
             most = min(MAX_SPP, max(64 * self.spp, self.spp))
-            return ActiveFrame(row, self.film, settings, own, most, self.noise, True, min(self.spp, most), self._note_change)
-        return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True, on_change=self._note_change)
+            return ActiveFrame(row, self.film, settings, own, most, self.noise, True, min(self.spp, most), self._mark_key_changed)
+        return ActiveFrame(row, self.film, settings, own, row.spp or self.spp, self.noise, True, on_change=self._mark_key_changed)
 
     @property
     def is_done(self) -> bool:
@@ -245,9 +245,9 @@ class ActiveJob:
 
     def mark_changed(self, frame: ActiveFrame) -> None:
         """Marks a frame as changed, so that its numbers are computed again."""
-        self._note_change(frame.key)
+        self._mark_key_changed(frame.key)
 
-    def _note_change(self, key: int) -> None:
+    def _mark_key_changed(self, key: int) -> None:
         """Marks a frame as changed. Has no effect before `prepare_in_steps` has counted the frames."""
         if not self._is_begun:
             return
@@ -319,7 +319,7 @@ class ActiveJob:
                 return batch
             if not self.agenda.raise_ceiling(frame):
                 frame.is_idle = True
-                self._note_change(frame.key)
+                self._mark_key_changed(frame.key)
                 self._updating_frame(frame)  # its film may be complete already, in which case no batch will return
         return None
 
@@ -374,7 +374,7 @@ class ActiveJob:
     def _updating_frame(self, frame: ActiveFrame) -> None:
         if self.shot is not None:
             self.agenda.finish_if_complete(frame)
-        self._note_change(frame.key)
+        self._mark_key_changed(frame.key)
 
     def fail_frame(self, frame: ActiveFrame, error: str) -> None:
         """Marks a frame as failed; the other frames continue. Raises FilmUnavailable or FilmLost."""
@@ -402,7 +402,7 @@ class ActiveJob:
             for kind in [kind for kind in frame.own if all_frames or frame.is_over or kind not in frame.compiled]:
                 gone.update(blobs_of([frame.own.pop(kind)]))
                 frame.compiled.pop(kind, None)
-                self._note_change(frame.key)
+                self._mark_key_changed(frame.key)
         return gone
 
     def add_compiled_kind(self, kind: str, sha256: str) -> None:

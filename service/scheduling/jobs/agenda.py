@@ -36,7 +36,7 @@ class FrameOrder:
         self._frames = frames
         self._order = order
         self._spp = spp
-        self._rank = dict(zip(frames, _ranks(len(frames), order, every), strict=True))
+        self._rank = dict(zip(frames, _frame_ranks(len(frames), order, every), strict=True))
         self._pilot = max(1, min(PILOT_SAMPLES, spp // 2))
         self._pending: set[int] = set()
         self._first: int | None = None
@@ -159,7 +159,7 @@ def goals_of_frames(samples: list[int], noise: list[float], budget: int, maximum
     return goals, min(high, greatest)
 
 
-def _ranks(count: int, order: str, every: int) -> Iterator[int]:
+def _frame_ranks(count: int, order: str, every: int) -> Iterator[int]:
     if order == "every-nth":
         chosen: dict[int, None] = {}
         while every >= 1:

@@ -105,7 +105,7 @@ class SnapshotKeeper:
                 metadata = replace(metadata, least=min(counts), most=max(counts), samples=samples)
                 packet = film_packet(moment, frame, self._folder, gzip=True)
             if not self._kept.write(job, metadata, packet.pieces()):
-                log.info("job %s: no room for its snapshot at %d samples", job, metadata.spp)
+                log.info("job %s: no disk space for its snapshot at %d samples", job, metadata.spp)
             if not self._is_rendered(job):
                 film.checkpoint()  # the film's log could not be merged while the view was open
         except (FarmError, OSError) as error:

@@ -10,8 +10,8 @@ from service.scheduling.jobs.job_log import JobLog
 
 __all__ = ["History"]
 
-MOST_POINTS = 128
-MOST_EVENTS = 100  # the latest are kept, and the first
+MAX_POINTS = 128
+MAX_EVENTS = 100  # the latest are kept, and the first
 POINT_SPACING = 1.04  # factor of samples between points
 SENTENCES = {
     "begun": "rendering begins on workers of {}",
@@ -68,7 +68,7 @@ class History:
         has = (last[1] or 0) if last is not None else 0
         if samples <= has or (samples < POINT_SPACING * has and not is_end):
             return
-        if len(self.points) >= MOST_POINTS:
+        if len(self.points) >= MAX_POINTS:
             del self.points[1::2]  # the axes are logarithmic, so early points stay dense enough
         self.points.append([round(seconds, 3), float(samples), noise])
         self.has_changed = True
@@ -81,7 +81,7 @@ class History:
         self.log.add_line(SENTENCES.get(kind, kind).format(detail or "an unknown user"))
         if self.events and self.events[-1][1:] == [kind, detail]:
             return
-        if len(self.events) >= MOST_EVENTS:
+        if len(self.events) >= MAX_EVENTS:
             del self.events[1]
         self.events.append([round(time.time(), 2), kind, detail])
         self.has_changed = True
@@ -92,7 +92,7 @@ class History:
             self._workers.add(worker)
             self.add_event("worker", worker)
 
-    def note_departed(self, workers: set[str]) -> None:
+    def record_departures(self, workers: set[str]) -> None:
         """Adds an event for each worker that rendered for the job and is not in `workers`, the names of the connected ones."""
         for gone in sorted(self._workers - workers):
             self._workers.discard(gone)

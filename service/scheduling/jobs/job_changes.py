@@ -113,7 +113,7 @@ def set_focus(job: Job, focus: tuple[int, int, int, int] | None) -> None:
         raise Invalid(
             Sentence(
                 "job-focus-outside-picture",
-                "focus: {focus} is outside of the picture, which is {width} x {height}.",
+                "focus: {focus} is outside the picture, which is {width} x {height}.",
                 focus=list(focus),
                 width=width,
                 height=height,

@@ -22,7 +22,7 @@ __all__ = ["KEPT_BYTES", "JobLog", "JobLogs"]
 KEPT_BYTES = 1 << 18  # bytes that `text` returns
 MAX_FILE_BYTES = 2 * KEPT_BYTES  # bytes of a file; then only the last `KEPT_BYTES` bytes are kept
 MAX_LINE_LENGTH = 1000  # characters per line
-MOST_LINES = 2000  # pending lines while the disk accepts none; the oldest are dropped
+MAX_PENDING_LINES = 2000  # pending lines while the disk accepts none; the oldest are dropped
 FLUSH_EVERY_S = 1.0
 COUNTS_EVERY_S = 60.0  # between two counts of a job's batches in the service's log
 
@@ -74,8 +74,8 @@ class JobLog:
     def _add(self, text: str) -> str:
         now = datetime.fromtimestamp(time.time(), UTC).isoformat(timespec="milliseconds").replace("+00:00", "Z")
         self._lines.append(f"{now} {one_line(text[:MAX_LINE_LENGTH])}")
-        if len(self._lines) > MOST_LINES:
-            del self._lines[: -MOST_LINES // 2]
+        if len(self._lines) > MAX_PENDING_LINES:
+            del self._lines[: -MAX_PENDING_LINES // 2]
         return self._lines[-1]
 
 

@@ -66,14 +66,14 @@ def change_shot(job: Job, shot: Shot, frames: Mapping[int, CurrentFrame], reques
         now = now.with_changes(order=request.order)
         if NOISIEST_FIRST in (request.order, shot.order):
             steps.append(Step.for_keys("unplan", list(frames)))
-    added = _added(frames, request)
+    added = _added_frame_keys(frames, request)
     if added:
         steps.append(Step.for_keys("add", added, target=samples_of(job)))
     anew = _existing_keys(frames, parse_frames(request.again), "again") if request.again is not None else []
     if anew:
         steps.append(Step.for_keys("again", anew, unplan=now.order == NOISIEST_FIRST))
     failed = {key for key, frame in frames.items() if frame.state == "failed"}.difference(anew)
-    aims, is_more = _ask_for_samples(job, now, frames, added, failed, request)
+    aims, is_more = _sample_steps(job, now, frames, added, failed, request)
     healed = sorted(failed) if request.state == "running" else []
     if healed:
         aims.append(Step.for_keys("heal", healed))
@@ -119,7 +119,7 @@ def added_samples(job: Job, frames: Mapping[int, CurrentFrame], spp_before: int 
     return samples
 
 
-def _added(frames: Mapping[int, CurrentFrame], request: ShotRequest) -> list[int]:
+def _added_frame_keys(frames: Mapping[int, CurrentFrame], request: ShotRequest) -> list[int]:
     if request.extend is None:
         return []
     keys = [key for key in map(frame_key, parse_frames(request.extend)) if key not in frames]
@@ -134,7 +134,7 @@ def _added(frames: Mapping[int, CurrentFrame], request: ShotRequest) -> list[int
     return keys
 
 
-def _ask_for_samples(
+def _sample_steps(
     job: Job, shot: Shot, frames: Mapping[int, CurrentFrame], added: Sequence[int], failed: Set[int], request: ShotRequest
 ) -> tuple[list[Step], bool]:
     """Returns the steps that set the frames' samples, and whether any frame will be rendered.

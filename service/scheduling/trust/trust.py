@@ -154,7 +154,7 @@ class Trust:
                     job.history.add_event("distrusted", worker)
                     reload(job)
             self.counts["distrusted"] += 1
-            log.warning("%s is set aside: %s; jobs that are rendered again in part: %s", worker, reason, partly)
+            log.warning("worker %s is quarantined: %s; jobs that are partly rendered again: %s", worker, reason, partly)
             self._quarantine(worker, reason)
             details = {"worker": worker, "job": found_in, "why": f"{reason}.", "rendered_again": partly}
             self._events.publish(WorkerQuarantined(worker, details))

@@ -15,19 +15,19 @@ from rayfarm.doctor.finding import Finding
 from rayfarm.doctor.folder import check_folder
 from service.settings import Settings
 from tests.service.conftest import Service
-from tests.service.store.test_lost_films import damaged, one_bit
+from tests.service.store.test_lost_films import damage_film, one_bit
 
 
-def look(data: Path, deep: bool = False, **settings: int) -> list[Finding]:
+def check_lines(data: Path, deep: bool = False, **settings: int) -> list[Finding]:
     return list(check_folder(Settings(data=data, **settings), deep, lambda done, total: None))  # type: ignore[arg-type]
 
 
 def faults(data: Path, deep: bool = False) -> list[str]:
-    return [f"{each.about}: {each.says}" for each in look(data, deep) if each.level == "fault"]
+    return [f"{each.about}: {each.says}" for each in check_lines(data, deep) if each.level == "fault"]
 
 
 @pytest.fixture
-def stored(service: Service) -> Path:
+def data_folder(service: Service) -> Path:
     """Returns the data folder of a service with one finished job; the service's periodic check of films is disabled."""
     with service.worker():
         service.wait_for(service.submit(service.ready_scene()), "finished")
@@ -52,8 +52,8 @@ def flip(path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_folder_that_is_well_has_no_fault_also_while_its_farm_runs(stored: Path) -> None:
-    found = look(stored, deep=True)
+def test_intact_folder_has_no_fault_while_farm_runs(data_folder: Path) -> None:
+    found = check_lines(data_folder, deep=True)
     assert {each.level for each in found if each.about != "Room"} == {"fine"}
     assert [each.about for each in found] == ["Data folder", "Room", "Database", "Uploads", "Films"]
 
@@ -83,47 +83,47 @@ def test_a_folder_that_is_well_has_no_fault_also_while_its_farm_runs(stored: Pat
         ),
     ],
 )
-def test_what_is_wrong_is_said(stored: Path, break_it: Callable[[Path], object], deep: bool, sentence: str) -> None:
-    break_it(stored)
-    (said,) = faults(stored, deep)
+def test_faults_of_folder_are_reported(data_folder: Path, break_it: Callable[[Path], object], deep: bool, sentence: str) -> None:
+    break_it(data_folder)
+    (said,) = faults(data_folder, deep)
     assert re.match(sentence, said), said
     if deep:
-        assert faults(stored) == [], "without reading nobody knows"
+        assert faults(data_folder) == [], "without reading nobody knows"
 
 
 @pytest.mark.long
-def test_a_damaged_database_and_one_of_a_newer_release_are_named(service: Service, stored: Path) -> None:
+def test_damaged_and_newer_databases_are_reported(service: Service, data_folder: Path) -> None:
     service.stop()
     try:
-        with closing(sqlite3.connect(stored / "rayfarm.sqlite")) as database, database:
+        with closing(sqlite3.connect(data_folder / "rayfarm.sqlite")) as database, database:
             (revision,) = database.execute("SELECT version_num FROM alembic_version").fetchone()
             database.execute("UPDATE alembic_version SET version_num = '9999'")
         database.close()
-        assert "newer release (revision 9999" in faults(stored)[0]
-        whole = (stored / "rayfarm.sqlite").read_bytes()
-        damaged(stored / "rayfarm.sqlite")
-        assert "Database: " in faults(stored)[0]
-        assert "is damaged" in faults(stored)[0]
-        (stored / "rayfarm.sqlite").write_bytes(whole)
-        with closing(sqlite3.connect(stored / "rayfarm.sqlite")) as database, database:
+        assert "newer release (revision 9999" in faults(data_folder)[0]
+        whole = (data_folder / "rayfarm.sqlite").read_bytes()
+        damage_film(data_folder / "rayfarm.sqlite")
+        assert "Database: " in faults(data_folder)[0]
+        assert "is damaged" in faults(data_folder)[0]
+        (data_folder / "rayfarm.sqlite").write_bytes(whole)
+        with closing(sqlite3.connect(data_folder / "rayfarm.sqlite")) as database, database:
             database.execute("DELETE FROM alembic_version")
         database.close()
-        assert [each.says for each in look(stored) if each.level == "note" and "older release" in each.says]
+        assert [each.says for each in check_lines(data_folder) if each.level == "note" and "older release" in each.says]
     finally:
-        with closing(sqlite3.connect(stored / "rayfarm.sqlite")) as database, database:
+        with closing(sqlite3.connect(data_folder / "rayfarm.sqlite")) as database, database:
             database.execute("DELETE FROM alembic_version")
             database.execute("INSERT INTO alembic_version VALUES (?)", (revision,))
         database.close()
         service.start()
 
 
-def test_rights_room_and_network_drives(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_permissions_space_and_network_drives_are_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     data = tmp_path / "data"
-    assert [each.level for each in look(data)] == ["note"], "it is not there yet"
+    assert [each.level for each in check_lines(data)] == ["note"], "it is not there yet"
     data.mkdir(0o755)
-    assert "Others on this machine can look into" in look(data)[0].says
-    assert any(each.about == "Room" and each.level == "fault" for each in look(data, min_free_bytes=1 << 60))
+    assert "Others on this machine can look into" in check_lines(data)[0].says
+    assert any(each.about == "Room" and each.level == "fault" for each in check_lines(data, min_free_bytes=1 << 60))
     monkeypatch.setattr(looked_at, "_file_system", lambda folder: "nfs4")
-    assert any("network drive (nfs4)" in each.says for each in look(data))
+    assert any("network drive (nfs4)" in each.says for each in check_lines(data))
     (tmp_path / "file").touch()
-    assert look(tmp_path / "file")[0].level == "fault"
+    assert check_lines(tmp_path / "file")[0].level == "fault"

@@ -22,7 +22,7 @@ def findings_text(found: list[Finding], level: str) -> str:
     return "\n".join(each.says for each in found if each.level == level)
 
 
-def test_a_redis_that_forgets_or_is_full_and_its_workers(service: Service, redis_server: running_redis) -> None:
+def test_redis_persistence_memory_and_workers_are_checked(service: Service, redis_server: running_redis) -> None:
     with redis.Redis.from_url(redis_server.url) as store, service.worker(name="old"):
         found = list(check_redis(redis_server.url))
         assert findings_text(found, "fault") == ""
@@ -41,7 +41,7 @@ def test_a_redis_that_forgets_or_is_full_and_its_workers(service: Service, redis
                 store.config_set(name, value)
 
 
-def test_a_wrong_password_and_a_redis_that_is_away(redis_server: running_redis) -> None:
+def test_wrong_password_and_unreachable_redis_are_reported(redis_server: running_redis) -> None:
     wrong = redis_server.url.replace(redis_server.password, "wrong")
     assert "refuses the password" in findings_text(list(check_redis(wrong)), "fault")
     found = list(check_redis("redis://:secret@127.0.0.1:1/0"))
@@ -49,7 +49,7 @@ def test_a_wrong_password_and_a_redis_that_is_away(redis_server: running_redis) 
     assert "secret" not in str(found)
 
 
-def test_where_no_farm_runs_it_is_told_whether_one_could(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_ability_to_start_a_farm_is_checked(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("RAYFARM_REDIS_URL", raising=False)
     with socket.socket() as other:
         other.bind(("127.0.0.1", 0))
@@ -60,7 +60,7 @@ def test_where_no_farm_runs_it_is_told_whether_one_could(tmp_path: Path, monkeyp
     assert any(each.about == "Redis" and each.level == "fine" for each in found)
 
 
-def test_the_command_ends_with_1_where_there_is_a_fault(tmp_path: Path) -> None:
+def test_exit_code_is_1_if_there_is_a_fault(tmp_path: Path) -> None:
     (tmp_path / "data").mkdir(0o700)
     (tmp_path / "data" / "token").write_text("known to all")
     (tmp_path / "data" / "token").chmod(0o604)

@@ -13,7 +13,7 @@ CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 SMALL = {"width": 48, "height": 32, "max_depth": 4}
 
 
-def test_a_farms_picture_is_that_of_this_process(farm: Farm) -> None:
+def test_farm_picture_equals_local_picture(farm: Farm) -> None:
     there = rayfarm.render(CORNELL, farm=farm.url, spp=6, **SMALL)
     here = rayfarm.render(CORNELL, spp=6, **SMALL)
     assert there.keys() == here.keys()
@@ -23,7 +23,7 @@ def test_a_farms_picture_is_that_of_this_process(farm: Farm) -> None:
 
 
 @pytest.mark.long
-def test_it_comes_as_it_grows_and_leaving_it_cancels_the_job(farm: Farm) -> None:
+def test_progressive_pictures_grow_and_break_cancels_job(farm: Farm) -> None:
     with Client(farm.url) as client:
         before = {job.id for job in client.jobs()}
         for image in rayfarm.progressive(CORNELL, farm=client, spp=200_000, aovs=["depth"], **SMALL):
@@ -35,7 +35,7 @@ def test_it_comes_as_it_grows_and_leaving_it_cancels_the_job(farm: Farm) -> None
 
 
 @pytest.mark.long
-def test_what_fails_is_said_by_the_widget() -> None:
+def test_widget_shows_errors() -> None:
     widget = rayfarm.show({"shapes": [{"type": "spher"}]})
     with pytest.raises(rayfarm.RayfarmError, match="spher"):
         widget.wait()

@@ -15,7 +15,7 @@ BALL = trimesh.creation.icosphere(1)
 ARRAYS = {"positions": BALL.vertices, "triangles": BALL.faces}
 
 
-def test_another_reader_finds_the_arrays() -> None:
+def test_trimesh_reads_same_arrays() -> None:
     data = mesh_as_glb("ball", {**ARRAYS, "normals": BALL.vertex_normals, "colors": np.abs(BALL.vertices)})
     found = trimesh.load(io.BytesIO(data), file_type="glb", process=False).geometry["ball"]
     np.testing.assert_allclose(found.vertices, BALL.vertices, atol=1e-6)
@@ -39,6 +39,6 @@ def test_another_reader_finds_the_arrays() -> None:
         ({"uvs": BALL.vertices}, r"take \(V, 2\)"),
     ],
 )
-def test_what_is_no_mesh_is_refused(changed: dict[str, object], sentence: str) -> None:
+def test_invalid_mesh_is_rejected(changed: dict[str, object], sentence: str) -> None:
     with pytest.raises(SceneError, match=sentence):
         mesh_as_glb("ball", {**ARRAYS, **changed})

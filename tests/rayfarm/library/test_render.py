@@ -32,7 +32,7 @@ def box() -> dict[str, object]:
     }
 
 
-def test_a_file_and_the_dict_in_it_give_the_bits_of_a_frame(tmp_path: Path) -> None:
+def test_file_and_dict_give_equal_pictures(tmp_path: Path) -> None:
     image = rayfarm.render(CORNELL, spp=3, **SMALL)
     assert repr(image).startswith("<Image 32x24, 3 of 3 samples")
     assert np.array_equal(image["color"], rayfarm.render(yaml.safe_load(CORNELL.read_text()), spp=3, **SMALL)["color"])
@@ -49,7 +49,7 @@ def test_a_file_and_the_dict_in_it_give_the_bits_of_a_frame(tmp_path: Path) -> N
         image["colour"]
 
 
-def test_arrays_and_pixels_are_where_they_should_be() -> None:
+def test_arrays_and_pixels_are_placed_correctly() -> None:
     """The box's front is red on its left half and blue on its right, at the depth computed from the geometry."""
     image = rayfarm.render(box(), width=64, height=48, spp=4, eye=(0, 0, 3), fov=30)
     left, right = image["albedo"][24, 26], image["albedo"][24, 38]
@@ -60,7 +60,7 @@ def test_arrays_and_pixels_are_where_they_should_be() -> None:
 
 
 @pytest.mark.long
-def test_passes_end_in_the_picture_and_leaving_them_ends_them() -> None:
+def test_progressive_passes_end_in_final_picture() -> None:
     images = list(rayfarm.progressive(CORNELL, spp=8, **SMALL))
     assert [image.is_final for image in images] == [False] * (len(images) - 1) + [True]
     assert images[-1].spp == 8 and images[-1].of == 8
@@ -71,13 +71,13 @@ def test_passes_end_in_the_picture_and_leaving_them_ends_them() -> None:
     assert not [thread for thread in threading.enumerate() if thread.name == "rayfarm-passes"]
 
 
-def test_a_trimesh_is_a_scene() -> None:
+def test_trimesh_is_rendered() -> None:
     with pytest.warns(rayfarm.SceneWarning, match="no light"):
         image = rayfarm.render(trimesh.creation.icosphere(2), spp=1, **SMALL)
     assert image["object"][12, 16] == 1
 
 
-def test_a_cloud_of_points_is_shown_as_balls() -> None:
+def test_point_cloud_is_rendered_as_spheres() -> None:
     with pytest.warns(rayfarm.SceneWarning, match="points are shown as spheres"):
         image = rayfarm.render(trimesh.PointCloud(np.eye(3)), spp=1, environment="even-white", **SMALL)
     assert (image["object"] > 0).any()
@@ -106,6 +106,8 @@ def test_a_cloud_of_points_is_shown_as_balls() -> None:
         (CORNELL, {"device": "cuda", "farm": "http://127.0.0.1:1"}, SettingsError, "device is for rendering in this process"),
     ],
 )
-def test_what_is_wrong_is_said(scene: object, settings: dict[str, object], kind: type[Exception], sentence: str) -> None:
+def test_invalid_arguments_raise_errors_with_advice(
+    scene: object, settings: dict[str, object], kind: type[Exception], sentence: str
+) -> None:
     with pytest.raises(kind, match=sentence):
         rayfarm.render(scene, **settings)

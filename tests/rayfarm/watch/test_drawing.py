@@ -20,7 +20,7 @@ def smooth(width: int, height: int) -> np.ndarray:
     return np.stack([255 * x / width, 255 * y / height, 128 + 0 * x], axis=-1).astype(np.uint8)
 
 
-def test_half_blocks_show_every_pixel_and_draw_only_rows_that_changed() -> None:
+def test_half_blocks_draw_only_changed_rows() -> None:
     picture = RANDOM.integers(0, 256, (20, 30, 3), np.uint8)
     blocks, screen = Blocks(is_true_colour=True), Seen(40, 12)
     screen.take(blocks.draw(picture, 3, 2))
@@ -36,7 +36,7 @@ def test_half_blocks_show_every_pixel_and_draw_only_rows_that_changed() -> None:
     assert len(blocks.draw(changed, 3, 2)) > 1000
 
 
-def test_256_colours_are_the_nearest_there_are() -> None:
+def test_nearest_of_256_colours_is_used() -> None:
     colours = np.array([colour_256(number) for number in range(16, 256)])
     asked = RANDOM.integers(0, 256, (500, 3), np.uint8)
     got = colours[nearest_256(asked) - 16]
@@ -48,7 +48,7 @@ def test_256_colours_are_the_nearest_there_are() -> None:
     np.testing.assert_array_equal(screen.blocks(), 255)
 
 
-def test_kitty_has_the_picture_itself_and_one_at_a_time() -> None:
+def test_kitty_shows_one_exact_picture() -> None:
     kitty, screen = Kitty((10, 20)), Seen(80, 24)
     for seed in range(3):
         picture = np.random.default_rng(seed).integers(0, 256, (50, 70, 3), np.uint8)
@@ -60,7 +60,7 @@ def test_kitty_has_the_picture_itself_and_one_at_a_time() -> None:
     assert not screen.images
 
 
-def test_sixels_show_few_colours_exactly_and_many_nearly() -> None:
+def test_sixels_show_few_colours_exactly() -> None:
     screen = Seen(80, 24)
     flat = np.zeros((13, 17, 3), np.uint8)
     flat[3:9, 5:] = (255, 0, 51)
@@ -72,7 +72,7 @@ def test_sixels_show_few_colours_exactly_and_many_nearly() -> None:
     assert np.abs(screen.sixel.astype(int) - picture).mean() < 6, "256 colours"
 
 
-def test_a_picture_fits_and_its_pixels_are_the_mean_light() -> None:
+def test_scaled_picture_fits_and_averages_radiance() -> None:
     assert fitted_size((1920, 1080), (80, 60)) == (80, 45)
     assert fitted_size((64, 48), (200, 100)) == (128, 96)
     assert fitted_size((4000, 10), (80, 60)) == (80, 1)
@@ -93,6 +93,6 @@ def test_a_picture_fits_and_its_pixels_are_the_mean_light() -> None:
         (b"", False, False, False, CELL),
     ],
 )
-def test_what_terminals_answer(answers: bytes, kitty: bool, sixel: bool, true_colour: bool, cell: tuple[int, int]) -> None:
+def test_terminal_answers_are_parsed(answers: bytes, kitty: bool, sixel: bool, true_colour: bool, cell: tuple[int, int]) -> None:
     can = parse_answers(answers)
     assert (can.kitty, can.sixel, can.true_colour, can.cell) == (kitty, sixel, true_colour, cell)

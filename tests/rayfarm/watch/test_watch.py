@@ -15,7 +15,7 @@ import pytest
 from PIL import Image
 
 from tests.helpers import ROOT
-from tests.rayfarm.program import rayfarm, started
+from tests.rayfarm.program import rayfarm, run_program
 from tests.rayfarm.watch.tev_server import TevServer
 from tests.rayfarm.watch.window import CELL, DA1, DA1_WITH_SIXEL, KITTY, Window
 from tests.service.conftest import Service, until
@@ -27,27 +27,27 @@ def png(service: Service, job: str, **query: float | str) -> np.ndarray:
     return np.asarray(Image.open(io.BytesIO(answer.content)).convert("RGB")).astype(int)
 
 
-def alike(a: np.ndarray, b: np.ndarray) -> bool:
+def is_close(a: np.ndarray, b: np.ndarray) -> bool:
     """Returns whether two pictures have the same shape, and values that differ by at most 2, which allows for RGB9E5 rounding."""
     return a.shape == b.shape and bool(np.abs(a.astype(int) - b).max() <= 2)
 
 
-def finished(service: Service, **request: int) -> str:
+def finished_job(service: Service, **request: int) -> str:
     job = service.submit(service.ready_scene(), **request)
     service.wait_for(job, "finished")
     return job
 
 
-def test_what_stands_in_the_terminal_is_the_picture(service: Service, worker: PeerWorker) -> None:
-    job = finished(service)
+def test_terminal_shows_picture_of_job(service: Service, worker: PeerWorker) -> None:
+    job = finished_job(service)
     with Window("watch", job, "--server", service.url) as window:
         window.says("finished")
-        window.wait_for(lambda: alike(window.screen.blocks(), png(service, job)), "the PNG's pixels")
+        window.wait_for(lambda: is_close(window.screen.blocks(), png(service, job)), "the PNG's pixels")
         window.says("8 of 8 spp")
         window.press("++")
-        window.wait_for(lambda: alike(window.screen.blocks(), png(service, job, exposure=1)), "brighter by a stop")
+        window.wait_for(lambda: is_close(window.screen.blocks(), png(service, job, exposure=1)), "brighter by a stop")
         window.press("t")
-        window.wait_for(lambda: alike(window.screen.blocks(), png(service, job, exposure=1, tonemap="srgb")), "another curve")
+        window.wait_for(lambda: is_close(window.screen.blocks(), png(service, job, exposure=1, tonemap="srgb")), "another curve")
         window.resize(41, 12)
         window.wait_for(lambda: window.screen.blocks().shape == (18, 24, 3), "as large as there is room for")
         window.says("finished")
@@ -58,7 +58,7 @@ def test_what_stands_in_the_terminal_is_the_picture(service: Service, worker: Pe
 
 
 @pytest.mark.long
-def test_it_grows_and_a_job_is_cancelled_only_when_that_is_confirmed(service: Service, worker: PeerWorker) -> None:
+def test_picture_grows_and_cancelling_needs_confirmation(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.05)
     job = service.submit(service.ready_scene(), spp=100_000)
     with Window("watch", "--server", service.url) as window:  # without a job: the newest one
@@ -83,7 +83,7 @@ def test_it_grows_and_a_job_is_cancelled_only_when_that_is_confirmed(service: Se
     ("number", "code"),
     [(signal.SIGINT, 130), *(pytest.param(number, 0, marks=pytest.mark.long) for number in (signal.SIGTERM, signal.SIGHUP))],
 )
-def test_a_signal_leaves_the_terminal_as_it_was(service: Service, worker: PeerWorker, number: signal.Signals, code: int) -> None:
+def test_signal_restores_terminal(service: Service, worker: PeerWorker, number: signal.Signals, code: int) -> None:
     worker.on_batch = lambda batch: False
     job = service.submit(service.ready_scene())
     with Window("watch", job, "--server", service.url) as window:
@@ -96,11 +96,11 @@ def test_a_signal_leaves_the_terminal_as_it_was(service: Service, worker: PeerWo
 
 
 @pytest.mark.long
-def test_pixels_where_the_terminal_has_them(service: Service, worker: PeerWorker) -> None:
-    job = finished(service)
+def test_pixel_graphics_are_used_if_supported(service: Service, worker: PeerWorker) -> None:
+    job = finished_job(service)
     expected = png(service, job).repeat(11, 0).repeat(11, 1)  # by the largest integer scale that fits
     with Window("watch", job, "--server", service.url, answers=KITTY + CELL + DA1) as window:
-        window.wait_for(lambda: any(alike(image, expected) for image in window.screen.images.values()), "kitty's image")
+        window.wait_for(lambda: any(is_close(image, expected) for image in window.screen.images.values()), "kitty's image")
         window.press("q")
         assert window.ends()[0] == 0
         assert not window.screen.images
@@ -118,8 +118,8 @@ def test_pixels_where_the_terminal_has_them(service: Service, worker: PeerWorker
 
 
 @pytest.mark.long
-def test_a_farm_that_goes_away_and_a_job_that_is_deleted(service: Service, worker: PeerWorker) -> None:
-    job = finished(service)
+def test_unreachable_farm_and_deleted_job_end_watch(service: Service, worker: PeerWorker) -> None:
+    job = finished_job(service)
     with Window("watch", job, "--server", service.url) as window:
         window.says("finished")
         service.http.delete(f"/api/jobs/{job}").raise_for_status()
@@ -129,8 +129,8 @@ def test_a_farm_that_goes_away_and_a_job_that_is_deleted(service: Service, worke
 
 
 @pytest.mark.long
-def test_in_a_pipe_it_tells_lines_and_ends_with_the_job(service: Service, worker: PeerWorker) -> None:
-    done = started("watch", finished(service), "--server", service.url)
+def test_pipe_gets_progress_lines_until_job_ends(service: Service, worker: PeerWorker) -> None:
+    done = run_program("watch", finished_job(service), "--server", service.url)
     assert done.returncode == 0, done.stderr
     assert "\x1b" not in done.stdout
     assert "finished" in done.stdout.splitlines()[-1]
@@ -148,7 +148,7 @@ def test_in_a_pipe_it_tells_lines_and_ends_with_the_job(service: Service, worker
 
 
 @pytest.mark.long
-def test_a_tev_gets_the_film_while_it_grows_and_a_viewer_the_exr(service: Service, worker: PeerWorker, tmp_path: Path) -> None:
+def test_tev_gets_growing_film_and_viewer_gets_exr(service: Service, worker: PeerWorker, tmp_path: Path) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=64)
     (tmp_path / "viewer.py").write_text("import sys, shutil; shutil.copy(sys.argv[2], sys.argv[1])\n")
@@ -167,7 +167,7 @@ def test_a_tev_gets_the_film_while_it_grows_and_a_viewer_the_exr(service: Servic
             "-o",
             str(tmp_path / "a.exr"),
         )
-        done = started(*arguments)
+        done = run_program(*arguments)
     assert done.returncode == 0, done.stderr
     (name,) = tev.images
     assert job in name
@@ -177,7 +177,7 @@ def test_a_tev_gets_the_film_while_it_grows_and_a_viewer_the_exr(service: Servic
     until(lambda: shown.exists() and shown.read_bytes() == (tmp_path / "a.exr").read_bytes(), "the viewer has it")
 
 
-def test_what_cannot_be_is_said_in_a_sentence(service: Service) -> None:
+def test_invalid_options_give_error(service: Service) -> None:
     for arguments, words in (
         (["0000"], "no job '0000'"),
         ([], "no job to watch"),

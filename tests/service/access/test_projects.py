@@ -6,7 +6,7 @@ from service.access.roles import Role
 from tests.service.conftest import OBJ, Service
 
 
-def test_where_nobody_is_asked_who_they_are_nothing_is_closed(service: Service) -> None:
+def test_without_login_all_projects_are_visible(service: Service) -> None:
     projects = service.farm.access.projects
     projects.add("film")
     scene = service.http.post("/api/scenes", params={"project": "film"}, files={"files": ("a.obj", OBJ)}).json()
@@ -16,7 +16,7 @@ def test_where_nobody_is_asked_who_they_are_nothing_is_closed(service: Service) 
     assert (plain["project"], plain["id"] != scene["id"]) == ("", True)
 
 
-def test_who_is_removed_is_no_member_any_more_and_a_new_user_of_that_name_is_none(service: Service) -> None:
+def test_deleted_user_loses_membership(service: Service) -> None:
     access = service.farm.access
     access.users.add("anna", Role.VIEW, None)
     access.projects.add("film")

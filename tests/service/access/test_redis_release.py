@@ -25,18 +25,18 @@ from service.access.redis_release import parse_version_output, release_of
         ("", True),
     ],
 )
-def test_releases_below_the_fixed_ones_are_named(told: str, flawed: bool) -> None:
+def test_releases_without_security_fixes_are_reported(told: str, flawed: bool) -> None:
     found = parse_version_output(told)
     assert (found.flaw is not None) == flawed
     if told and flawed:
         assert str(found) in str(found.flaw)
 
 
-def test_the_release_that_valkey_reports_for_old_clients_is_not_taken_for_its_own() -> None:
+def test_valkey_release_is_read_from_its_own_field() -> None:
     assert str(release_of({"redis_version": "7.2.4", "server_name": "valkey", "valkey_version": "9.1.2"})) == "Valkey 9.1.2"
     assert str(release_of({"redis_version": "6.2.14"})) == "Redis 6.2.14"
 
 
-def test_what_a_farm_does_not_work_with() -> None:
+def test_too_old_releases_are_detected() -> None:
     assert parse_version_output("Redis server v=6.0.16").is_too_old
     assert not parse_version_output("Valkey server v=7.2.4").is_too_old

@@ -29,12 +29,12 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
     service.stop()
 
 
-def joined(service: Service, token: str) -> redis.Redis:
+def join_farm(service: Service, token: str) -> redis.Redis:
     answer = httpx.get(f"{service.url}/api/farm/join", headers={"Authorization": f"Bearer {token}"}).raise_for_status()
     return redis.Redis.from_url(answer.json()["redis_url"], retry=None)
 
 
-def made(service: Service, **asked: object) -> dict[str, str]:
+def create_token(service: Service, **asked: object) -> dict[str, str]:
     shown = {"Authorization": f"Bearer {(service.options['data'] / 'owner-token').read_text().strip()}"}
     answer = service.http.post("/api/tokens", json={"name": "attic", "role": "worker", **asked}, headers=shown)
     assert answer.status_code == 201, answer.text
@@ -51,13 +51,13 @@ def is_refused(connection: redis.Redis) -> bool:
     return False
 
 
-def withdraw(service: Service, id: str) -> None:
+def revoke_token(service: Service, id: str) -> None:
     shown = {"Authorization": f"Bearer {(service.options['data'] / 'owner-token').read_text().strip()}"}
     assert service.http.delete(f"/api/tokens/{id}", headers=shown).status_code == 204
 
 
-def test_it_may_touch_what_its_work_needs_and_nothing_else(service: Service) -> None:
-    with joined(service, made(service)["secret"]) as store:
+def test_redis_user_may_access_only_worker_keys(service: Service) -> None:
+    with join_farm(service, create_token(service)["secret"]) as store:
         assert store.xadd("rayfarm:results", {"event": '{"type": "wake"}'})
         assert store.set("rayfarm:worker:attic-tested", b"", ex=1)
         assert store.delete("rayfarm:worker:attic-tested", "rayfarm.help.attic-tested") == 1
@@ -78,12 +78,12 @@ def test_it_may_touch_what_its_work_needs_and_nothing_else(service: Service) -> 
                 store.execute_command(*refused)
 
 
-def test_a_withdrawn_token_ends_what_is_open_and_what_it_was_told(service: Service) -> None:
-    token, other = made(service), made(service)
-    with joined(service, token["secret"]) as store, joined(service, other["secret"]) as stays:
+def test_revoked_token_closes_redis_connections(service: Service) -> None:
+    token, other = create_token(service), create_token(service)
+    with join_farm(service, token["secret"]) as store, join_farm(service, other["secret"]) as stays:
         assert store.ping()
         assert stays.ping()
-        withdraw(service, token["id"])
+        revoke_token(service, token["id"])
         with pytest.raises(redis.ConnectionError):
             store.ping()
         assert is_refused(store)
@@ -91,27 +91,27 @@ def test_a_withdrawn_token_ends_what_is_open_and_what_it_was_told(service: Servi
 
 
 @pytest.mark.long
-def test_a_token_that_is_over_is_as_one_that_is_withdrawn(service: Service) -> None:
-    with joined(service, made(service, days=4 / 86400)["secret"]) as store:
+def test_expired_token_closes_redis_connections(service: Service) -> None:
+    with join_farm(service, create_token(service, days=4 / 86400)["secret"]) as store:
         assert store.ping()
         until(lambda: is_refused(store), "it is over")
 
 
 @pytest.mark.long
-def test_after_a_restart_of_redis_the_worker_is_let_in_as_before(service: Service, redis_server: running_redis) -> None:
-    with joined(service, made(service)["secret"]) as store:
+def test_redis_restart_restores_users(service: Service, redis_server: running_redis) -> None:
+    with join_farm(service, create_token(service)["secret"]) as store:
         assert store.ping()
         redis_server.stop()
         redis_server.start()
         until(lambda: not is_refused(store) and bool(store.ping()), "Redis knows it again")
 
 
-def test_the_farms_own_token_is_told_the_farms_own_password(service: Service) -> None:
+def test_farm_token_gets_farm_password(service: Service) -> None:
     answer = httpx.get(f"{service.url}/api/farm/join", headers={"Authorization": f"Bearer {TOKEN}"}).raise_for_status()
     assert answer.json()["redis_url"] == service.options["redis_url"]
 
 
-def test_where_redis_lets_nobody_make_users_all_are_told_the_same(service: Service) -> None:
+def test_without_acl_all_workers_get_farm_password(service: Service) -> None:
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         store.execute_command("ACL SETUSER", "limited", "on", ">limited", "~*", "+@all", "-acl")
         port = store.connection_pool.connection_kwargs["port"]
@@ -132,7 +132,7 @@ def test_where_redis_lets_nobody_make_users_all_are_told_the_same(service: Servi
         redis.ResponseError("BUSY"),
     ],
 )
-def test_no_other_answer_gives_a_worker_the_farm_s_own_rights(service: Service, answer: Exception) -> None:
+def test_other_redis_errors_never_give_farm_password(service: Service, answer: Exception) -> None:
     store = MagicMock()
     store.execute_command.side_effect = answer
     users = RedisUsers(store, service.farm.access.keys, TOKEN, "another instance")
@@ -140,7 +140,7 @@ def test_no_other_answer_gives_a_worker_the_farm_s_own_rights(service: Service, 
         users.address_for("1", "redis://:shared@host:1/0")
 
 
-def test_farms_that_share_a_redis_leave_each_others_users_alone(service: Service) -> None:
+def test_farms_sharing_redis_keep_their_users(service: Service) -> None:
     keys = Keys(service.farm.sessions)
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         key = keys.create("worker", OWNER, Role.NOBODY, "shared")[1].id
@@ -156,21 +156,21 @@ def test_farms_that_share_a_redis_leave_each_others_users_alone(service: Service
         store.acl_deluser(names[0])
 
 
-def test_its_address_keeps_what_belongs_to_the_way(service: Service) -> None:
+def test_redis_url_of_worker_keeps_scheme_host_and_options(service: Service) -> None:
     url = service.farm.redis_users.address_for("12", "rediss://:secret@redis.example:6380/3?x=1")
     assert url.startswith("rediss://rayfarm-")
     assert url.endswith("@redis.example:6380/3?x=1")
     assert "secret" not in url
 
 
-def test_a_lock_of_an_older_worker_is_released_by_the_one_script_that_the_service_loads(service: Service) -> None:
+def test_lock_script_of_older_workers_is_loaded(service: Service) -> None:
     service.farm.redis_users.refresh()
     RedisCare(service.farm.redis_users._redis).maintain()
-    with joined(service, made(service)["secret"]) as store, store.lock("unacked_mutex", timeout=5):
+    with join_farm(service, create_token(service)["secret"]) as store, store.lock("unacked_mutex", timeout=5):
         pass
 
 
-def test_a_script_without_end_is_ended(service: Service) -> None:
+def test_endless_script_is_killed(service: Service) -> None:
     with (
         redis.Redis.from_url(service.options["redis_url"]) as store,
         redis.Redis.from_url(service.options["redis_url"], socket_timeout=60) as other,
@@ -182,7 +182,7 @@ def test_a_script_without_end_is_ended(service: Service) -> None:
         assert store.ping()
 
 
-def test_keys_of_the_wrong_type_are_removed(service: Service) -> None:
+def test_keys_of_wrong_type_are_deleted(service: Service) -> None:
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         store.set("rayfarm.render.mistaken", b"text")
         store.rpush("rayfarm:worker:mistaken", b"text")
@@ -190,9 +190,12 @@ def test_keys_of_the_wrong_type_are_removed(service: Service) -> None:
         assert not store.exists("rayfarm.render.mistaken", "rayfarm:worker:mistaken")
 
 
-def test_a_worker_that_fills_redis_does_not_stop_the_farm(service: Service) -> None:
+def test_worker_filling_redis_is_disconnected(service: Service) -> None:
     """A worker that fills Redis with large or many keys is disconnected, while other workers' keys stay."""
-    with redis.Redis.from_url(service.options["redis_url"]) as store, joined(service, made(service)["secret"]) as worker:
+    with (
+        redis.Redis.from_url(service.options["redis_url"]) as store,
+        join_farm(service, create_token(service)["secret"]) as worker,
+    ):
         before = store.config_get("maxmemory")["maxmemory"]
         store.config_set("maxmemory", int(store.info("memory")["used_memory"]) + (32 << 20))
         try:
@@ -217,11 +220,11 @@ def _stored(store: redis.Redis) -> bool:
         return False
 
 
-def test_a_worker_that_opens_all_connections_loses_them(service: Service) -> None:
+def test_worker_opening_all_connections_is_disconnected(service: Service) -> None:
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         before = store.config_get("maxclients")["maxclients"]
         store.config_set("maxclients", 60)
-        with joined(service, made(service)["secret"]) as worker:
+        with join_farm(service, create_token(service)["secret"]) as worker:
             pool, held = worker.connection_pool, []
             try:
                 with contextlib.suppress(redis.ConnectionError):  # refused, or closed already

@@ -98,7 +98,7 @@ def ask(client: httpx.Client, method: str, pattern: str) -> int:
         return answer.status_code
 
 
-def test_without_a_login_there_is_nothing_but_the_page(service: Service) -> None:
+def test_without_login_only_the_page_is_served(service: Service) -> None:
     with caller(service) as nobody, caller(service, "rayfarm-token-guessed") as guesser, caller(service, TOKEN) as worker:
         for (method, pattern), need in NEEDS.items():
             for client in (nobody, guesser):
@@ -116,7 +116,7 @@ def test_without_a_login_there_is_nothing_but_the_page(service: Service) -> None
         assert "link" in answer.json()["detail"]
 
 
-def test_each_role_reaches_what_the_table_says(service: Service, owner: httpx.Client) -> None:
+def test_each_role_reaches_routes_in_table(service: Service, owner: httpx.Client) -> None:
     for role in ("view", "submit", "admin"):
         token = owner.post("/api/tokens", json={"name": role, "role": role}).json()["secret"]
         with caller(service, token) as client:
@@ -128,7 +128,7 @@ def test_each_role_reaches_what_the_table_says(service: Service, owner: httpx.Cl
                 assert status == expected if expected else status not in (401, 403), (role, method, pattern, status)
 
 
-def test_a_link_lets_its_user_in_once(service: Service, owner: httpx.Client) -> None:
+def test_login_link_works_once(service: Service, owner: httpx.Client) -> None:
     link = owner.post("/api/links", json={"user": user(owner, "lena", "submit")}).json()
     assert link["expires"] - time.time() == pytest.approx(86400, abs=60)
     with caller(service) as browser, caller(service) as thief:
@@ -143,7 +143,7 @@ def test_a_link_lets_its_user_in_once(service: Service, owner: httpx.Client) -> 
         assert "already used" in thief.post("/api/login", json={"link": link["code"]}).json()["detail"]
 
 
-def test_over_tls_the_cookie_is_for_tls_alone(service: Service, owner: httpx.Client) -> None:
+def test_cookie_over_tls_is_secure(service: Service, owner: httpx.Client) -> None:
     code = owner.post("/api/links", json={}).json()["code"]
     with caller(service, **{"X-Forwarded-Proto": "https"}) as browser:  # header of a trusted proxy
         cookie = browser.post("/api/login", json={"link": code}).headers["set-cookie"]
@@ -151,7 +151,7 @@ def test_over_tls_the_cookie_is_for_tls_alone(service: Service, owner: httpx.Cli
     assert "Secure" in cookie
 
 
-def test_a_login_makes_another_session_and_ends_the_one_before(service: Service, owner: httpx.Client) -> None:
+def test_new_login_replaces_session(service: Service, owner: httpx.Client) -> None:
     user(owner, "anna", "submit")
     planted = "rayfarm-session-chosen-by-another"
     with caller(service, Cookie=f"{service.farm.access.cookie}={planted}") as browser:
@@ -164,7 +164,7 @@ def test_a_login_makes_another_session_and_ends_the_one_before(service: Service,
         assert browser.get("/api/jobs").status_code == 401
 
 
-def test_a_log_out_ends_the_session_also_for_who_kept_its_cookie(service: Service, owner: httpx.Client) -> None:
+def test_logout_invalidates_session_cookie(service: Service, owner: httpx.Client) -> None:
     with logged_in(service, user(owner, "anna", "submit")) as browser:
         kept = dict(browser.cookies)
         assert browser.post("/api/logout", headers={"Origin": "https://elsewhere.example"}).status_code == 403
@@ -183,15 +183,13 @@ def test_a_log_out_ends_the_session_also_for_who_kept_its_cookie(service: Servic
         {"Sec-Fetch-Site": "same-site"},
     ],
 )
-def test_a_page_elsewhere_changes_nothing_with_the_cookie_of_who_reads_it(
-    service: Service, owner: httpx.Client, headers: dict[str, str]
-) -> None:
+def test_cross_site_request_with_cookie_is_rejected(service: Service, owner: httpx.Client, headers: dict[str, str]) -> None:
     with logged_in(service, user(owner, "anna", "admin")) as browser:
         assert "another origin" in browser.post("/api/jobs", json={}, headers=headers).json()["detail"]
         assert browser.post("/api/jobs", json={}, headers={"Sec-Fetch-Site": "same-origin"}).status_code == 422
 
 
-def test_passwords_are_asked_for_few_times(service: Service, owner: httpx.Client) -> None:
+def test_failed_logins_are_limited(service: Service, owner: httpx.Client) -> None:
     user(owner, "anna", "submit")
     with caller(service) as guesser:
         answers = [
@@ -209,7 +207,7 @@ def test_passwords_are_asked_for_few_times(service: Service, owner: httpx.Client
         assert anna.post("/api/login", json={"name": "anna", "password": PASSWORD}).status_code == 200
 
 
-def test_a_name_that_nobody_has_takes_as_long_as_a_wrong_password(service: Service, owner: httpx.Client) -> None:
+def test_unknown_user_takes_as_long_as_wrong_password(service: Service, owner: httpx.Client) -> None:
     user(owner, "anna", "submit")
 
     def seconds(name: str) -> float:
@@ -233,13 +231,13 @@ def test_a_name_that_nobody_has_takes_as_long_as_a_wrong_password(service: Servi
         ("berta", "i am berta now", "guess"),
     ],
 )
-def test_a_poor_name_or_password_gets_a_sentence(owner: httpx.Client, name: str, password: str, word: str) -> None:
+def test_weak_name_or_password_is_rejected(owner: httpx.Client, name: str, password: str, word: str) -> None:
     answer = owner.post("/api/users", json={"name": name, "password": password})
     assert answer.status_code == 422
     assert word in answer.json()["detail"]
 
 
-def test_nobody_gets_more_than_their_role(service: Service, owner: httpx.Client) -> None:
+def test_token_role_is_limited_by_user_role(service: Service, owner: httpx.Client) -> None:
     with logged_in(service, user(owner, "anna", "submit")) as anna:
         for refused in (
             anna.patch("/api/users/anna", json={"role": "admin"}),
@@ -262,7 +260,7 @@ def test_nobody_gets_more_than_their_role(service: Service, owner: httpx.Client)
             assert {script.get("/api/jobs").status_code, anna.get("/api/jobs").status_code} == {401}
 
 
-def test_another_users_tokens_are_not_ones_own(service: Service, owner: httpx.Client) -> None:
+def test_tokens_of_other_users_are_hidden(service: Service, owner: httpx.Client) -> None:
     with logged_in(service, user(owner, "anna", "submit")) as anna, logged_in(service, user(owner, "ben", "submit")) as ben:
         made = anna.post("/api/tokens", json={"name": "script"}).json()
         assert [row["name"] for row in anna.get("/api/tokens").json()] == ["script"]
@@ -275,14 +273,14 @@ def test_another_users_tokens_are_not_ones_own(service: Service, owner: httpx.Cl
             assert script.get("/api/jobs").status_code == 401
 
 
-def test_a_token_ends_when_its_time_is_over(service: Service, owner: httpx.Client) -> None:
+def test_token_expires(service: Service, owner: httpx.Client) -> None:
     made = owner.post("/api/tokens", json={"name": "brief", "days": 1.5 / 86400}).json()
     with caller(service, made["secret"]) as script:
         assert script.get("/api/jobs").status_code == 200
         until(lambda: script.get("/api/jobs").status_code == 401, "the token is over")
 
 
-def test_a_worker_joins_by_a_token_of_its_own_until_that_is_withdrawn(service: Service, owner: httpx.Client) -> None:
+def test_worker_joins_with_own_token_until_revoked(service: Service, owner: httpx.Client) -> None:
     made = owner.post("/api/tokens", json={"name": "attic", "role": "worker", "days": None}).json()
     with caller(service, made["secret"]) as attic:
         assert attic.get("/api/farm/join").status_code == 200
@@ -292,7 +290,7 @@ def test_a_worker_joins_by_a_token_of_its_own_until_that_is_withdrawn(service: S
         assert attic.get("/api/farm/join").status_code == 401
 
 
-def test_another_password_ends_what_was_open_elsewhere(service: Service, owner: httpx.Client) -> None:
+def test_password_change_ends_other_sessions(service: Service, owner: httpx.Client) -> None:
     user(owner, "anna", "submit")
     with logged_in(service, "anna") as here, logged_in(service, "anna") as elsewhere:
         wrong = here.put("/api/session/password", json={"old": "wrong", "new": "other quiet words"})
@@ -303,7 +301,7 @@ def test_another_password_ends_what_was_open_elsewhere(service: Service, owner: 
         pass
 
 
-def test_what_is_open_ends_with_the_session(service: Service, owner: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_open_connections_end_with_session(service: Service, owner: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gate, "REAUTHORIZE_EVERY_S", 0.2)
     with logged_in(service, user(owner, "anna", "submit")) as anna, service.worker():
         job = scene_and_job(anna)
@@ -329,7 +327,7 @@ def scene_and_job(client: httpx.Client) -> str:
     return str(job.raise_for_status().json()["id"])
 
 
-def test_what_was_done_is_written_down_without_a_secret(service: Service, owner: httpx.Client) -> None:
+def test_audit_log_contains_no_secret(service: Service, owner: httpx.Client) -> None:
     with logged_in(service, user(owner, "anna", "submit")) as anna:
         secrets = [PASSWORD, *anna.cookies.values(), anna.post("/api/tokens", json={"name": "mine"}).json()["secret"]]
         anna.delete("/api/jobs/not-there")
@@ -354,7 +352,7 @@ def test_what_was_done_is_written_down_without_a_secret(service: Service, owner:
     assert not [secret for secret in secrets if secret.encode() in kept]
 
 
-def test_on_loopback_all_is_open_but_who_else_is_let_in(tmp_path: Path, redis_server: running_redis) -> None:
+def test_loopback_needs_no_login_and_manages_users(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server)
     try:
         http = service.http
@@ -395,12 +393,12 @@ def test_on_loopback_all_is_open_but_who_else_is_let_in(tmp_path: Path, redis_se
         ("0.0.0.0", "", "never", False),
     ],
 )
-def test_where_a_login_is_needed(tmp_path: Path, host: str, published: str, login: Any, needed: bool) -> None:
+def test_login_requirement_by_host_and_setting(tmp_path: Path, host: str, published: str, login: Any, needed: bool) -> None:
     settings = Settings(data=tmp_path, host=host, published=published, login=login)
     assert settings.needs_login is needed
 
 
-def test_a_token_that_everybody_knows_is_none_where_others_reach_it(tmp_path: Path) -> None:
+def test_default_token_is_rejected_on_public_address(tmp_path: Path) -> None:
     with pytest.raises(StartupError, match="RAYFARM_TOKEN"):
         Farm(Settings(data=tmp_path, host="0.0.0.0", token="this-machine-only"))
     place_database(tmp_path)

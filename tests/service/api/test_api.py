@@ -61,7 +61,7 @@ def problem(answer: Any, status: int) -> dict[str, Any]:
 
 
 @pytest.mark.long
-def test_a_still_says_its_noise(service: Service, scene: str) -> None:
+def test_still_has_its_noise(service: Service, scene: str) -> None:
     """The noise of a still in the API equals the last noise value of its history, and is stored in the database.
 
     A loop in docs/python.md uses this noise to decide when to stop.
@@ -75,7 +75,7 @@ def test_a_still_says_its_noise(service: Service, scene: str) -> None:
         assert session.get_one(FrameRow, (job, 0)).noise == noise
 
 
-def test_a_scenes_thumbnail_is_sent_once(service: Service, scene: str) -> None:
+def test_scene_thumbnail_has_etag(service: Service, scene: str) -> None:
     """A thumbnail has an ETag, since the front page requests all thumbnails whenever it is opened."""
     writer = service.farm.blobs.writer()
     writer.write(b"a picture")
@@ -91,7 +91,7 @@ def test_a_scenes_thumbnail_is_sent_once(service: Service, scene: str) -> None:
     assert service.http.get(url, headers={"If-None-Match": '"another"'}).content == b"a picture"
 
 
-def test_a_long_address_is_not_sent_back(service: Service) -> None:
+def test_long_url_is_not_echoed(service: Service) -> None:
     assert len(problem(service.http.get(f"/{'a' * 5000}/end"), 404)["detail"]) < 500
 
 
@@ -160,14 +160,14 @@ def test_a_long_address_is_not_sent_back(service: Service) -> None:
         ({"sps": 64}, "sps", "no such field"),
     ],
 )
-def test_what_is_wrong_in_a_request_is_named(service: Service, scene: str, change: dict[str, Any], field: str, says: str) -> None:
+def test_invalid_field_is_named_in_error(service: Service, scene: str, change: dict[str, Any], field: str, says: str) -> None:
     body = json.dumps({"scene": scene, **change}).replace("Infinity", "1e999")
     found = problem(service.http.post("/api/jobs", content=body, headers={"content-type": "application/json"}), 422)
     assert field in [error["field"] for error in found["errors"]]
     assert says in found["detail"]
 
 
-def test_every_setting_of_the_renderer_can_be_asked_for(service: Service, scene: str) -> None:
+def test_every_renderer_setting_can_be_requested(service: Service, scene: str) -> None:
     view = {"eye": [0, 0, 9], "target": [0, 0, 0], "up": [0, 1, 0], "fov": 20, "projection": "orthographic"}
     view |= {"aperture": 0.5, "focus": 3.0, "height": 4.0, "near": 1.0}
     asked = {"integrator": "direct", "sampler": "independent", "filter": "tent", "sampling": "light", "clamp_indirect": 9.0}
@@ -180,7 +180,7 @@ def test_every_setting_of_the_renderer_can_be_asked_for(service: Service, scene:
     assert {field.name for field in fields(View)} == set(ViewModel.model_fields)
 
 
-def test_errors_of_every_kind_are_problems(service: Service) -> None:
+def test_all_errors_are_problem_json(service: Service) -> None:
     assert "/api/scenes" in problem(service.http.post("/api/jobs", json={"scene": "nothing"}), 404)["detail"]
     for path in ("/api/jobs/nothing", "/api/scenes/nothing", "/api/jobs/nothing/frames/0/image.png", "/nowhere", "/api/nowhere"):
         problem(service.http.get(path), 404)
@@ -202,12 +202,12 @@ def test_errors_of_every_kind_are_problems(service: Service) -> None:
         (b"{x", "application/json", "the body is not JSON ("),
     ],
 )
-def test_a_body_that_is_no_json_object(service: Service, body: bytes, kind: str, says: str) -> None:
+def test_body_must_be_json_object(service: Service, body: bytes, kind: str, says: str) -> None:
     answer = service.http.post("/api/jobs", content=body, headers={"content-type": kind})
     assert says in problem(answer, 422)["detail"]
 
 
-def test_a_body_that_no_program_means_is_refused_in_few_words(service: Service) -> None:
+def test_malicious_body_gets_short_error(service: Service) -> None:
     def refused(body: bytes, status: int) -> None:
         answer = service.http.post("/api/jobs", content=body, headers={"content-type": "application/json"})
         problem(answer, status)
@@ -220,7 +220,7 @@ def test_a_body_that_no_program_means_is_refused_in_few_words(service: Service) 
     refused(b'{"scene": "x", "\\ud800": 1}', 422)
 
 
-def test_headers_alone_can_be_asked_for(service: Service, job: str) -> None:
+def test_head_requests_are_supported(service: Service, job: str) -> None:
     for path in ("/healthz", f"/api/jobs/{job}", f"/api/jobs/{job}/frames/0/image.png"):
         head, get = service.http.head(path), service.http.get(path)
         assert (head.status_code, head.headers["content-type"]) == (200, get.headers["content-type"])
@@ -228,7 +228,7 @@ def test_headers_alone_can_be_asked_for(service: Service, job: str) -> None:
     assert service.http.head("/api/jobs/nope").status_code == 404
 
 
-def test_a_repeated_post_with_its_key_makes_one_job(service: Service, scene: str) -> None:
+def test_repeated_idempotency_key_creates_one_job(service: Service, scene: str) -> None:
     request = {"scene": scene, "width": 16, "height": 16, "spp": 1}
     headers = {"Idempotency-Key": "a key"}
     first = service.http.post("/api/jobs", json=request, headers=headers)
@@ -244,7 +244,7 @@ def test_a_repeated_post_with_its_key_makes_one_job(service: Service, scene: str
     assert ids.count(first.json()["id"]) == 1
 
 
-def test_pictures_are_what_the_film_has(service: Service, job: str) -> None:
+def test_pictures_equal_film(service: Service, job: str) -> None:
     url = f"/api/jobs/{job}/frames/0"
     sums = expected_sums(Tile(0, 0, 64, 48), 0, 8, 0)
     mean = sums[0:3].astype(np.float64) / (1 << 24) / 8
@@ -266,7 +266,7 @@ def test_pictures_are_what_the_film_has(service: Service, job: str) -> None:
 
 
 @pytest.mark.long
-def test_every_plane_of_the_film_can_be_looked_at_and_fetched(service: Service, job: str, tmp_path: Path) -> None:
+def test_every_aov_can_be_downloaded(service: Service, job: str, tmp_path: Path) -> None:
     url = f"/api/jobs/{job}/frames/0"
     normal = np.asarray(Image.open(io.BytesIO(service.http.get(f"{url}/image.png?aov=normal").content)))
     assert (normal[..., 2] == 255).all()
@@ -302,7 +302,7 @@ def exr(content: bytes, folder: Path) -> tuple[np.ndarray, list[str]]:
         file.close()
 
 
-def test_a_picture_that_did_not_change_is_not_sent_again(service: Service, job: str) -> None:
+def test_unchanged_picture_gives_304(service: Service, job: str) -> None:
     url = f"/api/jobs/{job}/frames/0/image.png"
     tag = service.http.get(url).headers["etag"]
     for known in (tag, f'W/{tag}, "other"', "*"):
@@ -312,7 +312,7 @@ def test_a_picture_that_did_not_change_is_not_sent_again(service: Service, job: 
 
 
 @pytest.mark.long
-def test_the_description_names_the_curves_that_are_known(service: Service, job: str) -> None:
+def test_openapi_lists_tone_curves(service: Service, job: str) -> None:
     paths = service.http.get("/openapi.json").json()["paths"]
     parameters = paths["/api/jobs/{id}/frames/{n}/image.{extension}"]["get"]["parameters"]
     (curves,) = (each["schema"]["enum"] for each in parameters if each["name"] == "tonemap")
@@ -321,7 +321,7 @@ def test_the_description_names_the_curves_that_are_known(service: Service, job: 
         assert service.http.get(f"/api/jobs/{job}/frames/0/image.png", params={"tonemap": curve}).status_code == 200
 
 
-def test_lists_are_bounded_and_filtered(service: Service, scene: str, job: str) -> None:
+def test_lists_are_paginated_and_filtered(service: Service, scene: str, job: str) -> None:
     answer = service.http.get("/api/jobs", params={"limit": 1, "state": "finished", "scene": scene})
     assert len(answer.json()) == 1
     assert int(answer.headers["x-total-count"]) >= 1
@@ -329,7 +329,7 @@ def test_lists_are_bounded_and_filtered(service: Service, scene: str, job: str) 
     assert service.http.get("/api/scenes", params={"offset": 100}).json() == []
 
 
-def test_changes_that_make_no_sense_are_refused(service: Service, job: str) -> None:
+def test_invalid_changes_are_rejected(service: Service, job: str) -> None:
     for change in ({"state": "paused"}, {"state": "cancelled"}, {"spp": 1}):
         problem(service.http.patch(f"/api/jobs/{job}", json=change), 409)
     for change in ({"state": "finished"}, {"spp": 9, "more": 1}, {"more": 0}, {"more": 1 << 20}):
@@ -338,7 +338,7 @@ def test_changes_that_make_no_sense_are_refused(service: Service, job: str) -> N
     problem(service.http.delete("/api/jobs/nothing"), 404)
 
 
-def test_pages_and_their_headers(service: Service) -> None:
+def test_pages_have_security_headers(service: Service) -> None:
     for path in ("/docs/", "/docs/docs.js", "/openapi.json", "/api/info"):
         answer = service.http.get(path)
         assert answer.status_code == 200, path
@@ -353,7 +353,7 @@ def test_pages_and_their_headers(service: Service) -> None:
     assert service.http.get("/docs/%2e%2e/main.py").status_code == 404
 
 
-def test_foreign_pages_and_names_are_turned_away(service: Service) -> None:
+def test_foreign_origins_and_hosts_are_rejected(service: Service) -> None:
     problem(service.http.post("/api/jobs", json={}, headers={"Origin": "https://elsewhere.example"}), 403)
     problem(service.http.get("/api/jobs", headers={"Host": "elsewhere.example"}), 421)
     assert service.http.get("/api/jobs", headers={"Origin": "https://elsewhere.example"}).status_code == 200
@@ -371,13 +371,13 @@ def test_health_and_metrics(service: Service, job: str) -> None:
     assert float(merged.split()[1]) > 0
 
 
-def test_the_workers_are_listed(service: Service) -> None:
+def test_workers_are_listed(service: Service) -> None:
     (worker,) = service.http.get("/api/workers").json()
     assert (worker["name"], worker["slots"], worker["state"]) == ("peer", 2, "ready")
     assert (worker["cards"], worker["cards_unused"]) == ([], [])
 
 
-def test_a_worker_is_listed_with_its_graphics_cards(service: Service) -> None:
+def test_worker_is_listed_with_graphics_cards(service: Service) -> None:
     card = {"number": 0, "name": "RTX Test", "memory": 8 << 30, "capability": "8.6", "slot": 1, "samples_per_s": 2.5e8}
     reason = Sentence("cards-none-found", "No graphics card is used: the NVIDIA driver finds none.")
     report = WorkerReport("gpu", "host", 1, 2, "cpu", "kind", "ready", 0.0, cards=[card], cards_unused=[to_text(reason), "plain"])

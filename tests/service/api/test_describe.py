@@ -26,7 +26,7 @@ def write(service: Service, table: str, id: str, column: str, value: Any) -> Non
 
 
 @pytest.mark.long
-def test_a_job_of_another_release_does_not_hide_the_others(service: Service) -> None:
+def test_unreadable_job_does_not_hide_others(service: Service) -> None:
     scene = service.ready_scene()
     good = service.submit(scene)
     spoilt = {
@@ -55,7 +55,7 @@ def test_a_job_of_another_release_does_not_hide_the_others(service: Service) -> 
 
 
 @pytest.mark.long
-def test_a_scene_of_another_release_does_not_hide_the_others(service: Service) -> None:
+def test_unreadable_scene_does_not_hide_others(service: Service) -> None:
     good = service.ready_scene()
     for column, value in (("info", '{"counts": 7}'), ("info", "[]"), ("files", "{broken"), ("notes", "7"), ("status", "resting")):
         bad = service.upload(OBJ + f"# {column} {len(value)}".encode())

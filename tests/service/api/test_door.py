@@ -42,25 +42,25 @@ def problem_detail(answer: Any, status: int) -> str:
 
 
 @pytest.mark.parametrize("host", ["[", "[]", "[::1", "][", "]", "a b", "a/b", "a@localhost", "localhost:x", "[nothing]", "ü"])
-def test_a_host_that_is_none_is_a_bad_request(service: Service, host: str) -> None:
+def test_invalid_host_is_bad_request(service: Service, host: str) -> None:
     assert "Host" in problem_detail(service.http.get("/healthz", headers={"Host": host.encode()}), 400)
 
 
-def test_a_host_that_is_missing_or_comes_twice_is_a_bad_request(service: Service) -> None:
+def test_missing_or_repeated_host_is_bad_request(service: Service) -> None:
     for lines in (b"", b"Host: localhost\r\nHost: elsewhere.example\r\n"):
         with socket.create_connection(("127.0.0.1", service.port), timeout=5) as connection:
             connection.sendall(b"GET /healthz HTTP/1.1\r\n" + lines + b"Connection: close\r\n\r\n")
             assert connection.recv(65536).startswith(b"HTTP/1.1 400")
 
 
-def test_loopback_answers_to_its_own_names_alone(service: Service) -> None:
+def test_loopback_accepts_only_its_names(service: Service) -> None:
     for host in ("localhost", "LOCALHOST:99", "127.0.0.1", "[::1]:8000", "localhost."):
         assert service.http.get("/healthz", headers={"Host": host}).status_code == 200, host
     for host in ("elsewhere.example", "10.0.0.1", socket.gethostname() + ".example"):
         assert "RAYFARM_ALLOWED_HOSTS" in problem_detail(service.http.get("/healthz", headers={"Host": host}), 421)
 
 
-def test_a_service_for_all_machines_answers_to_addresses_and_its_own_names(open_service: Service) -> None:
+def test_public_service_accepts_addresses_and_own_names(open_service: Service) -> None:
     own = socket.gethostname()
     given = "farm.EXAMPLE", "render.example"
     for host in ("localhost", "192.168.1.7:8000", "[fe80::1]", own, own.upper(), f"{own.split('.')[0]}.local", *given):
@@ -70,12 +70,12 @@ def test_a_service_for_all_machines_answers_to_addresses_and_its_own_names(open_
         assert f"RAYFARM_ALLOWED_HOSTS='[\"{host}\"]'" in refusal
 
 
-def test_a_machine_is_joined_by_its_name(open_service: Service) -> None:
+def test_worker_joins_by_host_name(open_service: Service) -> None:
     headers = {"Host": f"{socket.gethostname()}:8000", "Authorization": f"Bearer {open_service.options['token']}"}
     assert open_service.http.get("/api/farm/join", headers=headers).json()["instance"]
 
 
-def test_a_service_answers_to_the_full_name_that_the_network_gives_it(
+def test_fully_qualified_host_name_is_accepted(
     tmp_path: Path, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(socket, "getfqdn", lambda: "Render1.lan.example")
@@ -87,7 +87,7 @@ def test_a_service_answers_to_the_full_name_that_the_network_gives_it(
 
 
 @pytest.mark.parametrize("origin", ["http://[", "http://][", "null", "", "nonsense", "https://elsewhere.example"])
-def test_an_origin_that_is_none_or_foreign_changes_nothing(service: Service, origin: str) -> None:
+def test_foreign_or_invalid_origin_is_rejected(service: Service, origin: str) -> None:
     assert "origin" in problem_detail(service.http.post("/api/jobs", json={}, headers={"Origin": origin}), 403)
     with pytest.raises(InvalidStatus) as refused:
         connect(f"ws://127.0.0.1:{service.port}/api/jobs/x/live", additional_headers={"Origin": origin})
@@ -95,7 +95,7 @@ def test_an_origin_that_is_none_or_foreign_changes_nothing(service: Service, ori
     assert b"origin" in refused.value.response.body
 
 
-def test_a_watcher_by_a_foreign_name_is_told_so(service: Service) -> None:
+def test_websocket_with_foreign_host_gets_error(service: Service) -> None:
     upgrade = (
         "Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="
     )
@@ -118,7 +118,7 @@ def test_a_watcher_by_a_foreign_name_is_told_so(service: Service) -> None:
         ("/", "GET, HEAD, OPTIONS"),
     ],
 )
-def test_a_path_says_what_can_be_done_with_it(service: Service, path: str, methods: str) -> None:
+def test_options_lists_methods_of_path(service: Service, path: str, methods: str) -> None:
     options = service.http.options(path)
     assert (options.status_code, options.headers["allow"], options.content) == (204, methods, b"")
     for method in {"GET", "POST", "PUT", "PATCH", "DELETE"} - set(methods.split(", ")):
@@ -127,13 +127,13 @@ def test_a_path_says_what_can_be_done_with_it(service: Service, path: str, metho
         assert answer.headers["allow"] == methods
 
 
-def test_a_path_below_api_that_is_not_there_is_not_there_for_any_method(service: Service) -> None:
+def test_unknown_api_path_is_404_for_every_method(service: Service) -> None:
     for method in ("GET", "HEAD", "POST", "PUT", "DELETE", "OPTIONS"):
         assert service.http.request(method, "/api/nowhere").status_code == 404, method
 
 
 @pytest.mark.parametrize("header", ["Via", "X-Forwarded-Proto", "X-Forwarded-Host", "X-Real-IP", "Forwarded", "CF-Connecting-IP"])
-def test_on_loopback_what_a_proxy_passes_on_needs_a_login(service: Service, header: str) -> None:
+def test_proxied_loopback_request_needs_login(service: Service, header: str) -> None:
     assert service.http.get("/api/jobs").status_code == 200
     assert service.http.get("/api/jobs", headers={header: "1.1 proxy"}).status_code == 401
 
@@ -141,7 +141,7 @@ def test_on_loopback_what_a_proxy_passes_on_needs_a_login(service: Service, head
 @pytest.mark.parametrize(
     ("scheme", "host", "is_sent"), [("https", "farm", True), ("https", "localhost", False), ("http", "farm", False)]
 )
-def test_over_https_browsers_are_to_stay_with_it(scheme: str, host: str, is_sent: bool) -> None:
+def test_https_sets_hsts(scheme: str, host: str, is_sent: bool) -> None:
     sent: list[dict] = []
 
     async def send(message: dict) -> None:

@@ -35,7 +35,7 @@ def blobs(service: Service) -> int:
 
 
 @pytest.mark.long
-def test_presets_are_listed_with_their_pictures(service_and_worker: tuple[Service, PeerWorker]) -> None:
+def test_presets_are_listed_with_thumbnails(service_and_worker: tuple[Service, PeerWorker]) -> None:
     service, _ = service_and_worker
     listed = service.http.get("/api/environments").json()
     assert [each["id"] for each in listed[: len(PRESETS)]] == list(PRESETS)
@@ -48,7 +48,7 @@ def test_presets_are_listed_with_their_pictures(service_and_worker: tuple[Servic
 
 
 @pytest.mark.long
-def test_an_image_is_looked_at_once_and_kept_once(service_and_worker: tuple[Service, PeerWorker]) -> None:
+def test_environment_image_is_validated_and_stored_once(service_and_worker: tuple[Service, PeerWorker]) -> None:
     service, worker = service_and_worker
     made = post(service, "folder/window.exr", IMAGE)
     assert made.status_code == 201, made.text
@@ -91,7 +91,7 @@ def test_an_image_is_looked_at_once_and_kept_once(service_and_worker: tuple[Serv
         ),  # limited by the environment limit, not by that of other bodies
     ],
 )
-def test_what_lights_nothing_leaves_nothing(
+def test_unusable_environment_leaves_no_files(
     service_and_worker: tuple[Service, PeerWorker], name: str, content: bytes, status: int, says: str
 ) -> None:
     service, _ = service_and_worker
@@ -102,7 +102,7 @@ def test_what_lights_nothing_leaves_nothing(
     assert blobs(service) == before
 
 
-def test_workers_of_before_are_not_asked(service_and_worker: tuple[Service, PeerWorker]) -> None:
+def test_older_workers_get_no_environment_requests(service_and_worker: tuple[Service, PeerWorker]) -> None:
     service, worker = service_and_worker
     worker.views = False
     try:

@@ -11,7 +11,7 @@ from service.store.staging import BlobWriter
 from tests.service.conftest import Service
 
 
-def test_an_example_becomes_the_scene_that_its_upload_is(service: Service) -> None:
+def test_example_equals_its_upload(service: Service) -> None:
     examples = {example["name"]: example for example in service.http.get("/api/examples").json()}
     box = examples["cornell-box"]
     assert box["title"] == "Cornell box" and box["description"].endswith(".")
@@ -23,7 +23,7 @@ def test_an_example_becomes_the_scene_that_its_upload_is(service: Service) -> No
     assert uploaded.json()["id"] == opened.json()["id"]
 
 
-def test_an_example_of_many_files_is_all_of_them(service: Service) -> None:
+def test_example_includes_all_its_files(service: Service) -> None:
     opened = service.http.post("/api/examples/christmas")
     assert opened.status_code == 201 and opened.json()["name"] == "Christmas"
     folder: Path = service.farm.settings.examples / "christmas"
@@ -35,13 +35,13 @@ def test_an_example_of_many_files_is_all_of_them(service: Service) -> None:
     assert list(known) == sorted(known)
 
 
-def test_of_an_example_that_is_a_shot_its_frames_are_told(service: Service) -> None:
+def test_animated_example_has_frames(service: Service) -> None:
     known = {example["name"]: example for example in service.http.get("/api/examples").json()}
     assert (known["caterpillar"]["frames"], known["caterpillar"]["fps"]) == ("0-95", 24)
     assert known["cornell-box"]["frames"] is None and known["cornell-box"]["fps"] is None
 
 
-def test_an_example_that_cannot_be_stored_leaves_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_example_leaves_no_files(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """If the disk becomes full at the third file of an example, nothing of the example remains."""
     written: list[bytes] = []
 
@@ -57,7 +57,7 @@ def test_an_example_that_cannot_be_stored_leaves_nothing(service: Service, monke
     assert sorted(path for path in service.farm.settings.data.rglob("*") if path.is_file()) == before
 
 
-def test_an_unknown_example_gets_a_sentence(service: Service) -> None:
+def test_unknown_example_is_404(service: Service) -> None:
     answer = service.http.post("/api/examples/teapot")
     assert answer.status_code == 404
     assert answer.json()["detail"].startswith("There is no example 'teapot'.")

@@ -59,9 +59,7 @@ def job(service: Service, worker: PeerWorker) -> str:
 
 
 @pytest.mark.long
-def test_a_worker_is_asked_with_the_jobs_own_settings_and_its_sum_held_against_the_film(
-    service: Service, worker: PeerWorker, job: str
-) -> None:
+def test_explanation_uses_job_settings_and_is_compared_with_film(service: Service, worker: PeerWorker, job: str) -> None:
     worker.on_explain = explained
     found = ask(service, job, sample=3).raise_for_status().json()
     (work,) = worker.explained
@@ -81,7 +79,7 @@ def _other(work: ExplainPixel) -> dict[str, Any]:
 
 
 @pytest.mark.long
-def test_what_cannot_be_is_said_in_a_sentence(
+def test_impossible_explanations_give_error(
     service: Service, worker: PeerWorker, job: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def said(status: int, words: str, **query: Any) -> None:
@@ -118,7 +116,7 @@ def test_what_cannot_be_is_said_in_a_sentence(
 
 
 @pytest.mark.long
-def test_workers_of_an_older_release_are_not_asked(service: Service) -> None:
+def test_older_workers_get_no_explain_requests(service: Service) -> None:
     with service.worker(explains=False):
         job = service.submit(service.ready_scene())
         service.wait_for(job, "finished")
@@ -127,7 +125,7 @@ def test_workers_of_an_older_release_are_not_asked(service: Service) -> None:
 
 
 @pytest.mark.long
-def test_a_frame_that_moves_is_prepared_for_it_again(service: Service, worker: PeerWorker) -> None:
+def test_animated_frame_is_prepared_again(service: Service, worker: PeerWorker) -> None:
     worker.on_frame = lambda frame: b"frame" + str(frame).encode()
     worker.on_explain = explained
     job = service.submit(service.ready_scene(), frames="0-2")

@@ -32,18 +32,18 @@ def job(name: str, shot: dict[str, int] | None = None) -> Job:
         ("...", "0a1b"),
     ],
 )
-def test_a_title_is_a_files_name(name: str, title: str) -> None:
+def test_title_is_valid_file_name(name: str, title: str) -> None:
     assert title_of(job(name)) == title
 
 
-def test_a_pictures_name_says_what_it_is() -> None:
+def test_picture_name_has_frame_samples_and_aov() -> None:
     assert picture_name(job("Truck.glb"), 0, 50 * 128 + 7, "", "exr") == "Truck-128spp.exr"
     assert picture_name(job("Truck.glb", {"every": 1}), 12, 50, "normal", "png") == "Truck-0012-1spp-normal.png"
     assert picture_name(job("Truck"), 0, 0, "denoised", "jpg") == "Truck-0spp-denoised.jpg"
 
 
 @given(TEXTS)
-def test_every_name_goes_through_a_header_and_comes_out_again(name: str) -> None:
+def test_content_disposition_round_trip(name: str) -> None:
     found = picture_name(job(name), 0, 50, "", "png")
     header = content_disposition(found)
     header.encode("ascii")

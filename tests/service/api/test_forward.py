@@ -24,7 +24,7 @@ from tests.service.conftest import until
 
 
 @contextmanager
-def served(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int]:
+def run_server(app: ASGIApp, lifespan: Literal["on", "off"] = "off") -> Iterator[int]:
     """Runs a server in the `with` block; yields its port on loopback."""
     server = uvicorn.Server(uvicorn.Config(app, port=0, lifespan=lifespan, log_level="warning"))
     thread = threading.Thread(target=server.run, daemon=True)
@@ -48,7 +48,7 @@ async def echo(scope: Scope, receive: Receive, send: Send) -> None:
 
 @pytest.fixture(scope="module")
 def owner() -> Iterator[int]:
-    with served(echo) as port:
+    with run_server(echo) as port:
         yield port
 
 
@@ -66,7 +66,7 @@ def standby(owner: int) -> Iterator[int]:
             return
         await forward.request(f"http://127.0.0.1:{owner}", over, scope, receive, send)
 
-    with served(app, "on") as port:
+    with run_server(app, "on") as port:
         yield port
 
 
@@ -80,25 +80,25 @@ def send_raw(port: int, target: str, *headers: str) -> tuple[int, bytes]:
     return int(head.split()[1]), body
 
 
-def test_nobody_is_taken_for_whoever_asked_before(standby: int) -> None:
+def test_cookies_are_not_shared_between_clients(standby: int) -> None:
     assert "cookie" not in json.loads(send_raw(standby, "/")[1])["headers"]
     assert "cookie" not in json.loads(send_raw(standby, "/")[1])["headers"], "what the owner gave another"
     assert json.loads(send_raw(standby, "/", "Cookie: session=mine")[1])["headers"]["cookie"] == "session=mine"
 
 
-def test_what_is_asked_for_does_not_say_of_whom(standby: int) -> None:
+def test_path_cannot_change_forwarding_host(standby: int) -> None:
     """A request's path cannot change the host that it is forwarded to.
 
     The owner's address `http://owner:8000` followed by `*@elsewhere/` would be a URL at elsewhere.
     """
-    with served(echo) as elsewhere:
+    with run_server(echo) as elsewhere:
         status, body = send_raw(standby, f"*@127.0.0.1:{elsewhere}/secret")
     assert status == 400
     assert b"secret" not in body
     assert send_raw(standby, "/" + "a" * (1 << 16))[0] == 400
 
 
-def test_nothing_is_said_that_nobody_said(standby: int) -> None:
+def test_no_encoding_is_requested_without_client(standby: int) -> None:
     """A client that did not request gzip gets an uncompressed response, although the standby's own client supports gzip."""
     found = json.loads(send_raw(standby, "/a?b=%20c")[1])
     assert found["path"] == "/a"
@@ -106,7 +106,7 @@ def test_nothing_is_said_that_nobody_said(standby: int) -> None:
     assert json.loads(send_raw(standby, "/", "Accept-Encoding: br")[1])["headers"]["accept-encoding"] == "br"
 
 
-def test_the_owner_learns_the_clients_address_by_a_signed_field_alone() -> None:
+def test_only_signed_client_address_is_forwarded() -> None:
     claimed = [(b"x-forwarded-for", b"127.0.0.1"), (b"x-forwarded-for", b"10.0.0.1")]
     scope = {"type": "http", "scheme": "https", "headers": claimed, "client": ("192.168.1.7", 1234)}
     forward = OwnerClient(Settings(owner_token="the owner's"))

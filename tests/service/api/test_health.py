@@ -15,7 +15,7 @@ from tests.service.peer_worker import PeerWorker
 
 
 @pytest.mark.long
-def test_health_needs_no_thread(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_health_check_needs_no_thread(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """Health checks respond while there are more slow requests than threads."""
     hold = threading.Event()
     monkeypatch.setattr(scenes, "find_scene", lambda id, farm: hold.wait(20))
@@ -32,9 +32,7 @@ def test_health_needs_no_thread(service: Service, monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.long
-def test_more_pictures_than_wait_in_line_are_told_to_come_again(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_excess_picture_requests_get_retry_after(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
     service.farm.pictures = Pool(1 << 20, threads=1, queue_length=1, max_queue_length=1)

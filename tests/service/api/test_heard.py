@@ -50,6 +50,6 @@ def heard_while_others_work(text: str) -> float:
     return asyncio.run(both())
 
 
-def test_a_flood_of_messages_is_heard_at_a_pace() -> None:
+def test_message_flood_is_rate_limited() -> None:
     assert heard_while_others_work("{}") <= 1.0
     assert heard_while_others_work("x" * 100_000) <= 1.0

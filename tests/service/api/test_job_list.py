@@ -58,7 +58,7 @@ def get(service: Service, path: str = "", **query: Any) -> Any:
 
 
 @pytest.mark.long
-def test_pages_follow_each_other_and_ask_the_database_a_few_times_however_many_jobs_they_have(service: Service) -> None:
+def test_job_pages_need_few_queries(service: Service) -> None:
     with statements(service) as said:
         answer = service.http.get("/api/jobs", params={"limit": 1000, "offset": 500})
     page = answer.json()
@@ -72,7 +72,7 @@ def test_pages_follow_each_other_and_ask_the_database_a_few_times_however_many_j
     assert one["shot"]["count"] == 3 and one["progress"] in (0.25, 1.0)
 
 
-def test_jobs_are_chosen_by_words_state_scene_and_kind(service: Service) -> None:
+def test_jobs_are_filtered_by_words_state_scene_and_kind(service: Service) -> None:
     assert [job["name"] for job in get(service, search="TRUCK 2321")] == ["Milk truck take 2321"]
     assert [job["id"] for job in get(service, search=f"{77:020x}")] == [f"{77:020x}"]
     for none in ("100%_", "\0", "truck\0"):  # pattern characters are matched literally
@@ -83,7 +83,7 @@ def test_jobs_are_chosen_by_words_state_scene_and_kind(service: Service) -> None
     assert get(service, "/ids", ids=f"nobody,{3:020x}") == [f"{3:020x}"]
 
 
-def test_names_and_notes_are_given_found_and_taken_back(service: Service) -> None:
+def test_names_and_notes_are_set_searched_and_cleared(service: Service) -> None:
     job = f"{5:020x}"
     was = service.job(job)["name"]
     given = service.patch(job, name=" The cover ", note="Warmer LAMP,\r\nsays Anna ")
@@ -97,7 +97,7 @@ def test_names_and_notes_are_given_found_and_taken_back(service: Service) -> Non
         assert service.http.patch(f"/api/jobs/{job}", json=wrong).status_code == 422
 
 
-def test_scenes_are_found_by_words_of_their_names(service: Service) -> None:
+def test_scenes_are_searched_by_name(service: Service) -> None:
     def found(search: str) -> list[str]:
         return [scene["id"] for scene in service.http.get("/api/scenes", params={"search": search}).raise_for_status().json()]
 
@@ -108,7 +108,7 @@ def test_scenes_are_found_by_words_of_their_names(service: Service) -> None:
     assert found(f"{name} nowhere") == found("\0") == []
 
 
-def test_tallies_count_what_is_sought_whichever_state_is_shown(service: Service) -> None:
+def test_tallies_ignore_state_filter(service: Service) -> None:
     tallies = get(service, "/tallies", state="failed")
     assert sum(tallies.values()) == N and tallies["running"] == 0 and tallies["paused"] == N // 500
     kitchens = get(service, "/tallies", search="kitchen")
@@ -129,14 +129,14 @@ def test_tallies_count_what_is_sought_whichever_state_is_shown(service: Service)
     ],
     ordinary=("priority",),
 )
-def test_orders(service: Service, sort: str, key: Any) -> None:
+def test_job_list_orders(service: Service, sort: str, key: Any) -> None:
     page = get(service, sort=sort, limit=1000)
     assert page == sorted(page, key=key)
     assert [job["id"] for job in page] == get(service, "/ids", sort=sort)[:1000]
 
 
 @pytest.mark.long
-def test_many_are_changed_at_once_and_the_answer_says_how_they_were(service: Service) -> None:
+def test_bulk_change_returns_previous_values(service: Service) -> None:
     paused = get(service, "/ids", state="paused")[:3]
     finished = get(service, "/ids", state="finished")[:110]
 
@@ -168,5 +168,5 @@ def test_many_are_changed_at_once_and_the_answer_says_how_they_were(service: Ser
         {"jobs": ["\ud800"], "priority": 1},
     ],
 )
-def test_a_change_that_makes_no_sense_is_refused(service: Service, body: dict[str, Any]) -> None:
+def test_invalid_bulk_change_is_rejected(service: Service, body: dict[str, Any]) -> None:
     assert service.http.post("/api/jobs/changes", content=json.dumps(body)).status_code == 422

@@ -26,7 +26,7 @@ def artefact(tmp_path: Path, key: str = TOKEN) -> bytes:
     return file.getvalue()
 
 
-def test_what_one_worker_hands_in_another_fetches(service: Service, tmp_path: Path) -> None:
+def test_uploaded_kernel_is_downloaded_by_other_worker(service: Service, tmp_path: Path) -> None:
     url = f"/api/farm/kernels/{NAME}"
     assert service.http.get(url, headers=SHOWN).status_code == 404
     assert service.http.put(url, content=artefact(tmp_path), headers=SHOWN).status_code == 204
@@ -36,12 +36,12 @@ def test_what_one_worker_hands_in_another_fetches(service: Service, tmp_path: Pa
 
 
 @pytest.mark.parametrize("name", ["x", "..%2Ftoken", "0123456789abcdef-cpython311", f"{NAME}%00"])
-def test_names_that_are_none(service: Service, tmp_path: Path, name: str) -> None:
+def test_invalid_kernel_names_are_rejected(service: Service, tmp_path: Path, name: str) -> None:
     assert service.http.put(f"/api/farm/kernels/{name}", content=artefact(tmp_path), headers=SHOWN).status_code in (404, 405, 422)
     assert service.http.get(f"/api/farm/kernels/{name}", headers=SHOWN).status_code == 404
 
 
-def test_what_is_not_signed_with_the_token_is_not_kept(service: Service, tmp_path: Path) -> None:
+def test_unsigned_kernel_is_rejected(service: Service, tmp_path: Path) -> None:
     url = f"/api/farm/kernels/{NAME}"
     for content in (artefact(tmp_path, "another"), artefact(tmp_path)[:-1], b""):
         answer = service.http.put(url, content=content, headers=SHOWN)
@@ -51,7 +51,7 @@ def test_what_is_not_signed_with_the_token_is_not_kept(service: Service, tmp_pat
     assert not list((Path(service.options["data"]) / "kernels").iterdir())
 
 
-def test_a_worker_with_a_token_of_its_own_fetches_what_others_made_and_hands_in_nothing(service: Service, tmp_path: Path) -> None:
+def test_worker_token_may_only_download_kernels(service: Service, tmp_path: Path) -> None:
     url = f"/api/farm/kernels/{NAME}"
     assert service.http.put(url, content=artefact(tmp_path), headers=SHOWN).status_code == 204
     own = service.farm.access.keys.create("worker", OWNER, Role.NOBODY, "attic")[0]
@@ -64,13 +64,13 @@ def test_a_worker_with_a_token_of_its_own_fetches_what_others_made_and_hands_in_
     assert service.http.get(url, headers=shown).status_code == 404
 
 
-def test_strangers_neither_fetch_nor_hand_in(service: Service, tmp_path: Path) -> None:
+def test_kernels_need_authentication(service: Service, tmp_path: Path) -> None:
     url = f"/api/farm/kernels/{NAME}"
     assert service.http.get(url).status_code == 401
     assert service.http.put(url, content=artefact(tmp_path)).status_code == 401
 
 
-def test_kernels_of_releases_that_are_gone_are_forgotten(service: Service, tmp_path: Path) -> None:
+def test_old_kernels_are_deleted(service: Service, tmp_path: Path) -> None:
     for number in range(MAX_KERNELS + 4):
         url = f"/api/farm/kernels/{number:016x}-cpython311-{KERNEL}"
         assert service.http.put(url, content=artefact(tmp_path), headers=SHOWN).status_code == 204

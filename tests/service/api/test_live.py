@@ -65,7 +65,7 @@ def watch(service: Service, job: str, query: str = "", **options: Any) -> Iterat
 
 
 @pytest.mark.long
-def test_a_watcher_of_a_finished_job_gets_the_film(service: Service, worker: PeerWorker) -> None:
+def test_viewer_of_finished_job_gets_film(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
     with watch(service, job) as watcher:
@@ -80,7 +80,7 @@ def test_a_watcher_of_a_finished_job_gets_the_film(service: Service, worker: Pee
 
 
 @pytest.mark.long
-def test_a_watcher_sees_the_picture_grow(service: Service, worker: PeerWorker) -> None:
+def test_viewer_gets_growing_picture(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.01)
     job = service.submit(service.ready_scene(), spp=60)
     with watch(service, job) as watcher:
@@ -97,7 +97,7 @@ def test_a_watcher_sees_the_picture_grow(service: Service, worker: PeerWorker) -
 
 
 @pytest.mark.long
-def test_a_slow_watcher_gets_fewer_pictures_and_then_the_newest(service: Service, worker: PeerWorker) -> None:
+def test_slow_viewer_gets_fewer_but_latest_pictures(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.005)
     scene = service.ready_scene()
     job = service.submit(scene, spp=60)
@@ -119,7 +119,7 @@ def test_a_slow_watcher_gets_fewer_pictures_and_then_the_newest(service: Service
 
 
 @pytest.mark.long
-def test_nonsense_from_a_watcher_is_left_out(service: Service, worker: PeerWorker) -> None:
+def test_invalid_viewer_messages_are_ignored(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     with watch(service, job) as watcher:
         for nonsense in ("", "[]", "{}", '{"ack": "x"}', "nonsense", '{"ack": -5}', '{"ack": 1e400}', "[" * 100_000, b"\0"):
@@ -129,7 +129,7 @@ def test_nonsense_from_a_watcher_is_left_out(service: Service, worker: PeerWorke
         assert len(watcher.words) == 12
 
 
-def test_a_watcher_is_told_when_there_is_no_such_job_or_no_longer(service: Service, worker: PeerWorker) -> None:
+def test_viewer_of_missing_or_deleted_job_is_closed(service: Service, worker: PeerWorker) -> None:
     with watch(service, "nothing") as watcher, pytest.raises(ConnectionClosed) as closed:
         watcher.read(2.0)
     assert closed.value.rcvd is not None
@@ -142,13 +142,13 @@ def test_a_watcher_is_told_when_there_is_no_such_job_or_no_longer(service: Servi
     assert closed.value.rcvd.code == 4410
 
 
-def test_a_foreign_page_cannot_watch(service: Service) -> None:
+def test_foreign_origin_cannot_open_live_channel(service: Service) -> None:
     with pytest.raises(InvalidStatus), watch(service, "nothing", origin="https://elsewhere.example"):
         pass
 
 
 @pytest.mark.long
-def test_watchers_do_not_hold_up_the_end_of_the_service(service: Service, worker: PeerWorker) -> None:
+def test_viewers_do_not_delay_service_stop(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), spp=500)
     with watch(service, job) as watcher:
         watcher.read(0.2)
@@ -159,7 +159,7 @@ def test_watchers_do_not_hold_up_the_end_of_the_service(service: Service, worker
 
 
 @pytest.mark.long
-def test_events_tell_of_scenes_jobs_and_workers(service: Service, worker: PeerWorker) -> None:
+def test_event_stream_has_scenes_jobs_and_workers(service: Service, worker: PeerWorker) -> None:
     events: list[tuple[str, dict[str, Any]]] = []
     opened, done = threading.Event(), threading.Event()
 
@@ -202,7 +202,7 @@ def film_of(service: Service, job: str, **headers: str) -> tuple[list[int], np.n
     return samples.tolist(), np.ascontiguousarray(np.moveaxis(planes, 0, 2)).view("<u4")[..., 0], side
 
 
-def test_a_film_comes_whole_and_then_only_what_it_lacks(service: Service, worker: PeerWorker) -> None:
+def test_whole_film_is_followed_by_changed_tiles(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
     samples, words, side = film_of(service, job, **{"Accept-Encoding": "identity"})
@@ -238,7 +238,7 @@ def test_a_film_comes_whole_and_then_only_what_it_lacks(service: Service, worker
 
 
 @pytest.mark.long
-def test_what_changes_before_a_watcher_says_what_it_has_is_sent(service: Service, worker: PeerWorker) -> None:
+def test_changes_before_have_message_are_sent(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.01)
     job = service.submit(service.ready_scene(), spp=60)
     with watch(service, job, query="?snapshot=false") as watcher:

@@ -19,7 +19,7 @@ from tests.service.peer_worker import PeerWorker, expected_sums
 
 
 @pytest.mark.long
-def test_a_watcher_is_told_of_every_frame_and_turns_to_another(service: Service, worker: PeerWorker) -> None:
+def test_viewer_gets_frame_states_and_switches_frame(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.01)
     job = service.submit(service.ready_scene(), frames="0-5", spp=4)
     states: dict[float, set[str]] = {}
@@ -57,7 +57,7 @@ def test_a_watcher_is_told_of_every_frame_and_turns_to_another(service: Service,
 
 
 @pytest.mark.long
-def test_of_a_still_nothing_is_said_of_frames(service: Service, worker: PeerWorker) -> None:
+def test_still_has_no_frame_messages(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
     with connect(f"ws{service.url[4:]}/api/jobs/{job}/live", proxy=None) as socket:

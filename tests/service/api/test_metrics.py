@@ -20,7 +20,7 @@ def numbers(service: Service) -> dict[str, float]:
     return {name: float(value) for name, value in (line.rsplit(" ", 1) for line in lines)}
 
 
-def test_every_number_that_alerts_and_dashboard_ask_for_is_told(service: Service) -> None:
+def test_alerts_and_dashboard_query_existing_metrics(service: Service) -> None:
     with service.worker():
         service.wait_for(service.submit(service.ready_scene()), "finished")
         told = {name.split("{")[0] for name in numbers(service)}
@@ -33,7 +33,7 @@ def test_every_number_that_alerts_and_dashboard_ask_for_is_told(service: Service
 
 
 @pytest.mark.long
-def test_what_waits_for_the_first_worker_wants_a_slot_and_what_is_done_none(service: Service) -> None:
+def test_waiting_work_wants_slots_and_finished_work_none(service: Service) -> None:
     assert numbers(service)["rayfarm_slots_wanted"] == 0
     job = service.submit(service.upload())
     assert numbers(service)["rayfarm_slots_wanted"] >= 1
@@ -45,7 +45,7 @@ def test_what_waits_for_the_first_worker_wants_a_slot_and_what_is_done_none(serv
 
 
 @pytest.mark.long
-def test_a_long_job_wants_as_many_slots_as_have_half_a_minute_each(service: Service) -> None:
+def test_long_job_wants_slots_for_half_a_minute_each(service: Service) -> None:
     with service.worker() as worker:
         worker.on_batch = lambda batch: time.sleep(0.05)
         job = service.submit(service.ready_scene(), spp=60_000)

@@ -30,14 +30,14 @@ def routes(found: Any, prefix: str = "") -> Iterator[tuple[str, str]]:
             yield "WS", prefix + route.path
 
 
-def test_every_route_is_in_the_table_and_the_table_has_no_other(tmp_path: Path) -> None:
+def test_access_table_equals_existing_routes(tmp_path: Path) -> None:
     there = set(routes(create_app(Settings(data=tmp_path)).routes))
     assert len(there) > 50
     assert not there - NEEDS.keys(), "says nowhere what it needs: service/http/access_requirements.py"
     assert not NEEDS.keys() - there, "in the table, and not there"
 
 
-def test_what_changes_something_needs_more_than_to_look() -> None:
+def test_changing_routes_need_more_than_view_role() -> None:
     own = {
         "/api/login",
         "/api/login/openid",
@@ -71,11 +71,11 @@ def test_what_changes_something_needs_more_than_to_look() -> None:
         ("GET", "/v/abc/js/main.js", ANYONE),
     ],
 )
-def test_what_a_request_needs(method: str, path: str, need: object) -> None:
+def test_requirement_of_request(method: str, path: str, need: object) -> None:
     assert need_of(method, path)[1] == need
 
 
-def test_who_meets_what() -> None:
+def test_requirements_are_met_by_role() -> None:
     view, admin = Caller("v", Role.VIEW, "session"), Caller("a", Role.ADMIN, "token")
     worker = Caller("w", Role.NOBODY, "worker")
     met = {

@@ -20,7 +20,7 @@ import pytest
 from service.access.oidc import LOGIN_TIMEOUT_S, oidc_of
 from service.access.roles import Role
 from service.errors import StartupError
-from service.routes.openid import MOST_PENDING
+from service.routes.openid import MAX_PENDING_LOGINS
 from service.settings import Settings
 from tests.helpers import running_redis
 from tests.service.api.test_access import caller
@@ -88,7 +88,7 @@ def browser(service: Service) -> Iterator[httpx.Client]:
         yield client
 
 
-def sent_back(client: httpx.Client, sub: str) -> str:
+def complete_login(client: httpx.Client, sub: str) -> str:
     """Starts a login and completes it at the provider as subject `sub`; returns the URL of the redirect back to the service."""
     begun = client.get("/api/login/openid")
     assert begun.status_code == 302, begun.text
@@ -98,16 +98,16 @@ def sent_back(client: httpx.Client, sub: str) -> str:
 
 
 def log_in(client: httpx.Client, sub: str) -> httpx.Response:
-    return client.get(sent_back(client, sub))
+    return client.get(complete_login(client, sub))
 
 
-def why(answer: httpx.Response) -> str:
+def refusal_reason(answer: httpx.Response) -> str:
     assert answer.status_code == 302, answer.text
     assert "rayfarm-session" not in answer.headers.get("set-cookie", "")
     return answer.headers["location"].partition("refused=")[2]
 
 
-def test_in_and_out_again(service: Service, provider: Provider) -> None:
+def test_login_and_logout(service: Service, provider: Provider) -> None:
     with browser(service) as client:
         assert client.get("/api/session").json()["provider"] == "Studio"
         answer = log_in(client, "1")
@@ -135,9 +135,7 @@ def test_in_and_out_again(service: Service, provider: Provider) -> None:
     assert "openid" in begun["scope"][0]
 
 
-def test_out_here_alone_where_the_provider_says_not_how_or_is_not_to_be_told(
-    service: Service, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_logout_without_provider_endpoint(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     oidc = service.farm.access.oidc
     assert oidc is not None
     back = "https://farm.example/"
@@ -157,12 +155,12 @@ def test_out_here_alone_where_the_provider_says_not_how_or_is_not_to_be_told(
         assert client.post("/api/logout").status_code == 204, "this one came by a link"
 
 
-def test_roles_follow_the_claim_at_each_login(service: Service) -> None:
+def test_role_claim_is_applied_at_each_login(service: Service) -> None:
     with browser(service) as client:
         assert log_in(client, "5").status_code == 302
         assert client.get("/api/session").json()["role"] == "admin", "groups as words"
     with browser(service) as client:
-        assert why(log_in(client, "2")) == "role"
+        assert refusal_reason(log_in(client, "2")) == "role"
         assert client.get("/api/session").json()["name"] is None
     users = service.farm.access.users
     users.set_role("anna", Role.VIEW)
@@ -172,30 +170,30 @@ def test_roles_follow_the_claim_at_each_login(service: Service) -> None:
     assert [user.name for user in users.listed()].count("anna") == 1
 
 
-def test_a_name_that_is_somebody_elses_is_given_to_nobody(service: Service) -> None:
+def test_existing_user_name_is_not_reassigned(service: Service) -> None:
     service.farm.access.users.add("carl", Role.ADMIN, None)
     for sub in ("3", "4"):
         with browser(service) as client:
-            assert why(log_in(client, sub)) == "name"
+            assert refusal_reason(log_in(client, sub)) == "name"
 
 
-def test_an_answer_is_good_once_and_for_the_browser_that_asked(service: Service) -> None:
+def test_login_response_is_valid_once_for_its_browser(service: Service) -> None:
     with browser(service) as client, browser(service) as other:
-        back = sent_back(client, "1")
+        back = complete_login(client, "1")
         other.get("/api/login/openid")
-        assert why(other.get(back)) == "late", "a stolen state without its cookie (login CSRF)"
+        assert refusal_reason(other.get(back)) == "late", "a stolen state without its cookie (login CSRF)"
         assert client.get(back).headers["location"] == "/#/", "the other browser's attempt changes nothing"
-        assert why(client.get(back)) == "late"
-        back = sent_back(client, "1")
+        assert refusal_reason(client.get(back)) == "late"
+        back = complete_login(client, "1")
         forged = back.replace("state=", "state=x")
-        assert why(client.get(forged)) == "late"
+        assert refusal_reason(client.get(forged)) == "late"
         kept = dict(client.cookies)
         assert client.get(back).headers["location"] == "/#/"
         client.cookies.update(kept)
-        assert why(client.get(back)) == "provider", "the provider accepts the code once, even if the cookie was copied"
+        assert refusal_reason(client.get(back)) == "provider", "the provider accepts the code once, even if the cookie was copied"
 
 
-def test_a_cookie_that_is_changed_or_expired_is_refused(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_modified_or_expired_cookie_is_rejected(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     with browser(service) as client:
         begun = client.get("/api/login/openid")
         state = parse_qs(urlsplit(begun.headers["location"]).query)["state"][0]
@@ -213,34 +211,34 @@ def test_a_cookie_that_is_changed_or_expired_is_refused(service: Service, monkey
                 headers={"cookie": f"{name}={forged}"},
                 verify=False,
             )
-            assert why(answer) == "late", forged[:60]
-        back = sent_back(client, "1")
+            assert refusal_reason(answer) == "late", forged[:60]
+        back = complete_login(client, "1")
         with monkeypatch.context() as later:
             later.setattr("service.access.oidc.time.time", lambda now=time.time: now() + LOGIN_TIMEOUT_S + 1)
-            assert why(client.get(back)) == "late"
+            assert refusal_reason(client.get(back)) == "late"
 
 
-def test_several_tabs_log_in_at_once_and_a_browser_keeps_a_bounded_number(service: Service) -> None:
+def test_several_tabs_can_log_in_at_once(service: Service) -> None:
     with browser(service) as client:
-        first, second = sent_back(client, "1"), sent_back(client, "1")
+        first, second = complete_login(client, "1"), complete_login(client, "1")
         for back in (first, second):
             assert client.get(back).headers["location"] == "/#/"
-        backs = [sent_back(client, "1") for _ in range(MOST_PENDING + 2)]
-        assert sum("-login-" in name for name in client.cookies) == MOST_PENDING
-        assert [why(client.get(back)) for back in backs[:2]] == ["late", "late"]
+        backs = [complete_login(client, "1") for _ in range(MAX_PENDING_LOGINS + 2)]
+        assert sum("-login-" in name for name in client.cookies) == MAX_PENDING_LOGINS
+        assert [refusal_reason(client.get(back)) for back in backs[:2]] == ["late", "late"]
         assert client.get(backs[2]).headers["location"] == "/#/"
         assert client.get(backs[-1]).headers["location"] == "/#/"
 
 
-def test_over_tls_no_other_host_can_set_the_cookie(service: Service) -> None:
+def test_cookie_over_tls_has_host_prefix(service: Service) -> None:
     with caller(service, **{"X-Forwarded-Proto": "https"}) as client:  # header of a trusted proxy
         (header,) = client.get("/api/login/openid").headers.get_list("set-cookie")
     assert header.startswith("__Host-") and "Secure" in header and "Path=/" in header and "Domain" not in header
 
 
-def test_a_login_begun_before_a_restart_is_finished_after_it(service: Service) -> None:
+def test_login_survives_service_restart(service: Service) -> None:
     with browser(service) as client:
-        back = urlsplit(sent_back(client, "1"))
+        back = urlsplit(complete_login(client, "1"))
         service.restart()
     with browser(service) as again:
         again.cookies.update(client.cookies)
@@ -248,54 +246,57 @@ def test_a_login_begun_before_a_restart_is_finished_after_it(service: Service) -
 
 
 @pytest.mark.long
-def test_anonymous_logins_displace_nobody(service: Service) -> None:
+def test_anonymous_requests_displace_no_login(service: Service) -> None:
     oidc = service.farm.access.oidc
     assert oidc is not None
     with browser(service) as client:
-        back = sent_back(client, "1")
+        back = complete_login(client, "1")
         for _ in range(20_000):
             oidc.begin("http://127.0.0.1/api/login/openid/answer")
         assert client.get(back).headers["location"] == "/#/"
 
 
-def test_who_turns_back_at_the_provider_is_not_let_in(service: Service) -> None:
+def test_cancelled_provider_login_is_rejected(service: Service) -> None:
     with browser(service) as client:
         state = parse_qs(urlsplit(client.get("/api/login/openid").headers["location"]).query)["state"][0]
-        assert why(client.get("/api/login/openid/answer", params={"state": state, "error": "access_denied"})) == "cancelled"
+        assert (
+            refusal_reason(client.get("/api/login/openid/answer", params={"state": state, "error": "access_denied"}))
+            == "cancelled"
+        )
 
 
-def test_a_token_for_another_login_is_not_believed(service: Service) -> None:
+def test_id_token_with_wrong_nonce_is_rejected(service: Service) -> None:
     oidc = service.farm.access.oidc
     assert oidc is not None
     with browser(service) as client:
-        back = sent_back(client, "1")
+        back = complete_login(client, "1")
         ((name, sealed),) = client.cookies.items()
         pending = oidc._decrypted(sealed)
         assert pending is not None
         client.cookies.update({name: oidc._encrypted(dataclasses.replace(pending, nonce="another"))})
-        assert why(client.get(back)) == "provider"
+        assert refusal_reason(client.get(back)) == "provider"
     oidc._client = ("another client", oidc._client[1])
     try:
         with browser(service) as client:
-            back = sent_back(client, "1")
+            back = complete_login(client, "1")
             oidc._client = ("rayfarm", oidc._client[1])
-            assert why(client.get(back)) == "provider", "its audience is another, or the code is not for us"
+            assert refusal_reason(client.get(back)) == "provider", "its audience is another, or the code is not for us"
     finally:
         oidc._client = ("rayfarm", oidc._client[1])
 
 
-def test_a_provider_that_is_away_lets_nobody_in_and_the_page_says_so(service: Service) -> None:
+def test_unreachable_provider_rejects_login_with_message(service: Service) -> None:
     oidc = service.farm.access.oidc
     assert oidc is not None
     known, oidc._known, discovery, oidc._discovery = oidc._known, None, oidc._discovery, "http://127.0.0.1:9/none"
     try:
         with browser(service) as client:
-            assert why(client.get("/api/login/openid")) == "provider"
+            assert refusal_reason(client.get("/api/login/openid")) == "provider"
     finally:
         oidc._known, oidc._discovery = known, discovery
 
 
-def test_what_is_set_wrongly_is_said_at_the_start(tmp_path: Path, service: Service) -> None:
+def test_invalid_openid_settings_are_rejected_at_start(tmp_path: Path, service: Service) -> None:
     url = "https://login.example/.well-known/openid-configuration"
     for wrong, said in (
         ({"oidc_discovery": url}, "OIDC_CLIENT"),

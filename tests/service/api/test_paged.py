@@ -28,13 +28,13 @@ LISTS = (
 @pytest.fixture(scope="module")
 def owner(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis) -> Iterator[httpx.Client]:
     service = Service(tmp_path_factory.mktemp("paged") / "data", redis_server, host="0.0.0.0")
-    fill(service, MANY)
+    create_items(service, MANY)
     with caller(service, (service.options["data"] / "owner-token").read_text().strip()) as client:
         yield client
     service.stop()
 
 
-def fill(service: Service, many: int) -> None:
+def create_items(service: Service, many: int) -> None:
     now = time.time()
     file = {"path": "a.exr", "sha256": "0" * 64, "size": 5, "parts": []}
     with service.farm.sessions.begin() as session:
@@ -62,7 +62,7 @@ def fill(service: Service, many: int) -> None:
 
 
 @pytest.mark.parametrize("path", LISTS)
-def test_a_list_comes_in_pages_which_are_all_of_it(owner: httpx.Client, path: str) -> None:
+def test_pages_make_up_the_whole_list(owner: httpx.Client, path: str) -> None:
     def page(**asked: int) -> httpx.Response:
         return owner.get(path.partition("?")[0], params={**dict(httpx.QueryParams(path.partition("?")[2])), **asked})
 
@@ -77,5 +77,5 @@ def test_a_list_comes_in_pages_which_are_all_of_it(owner: httpx.Client, path: st
     assert page(limit=1001).status_code == 422
 
 
-def test_users_are_told_with_their_sessions(owner: httpx.Client) -> None:
+def test_users_are_listed_with_session_counts(owner: httpx.Client) -> None:
     assert {user["sessions"] for user in owner.get("/api/users?limit=1000").json()} == {1}

@@ -55,7 +55,7 @@ def _filled(value: Any, ids: dict[str, str], text: str) -> Any:
 
 
 @pytest.mark.parametrize(("method", "path", "body"), TEXTS, ids=lambda value: str(value)[:60])
-def test_it_is_refused_in_a_sentence_that_shows_it_escaped(
+def test_control_characters_are_rejected_and_shown_escaped(
     service: Service, ids: dict[str, str], method: str, path: str, body: dict[str, Any]
 ) -> None:
     for text in HOSTILE:
@@ -72,7 +72,7 @@ def test_it_is_refused_in_a_sentence_that_shows_it_escaped(
 
 
 @pytest.mark.parametrize("text", HOSTILE)
-def test_names_of_uploaded_files_and_scenes(service: Service, text: str) -> None:
+def test_control_characters_in_file_names_are_rejected(service: Service, text: str) -> None:
     for kind in ("environments", "references"):
         answer = service.http.post(f"/api/{kind}", files={"file": (f"{text}.png", b"x")})
         assert answer.status_code == 422, answer.text
@@ -84,14 +84,14 @@ def test_names_of_uploaded_files_and_scenes(service: Service, text: str) -> None
     assert answer.status_code in (400, 422), answer.text
 
 
-def test_lines_and_other_scripts_are_text(service: Service, ids: dict[str, str]) -> None:
+def test_line_breaks_and_other_scripts_are_accepted(service: Service, ids: dict[str, str]) -> None:
     note = "first\nsecond\twith a tab\r\nשלום мир 🏠"
     answer = service.http.patch(f"/api/jobs/{ids['JOB']}", json={"note": note, "name": "שלום 🏠"})
     assert answer.status_code == 200, answer.text
     assert answer.json()["note"] == note.replace("\r\n", "\n")
 
 
-def test_what_is_written_down_of_a_failed_login_and_a_browser_is_printable(service: Service) -> None:
+def test_audit_log_escapes_control_characters(service: Service) -> None:
     service.http.post("/api/login", json={"name": "a\u202eb", "password": "x"})
     found = service.http.get("/api/audit", params={"limit": 5}).json()
     assert any(line["who"] == "a\\u202eb" for line in found)

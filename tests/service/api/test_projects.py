@@ -52,15 +52,15 @@ def people(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redis
         ends.callback(service.stop)
         token = (service.options["data"] / "owner-token").read_text().strip()
         chief = ends.enter_context(caller(service, token))
-        found = People(*(ends.enter_context(shown(service, name)) for name in ROLE), chief, service, {})
-        made(chief.post("/api/projects", json={"name": "film"}), 201)
-        made(chief.put("/api/projects/film/members/anna"), 200)
+        found = People(*(ends.enter_context(client_of(service, name)) for name in ROLE), chief, service, {})
+        checked_json(chief.post("/api/projects", json={"name": "film"}), 201)
+        checked_json(chief.put("/api/projects/film/members/anna"), 200)
         ends.enter_context(PeerWorker(service.options["redis_url"], service.url, service.options["token"]))
-        found.ids = fill(found.anna)
+        found.ids = create_items(found.anna)
         yield found
 
 
-def shown(service: Service, name: str) -> httpx.Client:
+def client_of(service: Service, name: str) -> httpx.Client:
     """Returns a client with the token of a new user."""
     from service.access.roles import Role
 
@@ -69,26 +69,26 @@ def shown(service: Service, name: str) -> httpx.Client:
     return caller(service, access.keys.create("token", name, Role.from_name(ROLE[name]), "test")[0])
 
 
-def made(answer: httpx.Response, status: int) -> dict[str, Any]:
+def checked_json(answer: httpx.Response, status: int) -> dict[str, Any]:
     assert answer.status_code == status, answer.text
     found: dict[str, Any] = answer.json()
     return found
 
 
-def fill(anna: httpx.Client) -> dict[str, str]:
+def create_items(anna: httpx.Client) -> dict[str, str]:
     """Creates one item of each kind in the project as anna; returns their ids by kind.
 
     All items have the same word in their names.
     """
     into = {"project": "film"}
-    scene = made(anna.post("/api/scenes", params=into, files={"files": (f"{HIDDEN}.obj", OBJ)}), 201)
+    scene = checked_json(anna.post("/api/scenes", params=into, files={"files": (f"{HIDDEN}.obj", OBJ)}), 201)
     assert scene["project"] == "film"
     until(lambda: anna.get(f"/api/scenes/{scene['id']}").json()["status"] == "ready", "it is prepared")
-    picture = made(anna.post("/api/references", params=into, files={"file": (f"{HIDDEN}.png", png(7))}), 201)
-    light = made(anna.post("/api/environments", params=into, files={"file": (f"{HIDDEN}.png", png(8))}), 201)
+    picture = checked_json(anna.post("/api/references", params=into, files={"file": (f"{HIDDEN}.png", png(7))}), 201)
+    light = checked_json(anna.post("/api/environments", params=into, files={"file": (f"{HIDDEN}.png", png(8))}), 201)
     asked = {"scene": scene["id"], "width": 32, "height": 32, "spp": 4, "tile_size": 16, "name": HIDDEN}
     asked["environment"] = {"image": light["id"]}
-    job = made(anna.post("/api/jobs", json=asked), 201)
+    job = checked_json(anna.post("/api/jobs", json=asked), 201)
     assert (job["project"], job["user"]) == ("film", "anna")
     until(lambda: anna.get(f"/api/jobs/{job['id']}").json()["state"] == "finished", "it is rendered")
     return {"scene": scene["id"], "reference": picture["id"], "environment": light["id"], "job": job["id"]}
@@ -106,7 +106,7 @@ def path_of(pattern: str, id: str) -> str:
     return pattern
 
 
-def test_every_path_that_names_something_names_a_thing_or_what_projects_do_not_have() -> None:
+def test_every_path_with_id_is_classified() -> None:
     for method, pattern in NEEDS:
         named = resource_of(pattern, pattern)
         if "{" in pattern and named is None:
@@ -115,7 +115,7 @@ def test_every_path_that_names_something_names_a_thing_or_what_projects_do_not_h
         assert collection not in PROJECT_RESOURCES or "{" not in pattern or named is not None, pattern
 
 
-def test_to_others_nothing_of_it_is_there(people: People) -> None:
+def test_project_content_is_404_for_others(people: People) -> None:
     asked = {"POST": {}, "PATCH": {"priority": 1}}
     walked = 0
     for method, pattern in NEEDS:
@@ -137,7 +137,7 @@ def test_to_others_nothing_of_it_is_there(people: People) -> None:
         assert people.anna.get("/api/projects").json()[0]["counts"][kind] == 1
 
 
-def test_no_list_has_any_of_it(people: People) -> None:
+def test_lists_hide_project_content(people: People) -> None:
     told = 0
     for method, pattern in NEEDS:
         if method != "GET" or "{" in pattern or pattern == "/api/events" or pattern.startswith(("/docs", "/openapi")):
@@ -156,14 +156,14 @@ def test_no_list_has_any_of_it(people: People) -> None:
     assert HIDDEN in people.chief.get("/api/scenes").text
 
 
-def test_no_request_of_others_may_name_it(people: People) -> None:
+def test_requests_cannot_refer_to_hidden_content(people: People) -> None:
     ids, ben = people.ids, people.ben
     size = {"width": 16, "height": 16, "spp": 1}
     refused = ben.post("/api/jobs", json={"scene": ids["scene"], **size})
     unknown = ben.post("/api/jobs", json={"scene": "0" * 20, **size})
     assert refused.status_code == unknown.status_code == 404
     assert refused.text == unknown.text.replace("0" * 20, ids["scene"])
-    own = made(ben.post("/api/scenes", files={"files": ("own.obj", OBJ)}), 201)
+    own = checked_json(ben.post("/api/scenes", files={"files": ("own.obj", OBJ)}), 201)
     assert own["id"] != ids["scene"], "the same files elsewhere are another scene"
     after = ben.post("/api/jobs", json={"scene": own["id"], "after": [ids["job"]], **size})
     assert (after.status_code, "no job" in after.text) == (404, True)
@@ -171,7 +171,7 @@ def test_no_request_of_others_may_name_it(people: People) -> None:
     assert (lit.status_code, "no image" in lit.text) == (422, True)
     added = ben.post("/api/scenes", files={"files": ("x.mtl", b"newmtl x")}, data={"base": ids["scene"]})
     assert (added.status_code, "no scene" in added.text) == (404, True)
-    changed = made(ben.post("/api/jobs/changes", json={"jobs": [ids["job"], "0"], "state": "deleted"}), 200)
+    changed = checked_json(ben.post("/api/jobs/changes", json={"jobs": [ids["job"], "0"], "state": "deleted"}), 200)
     assert [len(changed["changed"]), len(changed["refused"])] == [0, 2]
     for route in ("scenes", "references", "environments", "examples/cornell-box"):
         files = {"files" if route == "scenes" else "file": ("x.png", png(9))}
@@ -181,15 +181,15 @@ def test_no_request_of_others_may_name_it(people: People) -> None:
             True,
         ), route
     key = {"Idempotency-Key": "hers"}
-    hers = made(people.anna.post("/api/jobs", json={"scene": ids["scene"], **size}, headers=key), 201)
+    hers = checked_json(people.anna.post("/api/jobs", json={"scene": ids["scene"], **size}, headers=key), 201)
     probed = ben.post("/api/jobs", json={"scene": ids["scene"], **size}, headers=key)
     assert (probed.status_code, hers["id"] in probed.text) == (404, False)
     people.anna.delete(f"/api/jobs/{hers['id']}")
 
 
-def test_her_own_light_on_her_own_scene_with_more_files(people: People) -> None:
+def test_extended_scene_stays_in_project(people: People) -> None:
     base = people.ids["scene"]
-    more = made(people.anna.post("/api/scenes", files={"files": ("x.mtl", b"newmtl x")}, data={"base": base}), 201)
+    more = checked_json(people.anna.post("/api/scenes", files={"files": ("x.mtl", b"newmtl x")}, data={"base": base}), 201)
     assert (more["project"], more["id"] != base) == ("film", True)
     assert people.ben.get(f"/api/scenes/{more['id']}").status_code == 404
     assert people.anna.delete(f"/api/scenes/{more['id']}").status_code == 204
@@ -205,7 +205,7 @@ def closing(people: People, who: httpx.Client, path: str) -> tuple[int, str]:
         return closed.value.rcvd.code, closed.value.rcvd.reason
 
 
-def test_sockets_of_others_are_closed_as_those_of_what_is_not_there(people: People) -> None:
+def test_websocket_of_hidden_job_closes_like_missing_job(people: People) -> None:
     for path, kind in (("/api/jobs/{}/live", "job"), ("/api/scenes/{}/viewport", "scene")):
         none = "0" * len(people.ids[kind])
         code, reason = closing(people, people.ben, path.format(people.ids[kind]))
@@ -213,16 +213,16 @@ def test_sockets_of_others_are_closed_as_those_of_what_is_not_there(people: Peop
         assert code == 4404
 
 
-def test_who_is_put_out_is_so_at_once_and_what_is_open_ends(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_removed_member_loses_access_at_once(people: People, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(gate, "REAUTHORIZE_EVERY_S", 0.1)
-    made(people.chief.put("/api/projects/film/members/ben"), 200)
+    checked_json(people.chief.put("/api/projects/film/members/ben"), 200)
     job = f"/api/jobs/{people.ids['job']}"
     assert people.ben.get(job).status_code == 200
     ended: list[tuple[int, str]] = []
     thread = threading.Thread(target=lambda: ended.append(closing(people, people.ben, f"{job}/live")))
     thread.start()
     until(lambda: people.service.farm.broadcast.watchers == 1, "ben watches")
-    made(people.chief.delete("/api/projects/film/members/ben"), 200)
+    checked_json(people.chief.delete("/api/projects/film/members/ben"), 200)
     assert people.ben.get(job).status_code == 404
     thread.join(30)
     assert ended
@@ -230,8 +230,8 @@ def test_who_is_put_out_is_so_at_once_and_what_is_open_ends(people: People, monk
     assert "You can no longer see this: you are not a member of its project any more" in ended[0][1]
 
 
-def test_who_may_only_look_in_a_project_changes_nothing_there(people: People) -> None:
-    found = made(people.chief.put("/api/projects/film/members/ben", json={"role": "view"}), 200)
+def test_read_only_member_cannot_change_content(people: People) -> None:
+    found = checked_json(people.chief.put("/api/projects/film/members/ben", json={"role": "view"}), 200)
     assert found["roles"] == {"anna": "submit", "ben": "view"}
     try:
         ids, into = people.ids, {"project": "film"}
@@ -258,19 +258,19 @@ def test_who_may_only_look_in_a_project_changes_nothing_there(people: People) ->
             people.ben.post("/api/environments", params=into, files={"file": ("mine.png", png(9))}),
         ]
         assert [answer.status_code for answer in refused] == [403] * len(refused), [answer.text for answer in refused]
-        many = made(people.ben.post("/api/jobs/changes", json={"jobs": [ids["job"]], "state": "deleted"}), 200)
+        many = checked_json(people.ben.post("/api/jobs/changes", json={"jobs": [ids["job"]], "state": "deleted"}), 200)
         assert (many["changed"], len(many["refused"])) == ([], 1)
         assert "but not change it. Ask who runs the farm" in many["refused"][0]["why"]
-        made(people.ben.post("/api/scenes", files={"files": ("mine.obj", OBJ + b"# his\n")}), 201)
+        checked_json(people.ben.post("/api/scenes", files={"files": ("mine.obj", OBJ + b"# his\n")}), 201)
         assert people.anna.get(f"/api/jobs/{ids['job']}").json()["name"] == HIDDEN
 
-        made(people.chief.put("/api/projects/film/members/ben"), 200)
-        made(people.ben.patch(f"/api/jobs/{ids['job']}", json={"pinned": True}), 200)
+        checked_json(people.chief.put("/api/projects/film/members/ben"), 200)
+        checked_json(people.ben.patch(f"/api/jobs/{ids['job']}", json={"pinned": True}), 200)
     finally:
-        made(people.chief.delete("/api/projects/film/members/ben"), 200)
+        checked_json(people.chief.delete("/api/projects/film/members/ben"), 200)
 
 
-def test_events_tell_others_nothing(people: People) -> None:
+def test_event_stream_hides_project_content(people: People) -> None:
     told: dict[str, str] = {"anna": "", "ben": ""}
 
     def listen(name: str, client: httpx.Client) -> None:
@@ -285,11 +285,11 @@ def test_events_tell_others_nothing(people: People) -> None:
         thread.start()
     until(lambda: all("retry" in text for text in told.values()), "both listen")
     asked = {"scene": people.ids["scene"], "width": 16, "height": 16, "spp": 1, "name": HIDDEN}
-    job = made(people.anna.post("/api/jobs", json=asked), 201)["id"]
+    job = checked_json(people.anna.post("/api/jobs", json=asked), 201)["id"]
     until(lambda: people.anna.get(f"/api/jobs/{job}").json()["state"] == "finished", "it is rendered")
     until(lambda: job in told["anna"], "she is told")
     assert people.anna.delete(f"/api/jobs/{job}").status_code == 204
-    made(people.anna.post("/api/scenes", files={"files": ("the last.obj", OBJ + b"# the last\n")}), 201)
+    checked_json(people.anna.post("/api/scenes", files={"files": ("the last.obj", OBJ + b"# the last\n")}), 201)
     for thread in threads:
         thread.join(20)
         assert not thread.is_alive()
@@ -300,9 +300,9 @@ def test_events_tell_others_nothing(people: People) -> None:
 
 
 @pytest.mark.long
-def test_a_worker_at_work_on_it_is_busy_and_says_no_more(people: People) -> None:
+def test_hidden_work_of_worker_is_shown_as_busy(people: People) -> None:
     asked = {"scene": people.ids["scene"], "width": 64, "height": 64, "spp": 100_000, "tile_size": 16}
-    job = made(people.anna.post("/api/jobs", json=asked), 201)["id"]
+    job = checked_json(people.anna.post("/api/jobs", json=asked), 201)["id"]
 
     def slots(client: httpx.Client) -> str:
         return json.dumps([worker["current"] for worker in client.get("/api/workers").json()])
@@ -313,13 +313,14 @@ def test_a_worker_at_work_on_it_is_busy_and_says_no_more(people: People) -> None
     assert people.anna.delete(f"/api/jobs/{job}").status_code == 204
 
 
-def test_a_key_of_two_users_is_two_keys(people: People) -> None:
-    scene = made(people.ben.post("/api/scenes", files={"files": ("open.obj", OBJ + b"# open\n")}), 201)["id"]
+def test_idempotency_keys_are_per_user(people: People) -> None:
+    scene = checked_json(people.ben.post("/api/scenes", files={"files": ("open.obj", OBJ + b"# open\n")}), 201)["id"]
     until(lambda: people.ben.get(f"/api/scenes/{scene}").json()["status"] == "ready", "it is prepared")
     asked = {"scene": scene, "width": 8, "height": 8, "spp": 1}
     key = {"Idempotency-Key": "nightly"}
     jobs = [
-        made(client.post("/api/jobs", json=asked, headers=key), 201)["id"] for client in (people.anna, people.ben, people.anna)
+        checked_json(client.post("/api/jobs", json=asked, headers=key), 201)["id"]
+        for client in (people.anna, people.ben, people.anna)
     ]
     assert (jobs[0] == jobs[2], jobs[0] == jobs[1]) == (True, False)
     again = people.anna.post("/api/jobs", json=asked, headers=key)
@@ -328,23 +329,23 @@ def test_a_key_of_two_users_is_two_keys(people: People) -> None:
         session.get_one(Job, jobs[0]).idempotency_key = "of before"
     old = {"Idempotency-Key": "of before"}
     assert people.anna.post("/api/jobs", json=asked, headers=old).json()["id"] == jobs[0]
-    other = made(people.ben.post("/api/jobs", json=asked, headers=old), 201)["id"]
+    other = checked_json(people.ben.post("/api/jobs", json=asked, headers=old), 201)["id"]
     assert other not in jobs
     for job in {*jobs, other}:
         assert people.chief.delete(f"/api/jobs/{job}").status_code == 204
     assert people.chief.delete(f"/api/scenes/{scene}").status_code == 204
 
 
-def test_of_shares_one_is_told_of_ones_own(people: People) -> None:
+def test_users_see_only_their_shares(people: People) -> None:
     shares = {name: {row["share"] for row in client.get("/api/shares").json()} for name, client in _clients(people).items()}
     assert shares == {"anna": {"user:anna"}, "ben": {"user:ben"}, "chief": {"user:anna", "user:ben"}}
     try:
-        made(people.chief.put("/api/shares/project:film", json={"weight": 2}), 200)
+        checked_json(people.chief.put("/api/shares/project:film", json={"weight": 2}), 200)
         shares = {name: {row["share"] for row in client.get("/api/shares").json()} for name, client in _clients(people).items()}
         assert ["project:film" in shares[name] for name in ("anna", "ben", "chief")] == [True, False, True]
         assert people.chief.put("/api/shares/project:", json={}).status_code == 422
     finally:
-        made(people.chief.delete("/api/shares/project:film"), 200)
+        checked_json(people.chief.delete("/api/shares/project:film"), 200)
     assert not any("project:" in row["share"] for row in people.chief.get("/api/shares").json())
 
 
@@ -352,7 +353,7 @@ def _clients(people: People) -> dict[str, httpx.Client]:
     return {"anna": people.anna, "ben": people.ben, "chief": people.chief}
 
 
-def test_projects_are_made_and_removed_by_who_keeps_the_farm(people: People) -> None:
+def test_administrators_create_and_delete_projects(people: People) -> None:
     assert people.anna.post("/api/projects", json={"name": "mine"}).status_code == 403
     assert people.anna.put("/api/projects/film/members/ben").status_code == 403
     for name in ("Film", "a b", "../x", ""):
@@ -362,6 +363,6 @@ def test_projects_are_made_and_removed_by_who_keeps_the_farm(people: People) -> 
     assert people.chief.put("/api/projects/none/members/anna").status_code == 404
     full = people.chief.delete("/api/projects/film")
     assert (full.status_code, "1 scene" in full.text) == (409, True)
-    made(people.chief.post("/api/projects", json={"name": "short"}), 201)
+    checked_json(people.chief.post("/api/projects", json={"name": "short"}), 201)
     assert people.chief.delete("/api/projects/short").status_code == 204
     assert [found["name"] for found in people.chief.get("/api/projects").json()] == ["film"]

@@ -38,7 +38,7 @@ def chief(service: Service) -> Iterator[httpx.Client]:
 
 
 @contextlib.contextmanager
-def somebody(service: Service, name: str) -> Iterator[httpx.Client]:
+def new_user(service: Service, name: str) -> Iterator[httpx.Client]:
     access = service.farm.access
     access.users.add(name, Role.SUBMIT, None)
     with caller(service, access.keys.create("token", name, Role.SUBMIT, "test")[0]) as client:
@@ -55,7 +55,7 @@ def submit(client: httpx.Client, scene: str, **more: Any) -> httpx.Response:
     return client.post("/api/jobs", json={"scene": scene, "spp": 4, "fresh": True, **SIZE, **more})
 
 
-def may(chief: httpx.Client, whose: str, **limits: int) -> None:
+def set_limits(chief: httpx.Client, whose: str, **limits: int) -> None:
     assert chief.put(f"/api/quotas/{whose}", json=limits).status_code == 204
 
 
@@ -64,8 +64,8 @@ def used(client: httpx.Client) -> dict[str, int]:
     return found
 
 
-def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
-    with somebody(service, "anna") as anna:
+def test_concurrent_jobs_are_limited(service: Service, chief: httpx.Client) -> None:
+    with new_user(service, "anna") as anna:
         scene = scene_of(anna)
         long = {"spp": 1_000_000}
         first, second = (submit(anna, scene, **long).raise_for_status().json()["id"] for _ in range(2))
@@ -81,7 +81,7 @@ def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
         assert (again.status_code, anna.get(f"/api/jobs/{first}").json()["state"]) == (429, "cancelled")
         many = anna.post("/api/jobs/changes", json={"jobs": [first], "state": "running"}).json()
         assert "the limit is 2" in many["refused"][0]["why"]
-        may(chief, "users/anna", jobs=3)
+        set_limits(chief, "users/anna", jobs=3)
         assert anna.patch(f"/api/jobs/{first}", json={"state": "running"}).status_code == 200
         assert chief.delete("/api/quotas/users/anna").status_code == 204
         assert anna.get("/api/quota").json()[0]["limits"]["jobs"] == 2
@@ -92,10 +92,10 @@ def test_jobs_at_a_time(service: Service, chief: httpx.Client) -> None:
 
 
 @pytest.mark.long
-def test_samples_a_day_also_of_jobs_that_are_deleted(service: Service, chief: httpx.Client) -> None:
-    with somebody(service, "bea") as bea:
+def test_daily_samples_include_deleted_jobs(service: Service, chief: httpx.Client) -> None:
+    with new_user(service, "bea") as bea:
         scene = scene_of(bea)
-        may(chief, "users/bea", samples_day=2 * SAMPLES + 1)
+        set_limits(chief, "users/bea", samples_day=2 * SAMPLES + 1)
         job = submit(bea, scene).raise_for_status().json()["id"]
         until(lambda: bea.get(f"/api/jobs/{job}").json()["state"] == "finished", "it is rendered")
         assert used(bea)["samples_day"] == SAMPLES
@@ -108,14 +108,14 @@ def test_samples_a_day_also_of_jobs_that_are_deleted(service: Service, chief: ht
 
 
 @pytest.mark.long
-def test_samples_count_from_the_moment_they_are_asked_for(service: Service, chief: httpx.Client) -> None:
-    with somebody(service, "hal") as hal:
+def test_samples_count_from_submission(service: Service, chief: httpx.Client) -> None:
+    with new_user(service, "hal") as hal:
         scene = scene_of(hal)
-        may(chief, "users/hal", samples_day=1 << 40)
+        set_limits(chief, "users/hal", samples_day=1 << 40)
         first = submit(hal, scene, spp=1 << 20, frames="0-1").raise_for_status().json()["id"]
         waits = submit(hal, scene, after=[first]).raise_for_status().json()["id"]  # stays waiting until the first has ended
         assert used(hal)["samples_day"] == (2 << 30) + SAMPLES
-        may(chief, "users/hal", samples_day=(2 << 30) + 2 * SAMPLES - 1)
+        set_limits(chief, "users/hal", samples_day=(2 << 30) + 2 * SAMPLES - 1)
         assert submit(hal, scene, after=[first]).status_code == 429
         with service.farm.sessions.begin() as session:
             session.add_all(Frame(job=waits, number=n, target=1 << 62) for n in (2, 4, 6))
@@ -124,15 +124,15 @@ def test_samples_count_from_the_moment_they_are_asked_for(service: Service, chie
 
 
 @pytest.mark.long
-def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> None:
-    with somebody(service, "cleo") as cleo:
+def test_stored_bytes_are_limited(service: Service, chief: httpx.Client) -> None:
+    with new_user(service, "cleo") as cleo:
         scene = scene_of(cleo, OBJ + b"# cleo")
         mine = used(cleo)["bytes"]
         assert mine == len(OBJ) + 6
         job = submit(cleo, scene).raise_for_status().json()["id"]
         until(lambda: cleo.get(f"/api/jobs/{job}").json()["state"] == "finished", "it is rendered")
         assert used(cleo)["bytes"] > mine + 1000, "its film"
-        may(chief, "users/cleo", bytes=used(cleo)["bytes"] + 20_000)
+        set_limits(chief, "users/cleo", bytes=used(cleo)["bytes"] + 20_000)
         large = cleo.post("/api/scenes", files={"files": ("b.obj", OBJ + b"#" * 50_000)})
         assert (large.status_code, "Delete jobs or scenes" in large.json()["detail"]) == (507, True)
         packed = io.BytesIO()
@@ -142,16 +142,16 @@ def test_bytes_of_uploads_and_films(service: Service, chief: httpx.Client) -> No
         assert cleo.post("/api/scenes", files={"files": ("c.zip", packed.getvalue())}).status_code == 507
         for kind in ("references", "environments"):
             assert cleo.post(f"/api/{kind}", files={"file": ("b.png", b"#" * 50_000)}).status_code == 507
-        may(chief, "users/cleo", bytes=0)
+        set_limits(chief, "users/cleo", bytes=0)
         assert submit(cleo, scene).status_code == 507
         assert cleo.delete(f"/api/jobs/{job}").status_code == 204, "what helps is never refused"
         assert cleo.delete(f"/api/scenes/{scene}").status_code == 204
 
 
-def test_a_token_may_less_than_its_user(service: Service, chief: httpx.Client) -> None:
-    with somebody(service, "dora") as dora:
+def test_token_limits_are_below_user_limits(service: Service, chief: httpx.Client) -> None:
+    with new_user(service, "dora") as dora:
         secret, row = service.farm.access.keys.create("token", "dora", Role.SUBMIT, "nightly")
-        may(chief, f"tokens/{row.id}", jobs=0)
+        set_limits(chief, f"tokens/{row.id}", jobs=0)
         scene = scene_of(dora)
         with caller(service, secret) as nightly:
             refused = submit(nightly, scene)
@@ -160,7 +160,7 @@ def test_a_token_may_less_than_its_user(service: Service, chief: httpx.Client) -
         assert submit(dora, scene).status_code == 201
 
 
-def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client) -> None:
+def test_limits_of_unknown_users_are_rejected(service: Service, chief: httpx.Client) -> None:
     assert chief.put("/api/quotas/users/nobody", json={"jobs": 1}).status_code == 404
     assert chief.put("/api/quotas/tokens/nothing", json={"jobs": 1}).status_code == 404
     assert chief.put("/api/quotas/users/anna", json={"jobs": -1}).status_code == 422
@@ -168,7 +168,7 @@ def test_what_is_said_of_nobody_is_refused(service: Service, chief: httpx.Client
     assert chief.get("/api/quota").json() == []
 
 
-def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_usage_list_equals_individual_usage(service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
     """The list of all users' usage equals each user's own, and reads every table once, not once per user."""
     monkeypatch.setattr(
         service.farm.quotas, "_size_of", len
@@ -186,10 +186,8 @@ def test_what_all_have_used_is_what_each_has(service: Service, chief: httpx.Clie
     until(lambda: listed() == each(), "both say the same, once what earlier tests have left is at rest", say=each)
 
 
-def test_a_page_of_the_list_looks_at_its_own_users_films_alone(
-    service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    with somebody(service, "hugo") as hugo, somebody(service, "ida") as ida:
+def test_usage_page_reads_only_films_of_its_users(service: Service, chief: httpx.Client, monkeypatch: pytest.MonkeyPatch) -> None:
+    with new_user(service, "hugo") as hugo, new_user(service, "ida") as ida:
         scene = scene_of(hugo)
         jobs = [submit(client, scene).raise_for_status().json()["id"] for client in (hugo, ida)]
         looked_at: list[str] = []
@@ -201,10 +199,10 @@ def test_a_page_of_the_list_looks_at_its_own_users_films_alone(
 
 
 @pytest.mark.long
-def test_what_is_asked_of_a_shot_later_counts_for_each_of_its_frames(service: Service, chief: httpx.Client) -> None:
-    with somebody(service, "frida") as frida:
+def test_added_samples_of_shot_count_per_frame(service: Service, chief: httpx.Client) -> None:
+    with new_user(service, "frida") as frida:
         scene = scene_of(frida)
-        may(chief, "users/frida", samples_day=10 * SAMPLES)
+        set_limits(chief, "users/frida", samples_day=10 * SAMPLES)
         shot = submit(frida, scene, frames="0-1").raise_for_status().json()["id"]
 
         def change(**wish: Any) -> int:
@@ -220,10 +218,10 @@ def test_what_is_asked_of_a_shot_later_counts_for_each_of_its_frames(service: Se
 
 
 @pytest.mark.long
-def test_what_is_rendered_anew_counts_each_time(service: Service, chief: httpx.Client) -> None:
-    with somebody(service, "greta") as greta:
+def test_repeated_rendering_counts_each_time(service: Service, chief: httpx.Client) -> None:
+    with new_user(service, "greta") as greta:
         scene = scene_of(greta)
-        may(chief, "users/greta", samples_day=5 * SAMPLES)
+        set_limits(chief, "users/greta", samples_day=5 * SAMPLES)
         shot = submit(greta, scene, frames="0-1").raise_for_status().json()["id"]
         for times in (2, 3):
             until(lambda: greta.get(f"/api/jobs/{shot}").json()["state"] == "finished", "it is finished")

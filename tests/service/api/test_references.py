@@ -45,7 +45,7 @@ def blobs(service: Service) -> int:
 
 
 @pytest.mark.long
-def test_a_picture_is_kept_as_linear_light(service: Service) -> None:
+def test_reference_is_stored_as_linear_light(service: Service) -> None:
     wanted = radiance()
     wanted[0, :5] = -1.0
     file = encode.encode(wanted, "exr")
@@ -77,7 +77,7 @@ def test_a_picture_is_kept_as_linear_light(service: Service) -> None:
     assert blobs(service) == 0 and service.http.get(made.headers["location"]).status_code == 404
 
 
-def test_a_picture_of_8_bits_is_decoded_and_said_to_be_one(service: Service) -> None:
+def test_eight_bit_reference_is_decoded_and_marked(service: Service) -> None:
     codes = np.arange(256, dtype=np.uint8).reshape(16, 16)
     out = io.BytesIO()
     Image.fromarray(np.dstack([codes] * 3)).save(out, "PNG")
@@ -90,30 +90,30 @@ def test_a_picture_of_8_bits_is_decoded_and_said_to_be_one(service: Service) -> 
 
 
 @pytest.mark.long
-def test_a_picture_may_be_longer_than_other_bodies(service: Service) -> None:
+def test_reference_may_exceed_body_limit(service: Service) -> None:
     file = encode.encode(np.random.default_rng(1).uniform(0, 1, (400, 422, 3)).astype(np.float32), "exr")
     assert len(file) > MAX_BODY
     found = service.http.post("/api/references", files={"file": ("noise.exr", file)}).raise_for_status().json()
     service.http.delete(f"/api/references/{found['id']}").raise_for_status()
 
 
-def test_a_long_name_keeps_what_says_its_format(service: Service) -> None:
+def test_long_name_keeps_its_suffix(service: Service) -> None:
     file = b"PF\n1 1\n-1.0\n" + np.ones(3, "<f4").tobytes()  # a format without a signature check
     found = service.http.post("/api/references", files={"file": ("n" * 240 + ".pfm", file)}).raise_for_status().json()
     assert found["name"] == "n" * 196 + ".pfm"
     service.http.delete(f"/api/references/{found['id']}").raise_for_status()
 
 
-def ended(*_: Any) -> dict[str, Any]:
+def fail_decoder(*_: Any) -> dict[str, Any]:
     """Leaves a file behind and ends its process; used in place of the decoder of reference pictures."""
     tempfile.mkdtemp()
     os._exit(1)
 
 
 @pytest.mark.long
-def test_what_a_reader_leaves_behind_goes_with_it(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_files_of_failed_decoder_are_deleted(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     temporary = service.options["data"] / "tmp"
-    monkeypatch.setattr(references, "as_film", ended)
+    monkeypatch.setattr(references, "as_film", fail_decoder)
     answer = service.http.post("/api/references", files={"file": ("truth.exr", encode.encode(radiance(), "exr"))})
     assert (answer.status_code, "ended without a result" in answer.json()["detail"]) == (422, True), answer.text
     assert list(temporary.iterdir()) == []
@@ -133,14 +133,12 @@ def _film_of(service: Service, id: str) -> str:
     [
         ("truth.exr", b"no picture at all", 422, "is not an image of a known format; give one of"),
         ("truth.exr", encode.encode(radiance(), "exr")[:700], 422, "damaged"),
-        ("notes.txt", b"text", 422, "no image that can be compared with"),
+        ("notes.txt", b"text", 422, "not an image that can be used as a reference"),
         ("truth.exr", b"", 422, "is empty"),
         ("truth.exr", bytes(3_100_000), 413, "3000000 bytes"),
     ],
 )
-def test_what_cannot_be_compared_with_gets_a_sentence(
-    service: Service, name: str, content: bytes, status: int, sentence: str
-) -> None:
+def test_invalid_reference_is_rejected(service: Service, name: str, content: bytes, status: int, sentence: str) -> None:
     answer = service.http.post("/api/references", files={"file": (name, content)})
     assert (answer.status_code, sentence in answer.json()["detail"]) == (status, True), answer.text
     assert service.http.get("/api/references").json() == [] and blobs(service) == 0

@@ -103,7 +103,7 @@ def ids(path: str, alive: Alive) -> list[str]:
     return [*known, "nothing", "%00", "ü", "a" * 300]
 
 
-def spare(path: str, alive: Alive) -> str:
+def new_id(path: str, alive: Alive) -> str:
     """Returns the id of a new scene or job, depending on `path`, for a request that may change or delete it.
 
     The scenes and jobs of `alive` thus keep their states.
@@ -113,7 +113,7 @@ def spare(path: str, alive: Alive) -> str:
     return alive.service.submit(alive.scenes["ready"], width=32, height=32, priority=-100)
 
 
-def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> dict[int, int]:
+def send_generated_requests(path: str, method: str, schema: Any, alive: Alive, examples: int) -> dict[int, int]:
     """Sends `examples` generated requests to one operation; returns the number of responses by status.
 
     Each response is checked against the OpenAPI document.
@@ -146,7 +146,7 @@ def tried(path: str, method: str, schema: Any, alive: Alive, examples: int) -> d
         if "/farm/" in path and data.draw(st.booleans()):
             case.headers = {**(case.headers or {}), "Authorization": f"Bearer {alive.service.options['token']}"}
         if (method in ("DELETE", "PATCH") or path.endswith("/anew")) and (case.path_parameters or {}).get("id") in live:
-            case.path_parameters["id"] = spare(path, alive)
+            case.path_parameters["id"] = new_id(path, alive)
         response = case.call(timeout=20)
         seen[response.status_code] = seen.get(response.status_code, 0) + 1
         judge(case, response)
@@ -179,13 +179,13 @@ def operations(alive: Alive, share: int) -> list[tuple[str, str]]:
 
 @pytest.mark.long
 @pytest.mark.parametrize("share", range(8))
-def test_operations_answer_as_they_are_described(share: int, schema: Any, alive: Alive) -> None:
+def test_responses_match_openapi(share: int, schema: Any, alive: Alive) -> None:
     for path, method in operations(alive, share):
-        assert tried(path, method, schema, alive, 2)
+        assert send_generated_requests(path, method, schema, alive, 2)
 
 
 @pytest.mark.long
 @pytest.mark.parametrize("share", range(8))
-def test_operations_answer_as_they_are_described_many_times(share: int, schema: Any, alive: Alive) -> None:
+def test_many_responses_match_openapi(share: int, schema: Any, alive: Alive) -> None:
     for path, method in operations(alive, share):
-        assert tried(path, method, schema, alive, 250)
+        assert send_generated_requests(path, method, schema, alive, 250)

@@ -14,20 +14,20 @@ from service.access.roles import Role
 from service.http.access_requirements import NEEDS
 from service.store.models import Key
 from tests.service.api.test_access import ask, caller, shape
-from tests.service.api.test_projects import HIDDEN, People, made, people  # noqa: F401 - `people` is a fixture
+from tests.service.api.test_projects import HIDDEN, People, checked_json, people  # noqa: F401 - `people` is a fixture
 
 pytestmark = pytest.mark.usefixtures("people")
 
 
 def new_link(client: httpx.Client, job: str, **asked: Any) -> tuple[str, dict[str, Any]]:
     """Creates a share link to a job; returns (the link's secret, the link as the API describes it)."""
-    link = made(client.post(f"/api/jobs/{job}/links", json=asked), 201)
+    link = checked_json(client.post(f"/api/jobs/{job}/links", json=asked), 201)
     page, _, secret = link["path"].partition("#")
     assert page == "shared/"
     return secret, link
 
 
-def test_a_link_shows_its_job_and_its_picture_without_an_account(people: People) -> None:  # noqa: F811
+def test_share_link_shows_job_without_account(people: People) -> None:  # noqa: F811
     secret, link = new_link(people.anna, people.ids["job"], days=2)
     assert link["expires"] - time.time() == pytest.approx(2 * 86400, abs=60)
     with caller(people.service, secret) as guest:
@@ -42,7 +42,7 @@ def test_a_link_shows_its_job_and_its_picture_without_an_account(people: People)
     assert "share.js" in page.text
 
 
-def test_a_link_opens_nothing_else(people: People) -> None:  # noqa: F811
+def test_share_link_gives_no_other_access(people: People) -> None:  # noqa: F811
     secret, _ = new_link(people.anna, people.ids["job"])
     with caller(people.service, secret) as guest:
         for (method, pattern), need in NEEDS.items():
@@ -52,7 +52,7 @@ def test_a_link_opens_nothing_else(people: People) -> None:  # noqa: F811
         assert guest.get("/api/session").json()["name"] is None
 
 
-def test_unknown_expired_and_withdrawn_links_show_nothing(people: People) -> None:  # noqa: F811
+def test_unknown_expired_and_revoked_links_are_rejected(people: People) -> None:  # noqa: F811
     job = people.ids["job"]
     with caller(people.service) as nobody, caller(people.service, "rayfarm-share-guessed") as guesser:
         for guest in (nobody, guesser):
@@ -78,7 +78,7 @@ def test_unknown_expired_and_withdrawn_links_show_nothing(people: People) -> Non
     assert link["id"] not in [each["id"] for each in people.anna.get(f"/api/jobs/{job}/links").json()]
 
 
-def test_only_those_who_may_change_a_job_share_it(people: People) -> None:  # noqa: F811
+def test_creating_share_link_needs_change_permission(people: People) -> None:  # noqa: F811
     path = f"/api/jobs/{people.ids['job']}/links"
     _, link = new_link(people.anna, people.ids["job"])
     assert people.ben.post(path, json={}).status_code == 404, "not a member of the project"
@@ -92,17 +92,17 @@ def test_only_those_who_may_change_a_job_share_it(people: People) -> None:  # no
     assert people.anna.post("/api/jobs/nothing/links", json={}).status_code == 404
 
 
-def test_a_link_shows_no_more_than_its_creator_may_see(people: People) -> None:  # noqa: F811
+def test_share_link_is_limited_by_its_creator(people: People) -> None:  # noqa: F811
     access = people.service.farm.access
     access.users.add("carl", Role.SUBMIT, None)
-    made(people.chief.put("/api/projects/film/members/carl"), 200)
+    checked_json(people.chief.put("/api/projects/film/members/carl"), 200)
     with caller(people.service, access.keys.create("token", "carl", Role.SUBMIT, "test")[0]) as carl:
         secret, _ = new_link(carl, people.ids["job"])
     with caller(people.service, secret) as guest:
         assert guest.get("/api/shared").status_code == 200
         people.chief.delete("/api/projects/film/members/carl").raise_for_status()
         assert guest.get("/api/shared").status_code == 404
-        made(people.chief.put("/api/projects/film/members/carl"), 200)
+        checked_json(people.chief.put("/api/projects/film/members/carl"), 200)
         assert guest.get("/api/shared").status_code == 200
         access.users.remove("carl")
         assert guest.get("/api/shared").status_code == 404

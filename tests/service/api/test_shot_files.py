@@ -28,7 +28,7 @@ def shot(service: Service, worker: PeerWorker) -> str:
 
 
 @pytest.mark.long
-def test_a_zip_has_each_frame_under_its_number(service: Service, shot: str) -> None:
+def test_zip_has_numbered_frames(service: Service, shot: str) -> None:
     answer = service.http.get(f"/api/jobs/{shot}/frames.zip?format=png").raise_for_status()
     with zipfile.ZipFile(io.BytesIO(answer.content)) as archive:
         assert archive.namelist() == NAMES
@@ -44,7 +44,7 @@ def test_a_zip_has_each_frame_under_its_number(service: Service, shot: str) -> N
 
 
 @pytest.mark.long
-def test_a_zip_comes_while_frames_are_finished(service: Service, worker: PeerWorker) -> None:
+def test_zip_streams_frames_as_they_finish(service: Service, worker: PeerWorker) -> None:
     gate = threading.Event()
     worker.on_batch = lambda batch: (batch.frame < 4 or gate.wait(20)) and None
     job = service.submit(service.ready_scene(), **SHOT)
@@ -65,7 +65,7 @@ def test_a_zip_comes_while_frames_are_finished(service: Service, worker: PeerWor
 
 @pytest.mark.long
 @grid("kind", ["mp4", "webm", "webp"], ordinary=("mp4",))
-def test_a_film_shows_the_frames_as_the_pictures_do(service: Service, shot: str, kind: str, tmp_path: Path) -> None:
+def test_movie_frames_equal_pictures(service: Service, shot: str, kind: str, tmp_path: Path) -> None:
     answer = service.http.get(f"/api/jobs/{shot}/movie.{kind}?exposure=0.5").raise_for_status()
     path = tmp_path / f"shot.{kind}"
     path.write_bytes(answer.content)
@@ -87,7 +87,7 @@ def test_a_film_shows_the_frames_as_the_pictures_do(service: Service, shot: str,
     assert abs(found.astype(float).mean(axis=(0, 1)) - expected.mean(axis=(0, 1))).max() < 3
 
 
-def test_what_there_is_nothing_of_is_said(service: Service, worker: PeerWorker) -> None:
+def test_empty_downloads_give_error(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: False
     job = service.submit(service.ready_scene(), **SHOT)
     for path in ("frames.zip", "frames.zip?which=all", "movie.mp4"):
@@ -99,7 +99,7 @@ def test_what_there_is_nothing_of_is_said(service: Service, worker: PeerWorker) 
 
 
 @pytest.mark.long
-def test_a_still_is_a_film_of_one_frame(service: Service, worker: PeerWorker) -> None:
+def test_still_gives_movie_of_one_frame(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
     with zipfile.ZipFile(io.BytesIO(service.http.get(f"/api/jobs/{job}/frames.zip").content)) as archive:

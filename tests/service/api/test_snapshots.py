@@ -21,7 +21,7 @@ TILES = 6
 EXPONENT = 24
 
 
-def light(samples: int) -> np.ndarray:
+def expected_words(samples: int) -> np.ndarray:
     """Returns the expected picture as RGB9E5 words (h, w), with `samples` samples in every pixel."""
     sums = expected_sums(Tile(0, 0, WIDTH, HEIGHT), 0, samples, 0)
     return rgbe9995.pack(film_math.mean(sums, EXPONENT))
@@ -31,7 +31,7 @@ def snapshot_samples(service: Service, job: str) -> list[int]:
     return [each["spp"] for each in service.http.get(f"/api/jobs/{job}/snapshots").raise_for_status().json()]
 
 
-def in_step(service: Service, worker: PeerWorker) -> list[str]:
+def wait_for_snapshots(service: Service, worker: PeerWorker) -> list[str]:
     """Makes the worker wait, before it renders on from 1 or 8 samples per pixel, until a snapshot of these is stored.
 
     Returns an empty list, to which a test adds the id of its job.
@@ -47,9 +47,9 @@ def in_step(service: Service, worker: PeerWorker) -> list[str]:
 
 
 @pytest.mark.long
-def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, tmp_path: Path) -> None:
+def test_snapshots_are_stored_and_survive_restart(service: Service, tmp_path: Path) -> None:
     with service.worker(several=False) as worker:
-        jobs = in_step(service, worker)
+        jobs = wait_for_snapshots(service, worker)
         job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=SIDE, spp=64)
         jobs.append(job)
         service.wait_for(job, "finished")
@@ -69,7 +69,7 @@ def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, t
         assert answer.headers.get("content-encoding", "identity") == encoding
         film = decode_film(answer.content)
         assert (film.head, film.samples.tolist()) == (FilmHead(0, WIDTH, HEIGHT, SIDE), [8] * TILES)
-        np.testing.assert_array_equal(film.words, light(8))
+        np.testing.assert_array_equal(film.words, expected_words(8))
         etag = answer.headers["etag"]
         same = service.http.get(f"{url}/film", headers={"Accept-Encoding": encoding, "If-None-Match": etag})
         assert same.status_code == 304
@@ -78,7 +78,7 @@ def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, t
     assert "8spp.exr" in exr.headers["content-disposition"]
     (tmp_path / "kept.exr").write_bytes(exr.content)
     picture = OpenImageIO.ImageInput.open(str(tmp_path / "kept.exr"))
-    np.testing.assert_array_equal(picture.read_image(0, 0, 0, 3, OpenImageIO.FLOAT), rgbe9995.unpack(light(8)))
+    np.testing.assert_array_equal(picture.read_image(0, 0, 0, 3, OpenImageIO.FLOAT), rgbe9995.unpack(expected_words(8)))
     assert service.http.get(f"{url}/image.jpg?exposure=1&tonemap=hue").status_code == 200
     assert service.http.get(f"{url}/image.jpg?tonemap=none-such").status_code == 422
 
@@ -90,9 +90,9 @@ def test_a_picture_is_kept_on_its_way_and_survives_a_restart(service: Service, t
 
 
 @pytest.mark.long
-def test_a_picture_that_goes_on_is_kept_from_where_it_was(service: Service) -> None:
+def test_continued_job_stores_further_snapshots(service: Service) -> None:
     with service.worker(several=False) as worker:
-        jobs = in_step(service, worker)
+        jobs = wait_for_snapshots(service, worker)
         job = service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=SIDE, spp=8)
         jobs.append(job)
         service.wait_for(job, "finished")
@@ -103,7 +103,7 @@ def test_a_picture_that_goes_on_is_kept_from_where_it_was(service: Service) -> N
 
 
 @pytest.mark.long
-def test_of_shots_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
+def test_shots_have_no_snapshots(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), width=16, height=16, spp=4, frames="0-1")
     service.wait_for(job, "finished")
     assert snapshot_samples(service, job) == []

@@ -15,7 +15,7 @@ ERROR = "strict turns the scene's 2 warnings into errors: 2 materials were guess
 WARNINGS = ["2 materials were guessed.", "The file x.png is missing."]
 
 
-def sent(service: Service, content: bytes = GUESSED, query: str = "", **fields: str) -> dict[str, Any]:
+def upload_strict(service: Service, content: bytes = GUESSED, query: str = "", **fields: str) -> dict[str, Any]:
     files = {"files": ("scene.obj", content)}
     answer = service.http.post(f"/api/scenes{query}", data=fields, files=files)
     assert answer.status_code == 201, answer.text
@@ -32,9 +32,9 @@ def job(service: Service, scene: str, **request: Any) -> Any:
     return service.http.post("/api/jobs", json={"scene": scene, "width": 16, "height": 16, "spp": 1, **request})
 
 
-def test_warnings_fail_a_strict_scene_and_no_other(service: Service) -> None:
+def test_warnings_fail_only_strict_scenes(service: Service) -> None:
     with service.worker():
-        strict, lenient = sent(service, strict="true"), sent(service)
+        strict, lenient = upload_strict(service, strict="true"), upload_strict(service)
         assert (strict["strict"], lenient["strict"]) == (True, False)
         assert strict["id"] != lenient["id"]
         refused = prepared(service, strict)
@@ -43,7 +43,7 @@ def test_warnings_fail_a_strict_scene_and_no_other(service: Service) -> None:
         assert (taken["status"], taken["error"], taken["warnings"]) == ("ready", None, WARNINGS)
         answer = job(service, strict["id"])
         assert (answer.status_code, answer.json()["detail"]) == (409, f"The scene cannot be rendered: {ERROR}")
-        again = sent(service, strict="true")
+        again = upload_strict(service, strict="true")
         assert again["id"] == strict["id"]
         assert prepared(service, again)["warnings"] == WARNINGS, "once, although it was prepared again"
         added = service.http.post("/api/scenes", data={"base": strict["id"]}, files={"files": ("x.mtl", b"newmtl a")}).json()
@@ -53,9 +53,9 @@ def test_warnings_fail_a_strict_scene_and_no_other(service: Service) -> None:
         assert not added["strict"]
 
 
-def test_a_strict_scene_without_warnings_is_rendered(service: Service) -> None:
+def test_strict_scene_without_warnings_is_rendered(service: Service) -> None:
     with service.worker():
-        scene = sent(service, OBJ, query="?strict=true")
+        scene = upload_strict(service, OBJ, query="?strict=true")
         assert scene["strict"]
         assert prepared(service, scene)["status"] == "ready"
         made = job(service, scene["id"], strict=True).json()
@@ -64,8 +64,8 @@ def test_a_strict_scene_without_warnings_is_rendered(service: Service) -> None:
         service.wait_for(lit["id"], "finished")
 
 
-def test_a_job_that_waits_for_a_strict_scene_fails_with_its_warnings(service: Service) -> None:
-    scene = sent(service, strict="1")
+def test_job_waiting_for_strict_scene_fails_with_warnings(service: Service) -> None:
+    scene = upload_strict(service, strict="1")
     plain, lit = (job(service, scene["id"], **more).json()["id"] for more in ({}, {"environment": {"preset": "studio"}}))
     with service.worker():
         for id in (plain, lit):
@@ -73,8 +73,8 @@ def test_a_job_that_waits_for_a_strict_scene_fails_with_its_warnings(service: Se
             assert service.job(id)["error"] == ERROR
 
 
-def test_a_strict_job_of_a_lenient_scene(service: Service) -> None:
-    scene = sent(service)
+def test_strict_job_of_non_strict_scene(service: Service) -> None:
+    scene = upload_strict(service)
     waits = job(service, scene["id"], strict=True).json()["id"]
     with service.worker():
         service.wait_for(waits, "failed")
@@ -84,10 +84,10 @@ def test_a_strict_job_of_a_lenient_scene(service: Service) -> None:
         assert job(service, scene["id"]).status_code == 201
 
 
-def test_a_frame_with_warnings_fails_in_a_strict_shot(service: Service) -> None:
+def test_frame_with_warnings_fails_in_strict_shot(service: Service) -> None:
     with service.worker() as worker:
         worker.frame_warnings = ["1 light was dropped."]
-        scene = sent(service, OBJ)
+        scene = upload_strict(service, OBJ)
         prepared(service, scene)
         ids = [job(service, scene["id"], frames="0-1", strict=strict).json()["id"] for strict in (True, False)]
         service.wait_for(ids[0], "failed")
@@ -97,13 +97,13 @@ def test_a_frame_with_warnings_fails_in_a_strict_shot(service: Service) -> None:
 
 
 @pytest.mark.parametrize("value", ["yes", "2"])
-def test_what_is_neither_true_nor_false_is_refused(service: Service, value: str) -> None:
+def test_non_boolean_strict_is_rejected(service: Service, value: str) -> None:
     answer = service.http.post("/api/scenes", data={"strict": value}, files={"files": ("a.obj", OBJ)})
     assert answer.status_code == 422
     assert answer.json()["detail"] == f"strict is {value!r}; it must be true or false."
 
 
-def test_the_client_and_the_description_of_the_api_have_it(service: Service, tmp_path: Path) -> None:
+def test_client_and_openapi_support_strict(service: Service, tmp_path: Path) -> None:
     (tmp_path / "scene.obj").write_bytes(GUESSED)
     with Client(service.url) as farm, service.worker():
         scene = farm.upload(tmp_path / "scene.obj", strict=True)

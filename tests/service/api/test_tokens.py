@@ -18,7 +18,7 @@ def service(tmp_path_factory: pytest.TempPathFactory, redis_server: running_redi
     service.stop()
 
 
-def test_a_token_that_only_looks_withdraws_nothing_but_itself(service: Service) -> None:
+def test_read_only_token_revokes_only_itself(service: Service) -> None:
     """A read-only token, which may be widely shared, can revoke itself but none of its owner's other tokens."""
     path = service.options["data"] / "owner-token"
     owner = {"Authorization": f"Bearer {path.read_text().strip()}"}
@@ -38,7 +38,7 @@ def test_a_token_that_only_looks_withdraws_nothing_but_itself(service: Service) 
 
 
 @pytest.mark.parametrize("name", ["t\x1b]52;c;cHduZWQ=\x07", "two\nlines", "turned\u202e"])
-def test_a_name_with_control_characters_is_refused(service: Service, name: str) -> None:
+def test_token_name_with_control_characters_is_rejected(service: Service, name: str) -> None:
     shown = {"Authorization": f"Bearer {(service.options['data'] / 'owner-token').read_text().strip()}"}
     answer = service.http.post("/api/tokens", json={"name": name, "role": "view", "days": 1}, headers=shown)
     assert answer.status_code == 422

@@ -25,7 +25,7 @@ def refused(answer: Any, status: int) -> str:
 
 
 @pytest.mark.long
-def test_a_variant_is_of_the_request_and_makes_no_other_scene(service: Service) -> None:
+def test_variant_belongs_to_request_and_creates_no_scene(service: Service) -> None:
     """A material variant, by name or number and also with a sky, belongs to a job's request and creates no scene in the lists."""
     scene = service.upload(OBJ + b"# variants\n")
     until(lambda: service.scene(scene)["status"] == "ready", "the scene is prepared")
@@ -50,7 +50,7 @@ def test_a_variant_is_of_the_request_and_makes_no_other_scene(service: Service) 
     assert [each["id"] for each in service.http.get("/api/scenes").json()] == [scene]
 
 
-def test_an_unknown_variant_is_told_which_there_are(service: Service) -> None:
+def test_unknown_variant_error_lists_variants(service: Service) -> None:
     scene = service.ready_scene()
     with_variants = service.upload(OBJ + b"# variants\n")
     until(lambda: service.scene(with_variants)["status"] == "ready", "the scene is prepared")

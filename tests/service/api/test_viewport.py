@@ -21,7 +21,7 @@ from tests.service.peer_worker import PeerWorker, expected_sums
 from tests.service.viewer import look
 
 
-def left_behind(service: Service) -> list[str]:
+def remains_of_views(service: Service) -> list[str]:
     """Returns what closed views failed to remove: Redis keys, film files, and ids of jobs."""
     redis = service.farm.views._redis
     keys = [key.decode() for key in redis.scan_iter("rayfarm*view*")]
@@ -33,7 +33,7 @@ def blobs(service: Service) -> set[str]:
     return {path.name for path in (service.options["data"] / "blobs").rglob("*") if path.is_file()}
 
 
-def test_a_view_is_small_first_then_whole_and_exact_at_last(service: Service, worker: PeerWorker) -> None:
+def test_view_starts_small_and_ends_exact(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     before = blobs(service)
     with look(service, scene) as viewer:
@@ -50,12 +50,12 @@ def test_a_view_is_small_first_then_whole_and_exact_at_last(service: Service, wo
         viewer.wait(8, 1)
         settings = worker.parts[-1][0].settings
         assert (settings.max_depth, settings.view.eye) == (11, (1.0, 2.0, 3.0))
-    until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
+    until(lambda: not remains_of_views(service), "nothing is left", say=lambda: remains_of_views(service))
     assert blobs(service) == before
 
 
 @pytest.mark.long
-def test_a_view_ends_when_its_noise_is_as_low_as_is_wanted(service: Service, worker: PeerWorker) -> None:
+def test_view_ends_at_target_noise(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, noise=0.06, seed=3)  # evenly distributed samples: 0.577 / sqrt(n)
         until(lambda: (viewer.read(), bool(viewer.states) and viewer.states[-1]["done"])[1], "it is done")
@@ -74,7 +74,7 @@ def test_a_view_ends_when_its_noise_is_as_low_as_is_wanted(service: Service, wor
 
 
 @pytest.mark.long
-def test_the_first_picture_is_as_large_as_the_farm_is_fast(service: Service, worker: PeerWorker) -> None:
+def test_first_picture_size_follows_farm_speed(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, spp=1)
         viewer.wait(1, 1)
@@ -88,7 +88,7 @@ def test_the_first_picture_is_as_large_as_the_farm_is_fast(service: Service, wor
 
 
 @pytest.mark.long
-def test_a_newer_view_takes_the_place_of_an_older_one_at_once(service: Service, worker: PeerWorker) -> None:
+def test_newer_view_replaces_older_one(service: Service, worker: PeerWorker) -> None:
     def slow(work: ViewParts, part: Part) -> None:
         time.sleep(0.02)
 
@@ -106,7 +106,7 @@ def test_a_newer_view_takes_the_place_of_an_older_one_at_once(service: Service, 
 
 
 @pytest.mark.long
-def test_a_slow_watcher_gets_fewer_pictures(service: Service, worker: PeerWorker) -> None:
+def test_slow_viewer_gets_fewer_pictures(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.acknowledges = False
         viewer.show(1, spp=64)
@@ -119,7 +119,7 @@ def test_a_slow_watcher_gets_fewer_pictures(service: Service, worker: PeerWorker
 
 
 @pytest.mark.long
-def test_what_makes_no_sense_gets_a_sentence(service: Service, worker: PeerWorker) -> None:
+def test_invalid_view_requests_give_error(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.connection.send("what?")
         viewer.say(id=1, width=0)
@@ -147,7 +147,7 @@ def test_what_makes_no_sense_gets_a_sentence(service: Service, worker: PeerWorke
         viewer.connection.recv(timeout=5)
 
 
-def test_a_failure_is_told_and_the_next_view_goes_on(service: Service, worker: PeerWorker) -> None:
+def test_failed_view_is_reported_and_next_is_rendered(service: Service, worker: PeerWorker) -> None:
     def fail(work: ViewParts, part: Part) -> None:
         if work.settings.seed == 13:
             raise ValueError("The renderer does not like 13.")
@@ -162,7 +162,7 @@ def test_a_failure_is_told_and_the_next_view_goes_on(service: Service, worker: P
 
 
 @pytest.mark.long
-def test_a_worker_that_vanishes_only_costs_its_part(service: Service) -> None:
+def test_parts_of_lost_worker_are_rendered_again(service: Service) -> None:
     with service.worker(name="first") as first:
         scene = service.ready_scene()
         with look(service, scene) as viewer:
@@ -182,7 +182,7 @@ def test_a_worker_that_vanishes_only_costs_its_part(service: Service) -> None:
 
 
 @pytest.mark.long
-def test_several_watchers_share_and_a_hidden_page_costs_nothing(service: Service, worker: PeerWorker) -> None:
+def test_viewers_share_slots_and_hidden_page_uses_none(service: Service, worker: PeerWorker) -> None:
     worker.on_part = lambda work, part: time.sleep(0.002)
     scene = service.ready_scene()
     with look(service, scene) as one, look(service, scene) as other:
@@ -208,7 +208,7 @@ def test_several_watchers_share_and_a_hidden_page_costs_nothing(service: Service
         assert not worker.unwanted, "its key expired meanwhile, and is renewed before anything is handed out"
 
 
-def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, worker: PeerWorker) -> None:
+def test_views_precede_batches_and_end_with_page(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     scene = service.ready_scene()
     job = service.submit(scene, spp=4000, width=256, height=256)
@@ -221,13 +221,13 @@ def test_views_go_before_batches_and_leave_with_a_killed_page(service: Service, 
         worker.on_part = lambda work, part: time.sleep(0.05)
         viewer.connection.socket.close()  # without a closing handshake, like a killed browser
     service.http.delete(f"/api/jobs/{job}").raise_for_status()
-    until(lambda: not left_behind(service), "nothing is left", say=lambda: left_behind(service))
+    until(lambda: not remains_of_views(service), "nothing is left", say=lambda: remains_of_views(service))
     assert service.farm.views._sessions == {}
     assert watch.pixels == 0 and not watch._canvases, "not even in memory"
 
 
 @pytest.mark.long
-def test_a_view_that_is_whole_lets_other_work_through(service: Service) -> None:
+def test_complete_view_shares_slots(service: Service) -> None:
     with service.worker(slots=1) as worker:
         scene = service.ready_scene()
         with look(service, scene) as viewer:
@@ -240,7 +240,7 @@ def test_a_view_that_is_whole_lets_other_work_through(service: Service) -> None:
 
 
 @pytest.mark.long
-def test_a_hand_on_the_sun_sees_the_lights_that_are_prepared(service: Service, worker: PeerWorker) -> None:
+def test_dragging_sun_shows_prepared_lighting(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     before = len(worker.prepared)
     worker.on_prepare = lambda scene: time.sleep(0.2)
@@ -258,7 +258,7 @@ def test_a_hand_on_the_sun_sees_the_lights_that_are_prepared(service: Service, w
 
 
 @pytest.mark.long
-def test_a_light_that_cannot_be_prepared_is_told_once(service: Service, worker: PeerWorker) -> None:
+def test_failed_lighting_is_reported_once(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     tried = []
 
@@ -279,9 +279,7 @@ def test_a_light_that_cannot_be_prepared_is_told_once(service: Service, worker: 
 
 
 @pytest.mark.long
-def test_where_memory_is_full_a_view_waits_for_another_to_leave(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_view_waits_if_memory_is_full(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(memory_limit, "MAX_PIXELS", 96 * 64)
     scene = service.ready_scene()
     with look(service, scene) as other:
@@ -307,7 +305,7 @@ def test_where_memory_is_full_a_view_waits_for_another_to_leave(
 
 
 @pytest.mark.long
-def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> None:
+def test_click_picks_surface(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, view={"eye": [0, 0, 5], "target": [0, 0, 0], "aperture": 0.5, "focus": 3})
         viewer.wait(1, 1)
@@ -324,7 +322,7 @@ def test_a_click_finds_what_lies_there(service: Service, worker: PeerWorker) -> 
 
 
 @pytest.mark.long
-def test_a_click_is_answered_though_another_view_is_asked_for_meanwhile(service: Service, worker: PeerWorker) -> None:
+def test_pick_is_answered_despite_new_view(service: Service, worker: PeerWorker) -> None:
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, spp=2)
         viewer.wait(1, 2)
@@ -348,7 +346,7 @@ def test_a_click_is_answered_though_another_view_is_asked_for_meanwhile(service:
 
 
 @pytest.mark.long
-def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Service, worker: PeerWorker) -> None:
+def test_many_picks_do_not_delay_picture(service: Service, worker: PeerWorker) -> None:
     worker.on_part = lambda work, part: time.sleep(0.02) if work.is_whole else None
     with look(service, service.ready_scene()) as viewer:
         viewer.show(1, spp=8)
@@ -371,7 +369,7 @@ def test_clicks_without_end_neither_pile_up_nor_hold_up_the_picture(service: Ser
 
 
 @pytest.mark.long
-def test_frames_are_prepared_for_the_view_and_let_go_with_it(service: Service, worker: PeerWorker) -> None:
+def test_frames_of_view_are_prepared_and_released(service: Service, worker: PeerWorker) -> None:
     worker.on_frame = lambda frame: b"compiled for frame %d" % frame if frame else None
     scene = service.ready_scene()
     before = blobs(service)
@@ -385,11 +383,11 @@ def test_frames_are_prepared_for_the_view_and_let_go_with_it(service: Service, w
         assert worker.parts[-1][0].compiled in blobs(service)
         until(lambda: not service.farm.views._frames, "nothing is kept of what is answered")
     until(lambda: blobs(service) == before, "what was compiled for them goes", say=lambda: blobs(service) - before)
-    assert not left_behind(service)
+    assert not remains_of_views(service)
 
 
 @pytest.mark.long
-def test_nobody_who_can_render_it_is_said(service: Service) -> None:
+def test_missing_worker_is_reported(service: Service) -> None:
     with service.worker():
         scene = service.ready_scene()
     with look(service, scene) as viewer:
@@ -404,10 +402,10 @@ def test_nobody_who_can_render_it_is_said(service: Service) -> None:
 
 
 @pytest.mark.long
-def test_a_restarted_service_forgets_old_views(service: Service, worker: PeerWorker) -> None:
+def test_restart_discards_views(service: Service, worker: PeerWorker) -> None:
     redis = service.farm.views._redis
     redis.lpush(view_queue("gone"), b"{}")
     redis.rpush(VIEW_ANSWERS, b"old news")
     service.restart()
-    until(lambda: not left_behind(service), "it is forgotten", say=lambda: left_behind(service))
+    until(lambda: not remains_of_views(service), "it is forgotten", say=lambda: remains_of_views(service))
     assert isinstance(service.farm.records, Records)

@@ -37,7 +37,9 @@ def token_of(service: Service, owner: httpx.Client, name: str) -> str:
     return service.farm.access.keys.create("token", name, Role.SUBMIT, "test")[0]
 
 
-def sent(service: Service, token: str, meanwhile: Callable[[], object], path: str, field: bytes = b"files") -> tuple[int, bytes]:
+def upload_and_interrupt(
+    service: Service, token: str, meanwhile: Callable[[], object], path: str, field: bytes = b"files"
+) -> tuple[int, bytes]:
     """Sends an upload to `path`, and calls `meanwhile` after the first part of it; returns (status, response).
 
     field: the name of the form's field with the file.
@@ -60,9 +62,7 @@ def sent(service: Service, token: str, meanwhile: Callable[[], object], path: st
     ("path", "field"), [("/api/scenes", b"files"), ("/api/references", b"file"), ("/api/environments", b"file")]
 )
 @pytest.mark.parametrize("how", ["the user", "the token", "the role"])
-def test_nothing_is_kept_of_an_upload_whose_sender_is_put_out_meanwhile(
-    service: Service, owner: httpx.Client, path: str, field: bytes, how: str
-) -> None:
+def test_upload_with_revoked_token_is_discarded(service: Service, owner: httpx.Client, path: str, field: bytes, how: str) -> None:
     name = f"{how[4:]}{path[5:]}"
     token = token_of(service, owner, name)
     with caller(service, token) as client:
@@ -76,14 +76,12 @@ def test_nothing_is_kept_of_an_upload_whose_sender_is_put_out_meanwhile(
         else:
             owner.patch(f"/api/users/{name}", json={"role": "view"}).raise_for_status()
 
-    status, answer = sent(service, token, put_out, path, field)
+    status, answer = upload_and_interrupt(service, token, put_out, path, field)
     assert status == 401, answer
     assert owner.get("/api/scenes").json() == []
 
 
-def test_an_upload_into_a_project_that_is_closed_to_its_sender_meanwhile_is_not_kept(
-    service: Service, owner: httpx.Client
-) -> None:
+def test_upload_into_lost_project_is_discarded(service: Service, owner: httpx.Client) -> None:
     token = token_of(service, owner, "member")
     for name, close in (
         ("left", lambda: owner.delete("/api/projects/left/members/member")),
@@ -92,12 +90,14 @@ def test_an_upload_into_a_project_that_is_closed_to_its_sender_meanwhile_is_not_
     ):
         owner.post("/api/projects", json={"name": name}).raise_for_status()
         owner.put(f"/api/projects/{name}/members/member", json={"role": "submit"}).raise_for_status()
-        status, answer = sent(service, token, lambda close=close: close().raise_for_status(), f"/api/scenes?project={name}")  # type: ignore[misc]
+        status, answer = upload_and_interrupt(
+            service, token, lambda close=close: close().raise_for_status(), f"/api/scenes?project={name}"
+        )  # type: ignore[misc]
         assert status in (403, 404), answer
     assert owner.get("/api/scenes").json() == []
 
 
-def test_what_is_put_into_a_project_holds_it(service: Service, owner: httpx.Client) -> None:
+def test_upload_prevents_project_deletion(service: Service, owner: httpx.Client) -> None:
     owner.post("/api/projects", json={"name": "held"}).raise_for_status()
     with service.farm.sessions.begin() as session:
         lock_project("held", session)
@@ -107,6 +107,6 @@ def test_what_is_put_into_a_project_holds_it(service: Service, owner: httpx.Clie
         assert session.get(Project, "held") is not None
 
 
-def test_no_key_is_made_for_a_user_who_was_removed_in_the_same_moment(service: Service) -> None:
+def test_no_key_for_concurrently_deleted_user(service: Service) -> None:
     with pytest.raises(NotFound):
         service.farm.access.keys.create("token", "nobody-at-all", Role.SUBMIT, "test")

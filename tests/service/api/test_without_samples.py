@@ -15,7 +15,7 @@ FILES = (
 
 
 @grid("state", ["waits", "gone", "gone and noted", "cancelled"], ordinary=("gone",))
-def test_a_picture_without_samples_is_a_conflict_with_a_sentence(service: Service, worker: PeerWorker, state: str) -> None:
+def test_picture_without_samples_is_409(service: Service, worker: PeerWorker, state: str) -> None:
     scene = service.ready_scene()
     if state in ("waits", "cancelled"):
         worker.on_batch = lambda batch: False  # the batch is never answered

@@ -80,7 +80,7 @@ def told(service: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) 
 
 
 @pytest.mark.long
-def test_a_job_s_end_is_told_signed_and_once(told: Service, receiver: Receiver) -> None:
+def test_end_of_job_is_delivered_signed_and_once(told: Service, receiver: Receiver) -> None:
     with told.worker():
         job = told.submit(told.ready_scene(), name="the night's")
         told.wait_for(job, "finished")
@@ -105,9 +105,7 @@ def test_a_job_s_end_is_told_signed_and_once(told: Service, receiver: Receiver) 
 
 
 @pytest.mark.long
-def test_a_hook_that_is_dead_is_not_tried_by_each_message_that_waits_for_it(
-    told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_failing_hook_is_paused_for_all_messages(told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) -> None:
     receiver.statuses = [500]
     monkeypatch.setattr(outbox, "RETRIES_S", (600.0,) * 7)
     monkeypatch.setattr(outbox, "MAX_HOOK_PAUSE_S", 3.0)
@@ -121,7 +119,7 @@ def test_a_hook_that_is_dead_is_not_tried_by_each_message_that_waits_for_it(
 
 
 @pytest.mark.long
-def test_a_message_whose_time_was_told_by_a_clock_that_was_ahead_is_sent(told: Service, receiver: Receiver) -> None:
+def test_message_with_future_time_is_sent(told: Service, receiver: Receiver) -> None:
     told.patch(told.submit(told.upload()), state="cancelled")
     until(lambda: told.http.get("/api/hooks").json()[0]["arrived"] == 1, "the hook is told")
     with told.farm.sessions.begin() as session:
@@ -131,9 +129,7 @@ def test_a_message_whose_time_was_told_by_a_clock_that_was_ahead_is_sent(told: S
 
 
 @pytest.mark.long
-def test_a_clock_that_is_put_back_keeps_nobody_in_the_dark(
-    told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_clock_set_back_does_not_delay_messages(told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) -> None:
     told.patch(told.submit(told.upload()), state="cancelled")
     until(lambda: len(receiver.got) == 1, "the hook is told")
     real = time.time
@@ -145,7 +141,7 @@ def test_a_clock_that_is_put_back_keeps_nobody_in_the_dark(
 
 
 @pytest.mark.long
-def test_what_does_not_arrive_is_sent_again_under_the_same_id(told: Service, receiver: Receiver) -> None:
+def test_failed_delivery_is_retried_with_same_id(told: Service, receiver: Receiver) -> None:
     receiver.statuses = [500, 302, 204]
     job = told.submit(told.upload())
     told.patch(job, state="cancelled")
@@ -156,7 +152,7 @@ def test_what_does_not_arrive_is_sent_again_under_the_same_id(told: Service, rec
 
 @pytest.mark.long
 @grid(("status", "attempts"), [(500, 8), (410, 1)], ordinary=(410,))
-def test_it_is_given_up_in_the_end(
+def test_delivery_is_abandoned_after_retries(
     told: Service, receiver: Receiver, status: int, attempts: int, caplog: pytest.LogCaptureFixture
 ) -> None:
     caplog.set_level("WARNING")
@@ -169,7 +165,7 @@ def test_it_is_given_up_in_the_end(
 
 
 @pytest.mark.long
-def test_a_new_hook_is_not_told_of_what_ended_before(service: Service, receiver: Receiver) -> None:
+def test_new_hook_gets_no_earlier_events(service: Service, receiver: Receiver) -> None:
     service.patch(service.submit(service.upload()), state="cancelled")
     service.options |= {"webhooks": [receiver.url]}
     service.restart()
@@ -181,7 +177,7 @@ def test_a_new_hook_is_not_told_of_what_ended_before(service: Service, receiver:
     assert service.farm.settings.webhook_secret.startswith("whsec_")
 
 
-def test_a_trial_says_whether_messages_arrive(told: Service, receiver: Receiver) -> None:
+def test_test_message_reports_delivery(told: Service, receiver: Receiver) -> None:
     assert told.http.post("/api/hooks/0/test").status_code == 204
     assert receiver.messages[0]["type"] == "test"
     receiver.statuses = [404]
@@ -191,7 +187,7 @@ def test_a_trial_says_whether_messages_arrive(told: Service, receiver: Receiver)
 
 
 @pytest.mark.long
-def test_a_program_is_run_at_a_job_s_end(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_program_runs_at_end_of_job(service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAYFARM_TOKEN", "the farm's own")
     program = tmp_path / "hook.sh"
     program.write_text("#!/bin/sh\ncd $(dirname $0)\ncat > message\nenv | grep ^RAYFARM_ > variables\nmv message said\n")
@@ -208,7 +204,7 @@ def test_a_program_is_run_at_a_job_s_end(service: Service, tmp_path: Path, monke
     assert "RAYFARM_TOKEN" not in told
 
 
-def test_an_answer_that_trickles_in_is_not_waited_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_hook_response_times_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deliver, "ANSWER_TIMEOUT_S", 0.5)
     over = threading.Event()
     with socket.create_server(("127.0.0.1", 0)) as server:
@@ -231,7 +227,7 @@ def test_an_answer_that_trickles_in_is_not_waited_for(monkeypatch: pytest.Monkey
             thread.join()
 
 
-def test_a_program_may_leave_another_running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_program_may_leave_child_running(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deliver, "RUN_TIMEOUT_S", 20.0)
     program = tmp_path / "hook"
     program.write_text(f"#!/bin/sh\nsleep 40 &\necho $! > {tmp_path}/left\n")
@@ -242,7 +238,7 @@ def test_a_program_may_leave_another_running(tmp_path: Path, monkeypatch: pytest
         os.kill(int((tmp_path / "left").read_text()), signal.SIGKILL)
 
 
-def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_hanging_program_is_killed_with_children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A hook program that hangs is killed together with its child processes.
 
     Otherwise up to eight of these programs would remain for each job, because of retries.
@@ -257,13 +253,13 @@ def test_a_program_that_hangs_is_ended_with_what_it_has_started(tmp_path: Path, 
     until(lambda: not psutil.pid_exists(pid) or psutil.Process(pid).status() == psutil.STATUS_ZOMBIE, "it is ended")
 
 
-def arrived(service: Service) -> list[int]:
+def delivered_counts(service: Service) -> list[int]:
     """Returns the number of messages delivered to each webhook, as the API reports it."""
     return [hook["arrived"] for hook in service.http.get("/api/hooks").json()]
 
 
 @pytest.mark.long
-def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receiver) -> None:
+def test_hanging_hook_does_not_delay_others(service: Service, receiver: Receiver) -> None:
     with socket.create_server(("127.0.0.1", 0)) as server:  # connections are accepted by the system, and never read
         hanging = f"http://127.0.0.1:{server.getsockname()[1]}/"
         service.options["webhooks"] = [hanging, receiver.url]
@@ -275,12 +271,12 @@ def test_a_hook_that_hangs_holds_up_no_other(service: Service, receiver: Receive
             began = time.monotonic()
             service.patch(jobs[1], state="cancelled")
             until(lambda: len(receiver.got) == 2, "the other is told")
-            until(lambda: arrived(service) == [0, 2], "a message that was received is written down as arrived")
+            until(lambda: delivered_counts(service) == [0, 2], "a message that was received is written down as arrived")
             assert time.monotonic() - began < deliver.ANSWER_TIMEOUT_S
 
 
 @pytest.mark.long
-def test_more_ends_than_are_looked_at_at_once_are_told_beside_what_is_late(
+def test_more_ended_jobs_than_one_poll_are_all_reported(
     told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """If more jobs end than one poll reads, the ends of all are delivered.
@@ -302,18 +298,14 @@ def test_more_ends_than_are_looked_at_at_once_are_told_beside_what_is_late(
 
 
 @pytest.mark.long
-def test_a_fault_in_one_message_is_no_reason_to_send_it_for_ever(
-    told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_faulty_message_is_not_retried_forever(told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(outbox, "post", lambda *_: [][0])
     told.patch(told.submit(told.upload()), state="cancelled")
     until(lambda: told.http.get("/api/hooks").json()[0]["given_up"] == 1, "the message is given up")
 
 
 @pytest.mark.long
-def test_a_job_that_is_expected_after_its_deadline_is_told_while_it_is_rendered(
-    told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_late_job_is_reported_while_running(told: Service, receiver: Receiver, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(deadlines, "RELIABLE_AFTER_S", 0.5)
     soon = datetime.now(UTC) + timedelta(hours=1)
     with told.worker() as worker:

@@ -23,7 +23,7 @@ def store(tmp_path: Path) -> BlobFolder:
     return BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
 
 
-def zipped(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
+def zip_bytes(files: dict[str, bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", method) as archive:
         for name, content in files.items():
@@ -43,13 +43,13 @@ def unpack(store: BlobFolder, content: bytes, max_files: int = 10, max_bytes: in
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_every_common_method_is_unpacked(store: BlobFolder, method: int) -> None:
-    assert unpack(store, zipped({"a/scene.obj": OBJ}, method)) == {"a/scene.obj": OBJ}
+def test_common_compression_methods_are_unpacked(store: BlobFolder, method: int) -> None:
+    assert unpack(store, zip_bytes({"a/scene.obj": OBJ}, method)) == {"a/scene.obj": OBJ}
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_an_archive_with_any_byte_wrong_is_whole_or_refused(store: BlobFolder, method: int) -> None:
-    whole = zipped({"scene.obj": OBJ}, method)
+def test_archive_with_damaged_byte_is_intact_or_rejected(store: BlobFolder, method: int) -> None:
+    whole = zip_bytes({"scene.obj": OBJ}, method)
     refused = 0
     places = {*range(0, len(whole), max(1, len(whole) // 40)), *range(0, 60, 2), *range(len(whole) - 80, len(whole), 2)}
     for at in sorted(places):
@@ -65,8 +65,8 @@ def test_an_archive_with_any_byte_wrong_is_whole_or_refused(store: BlobFolder, m
 
 
 @pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
-def test_data_that_its_method_cannot_read_is_said_to_be_damaged(store: BlobFolder, method: int) -> None:
-    whole = bytearray(zipped({"scene.obj": OBJ}, method))
+def test_undecodable_data_is_reported_as_damaged(store: BlobFolder, method: int) -> None:
+    whole = bytearray(zip_bytes({"scene.obj": OBJ}, method))
     start = whole.index(b"scene.obj") + len("scene.obj") + (9 if method == zipfile.ZIP_LZMA else 0)
     whole[start : start + 40] = b"\xff" * 40
     with pytest.raises(Invalid, match="damaged"):
@@ -74,7 +74,7 @@ def test_data_that_its_method_cannot_read_is_said_to_be_damaged(store: BlobFolde
 
 
 @grid("method", [zipfile.ZIP_DEFLATED, zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA], ordinary=(zipfile.ZIP_DEFLATED,))
-def test_a_bomb_is_found_before_it_is_in_memory(store: BlobFolder, method: int) -> None:
+def test_zip_bomb_is_detected_early(store: BlobFolder, method: int) -> None:
     """A zip bomb, zeros in a few kilobytes with a directory that states a small size, is refused before it is in memory."""
     size = 96 << 20
     out = io.BytesIO()
@@ -92,7 +92,7 @@ def test_a_bomb_is_found_before_it_is_in_memory(store: BlobFolder, method: int) 
         tracemalloc.stop()
 
 
-def test_an_honest_file_that_shrinks_so_far_is_told_how_it_gets_in(store: BlobFolder) -> None:
+def test_highly_compressible_file_gets_advice(store: BlobFolder) -> None:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("scene.obj", bytes(17 << 20))
@@ -100,8 +100,8 @@ def test_an_honest_file_that_shrinks_so_far_is_told_how_it_gets_in(store: BlobFo
         unpack(store, out.getvalue())
 
 
-def test_a_directory_of_very_many_files_is_not_read(store: BlobFolder) -> None:
-    entry = zipped({"a.obj": b""})
+def test_oversized_directory_is_not_read(store: BlobFolder) -> None:
+    entry = zip_bytes({"a.obj": b""})
     at = entry.index(b"PK\x01\x02")
     end = entry.index(b"PK\x05\x06")
     directory = entry[at:end] * 100_000
@@ -112,17 +112,17 @@ def test_a_directory_of_very_many_files_is_not_read(store: BlobFolder) -> None:
 
 
 @pytest.mark.parametrize("name", ["/etc/passwd", "../up.obj", "a/../../up.obj", "C:\\scene.obj", "a\nb.obj", "a\u2028b.obj"])
-def test_names_that_mean_another_place_are_refused(store: BlobFolder, name: str) -> None:
+def test_unsafe_paths_are_rejected(store: BlobFolder, name: str) -> None:
     with pytest.raises(Invalid, match="file name"):
-        unpack(store, zipped({name: OBJ}))
+        unpack(store, zip_bytes({name: OBJ}))
 
 
-def test_a_name_with_a_nul_is_refused(store: BlobFolder) -> None:
+def test_name_with_nul_is_rejected(store: BlobFolder) -> None:
     with pytest.raises(Invalid, match="control characters"):
-        unpack(store, zipped({"sceneX.obj": OBJ}).replace(b"sceneX", b"scene\0"))
+        unpack(store, zip_bytes({"sceneX.obj": OBJ}).replace(b"sceneX", b"scene\0"))
 
 
-def test_folders_of_a_zip_by_an_old_program_of_windows_are_folders(store: BlobFolder) -> None:
+def test_backslash_folders_are_folders(store: BlobFolder) -> None:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
         for name in ("set\\", "set\\a.obj", "set\\..\\..\\b.obj"):
@@ -134,9 +134,9 @@ def test_folders_of_a_zip_by_an_old_program_of_windows_are_folders(store: BlobFo
     assert list(unpack(store, out.getvalue().replace(b"set\\..\\..\\", b"set\\one\\2\\"))) == ["set/a.obj", "set/one/2/b.obj"]
 
 
-def test_names_by_backslashes_in_other_encodings_are_unpacked_and_said(store: BlobFolder) -> None:
+def test_names_in_other_encodings_are_unpacked_with_note(store: BlobFolder) -> None:
     name = "木纹.png".encode("gbk")
-    data = zipped({"x\\m.mtl": b"map_Kd t.png", "t___.png": b"png"}).replace(b"t___.png", name)
+    data = zip_bytes({"x\\m.mtl": b"map_Kd t.png", "t___.png": b"png"}).replace(b"t___.png", name)
     notes: list[str] = []
     found = {}
     for path, writer in extract_archive(io.BytesIO(data), "a.zip", store, 9, 999, 9.0, lambda size: None, notes):

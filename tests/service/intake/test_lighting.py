@@ -34,7 +34,7 @@ def service(service_and_worker: tuple[Service, PeerWorker]) -> Service:
     return service_and_worker[0]
 
 
-def rendered(service: Service, scene: str, **environment: Any) -> tuple[dict[str, Any], str | None]:
+def render_with_environment(service: Service, scene: str, **environment: Any) -> tuple[dict[str, Any], str | None]:
     """Renders a job; returns the finished job, and the derived scene that it was rendered from."""
     id = service.submit(scene, environment=environment)
     service.wait_for(id, "finished")
@@ -50,15 +50,17 @@ def scene_of(service: Service, more: bytes) -> str:
 
 
 @pytest.mark.long
-def test_a_light_makes_no_other_scene_and_the_job_says_it(service: Service) -> None:
+def test_lighting_creates_no_listed_scene(service: Service) -> None:
     scene = scene_of(service, b"# light\n")
-    job, lit = rendered(service, scene, sky={"elevation": 30, "azimuth": -240}, strength=2)
+    job, lit = render_with_environment(service, scene, sky={"elevation": 30, "azimuth": -240}, strength=2)
     assert job["scene"] == scene
     assert job["settings"]["environment_strength"] == 2
     assert job["environment"]["sky"] == {"elevation": 30, "azimuth": -240}
-    assert rendered(service, scene, sky={"elevation": 30.0, "azimuth": 120})[1] == lit, "the same sky is prepared once"
-    assert rendered(service, scene, sky={"elevation": 31})[1] not in (lit, None)
-    assert rendered(service, scene, color=[1, 0.5, 0.25])[1] is None, "a colour needs nothing else prepared"
+    assert render_with_environment(service, scene, sky={"elevation": 30.0, "azimuth": 120})[1] == lit, (
+        "the same sky is prepared once"
+    )
+    assert render_with_environment(service, scene, sky={"elevation": 31})[1] not in (lit, None)
+    assert render_with_environment(service, scene, color=[1, 0.5, 0.25])[1] is None, "a colour needs nothing else prepared"
     assert service.http.get("/api/scenes").headers["X-Total-Count"] == str(len(service.http.get("/api/scenes").json()))
     assert [each["id"] for each in service.http.get("/api/scenes").json() if each["name"] == "scene"].count(lit) == 0
     assert service.http.get(f"/api/scenes/{lit}").status_code == 404
@@ -75,7 +77,7 @@ def test_a_light_makes_no_other_scene_and_the_job_says_it(service: Service) -> N
     assert service.http.get(f"/api/scenes/{lit}").status_code == 200, "uploaded so, it is a scene"
 
 
-def test_a_view_asks_for_light_without_a_job_and_holds_it(service_and_worker: tuple[Service, PeerWorker]) -> None:
+def test_view_holds_derived_scene_without_job(service_and_worker: tuple[Service, PeerWorker]) -> None:
     service, worker = service_and_worker
     scene = scene_of(service, b"# view\n")
     lighting = service.farm.lighting
@@ -97,9 +99,9 @@ def test_a_view_asks_for_light_without_a_job_and_holds_it(service_and_worker: tu
 
 
 @pytest.mark.long
-def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) -> None:
+def test_deleted_derived_scene_is_recreated_for_job(service: Service) -> None:
     scene = scene_of(service, b"# again\n")
-    job, lit = rendered(service, scene, sky={"elevation": 20})
+    job, lit = render_with_environment(service, scene, sky={"elevation": 20})
     service.farm.lighting.delete_unused(max_kept=0)
     with service.farm.sessions() as session:
         assert session.get(Scene, lit) is None
@@ -108,7 +110,7 @@ def test_what_was_let_go_is_made_again_for_a_job_that_goes_on(service: Service) 
 
 
 @pytest.mark.long
-def test_only_so_many_stay_that_nobody_needs_and_they_go_with_their_scene(service: Service) -> None:
+def test_unused_derived_scenes_are_limited(service: Service) -> None:
     scene = scene_of(service, b"# many\n")
     before = {each.name for each in (service.options["data"] / "blobs").rglob("*") if each.is_file()}
     for elevation in range(MAX_UNUSED + 3):
@@ -117,7 +119,7 @@ def test_only_so_many_stay_that_nobody_needs_and_they_go_with_their_scene(servic
     with service.farm.sessions() as session:
         rows = session.query(Scene).filter(Scene.of.is_not(None)).count()
     assert rows == MAX_UNUSED
-    _, lit = rendered(service, scene, sky={"elevation": 77})
+    _, lit = render_with_environment(service, scene, sky={"elevation": 77})
     waiting = service.submit(scene, environment={"sky": {"elevation": 77}}, spp=4000)
     assert service.http.delete(f"/api/scenes/{scene}").status_code == 409, "a job needs it"
     service.patch(waiting, state="cancelled")

@@ -9,11 +9,11 @@ from service.intake.names import plain_title
 
 
 @pytest.mark.parametrize("title", ["Küche", "🏠 № 3", "  a  b ", "", "שלום", "क्ष"])
-def test_a_line_of_text_is_a_name(title: str) -> None:
+def test_one_line_of_text_is_valid_name(title: str) -> None:
     assert plain_title(title) == title.strip()
 
 
 @pytest.mark.parametrize("title", ["a\0b", "a\r\nb", "a\tb", "a\x7fb", "a\u2028b", "a\u0085b", "\ud800", "txt.\u202ejbo"])
-def test_more_than_a_line_of_text_is_none(title: str) -> None:
+def test_several_lines_are_no_valid_name(title: str) -> None:
     with pytest.raises(Invalid, match="control characters"):
         plain_title(title)

@@ -21,23 +21,23 @@ INFO = {
 }
 
 
-def resolved(**request: Any) -> RenderSettings:
+def resolved_settings(**request: Any) -> RenderSettings:
     job = Job(request=request)
     resolve(job, Scene(info=INFO), 1 << 20)
     assert job.settings is not None
     return RenderSettings.from_json(job.settings)
 
 
-def test_the_scene_says_what_the_request_leaves_out() -> None:
-    made = resolved(max_depth=5, height=25)
+def test_scene_defaults_fill_request() -> None:
+    made = resolved_settings(max_depth=5, height=25)
     assert (made.width, made.height, made.max_depth, made.ambient) == (50, 25, 5, (0.1, 0.2, 0.3))
-    made = resolved(environment={"color": [1, 2, 3], "strength": 0.5, "rotation": 30, "sky": None})
+    made = resolved_settings(environment={"color": [1, 2, 3], "strength": 0.5, "rotation": 30, "sky": None})
     assert (made.environment, made.environment_strength, made.environment_rotation) == ((1.0, 2.0, 3.0), 0.5, 30.0)
 
 
 @pytest.mark.parametrize("defaults", [{}, {"width": 100, "height": 50, "spp": 9}])
 @pytest.mark.parametrize("ends", [{}, {"spp": 5}, {"noise": 0.1}, {"seconds": 60.0}, {"noise": 0.1, "spp": 7}])
-def test_what_nobody_said_is_the_same_at_a_farm_as_without_one(defaults: dict[str, Any], ends: dict[str, Any]) -> None:
+def test_defaults_are_equal_with_and_without_farm(defaults: dict[str, Any], ends: dict[str, Any]) -> None:
     """Default settings are the same with and without a farm.
 
     Regression: `rayfarm render` stopped at 64 samples for any noise goal, and pictures of a farm had another size.
@@ -56,18 +56,18 @@ def test_what_nobody_said_is_the_same_at_a_farm_as_without_one(defaults: dict[st
 @pytest.mark.parametrize(
     ("camera", "name"), [(None, "front"), ("front", "front"), ("0", "front"), (1, "7"), ("1", "7"), ("7", "7")]
 )
-def test_a_camera_is_meant_by_its_name_or_its_number(camera: str | int | None, name: str) -> None:
-    assert resolved(camera=camera).view.eye == tuple(EYES[name])
+def test_camera_is_selected_by_name_or_number(camera: str | int | None, name: str) -> None:
+    assert resolved_settings(camera=camera).view.eye == tuple(EYES[name])
 
 
 @pytest.mark.parametrize("camera", ["²", "9" * 5000, "1234567", "-1", " 1", "side", "", 2, "2", 10**30])
-def test_a_camera_that_is_not_there_is_answered_with_a_sentence(camera: str | int) -> None:
+def test_missing_camera_raises_settings_error(camera: str | int) -> None:
     """A request for a missing camera raises SettingsError, which fails only this job.
 
     Any other error would be raised again for each waiting job, and stop all jobs.
     """
     with pytest.raises(SettingsError, match=r"^camera is .*(0: front, 1: 7|the scene has 2)") as caught:
-        resolved(camera=camera)
+        resolved_settings(camera=camera)
     assert len(str(caught.value)) < 200
 
 
@@ -75,9 +75,7 @@ def test_a_camera_that_is_not_there_is_answered_with_a_sentence(camera: str | in
     ("asked", "defaults", "shutter"),
     [({"shutter": 0.5}, {}, 0.5), ({}, {"shutter": 0.25}, 0.25), ({"shutter": 0.0}, {"shutter": 0.25}, 0.0), ({}, {}, 0.0)],
 )
-def test_a_still_with_an_open_shutter_is_a_shot_of_one_frame(
-    asked: dict[str, float], defaults: dict[str, float], shutter: float
-) -> None:
+def test_still_with_open_shutter_becomes_shot(asked: dict[str, float], defaults: dict[str, float], shutter: float) -> None:
     job = Job(request=asked)
     resolve(job, Scene(info={"cameras": INFO["cameras"], "defaults": defaults}), 1 << 20)
     assert job.settings is not None

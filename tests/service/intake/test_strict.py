@@ -10,7 +10,7 @@ from service.store.models import Job, Scene
 from tests.helpers import code_of
 
 
-def test_a_strict_job_is_refused_with_all_warnings():
+def test_strict_job_is_rejected_with_all_warnings():
     notes, warnings = [Sentence("several-files", "Several files.")], [Sentence("texture-missing", "A texture is missing.")]
     scene = Scene(notes=notes, info={"warnings": warnings})
     with pytest.raises(SettingsError, match=r"2 warnings into errors: Several files\. A texture is missing$") as error:
@@ -22,7 +22,7 @@ def test_a_strict_job_is_refused_with_all_warnings():
 
 
 @pytest.mark.parametrize("warning", [NO_LIGHTS_WARNING, WEAK_LIGHTS_WARNING])
-def test_light_of_its_own_is_no_guess(warning):
+def test_requested_environment_clears_light_warning(warning):
     scene = Scene(notes=[], info={"warnings": [warning]})
     request = {"strict": True, "environment": {"color": [1, 1, 1]}, "width": 64, "height": 64}
     with pytest.raises(SettingsError) as error:

@@ -45,7 +45,7 @@ def post(service: Service, files: list[tuple[str, bytes]], **fields: str) -> htt
     return service.http.post("/api/scenes", files=[("files", file) for file in files], data=fields)
 
 
-def zipped(files: dict[str, bytes], **options: Any) -> bytes:
+def zip_bytes(files: dict[str, bytes], **options: Any) -> bytes:
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():
@@ -53,7 +53,7 @@ def zipped(files: dict[str, bytes], **options: Any) -> bytes:
     return out.getvalue()
 
 
-def refused(service: Service, status: int, files: list[tuple[str, bytes]], **fields: str) -> str:
+def assert_upload_rejected(service: Service, status: int, files: list[tuple[str, bytes]], **fields: str) -> str:
     """Uploads files, and checks that they are refused with a problem and leave no traces."""
     before = stored(service)
     answer = post(service, files, **fields)
@@ -72,7 +72,7 @@ def files_of(service: Service, answer: httpx.Response) -> dict[str, bytes]:
     return {file["path"]: b"".join(farm.blobs.serve(file["sha256"]).chunks) for file in answer.json()["files"]}
 
 
-def test_files_with_folders_in_their_names(service: Service) -> None:
+def test_upload_with_folders_in_names(service: Service) -> None:
     answer = post(service, [("model/cube.obj", OBJ), ("model/textures/wood.png", b"wood")], name="A cube")
     assert files_of(service, answer) == {"cube.obj": OBJ, "textures/wood.png": b"wood"}
     body = answer.json()
@@ -84,20 +84,20 @@ def test_files_with_folders_in_their_names(service: Service) -> None:
     ("text", "name"),
     [('name: "A still life"\n', "A still life"), ("name: lamp\n", "lamp"), ("# no name\n", "file"), ('name: "a\x07b"\n', "file")],
 )
-def test_a_scene_file_in_yaml_states_the_scenes_name(service: Service, text: str, name: str) -> None:
+def test_yaml_file_states_scene_name(service: Service, text: str, name: str) -> None:
     assert post(service, [("file.yaml", b"shapes: []\n" + text.encode())]).json()["name"] == name
 
 
-def test_a_zip_is_the_scene_that_its_files_are(service: Service) -> None:
+def test_zip_equals_upload_of_its_files(service: Service) -> None:
     files = {"cube.obj": OBJ, "wood.png": b"wood"}
     plain = post(service, list(files.items()))
-    archive = zipped({**{f"cube/{k}": v for k, v in files.items()}, "__MACOSX/cube/._cube.obj": b"x", "cube/.DS_Store": b"x"})
+    archive = zip_bytes({**{f"cube/{k}": v for k, v in files.items()}, "__MACOSX/cube/._cube.obj": b"x", "cube/.DS_Store": b"x"})
     packed = post(service, [("cube.zip", archive)])
     assert files_of(service, packed) == files
     assert packed.json()["id"] == plain.json()["id"]
 
 
-def test_the_same_again_is_the_same_scene_and_is_stored_once(service: Service) -> None:
+def test_equal_upload_gives_same_scene(service: Service) -> None:
     first = post(service, [("same.obj", OBJ + b"# same")])
     before = stored(service)
     again = post(service, [("same.obj", OBJ + b"# same")])
@@ -105,7 +105,7 @@ def test_the_same_again_is_the_same_scene_and_is_stored_once(service: Service) -
     assert stored(service) == before
 
 
-def test_an_environment_and_a_chosen_main(service: Service) -> None:
+def test_environment_and_main_file_are_selected(service: Service) -> None:
     files = [("a.obj", OBJ), ("b.obj", OBJ + b"#"), ("sky.exr", b"sky")]
     answer = post(service, files, main="b.obj", environment="sky.exr")
     assert answer.json()["main"] == "b.obj"
@@ -128,20 +128,22 @@ def test_an_environment_and_a_chosen_main(service: Service) -> None:
         ("x" * 300 + ".obj", "too long"),
     ],
 )
-def test_names_that_could_leave_the_folder(service: Service, name: str, says: str) -> None:
-    assert says in refused(service, 422, [("scene.obj", OBJ), (name, OBJ)])
+def test_unsafe_names_are_rejected(service: Service, name: str, says: str) -> None:
+    assert says in assert_upload_rejected(service, 422, [("scene.obj", OBJ), (name, OBJ)])
     if says != "backslash":  # the folder separator in archives of some programs
-        assert says in refused(service, 422, [("pack.zip", zipped({"scene.obj": OBJ, name: OBJ}))])
+        assert says in assert_upload_rejected(service, 422, [("pack.zip", zip_bytes({"scene.obj": OBJ, name: OBJ}))])
 
 
-def test_no_scene_among_the_files(service: Service) -> None:
-    assert "None of the files is a scene" in refused(service, 422, [("letter.txt", b"hello")])
-    assert "None of the files is a scene" in refused(service, 422, [("letters.zip", zipped({"letter.txt": b"hello"}))])
+def test_upload_without_scene_is_rejected(service: Service) -> None:
+    assert "None of the files is a scene" in assert_upload_rejected(service, 422, [("letter.txt", b"hello")])
+    assert "None of the files is a scene" in assert_upload_rejected(
+        service, 422, [("letters.zip", zip_bytes({"letter.txt": b"hello"}))]
+    )
 
 
-def test_nothing_at_all(service: Service) -> None:
-    assert "empty" in refused(service, 422, [("scene.obj", b"")])
-    assert "empty" in refused(service, 422, [("pack.zip", zipped({}))])
+def test_empty_upload_is_rejected(service: Service) -> None:
+    assert "empty" in assert_upload_rejected(service, 422, [("scene.obj", b"")])
+    assert "empty" in assert_upload_rejected(service, 422, [("pack.zip", zip_bytes({}))])
     empty = service.http.post("/api/scenes", content=b"--x--\r\n", headers={"content-type": "multipart/form-data; boundary=x"})
     assert empty.status_code == 422
     assert "empty" in empty.json()["detail"]
@@ -149,34 +151,36 @@ def test_nothing_at_all(service: Service) -> None:
     assert service.http.post("/api/scenes", json={}).status_code == 415
 
 
-def test_a_file_that_comes_twice(service: Service) -> None:
-    assert "twice" in refused(service, 422, [("scene.obj", OBJ), ("./scene.obj", OBJ)])
+def test_duplicate_file_is_rejected(service: Service) -> None:
+    assert "twice" in assert_upload_rejected(service, 422, [("scene.obj", OBJ), ("./scene.obj", OBJ)])
     with pytest.warns(UserWarning, match="Duplicate"):
         out = io.BytesIO()
         with zipfile.ZipFile(out, "w") as archive:
             archive.writestr("scene.obj", OBJ)
             archive.writestr("scene.obj", OBJ)
-    assert "twice" in refused(service, 422, [("pack.zip", out.getvalue())])
+    assert "twice" in assert_upload_rejected(service, 422, [("pack.zip", out.getvalue())])
 
 
-def test_a_file_that_is_also_a_folder(service: Service) -> None:
+def test_path_as_file_and_folder_is_rejected(service: Service) -> None:
     says = "textures as a file, and also as the folder of textures/a.png"
-    assert says in refused(service, 422, [("scene.obj", OBJ), ("textures", b"x"), ("textures/a.png", b"x")])
-    assert says in refused(service, 422, [("pack.zip", zipped({"scene.obj": OBJ, "textures": b"x", "textures/a.png": b"x"}))])
+    assert says in assert_upload_rejected(service, 422, [("scene.obj", OBJ), ("textures", b"x"), ("textures/a.png", b"x")])
+    assert says in assert_upload_rejected(
+        service, 422, [("pack.zip", zip_bytes({"scene.obj": OBJ, "textures": b"x", "textures/a.png": b"x"}))]
+    )
 
 
-def test_a_main_or_environment_that_is_not_there(service: Service) -> None:
-    assert "main" in refused(service, 422, [("scene.obj", OBJ)], main="other.obj")
-    assert "environment" in refused(service, 422, [("scene.obj", OBJ)], environment="sky.exr")
+def test_missing_main_or_environment_is_rejected(service: Service) -> None:
+    assert "main" in assert_upload_rejected(service, 422, [("scene.obj", OBJ)], main="other.obj")
+    assert "environment" in assert_upload_rejected(service, 422, [("scene.obj", OBJ)], environment="sky.exr")
 
 
-def test_too_many_files(service: Service) -> None:
+def test_too_many_files_are_rejected(service: Service) -> None:
     many = {f"{i}.obj": OBJ for i in range(21)}
-    assert "20 files" in refused(service, 413, list(many.items()))
-    assert "20 are allowed" in refused(service, 413, [("pack.zip", zipped(many))])
+    assert "20 files" in assert_upload_rejected(service, 413, list(many.items()))
+    assert "20 are allowed" in assert_upload_rejected(service, 413, [("pack.zip", zip_bytes(many))])
 
 
-def test_the_files_of_an_upload_are_not_all_open_at_once(tmp_path: Path, service: Service) -> None:
+def test_upload_keeps_few_files_open(tmp_path: Path, service: Service) -> None:
     """The files of an upload are not all open at once, since many textures would use up the process's file descriptors."""
     are_open: list[int] = []
 
@@ -187,7 +191,7 @@ def test_the_files_of_an_upload_are_not_all_open_at_once(tmp_path: Path, service
 
     settings = Settings(data=tmp_path, min_free_bytes=0)
     many = [(f"{i}.png", b"texture %d" % i) for i in range(100)]
-    parts = [*many, ("scene.obj", OBJ), ("more.zip", zipped({f"more/{name}": data for name, data in many}))]
+    parts = [*many, ("scene.obj", OBJ), ("more.zip", zip_bytes({f"more/{name}": data for name, data in many}))]
     head = b'--x\r\nContent-Disposition: form-data; name="files"; filename="%s"\r\n\r\n%s\r\n'
     body = b"".join(head % (name.encode(), data) for name, data in parts) + b"--x--\r\n"
 
@@ -201,8 +205,8 @@ def test_the_files_of_an_upload_are_not_all_open_at_once(tmp_path: Path, service
     assert max(are_open) - before < 50
 
 
-def test_too_many_bytes_by_the_header_and_by_what_comes(service: Service) -> None:
-    assert str(LIMIT) in refused(service, 413, [("scene.obj", b"v" * (LIMIT + 1))])
+def test_too_many_bytes_are_rejected(service: Service) -> None:
+    assert str(LIMIT) in assert_upload_rejected(service, 413, [("scene.obj", b"v" * (LIMIT + 1))])
     before = stored(service)
 
     def lying() -> Iterator[bytes]:
@@ -215,7 +219,7 @@ def test_too_many_bytes_by_the_header_and_by_what_comes(service: Service) -> Non
     assert stored(service) == before
 
 
-def test_two_gigabytes_are_refused_before_they_are_sent(service: Service) -> None:
+def test_oversized_upload_is_rejected_before_transfer(service: Service) -> None:
     head = "POST /api/scenes HTTP/1.1\r\nHost: localhost\r\nContent-Type: multipart/form-data; boundary=x\r\n"
     with socket.create_connection(("127.0.0.1", service.port), timeout=5) as connection:
         connection.sendall(f"{head}Content-Length: {2 << 30}\r\nExpect: 100-continue\r\n\r\n".encode())
@@ -223,7 +227,7 @@ def test_two_gigabytes_are_refused_before_they_are_sent(service: Service) -> Non
     assert answer.startswith(b"HTTP/1.1 413")
 
 
-def test_an_upload_that_breaks_off(service: Service, caplog: pytest.LogCaptureFixture) -> None:
+def test_interrupted_upload_leaves_no_files(service: Service, caplog: pytest.LogCaptureFixture) -> None:
     before = stored(service)
     body = b'--x\r\nContent-Disposition: form-data; name="files"; filename="scene.obj"\r\n\r\nv 0 0 0'
     answer = service.http.post("/api/scenes", content=body, headers={"content-type": "multipart/form-data; boundary=x"})
@@ -237,16 +241,18 @@ def test_an_upload_that_breaks_off(service: Service, caplog: pytest.LogCaptureFi
     assert "fault" not in caplog.text
 
 
-def test_zip_bombs(service: Service) -> None:
-    bomb = zipped({"scene.obj": b"\0" * (30 << 20)})
+def test_zip_bombs_are_rejected(service: Service) -> None:
+    bomb = zip_bytes({"scene.obj": b"\0" * (30 << 20)})
     assert len(bomb) < LIMIT
-    assert "bomb" in refused(service, 413, [("bomb.zip", bomb)])
-    assert "at most" in refused(service, 413, [("bomb.zip", zipped({f"{i}.obj": b"\0" * (15 << 20) for i in range(3)}))])
+    assert "bomb" in assert_upload_rejected(service, 413, [("bomb.zip", bomb)])
+    assert "at most" in assert_upload_rejected(
+        service, 413, [("bomb.zip", zip_bytes({f"{i}.obj": b"\0" * (15 << 20) for i in range(3)}))]
+    )
 
 
-def test_a_bomb_whose_directory_lies(service: Service) -> None:
+def test_zip_bomb_with_false_sizes_is_rejected(service: Service) -> None:
     size = 30 << 20
-    bomb = zipped({"scene.obj": b"\0" * size})
+    bomb = zip_bytes({"scene.obj": b"\0" * size})
     lying = bomb.replace(size.to_bytes(4, "little"), (1000).to_bytes(4, "little"))
     assert lying != bomb
     before = stored(service)
@@ -255,29 +261,29 @@ def test_a_bomb_whose_directory_lies(service: Service) -> None:
     assert stored(service) == before
 
 
-def test_archives_of_other_kinds(service: Service) -> None:
+def test_other_archive_formats_are_rejected(service: Service) -> None:
     link = zipfile.ZipInfo("scene.obj")
     link.external_attr = 0o120777 << 16
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
         archive.writestr(link, "/etc/passwd")
-    assert "symbolic link" in refused(service, 422, [("link.zip", out.getvalue())])
-    plain = zipped({"scene.obj": OBJ})
+    assert "symbolic link" in assert_upload_rejected(service, 422, [("link.zip", out.getvalue())])
+    plain = zip_bytes({"scene.obj": OBJ})
     locked = bytearray(plain)
     locked[6] |= 1
     locked[plain.index(b"PK\x01\x02") + 8] |= 1
-    assert "encrypted" in refused(service, 422, [("locked.zip", bytes(locked))])
-    assert "damaged" in refused(service, 422, [("half.zip", plain[: len(plain) // 2])])
-    assert "damaged" in refused(service, 422, [("text.zip", b"this is no archive")])
+    assert "encrypted" in assert_upload_rejected(service, 422, [("locked.zip", bytes(locked))])
+    assert "damaged" in assert_upload_rejected(service, 422, [("half.zip", plain[: len(plain) // 2])])
+    assert "damaged" in assert_upload_rejected(service, 422, [("text.zip", b"this is no archive")])
 
 
-def test_a_full_disk(tmp_path: Path, redis_server: running_redis) -> None:
+def test_full_disk_rejects_upload(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, min_free_bytes=1 << 60)
-    assert "disk is full" in refused(service, 507, [("scene.obj", OBJ)])
+    assert "disk is full" in assert_upload_rejected(service, 507, [("scene.obj", OBJ)])
     service.stop()
 
 
-def test_what_was_half_written_is_swept_at_the_start(tmp_path: Path, redis_server: running_redis) -> None:
+def test_unfinished_files_are_deleted_at_start(tmp_path: Path, redis_server: running_redis) -> None:
     settings = Settings(data=tmp_path / "data")
     settings.make_folders()
     (settings.data / "tmp" / "blob-abc").write_bytes(b"half")
@@ -286,9 +292,7 @@ def test_what_was_half_written_is_swept_at_the_start(tmp_path: Path, redis_serve
     service.stop()
 
 
-def test_an_upload_that_is_cancelled_before_its_turn_leaves_no_file(
-    tmp_path: Path, service: Service, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_cancelled_queued_upload_leaves_no_files(tmp_path: Path, service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """An upload cancelled while it waits for a thread, as when the service stops, leaves no file."""
     store = BlobFolder(tmp_path / "blobs", tmp_path)
     boundary = "-" * 8
@@ -315,7 +319,7 @@ def test_an_upload_that_is_cancelled_before_its_turn_leaves_no_file(
     assert not staged[0].exists()
 
 
-def test_workers_need_the_token_and_right_hashes(service: Service) -> None:
+def test_blob_uploads_need_token_and_matching_hash(service: Service) -> None:
     sha256 = "2cf24dba5fb0a30e26e83b2ac5b9e29e1b161e5c1fa7425e73043362938b9824"  # SHA-256 of "hello"
     path = f"/api/farm/blobs/{sha256}"
     assert service.http.put(path, content=b"hello").status_code == 401
@@ -331,7 +335,7 @@ def test_workers_need_the_token_and_right_hashes(service: Service) -> None:
     assert (Path(joined["data_dir"]) / "blobs" / "2c" / sha256).read_bytes() == b"hello"
 
 
-def test_deleting_a_scene_deletes_what_only_it_has(service: Service) -> None:
+def test_deleting_scene_deletes_its_exclusive_blobs(service: Service) -> None:
     one = post(service, [("one.obj", OBJ + b"# one"), ("shared.png", b"shared")]).json()
     two = post(service, [("two.obj", OBJ + b"# two"), ("shared.png", b"shared")]).json()
     hashes = {file["path"]: file["sha256"] for file in one["files"]}
@@ -342,7 +346,7 @@ def test_deleting_a_scene_deletes_what_only_it_has(service: Service) -> None:
     assert two["id"] in json.dumps(service.http.get("/api/scenes").json())
 
 
-def test_what_a_scene_lacks_is_added_without_the_rest(service: Service) -> None:
+def test_missing_files_are_added_to_scene(service: Service) -> None:
     mtl = b"newmtl wood\nmap_Kd textures/wood.png\n"
     base = post(service, [("models/a.obj", b"mtllib a.mtl\n" + OBJ), ("models/a.mtl", mtl)], name="Chair").json()
     added = post(service, [("wood.png", b"a picture")], base=base["id"]).raise_for_status().json()
@@ -352,15 +356,17 @@ def test_what_a_scene_lacks_is_added_without_the_rest(service: Service) -> None:
     again = post(service, [("wood.png", b"another")], base=added["id"]).raise_for_status().json()
     assert again["bytes"] == added["bytes"] - 2, "in place of the one of this name"
     assert service.scene(base["id"])["id"] == base["id"], "which stays as it is"
-    assert "There is no scene 'nowhere'" in refused(service, 404, [("wood.png", b"a picture")], base="nowhere")
-    assert "empty" in refused(service, 422, [("wood.png", b"")], base=base["id"])
-    assert "as a file, and also as the folder" in refused(service, 422, [("a.obj/wood.png", b"a picture")], base=base["id"])
-    assert "larger than" in refused(service, 413, [("wood.png", b"x" * (LIMIT - 20))], base=added["id"])
+    assert "There is no scene 'nowhere'" in assert_upload_rejected(service, 404, [("wood.png", b"a picture")], base="nowhere")
+    assert "empty" in assert_upload_rejected(service, 422, [("wood.png", b"")], base=base["id"])
+    assert "as a file, and also as the folder" in assert_upload_rejected(
+        service, 422, [("a.obj/wood.png", b"a picture")], base=base["id"]
+    )
+    assert "larger than" in assert_upload_rejected(service, 413, [("wood.png", b"x" * (LIMIT - 20))], base=added["id"])
     many = [(f"{n}.png", b"%d" % n) for n in range(18)]
-    assert "more than 20 files" in refused(service, 413, many, base=added["id"])
+    assert "more than 20 files" in assert_upload_rejected(service, 413, many, base=added["id"])
 
 
-def test_another_scene_of_an_upload_is_shown_without_sending_it_again(service: Service) -> None:
+def test_other_main_file_needs_no_new_upload(service: Service) -> None:
     base = post(service, [("set/a.obj", OBJ), ("set/b.obj", OBJ + b"# b\n"), ("set/wood.png", b"a picture")]).json()
     other = post(service, [("", b"")], base=base["id"], main="set/b.obj").raise_for_status().json()
     assert (base["main"], other["main"], other["name"]) == ("a.obj", "b.obj", "b")
@@ -368,17 +374,19 @@ def test_another_scene_of_an_upload_is_shown_without_sending_it_again(service: S
     assert other["warnings"][0].startswith("Several scene files were given; b.obj is used."), "and the way back is named"
     assert post(service, [("", b"")], base=other["id"], main="a.obj").json()["id"] == base["id"]
     for name in ("c.obj", "wood.png"):
-        assert refused(service, 422, [("", b"")], base=base["id"], main=name).startswith("main: the scene has no scene file")
+        assert assert_upload_rejected(service, 422, [("", b"")], base=base["id"], main=name).startswith(
+            "main: the scene has no scene file"
+        )
 
 
-def test_the_up_axis_and_the_floor_are_choices_of_a_scene(service: Service) -> None:
+def test_up_axis_and_floor_belong_to_scene(service: Service) -> None:
     files = [("m.obj", OBJ)]
     plain = post(service, files).json()
     assert (plain["up"], plain["floor"]) == (None, None)
     turned = post(service, files, up="z", floor="auto").json()
     assert (turned["up"], turned["floor"]) == ("z", "auto")
     assert turned["id"] != plain["id"] == post(service, files, up="auto", floor="off").json()["id"]
-    assert "possible are" in refused(service, 422, files, up="w")
-    assert "possible are" in refused(service, 422, files, floor="maybe")
+    assert "it must be one of" in assert_upload_rejected(service, 422, files, up="w")
+    assert "it must be one of" in assert_upload_rejected(service, 422, files, floor="maybe")
     gltf = [("m.gltf", b'{"asset": {"version": "2.0"}}')]
-    assert ".gltf files state which axis is up" in refused(service, 422, gltf, up="z")
+    assert ".gltf files state which axis is up" in assert_upload_rejected(service, 422, gltf, up="z")

@@ -46,9 +46,7 @@ def sqlite_alone(databases: Databases) -> None:
 
 
 @pytest.mark.parametrize("name", [pytest.param("copy", marks=pytest.mark.long), "copy.tar.gz"])
-def test_a_half_done_job_is_finished_from_its_backup(
-    service: Service, redis_server: running_redis, tmp_path: Path, name: str
-) -> None:
+def test_unfinished_job_continues_from_backup(service: Service, redis_server: running_redis, tmp_path: Path, name: str) -> None:
     some = threading.Event()
 
     def slow(batch: RenderBatch) -> bool | None:
@@ -90,7 +88,7 @@ def test_a_half_done_job_is_finished_from_its_backup(
 
 
 @pytest.mark.long
-def test_the_next_one_takes_only_what_is_new(service: Service, tmp_path: Path) -> None:
+def test_later_backup_copies_only_new_files(service: Service, tmp_path: Path) -> None:
     target = tmp_path / "copy"
     (service.options["data"] / "webhook-secret").write_text("whsec_")
     with service.worker():
@@ -112,7 +110,7 @@ def test_the_next_one_takes_only_what_is_new(service: Service, tmp_path: Path) -
     assert (tmp_path / "again" / "webhook-secret").read_text() == "whsec_"
 
 
-def test_who_was_logged_in_logs_in_anew_and_tokens_hold(service: Service, tmp_path: Path) -> None:
+def test_restore_ends_sessions_and_keeps_tokens(service: Service, tmp_path: Path) -> None:
     with service.farm.sessions.begin() as session:
         for kind in ("session", "link", "token"):
             session.add(Key(id=kind, hash=kind, kind=kind, user="ada", name="", role="view", created=0.0))
@@ -123,7 +121,7 @@ def test_who_was_logged_in_logs_in_anew_and_tokens_hold(service: Service, tmp_pa
 
 
 @pytest.mark.long
-def test_what_the_farm_lacks_is_named_and_the_rest_is_kept(service: Service, tmp_path: Path) -> None:
+def test_missing_data_is_reported_and_rest_is_backed_up(service: Service, tmp_path: Path) -> None:
     with service.worker():
         jobs = [service.submit(service.ready_scene(), seed=seed) for seed in range(2)]
         for job in jobs:
@@ -138,7 +136,7 @@ def test_what_the_farm_lacks_is_named_and_the_rest_is_kept(service: Service, tmp
     assert (tmp_path / "again" / "films" / f"{jobs[1]}.sqlite").exists()
 
 
-def test_what_is_no_backup_or_no_place_for_one_is_refused(tmp_path: Path) -> None:
+def test_invalid_backups_and_targets_are_rejected(tmp_path: Path) -> None:
     with pytest.raises(NotFound, match="contains no farm"):
         back_up(tmp_path, target_at(tmp_path / "copy", MANIFEST))
     (tmp_path / "mine").mkdir()
@@ -153,7 +151,7 @@ def test_what_is_no_backup_or_no_place_for_one_is_refused(tmp_path: Path) -> Non
     assert not (tmp_path / "again").exists()
 
 
-def small(folder: Path) -> Path:
+def database_backup(folder: Path) -> Path:
     """Creates a data folder with only a database, and backs it up; returns the backup's folder."""
     (folder / "data").mkdir()
     with closing(sqlite3.connect(folder / "data" / "rayfarm.sqlite")) as database, database:
@@ -163,8 +161,8 @@ def small(folder: Path) -> Path:
     return folder / "copy"
 
 
-def test_a_backup_that_was_cut_off_or_damaged_makes_no_farm(tmp_path: Path) -> None:
-    copy = small(tmp_path)
+def test_damaged_or_truncated_backup_is_not_restored(tmp_path: Path) -> None:
+    copy = database_backup(tmp_path)
     restore(copy, tmp_path / "good")
     database = (copy / "rayfarm.sqlite").read_bytes()
     (copy / "rayfarm.sqlite").write_bytes(database[:-1] + b"\1")
@@ -180,7 +178,7 @@ def test_a_backup_that_was_cut_off_or_damaged_makes_no_farm(tmp_path: Path) -> N
 
 
 @pytest.mark.parametrize("name", ["../evil", "/tmp/evil", "films/../../evil.sqlite", "bin/sh", "films/a.sqlite/b"])
-def test_a_tar_file_writes_nowhere_else(tmp_path: Path, name: str) -> None:
+def test_tar_file_cannot_write_outside_folder(tmp_path: Path, name: str) -> None:
     with tarfile.open(tmp_path / "bad.tar", "w") as tar:
         tar.addfile(tarfile.TarInfo(name))
     with pytest.raises(Invalid, match="is not restored"):
@@ -193,8 +191,8 @@ def test_a_tar_file_writes_nowhere_else(tmp_path: Path, name: str) -> None:
         restore(tmp_path / "link.tar", tmp_path / "again")
 
 
-def test_one_that_was_cut_off_in_the_middle_says_so(tmp_path: Path) -> None:
-    small(tmp_path)
+def test_interrupted_backup_is_marked_incomplete(tmp_path: Path) -> None:
+    database_backup(tmp_path)
     back_up(tmp_path / "data", target_at(tmp_path / "copy.tar.gz", MANIFEST))
     whole = (tmp_path / "copy.tar.gz").read_bytes()
     (tmp_path / "cut.tar.gz").write_bytes(whole[: len(whole) // 2])

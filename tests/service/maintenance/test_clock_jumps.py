@@ -15,7 +15,7 @@ from service.store.models import Key
 from tests.service.conftest import new_sqlite
 
 
-def test_a_wall_clock_that_is_put_forward_is_told_from_one_that_goes_on(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_clock_set_forward_is_detected(monkeypatch: pytest.MonkeyPatch) -> None:
     clock, ahead = WallClock(), [0.0]
     real = time.time
     monkeypatch.setattr(time, "time", lambda: real() + ahead[0])
@@ -28,7 +28,7 @@ def test_a_wall_clock_that_is_put_forward_is_told_from_one_that_goes_on(monkeypa
 
 
 @pytest.mark.skipif(not hasattr(time, "CLOCK_BOOTTIME"), reason="this system does not count the time for which it sleeps")
-def test_a_machine_that_slept_has_not_put_its_clock_forward(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_standby_is_no_clock_jump(monkeypatch: pytest.MonkeyPatch) -> None:
     clock, woken = WallClock(), time.time() + 8 * 3600
     slept_to = time.clock_gettime(time.CLOCK_BOOTTIME) + 8 * 3600
     monkeypatch.setattr(time, "time", lambda: woken)
@@ -36,7 +36,7 @@ def test_a_machine_that_slept_has_not_put_its_clock_forward(monkeypatch: pytest.
     assert abs(clock.jumped_s()) < 1
 
 
-def test_retention_waits_after_a_jump_and_after_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_retention_waits_after_clock_jump_and_start(monkeypatch: pytest.MonkeyPatch) -> None:
     pauses: list[float] = []
     jumps = iter([0.0, 40 * DAY_S, 0.0])
     looked: list[int] = []
@@ -57,7 +57,7 @@ def test_retention_waits_after_a_jump_and_after_the_start(monkeypatch: pytest.Mo
     assert looked == [1, 3]
 
 
-def test_a_token_outlives_a_clock_that_was_ahead_for_a_day(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_token_survives_clock_ahead_for_a_day(tmp_path: object, monkeypatch: pytest.MonkeyPatch) -> None:
     engine, sessions = connect(new_sqlite(tmp_path))
     keys = Keys(sessions)
     secret, row = keys.create("token", OWNER, Role.SUBMIT, "nightly", 3600.0)

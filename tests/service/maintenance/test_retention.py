@@ -19,7 +19,7 @@ from service.store.models import Job, Scene
 from tests.service.conftest import OBJ, Service, until
 
 
-def aged(service: Service, **days: float) -> None:
+def set_ages(service: Service, **days: float) -> None:
     """Sets the creation and end times of jobs and scenes, so that they have the given ages in days, by id."""
     for id, age in days.items():
         then = time.time() - age * DAY_S
@@ -64,13 +64,13 @@ def jobs(service: Service) -> list[str]:
         jobs = [service.submit(scene, seed=seed) for seed in range(4)]
         for job in jobs:
             service.wait_for(job, "finished")
-    aged(service, **{job: 40.0 - 10 * n for n, job in enumerate(jobs)}, **{scene: 50})
+    set_ages(service, **{job: 40.0 - 10 * n for n, job in enumerate(jobs)}, **{scene: 50})
     assert service.patch(jobs[0], pinned=True)["pinned"]
     return jobs
 
 
 @pytest.mark.long
-def test_old_films_go_and_are_rendered_again_to_the_same_bits(service: Service, jobs: list[str]) -> None:
+def test_deleted_film_is_rendered_again_with_same_bits(service: Service, jobs: list[str]) -> None:
     digest = service.digest(jobs[1])
     assert would_go(service) == [], "the farm has no rules of its own"
     assert would_go(service, films_days=15) == [("film", jobs[1]), ("film", jobs[2])], "the pinned one stays"
@@ -93,7 +93,7 @@ def test_old_films_go_and_are_rendered_again_to_the_same_bits(service: Service, 
 
 
 @pytest.mark.long
-def test_the_oldest_films_go_until_the_rest_fits(service: Service, jobs: list[str]) -> None:
+def test_oldest_films_are_deleted_until_limit_is_met(service: Service, jobs: list[str]) -> None:
     all_of_them = sum(service.farm.films.size(job) for job in jobs)
     one = service.farm.films.size(jobs[1])
     assert would_go(service, films_bytes=all_of_them) == []
@@ -103,12 +103,12 @@ def test_the_oldest_films_go_until_the_rest_fits(service: Service, jobs: list[st
 
 
 @pytest.mark.long
-def test_compiled_scenes_and_uploads_that_nobody_used_go(service: Service, jobs: list[str]) -> None:
+def test_unused_compiled_scenes_and_uploads_are_deleted(service: Service, jobs: list[str]) -> None:
     scene = service.job(jobs[0])["scene"]
     with service.worker():
         other = service.upload(OBJ + b"# other")
         until(lambda: service.scene(other)["status"] == "ready", "the other is prepared")
-    aged(service, **{other: 30})
+    set_ages(service, **{other: 30})
     rules = {"compiled_days": 5, "uploads_days": 60}
     assert would_go(service, **rules) == [("compiled", other)], "a pinned job needs the first"
     service.patch(jobs[0], pinned=False)
@@ -130,7 +130,7 @@ def test_compiled_scenes_and_uploads_that_nobody_used_go(service: Service, jobs:
 
 
 @pytest.mark.long
-def test_a_farm_goes_by_its_own_rules_by_itself(service: Service, jobs: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_retention_rules_are_applied_automatically(service: Service, jobs: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(retention, "FIRST_RUN_AFTER_S", 0.0)
     service.options["keep_films_days"] = 15
     service.restart()
@@ -142,9 +142,7 @@ def test_a_farm_goes_by_its_own_rules_by_itself(service: Service, jobs: list[str
 
 
 @pytest.mark.long
-def test_a_deletion_is_answered_at_once_and_says_how_far_it_is(
-    service: Service, jobs: list[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_deletion_runs_in_background_with_progress(service: Service, jobs: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     assert service.http.get("/api/retention").status_code == 404
     go, drop = threading.Event(), service.farm.retention._drop_film
 

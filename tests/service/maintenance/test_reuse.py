@@ -36,7 +36,7 @@ def samples_of(worker: PeerWorker, job: str) -> int:
 
 
 @pytest.mark.long
-def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_first(service: Service) -> None:
+def test_equal_job_reuses_all_samples(service: Service) -> None:
     with service.worker() as worker:
         scene = service.ready_scene()
         first = service.submit(scene)
@@ -56,7 +56,7 @@ def test_a_picture_that_is_asked_for_again_is_there_at_once_and_outlasts_the_fir
     assert ("taken", first) in [(event["kind"], event["words"]) for event in events]
 
 
-def test_more_samples_go_on_from_what_is_there_to_the_bits_of_all_at_once(service: Service, worker: PeerWorker) -> None:
+def test_more_samples_reuse_existing_ones_with_same_bits(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     few = service.submit(scene, spp=16)
     service.wait_for(few, "finished", LONG_S)
@@ -71,7 +71,7 @@ def test_more_samples_go_on_from_what_is_there_to_the_bits_of_all_at_once(servic
 
 
 @pytest.mark.long
-def test_what_would_show_in_the_bits_is_not_taken(service: Service, worker: PeerWorker) -> None:
+def test_samples_that_change_bits_are_not_reused(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     service.wait_for(service.submit(scene, spp=16), "finished", LONG_S)
 
@@ -94,7 +94,7 @@ def test_what_would_show_in_the_bits_is_not_taken(service: Service, worker: Peer
 
 
 @pytest.mark.long
-def test_samples_of_another_kind_of_workers_are_not_mixed_in(service: Service) -> None:
+def test_samples_of_other_worker_kind_are_not_reused(service: Service) -> None:
     with service.worker(name="old", kind="old-kernels"):
         scene = service.ready_scene()
         first = service.submit(scene)
@@ -111,7 +111,7 @@ def test_samples_of_another_kind_of_workers_are_not_mixed_in(service: Service) -
 
 
 @pytest.mark.long
-def test_a_finer_end_by_noise_takes_from_a_coarser_one_and_ends_as_alone(service: Service, worker: PeerWorker) -> None:
+def test_lower_noise_goal_reuses_samples_of_higher_one(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     digests = {}
     for noise, fresh in ((0.09, True), (0.05, False), (0.05, True)):
@@ -139,7 +139,7 @@ def expected_frames(frames: str, spp: int = 4) -> list[str]:
 
 
 @pytest.mark.long
-def test_a_shot_that_is_asked_for_again_is_there_at_once_in_whatever_order(service: Service) -> None:
+def test_equal_shot_reuses_all_frames(service: Service) -> None:
     with service.worker() as worker:
         scene = service.ready_scene()
         first = service.submit(scene, **SHOT, frames="0-3")
@@ -155,9 +155,7 @@ def test_a_shot_that_is_asked_for_again_is_there_at_once_in_whatever_order(servi
 
 
 @pytest.mark.long
-def test_a_shot_takes_its_frames_from_several_and_renders_the_others_alone(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_shot_reuses_frames_of_several_jobs(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     scene = service.ready_scene()
     head, tail = (service.submit(scene, **SHOT, frames=frames) for frames in ("0-1", "4"))
     for job in (head, tail):
@@ -181,7 +179,7 @@ def test_a_shot_takes_its_frames_from_several_and_renders_the_others_alone(
 
 
 @pytest.mark.long
-def test_what_would_show_in_a_shot_is_not_taken(service: Service, worker: PeerWorker) -> None:
+def test_shot_samples_that_change_bits_are_not_reused(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     service.wait_for(service.submit(scene, **SHOT, frames="0-1", fps=24), "finished", LONG_S)
 
@@ -199,7 +197,7 @@ def test_what_would_show_in_a_shot_is_not_taken(service: Service, worker: PeerWo
 
 
 @pytest.mark.long
-def test_a_damaged_film_is_not_taken(service: Service, worker: PeerWorker) -> None:
+def test_damaged_film_is_not_reused(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     first = service.submit(scene)
     service.wait_for(first, "finished", LONG_S)

@@ -49,7 +49,7 @@ def candidates(tmp_path: Path, database: str, clock: Time) -> Iterator[Callable[
         candidate.close()
 
 
-def owned(candidate: Candidate) -> Ownership:
+def assert_owner(candidate: Candidate) -> Ownership:
     found = candidate.attempt()
     assert found is not None
     return found
@@ -71,15 +71,13 @@ def wait(candidate: Candidate, clock: Time, seconds: float) -> Ownership | None:
     return None
 
 
-def test_who_comes_first_owns_and_the_other_does_as_soon_as_that_is_given_up(
-    candidates: Callable[..., Candidate], clock: Time
-) -> None:
-    first = owned(candidates())
+def test_first_service_owns_farm_until_release(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = assert_owner(candidates())
     second = candidates()
     assert second.attempt() is None
     first.stop()
     clock.now += 0.5
-    follower = owned(second)
+    follower = assert_owner(second)
     assert follower.epoch > first.epoch
     row = rows.current_owner(follower.sessions)
     assert row is not None
@@ -87,8 +85,8 @@ def test_who_comes_first_owns_and_the_other_does_as_soon_as_that_is_given_up(
 
 
 @pytest.mark.long
-def test_an_owner_that_answers_keeps_the_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+def test_answering_owner_keeps_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = assert_owner(candidates())
     second = candidates()
     for _ in range(100):
         assert second.attempt() is None
@@ -97,18 +95,18 @@ def test_an_owner_that_answers_keeps_the_farm(candidates: Callable[..., Candidat
     assert not first.is_lost
 
 
-def test_an_owner_whose_folder_is_free_is_dead(candidates: Callable[..., Candidate]) -> None:
-    first = owned(candidates())
+def test_owner_with_free_folder_lock_is_dead(candidates: Callable[..., Candidate]) -> None:
+    first = assert_owner(candidates())
     second = candidates()
     first._folder.release()  # as the system does when a process ends
-    follower = owned(second)
+    follower = assert_owner(second)
     row = rows.current_owner(follower.sessions)
     assert row is not None
     assert row.takeovers == 1
 
 
-def test_a_free_folder_says_nothing_of_an_owner_that_never_had_it(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+def test_free_lock_proves_nothing_if_owner_never_held_it(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = assert_owner(candidates())
     move_owner_to_another_machine(first)
     first._folder.release()
     second = candidates()
@@ -121,10 +119,8 @@ def test_a_free_folder_says_nothing_of_an_owner_that_never_had_it(candidates: Ca
     assert row.locked
 
 
-def test_an_owner_that_hangs_is_taken_over_from_and_writes_nothing_any_more(
-    candidates: Callable[..., Candidate], clock: Time
-) -> None:
-    first = owned(candidates())
+def test_hanging_owner_is_replaced_and_fenced(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = assert_owner(candidates())
     move_owner_to_another_machine(first)
     second = candidates()
     begun = clock.now
@@ -143,8 +139,8 @@ def test_an_owner_that_hangs_is_taken_over_from_and_writes_nothing_any_more(
     follower.guard()
 
 
-def test_whoever_stood_still_asks_before_it_acts(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+def test_resumed_owner_checks_ownership_before_acting(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = assert_owner(candidates())
     move_owner_to_another_machine(first)
     first.guard()
     assert wait(candidates(), clock, 3 * LEASE_S) is not None
@@ -155,10 +151,10 @@ def test_whoever_stood_still_asks_before_it_acts(candidates: Callable[..., Candi
     assert first.is_lost
 
 
-def test_alone_it_goes_on_though_the_database_is_away(
+def test_owner_continues_while_database_is_unreachable(
     candidates: Callable[..., Candidate], clock: Time, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    first = owned(candidates())
+    first = assert_owner(candidates())
     looked = []
 
     def away(_: object) -> None:
@@ -175,12 +171,12 @@ def test_alone_it_goes_on_though_the_database_is_away(
         first.guard()
 
 
-def test_it_is_told_once_that_it_has_lost_the_farm(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+def test_loss_of_ownership_is_reported_once(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = assert_owner(candidates())
     told: list[None] = []
     first._on_lost = lambda: told.append(None)
     first._folder.release()
-    second = owned(candidates())
+    second = assert_owner(candidates())
     for _ in range(3):
         first.confirm()
         with pytest.raises(NotOwner):
@@ -192,8 +188,8 @@ def test_it_is_told_once_that_it_has_lost_the_farm(candidates: Callable[..., Can
     assert row.owner is not None, "what is another's is not given up"
 
 
-def test_one_that_does_not_move_answers_nobody(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+def test_owner_without_progress_does_not_answer(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = assert_owner(candidates())
     first._moves = lambda: False
     second = candidates()
     for _ in range(MIN_CHECKS + int(2 * LEASE_S) + 2):
@@ -204,33 +200,33 @@ def test_one_that_does_not_move_answers_nobody(candidates: Callable[..., Candida
     pytest.fail("the second never takes over")
 
 
-def test_another_folder_on_the_same_database_is_refused(candidates: Callable[..., Candidate], clock: Time) -> None:
-    first = owned(candidates())
+def test_other_folder_with_same_database_is_rejected(candidates: Callable[..., Candidate], clock: Time) -> None:
+    first = assert_owner(candidates())
     second = candidates("another")
     assert second.attempt() is None
     first.confirm()
     clock.now += 0.5
-    with pytest.raises(StartupError, match="its films lie in another folder"):
+    with pytest.raises(StartupError, match="with films in another folder"):
         second.attempt()
 
 
-def test_of_two_that_find_it_free_one_gets_it(candidates: Callable[..., Candidate]) -> None:
-    first = owned(candidates())
+def test_only_one_of_two_candidates_gets_farm(candidates: Callable[..., Candidate]) -> None:
+    first = assert_owner(candidates())
     seen = rows.current_owner(first._bare)
     me = candidates()._me
     assert rows.take_ownership(first._bare, seen, me, has_lock=False) is not None
     assert rows.take_ownership(first._bare, seen, me, has_lock=False) is None
 
 
-def test_without_standing_by_it_is_refused_with_a_sentence(tmp_path: Path) -> None:
+def test_second_service_without_standby_is_rejected(tmp_path: Path) -> None:
     first = take_farm(Settings(data=tmp_path), 0.0)
-    with pytest.raises(StartupError, match="Another service works on"):
+    with pytest.raises(StartupError, match="Another service uses"):
         take_farm(Settings(data=tmp_path), 0.0)
     first.stop()
     take_farm(Settings(data=tmp_path), 0.0).stop()
 
 
-def test_a_damaged_database_is_told_in_a_sentence(tmp_path: Path) -> None:
+def test_damaged_database_gives_error(tmp_path: Path) -> None:
     (tmp_path / "rayfarm.sqlite").write_bytes(b"no database" * 1000)
     with pytest.raises(StartupError, match=r"The database is damaged \(file is not a database\). `rayfarm doctor"):
         take_farm(Settings(data=tmp_path), 0.0)

@@ -26,19 +26,19 @@ def silent_for(seconds: float, looks: int) -> tuple[OwnerTimeout, list[float]]:
     return silence, clock
 
 
-def test_it_lasts_for_the_lease_and_no_shorter() -> None:
+def test_timeout_expires_after_lease() -> None:
     assert not silent_for(LEASE_S - 0.01, 12)[0].has_expired
     assert silent_for(LEASE_S + 0.01, 12)[0].has_expired
 
 
-def test_whoever_stood_still_itself_looks_some_times_more() -> None:
+def test_timeout_needs_minimum_number_of_checks() -> None:
     silence, _ = silent_for(1000.0, MIN_CHECKS - 1)
     assert not silence.has_expired
     silence.is_request_due(row())
     assert silence.has_expired
 
 
-def test_an_answer_ends_it_and_it_begins_anew() -> None:
+def test_answer_restarts_timeout() -> None:
     silence, clock = silent_for(LEASE_S - 1.0, 8)
     assert silence.is_request_due(row(answered=1))
     assert silence.has_answered(row(answered=1))
@@ -49,7 +49,7 @@ def test_an_answer_ends_it_and_it_begins_anew() -> None:
     assert not silence.has_expired
 
 
-def test_a_new_owner_was_not_asked_yet() -> None:
+def test_new_owner_needs_new_request() -> None:
     silence, _ = silent_for(LEASE_S + 1.0, 8)
     assert silence.is_request_due(row(epoch=6, answered=1))
     assert not silence.has_answered(row(epoch=6, answered=1)), "that was another's answer"

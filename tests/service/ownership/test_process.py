@@ -29,7 +29,7 @@ def other() -> Iterator[tuple[subprocess.Popen[bytes], dict[str, Any]]]:
     process.communicate()
 
 
-def test_one_that_lives_stands_still_and_is_ended(other: tuple[subprocess.Popen[bytes], dict[str, Any]]) -> None:
+def test_running_stopped_and_killed_process_are_detected(other: tuple[subprocess.Popen[bytes], dict[str, Any]]) -> None:
     process, known = other
     assert not is_gone(known)
     assert not is_stopped(known)
@@ -42,7 +42,7 @@ def test_one_that_lives_stands_still_and_is_ended(other: tuple[subprocess.Popen[
     assert not kill_process(known)
 
 
-def test_another_of_the_same_number_is_another(other: tuple[subprocess.Popen[bytes], dict[str, Any]]) -> None:
+def test_reused_pid_is_detected(other: tuple[subprocess.Popen[bytes], dict[str, Any]]) -> None:
     process, known = other
     earlier = {**known, "started": str(int(known["started"]) - 1)}
     assert is_gone(earlier)
@@ -51,7 +51,7 @@ def test_another_of_the_same_number_is_another(other: tuple[subprocess.Popen[byt
 
 
 @pytest.mark.parametrize("where", ["boot", "numbers"])
-def test_nothing_is_known_of_another_machine(where: str) -> None:
+def test_process_of_other_machine_is_unknown(where: str) -> None:
     elsewhere = {**(this_process() or {}), "pid": 2**22 - 1, where: "another"}
     assert not is_gone(elsewhere)
     assert not is_stopped(elsewhere)

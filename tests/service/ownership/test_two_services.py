@@ -28,7 +28,7 @@ SPP = 3000
 
 
 @pytest.fixture
-def pair(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[tuple[Started, Started]]:
+def two_services(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[tuple[Started, Started]]:
     """Yields (owner, standby); both are started at the same time, and the faster one becomes the owner."""
     both = [Started(tmp_path / "data", name, redis_url=redis_server.url, database_url=database) for name in ("one", "other")]
 
@@ -50,7 +50,7 @@ def states_and_logs(services: list[Started]) -> str:
 
 
 @contextmanager
-def watched(service: Started, job: str) -> Iterator[ClientConnection]:
+def open_viewer(service: Started, job: str) -> Iterator[ClientConnection]:
     """Opens a viewer's WebSocket to a job, and receives its state and some tiles."""
     url = f"{service.url.replace('http', 'ws')}/api/jobs/{job}/live"
     with connect(url, max_size=None, open_timeout=30) as watcher:
@@ -67,7 +67,7 @@ def code_of(watcher: ClientConnection) -> int:
     return closed.value.rcvd.code if closed.value.rcvd is not None else 0
 
 
-def begun(service: Started, worker: PeerWorker) -> str:
+def start_slow_job(service: Started, worker: PeerWorker) -> str:
     """Starts a job that renders slowly; returns its id."""
     worker.on_batch = lambda batch: time.sleep(0.005)
     scene = service.http.post("/api/scenes", files={"files": ("scene.obj", OBJ)}).raise_for_status().json()["id"]
@@ -77,20 +77,18 @@ def begun(service: Started, worker: PeerWorker) -> str:
 
 
 @pytest.mark.long
-def test_one_that_hangs_and_one_that_is_killed_are_taken_over_from(
-    pair: tuple[Started, Started], redis_server: running_redis
-) -> None:
+def test_hanging_and_killed_owners_are_replaced(two_services: tuple[Started, Started], redis_server: running_redis) -> None:
     """The farm moves from a suspended service to the standby, and back when the new owner is killed.
 
     The first service, once resumed, stands by until then. A job renders throughout.
     """
-    first, second = pair
+    first, second = two_services
     assert second.says("/healthz") == "stands by"
     assert "rayfarm_owner 0" in second.http.get("/metrics").text
     with PeerWorker(redis_server.url, second.url, TOKEN) as worker:
-        job = begun(second, worker)  # the standby forwards the request
+        job = start_slow_job(second, worker)  # the standby forwards the request
         assert second.job(job)["samples"] <= first.job(job)["samples"]
-        with watched(second, job) as watcher:
+        with open_viewer(second, job) as watcher:
             first.process.send_signal(signal.SIGSTOP)
             assert second.http.get(f"/api/jobs/{job}").status_code == 200, "who asks waits for whoever takes over"
             assert code_of(watcher) == 1012, "who watched is told to come again"
@@ -120,7 +118,7 @@ def renders_on(service: Started, job: str) -> None:
 
 
 @pytest.mark.long
-def test_whoever_lost_the_farm_in_the_middle_of_a_merge_adds_nothing(
+def test_owner_lost_during_merge_adds_nothing(
     service: Service, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A service that loses the farm between the film's check and its write adds nothing.

@@ -42,7 +42,7 @@ def manifest(service: Service, scene: str) -> dict[str, Any]:
 
 
 @pytest.mark.long
-def test_a_blend_waits_for_a_worker_with_blender_and_then_is_what_that_wrote(service: Service) -> None:
+def test_blend_is_converted_by_worker_with_blender(service: Service) -> None:
     with service.worker(name="plain", tags=()) as plain:
         scene = service.upload(BLEND, "shot.blend")
         until(lambda: service.scene(scene)["step"] == WAITS_FOR_BLENDER, "it is said", say=lambda: service.scene(scene))
@@ -66,7 +66,7 @@ def test_a_blend_waits_for_a_worker_with_blender_and_then_is_what_that_wrote(ser
         assert service.http.get(f"/api/farm/blobs/{SHA256}", headers=headers).content == WRITTEN
 
 
-def test_what_blender_wrote_is_said_in_a_form_that_can_be_kept() -> None:
+def test_invalid_blender_export_is_rejected() -> None:
     file = {"path": "a.yaml", "sha256": SHA256, "size": 3}
     assert converted_files(None) is converted_files({"blend": None}) is None
     found = converted_files({"blend": {"main": "a.yaml", "files": [file]}})

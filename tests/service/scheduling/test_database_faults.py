@@ -15,16 +15,16 @@ from service.errors import Unavailable
 from service.scheduling.records import Records
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
-from tests.service.scheduling.test_faults import film_of, locked, rendered_once, slow, under_way
+from tests.service.scheduling.test_faults import film_of, lock_database, rendered_once, slow, start_job
 
 
 @pytest.mark.long
-def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, worker: PeerWorker) -> None:
+def test_locked_database_does_not_stop_running_jobs(service: Service, worker: PeerWorker) -> None:
     if service.options["database_url"]:
         return  # PostgreSQL has no lock of the whole database
     worker.on_batch = slow
-    job = under_way(service, worker, spp=60)
-    with locked(service.options["data"] / "rayfarm.sqlite"):
+    job = start_job(service, worker, spp=60)
+    with lock_database(service.options["data"] / "rayfarm.sqlite"):
         assert service.job(job)["samples"] < 64 * 48 * 60
         until(lambda: service.http.get("/readyz").status_code == 503, "the service says so", 10)
         assert "database" in service.http.get("/readyz").json()["detail"]
@@ -37,11 +37,11 @@ def test_a_locked_database_stops_no_job_that_is_under_way(service: Service, work
 
 
 @pytest.mark.long
-def test_a_read_only_database(service: Service, worker: PeerWorker) -> None:
+def test_read_only_database(service: Service, worker: PeerWorker) -> None:
     if service.options["database_url"]:
         return
     worker.on_batch = slow
-    job = under_way(service, worker, spp=60)
+    job = start_job(service, worker, spp=60)
     is_read_only = threading.Event()
 
     def obey(connection: Any, *_: Any) -> None:
@@ -68,7 +68,7 @@ def failing_while(flag: threading.Event, method: Any) -> Any:
     return instead
 
 
-def test_a_database_that_is_away_at_the_start_is_a_sentence(
+def test_unreachable_database_at_start_gives_error(
     service: Service, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     service.stop()
@@ -84,7 +84,7 @@ def test_a_database_that_is_away_at_the_start_is_a_sentence(
 
 
 @pytest.mark.long
-def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
+def test_end_of_preparation_is_stored_after_database_fault(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     away = threading.Event()
@@ -99,11 +99,11 @@ def test_the_end_of_a_scene_that_cannot_be_written_down_yet_is_not_lost(
     assert "this is no scene" in service.scene(scene)["error"]
 
 
-def test_a_job_that_is_deleted_before_its_end_is_written_down_leaves_no_film(
+def test_job_deleted_before_end_is_stored_leaves_no_film(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     worker.on_batch = slow
-    job = under_way(service, worker)
+    job = start_job(service, worker)
     away = threading.Event()
     away.set()
     monkeypatch.setattr(Records, "mark_failed", failing_while(away, Records.mark_failed))
@@ -120,11 +120,9 @@ def answers_of(worker: PeerWorker, job: str) -> bool:
 
 
 @pytest.mark.long
-def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_of_unloaded_job_are_kept(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     worker.on_batch = slow
-    job = under_way(service, worker)
+    job = start_job(service, worker)
     service.stop()
     until(lambda: answers_of(worker, job), "the worker answers meanwhile")
     away = threading.Event()
@@ -140,7 +138,7 @@ def test_answers_to_a_job_that_cannot_be_taken_up_yet_are_kept(
     until(lambda: not answers_of(worker, job), "the stream is trimmed")
 
 
-def test_a_character_that_a_database_cannot_have_is_no_fault(service: Service) -> None:
+def test_nul_character_is_no_database_fault(service: Service) -> None:
     """Checks that NUL characters, which PostgreSQL does not accept, are not treated as a fault of the database."""
     assert service.http.get("/api/jobs/%00").status_code == 404
     assert service.http.get("/%00").status_code == 404

@@ -64,7 +64,7 @@ def test_users_get_slot_seconds_by_their_weights(service: Service, worker: PeerW
 
 
 @pytest.mark.long
-def test_no_more_slots_work_on_a_job_or_a_share_than_they_may_have(service: Service) -> None:
+def test_slot_limits_of_jobs_and_shares_are_respected(service: Service) -> None:
     waiting: list[int] = []
     with service.worker(slots=8) as worker:
 

@@ -33,7 +33,7 @@ def film_of(service: Service, job: str) -> Path:
 
 
 @contextmanager
-def locked(path: Path) -> Iterator[None]:
+def lock_database(path: Path) -> Iterator[None]:
     """Holds a write lock on a database file from another connection during the `with` block."""
     other = sqlite3.connect(path, timeout=10, isolation_level=None)
     try:
@@ -43,7 +43,7 @@ def locked(path: Path) -> Iterator[None]:
         other.close()
 
 
-def under_way(service: Service, worker: PeerWorker, **request: Any) -> str:
+def start_job(service: Service, worker: PeerWorker, **request: Any) -> str:
     """Submits a job. Returns its id when it has some samples and is still being rendered."""
     job = service.submit(service.ready_scene(), **{"spp": 30, **request})
     until(lambda: service.job(job)["samples"] > 0, "the job is under way")
@@ -59,10 +59,10 @@ def rendered_once(worker: PeerWorker, job: str) -> bool:
 
 
 @pytest.mark.long
-def test_a_locked_film_waits_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
+def test_locked_film_waits_and_other_jobs_continue(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    held = under_way(service, worker)
-    with locked(film_of(service, held)):
+    held = start_job(service, worker)
+    with lock_database(film_of(service, held)):
         other = service.submit(service.ready_scene(), spp=30, seed=1)
         until(lambda: "is locked" in (service.job(held)["message"] or ""), "the job says what it waits for")
         service.wait_for(other, "finished")
@@ -79,9 +79,9 @@ def test_a_locked_film_waits_and_the_others_go_on(service: Service, worker: Peer
 
 
 @pytest.mark.long
-def test_a_film_without_room_waits_until_there_is_some(service: Service, worker: PeerWorker) -> None:
+def test_film_on_full_disk_waits_for_space(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    full = under_way(service, worker)
+    full = start_job(service, worker)
     file = film_file(service, full)
     file._database.execute(f"PRAGMA max_page_count={file._database.execute('PRAGMA page_count').fetchone()[0]}")
     other = service.submit(service.ready_scene(), spp=30, seed=1)
@@ -95,11 +95,11 @@ def test_a_film_without_room_waits_until_there_is_some(service: Service, worker:
 
 
 @pytest.mark.long
-def test_a_film_that_cannot_be_opened_at_the_start_waits(service: Service, worker: PeerWorker) -> None:
+def test_film_unreadable_at_start_waits(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    job = under_way(service, worker)
+    job = start_job(service, worker)
     service.stop()
-    with locked(film_of(service, job)):
+    with lock_database(film_of(service, job)):
         service.start()
         until(lambda: "is locked" in (service.job(job)["message"] or ""), "the job says what it waits for")
         service.wait_for(service.submit(service.ready_scene(), spp=4, seed=1), "finished")
@@ -127,11 +127,11 @@ def no_table(service: Service, job: str) -> None:
 
 @pytest.mark.long  # tests/service/store/test_lost_films.py tests damage that is repaired automatically
 @pytest.mark.parametrize("spoil", [garbage, no_table])
-def test_a_film_that_is_lost_is_rendered_anew_by_itself(
+def test_lost_film_is_rendered_again_automatically(
     service: Service, worker: PeerWorker, spoil: Callable[[Service, str], None]
 ) -> None:
     worker.on_batch = slow
-    lost = under_way(service, worker, spp=120)
+    lost = start_job(service, worker, spp=120)
     until(lambda: service.farm.records.samples(lost, 0) > 0, "it is written down that the film has some")
     spoil(service, lost)
     service.wait_for(lost, "finished", 60)
@@ -140,9 +140,9 @@ def test_a_film_that_is_lost_is_rendered_anew_by_itself(
 
 
 @pytest.mark.long
-def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to(service: Service, worker: PeerWorker) -> None:
+def test_lost_film_fails_its_job_until_restarted(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    lost = under_way(service, worker)
+    lost = start_job(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
     service.options["film_check_days"] = 0  # disables automatic repair
     garbage(service, lost)
@@ -156,9 +156,9 @@ def test_a_film_that_is_lost_ends_its_own_job_and_is_rendered_anew_when_asked_to
 
 
 @pytest.mark.long
-def test_a_film_that_cannot_be_written_waits_and_keeps_what_it_has(service: Service, worker: PeerWorker) -> None:
+def test_unwritable_film_waits_and_keeps_samples(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    job = under_way(service, worker)
+    job = start_job(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
     database = film_file(service, job)._database
     database.execute("PRAGMA query_only=ON")
@@ -173,9 +173,7 @@ def test_a_film_that_cannot_be_written_waits_and_keeps_what_it_has(service: Serv
 
 @pytest.mark.long
 @pytest.mark.parametrize("spoil", [*(pytest.param(spoil, marks=pytest.mark.long) for spoil in ("missing", "empty")), "damaged"])
-def test_a_finished_picture_that_is_lost_is_rendered_again_when_asked_to(
-    service: Service, worker: PeerWorker, spoil: str
-) -> None:
+def test_lost_finished_picture_is_rendered_again_on_request(service: Service, worker: PeerWorker, spoil: str) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
     service.stop()
@@ -228,7 +226,7 @@ RECORDS = (
 )
 
 
-def test_every_call_to_the_database_may_fail_and_is_made_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_database_call_is_retried(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     service.stop()
     monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
     failed: Counter[str] = Counter()
@@ -249,9 +247,7 @@ FILM = ("load", "coverage", "samples", "bad_samples", "merge", "tile_planes", "t
 
 
 @pytest.mark.long
-def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_every_film_call_is_retried(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bulkhead, "RETRY_S", 0.1)
     failed: Counter[str] = Counter()
     engine = service.farm.engine._thread
@@ -275,11 +271,9 @@ def test_every_call_to_a_film_may_have_to_wait_and_is_made_again(
 
 
 @pytest.mark.long
-def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_bug_in_one_job_fails_only_that_job(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     worker.on_batch = slow
-    one = under_way(service, worker)
+    one = start_job(service, worker)
     other = service.submit(service.ready_scene(), spp=30, seed=1)
     plan = service.farm.engine._scheduler.jobs[one].frames[0].plan
     monkeypatch.setattr(plan, "next_batch", lambda *_: [][0])
@@ -293,7 +287,7 @@ def test_a_fault_of_the_service_in_one_job_ends_that_job_alone(
 
 
 @pytest.mark.long
-def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
+def test_job_deleted_during_loading_delays_no_other(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     """Checks that a job that is deleted while it is being loaded delays no other job.
@@ -320,9 +314,7 @@ def test_a_job_that_is_deleted_while_it_is_taken_up_holds_up_no_other(
 
 @pytest.mark.long
 @grid("camera", ["²", "7" * 5000], ordinary=("²",))
-def test_a_camera_that_is_no_number_is_a_sentence_at_once_or_fails_its_job(
-    service: Service, worker: PeerWorker, camera: str
-) -> None:
+def test_invalid_camera_is_rejected_or_fails_its_job(service: Service, worker: PeerWorker, camera: str) -> None:
     go = threading.Event()
     worker.on_prepare = lambda scene: (go.wait(10), None)[1]
     scene = service.upload()
@@ -336,9 +328,9 @@ def test_a_camera_that_is_no_number_is_a_sentence_at_once_or_fails_its_job(
 
 
 @pytest.mark.long
-def test_settings_of_a_newer_release_end_their_job_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
+def test_settings_of_newer_release_fail_only_their_job(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = slow
-    newer, other = under_way(service, worker), under_way(service, worker, seed=1)
+    newer, other = start_job(service, worker), start_job(service, worker, seed=1)
     service.stop()
     engine, sessions = connect(service.farm.settings.database)
     with sessions.begin() as session:

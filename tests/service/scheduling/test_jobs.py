@@ -15,7 +15,7 @@ from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 
 
-def test_a_job_comes_to_the_very_sums_that_its_samples_have(service: Service, worker: PeerWorker) -> None:
+def test_finished_film_has_expected_sums(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), seed=5)
     done = service.wait_for(job, "finished")
     assert done["progress"] == 1.0
@@ -29,14 +29,14 @@ def test_a_job_comes_to_the_very_sums_that_its_samples_have(service: Service, wo
 
 @pytest.mark.long
 @pytest.mark.parametrize("tile_size", [16, 64])
-def test_the_size_of_tiles_does_not_matter(service: Service, worker: PeerWorker, tile_size: int) -> None:
+def test_tile_size_does_not_change_film(service: Service, worker: PeerWorker, tile_size: int) -> None:
     job = service.submit(service.ready_scene(), tile_size=tile_size)
     service.wait_for(job, "finished")
     assert service.digest(job) == expected_digest()
 
 
 @pytest.mark.long
-def test_more_samples_give_the_bits_of_asking_at_once(service: Service, worker: PeerWorker) -> None:
+def test_adding_samples_gives_same_bits(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), spp=3)
     service.wait_for(job, "finished")
     refused = service.http.patch(f"/api/jobs/{job}", json={"spp": 2})
@@ -47,7 +47,7 @@ def test_more_samples_give_the_bits_of_asking_at_once(service: Service, worker: 
 
 
 @pytest.mark.long
-def test_more_can_be_asked_for_as_so_many_more(service: Service, worker: PeerWorker) -> None:
+def test_samples_can_be_added_by_increment(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), spp=3)
     service.wait_for(job, "finished")
     assert service.patch(job, more=2)["spp"] == 5
@@ -57,7 +57,7 @@ def test_more_can_be_asked_for_as_so_many_more(service: Service, worker: PeerWor
 
 
 @pytest.mark.long
-def test_a_job_by_noise_that_has_converged_gets_more_samples_all_the_same(service: Service, worker: PeerWorker) -> None:
+def test_converged_noise_job_can_get_more_samples(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene(), spp=None, noise=0.5)
     done = service.wait_for(job, "finished")
     assert done["samples"] == 64 * 48 * 32, "the first look at the noise is enough"
@@ -72,7 +72,7 @@ def test_a_job_by_noise_that_has_converged_gets_more_samples_all_the_same(servic
 
 
 @pytest.mark.long
-def test_a_job_by_noise_may_be_told_to_go_on_regardless_while_it_is_rendered(service: Service, worker: PeerWorker) -> None:
+def test_noise_goal_can_be_replaced_while_rendering(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=None, noise=0.0001)
     until(lambda: service.job(job)["samples"] > 0, "the job is under way")
@@ -82,7 +82,7 @@ def test_a_job_by_noise_may_be_told_to_go_on_regardless_while_it_is_rendered(ser
 
 
 @pytest.mark.long
-def test_cancelling_never_takes_back_what_was_told_of_a_job(service: Service, worker: PeerWorker) -> None:
+def test_cancelling_never_reduces_reported_samples(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     scene = service.ready_scene()
     for _ in range(5):
@@ -96,7 +96,7 @@ def test_cancelling_never_takes_back_what_was_told_of_a_job(service: Service, wo
 
 
 @pytest.mark.long
-def test_a_job_by_time_gets_more_samples_when_its_time_is_over(service: Service, worker: PeerWorker) -> None:
+def test_time_limited_job_can_get_more_samples(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=None, seconds=0.5, tile_size=64)
     has = service.wait_for(job, "finished")["samples"] // (64 * 48)
@@ -106,7 +106,7 @@ def test_a_job_by_time_gets_more_samples_when_its_time_is_over(service: Service,
 
 
 @pytest.mark.long
-def test_a_job_waits_for_its_scene(service: Service, worker: PeerWorker) -> None:
+def test_job_waits_for_its_scene(service: Service, worker: PeerWorker) -> None:
     go = threading.Event()
     worker.on_prepare = lambda scene: (go.wait(10), None)[1]
     job = service.submit(service.upload(), camera="overview")
@@ -117,7 +117,7 @@ def test_a_job_waits_for_its_scene(service: Service, worker: PeerWorker) -> None
     assert service.job(job)["settings"]["view"]["fov"] == 60.0
 
 
-def test_a_scene_that_fails_fails_its_jobs_and_refuses_more(service: Service, worker: PeerWorker) -> None:
+def test_failed_scene_fails_its_jobs(service: Service, worker: PeerWorker) -> None:
     scene = service.upload(b"broken")
     first = service.http.post("/api/jobs", json={"scene": scene})
     until(lambda: service.scene(scene)["status"] == "failed", "the scene fails")
@@ -129,7 +129,7 @@ def test_a_scene_that_fails_fails_its_jobs_and_refuses_more(service: Service, wo
     assert "line 1" in refused.json()["detail"]
 
 
-def test_pause_and_cancel_take_hold_within_a_second(service: Service, worker: PeerWorker) -> None:
+def test_pause_and_cancel_take_effect_within_a_second(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.1)
     job = service.submit(service.ready_scene(), spp=500)
     until(lambda: len(worker.batches) > 3, "the job is under way")
@@ -153,7 +153,7 @@ def test_pause_and_cancel_take_hold_within_a_second(service: Service, worker: Pe
 
 
 @pytest.mark.long
-def test_a_higher_priority_goes_first(service: Service, worker: PeerWorker) -> None:
+def test_higher_priority_is_rendered_first(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.03)
     scene = service.ready_scene()
     slow = service.submit(scene, spp=100)
@@ -170,7 +170,7 @@ def test_a_higher_priority_goes_first(service: Service, worker: PeerWorker) -> N
 
 
 @pytest.mark.long
-def test_a_job_whose_kernel_is_compiled_first_says_so(service: Service, worker: PeerWorker) -> None:
+def test_job_reports_kernel_compilation(service: Service, worker: PeerWorker) -> None:
     go = threading.Event()
 
     def compiles(batch: RenderBatch) -> None:
@@ -191,7 +191,7 @@ def test_a_job_whose_kernel_is_compiled_first_says_so(service: Service, worker: 
 
 
 @pytest.mark.long
-def test_jobs_of_one_priority_share_the_workers(service: Service, worker: PeerWorker) -> None:
+def test_jobs_of_equal_priority_share_workers(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     scene = service.ready_scene()
     jobs = [service.submit(scene, spp=200, seed=seed) for seed in range(3)]
@@ -206,7 +206,7 @@ def test_jobs_of_one_priority_share_the_workers(service: Service, worker: PeerWo
 
 
 @pytest.mark.long
-def test_a_time_limit_ends_a_job_with_a_whole_picture(service: Service, worker: PeerWorker) -> None:
+def test_time_limit_ends_job_with_complete_picture(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=None, seconds=1.0)
     done = service.wait_for(job, "finished", timeout=10)
@@ -216,7 +216,7 @@ def test_a_time_limit_ends_a_job_with_a_whole_picture(service: Service, worker: 
 
 
 @pytest.mark.long
-def test_noise_stops_tiles_by_their_own_films(service: Service, worker: PeerWorker) -> None:
+def test_noise_goal_ends_tiles_independently(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     jobs = [service.submit(scene, spp=256, noise=0.09, tile_size=16) for _ in range(2)]
     digests = set()
@@ -229,7 +229,7 @@ def test_noise_stops_tiles_by_their_own_films(service: Service, worker: PeerWork
 
 
 @pytest.mark.long
-def test_a_scene_is_prepared_again_for_workers_of_another_kind(service: Service) -> None:
+def test_scene_is_prepared_for_each_worker_kind(service: Service) -> None:
     with service.worker(kind="old"):
         scene = service.ready_scene()
     with service.worker(kind="new", name="new-one") as new:
@@ -242,7 +242,7 @@ def test_a_scene_is_prepared_again_for_workers_of_another_kind(service: Service)
 
 
 @pytest.mark.long
-def test_a_job_does_not_mix_kinds(service: Service) -> None:
+def test_job_does_not_mix_worker_kinds(service: Service) -> None:
     with service.worker(kind="old") as old:
         old.on_batch = lambda batch: time.sleep(0.1)
         job = service.submit(service.ready_scene(), spp=100)
@@ -253,7 +253,7 @@ def test_a_job_does_not_mix_kinds(service: Service) -> None:
 
 
 @pytest.mark.long
-def test_deleting_a_job_removes_its_film(service: Service, worker: PeerWorker) -> None:
+def test_deleting_job_removes_film(service: Service, worker: PeerWorker) -> None:
     job = service.submit(service.ready_scene())
     service.wait_for(job, "finished")
     film = service.options["data"] / "films" / f"{job}.sqlite"
@@ -264,7 +264,7 @@ def test_deleting_a_job_removes_its_film(service: Service, worker: PeerWorker) -
 
 
 @pytest.mark.long
-def test_a_rectangle_is_rendered_first_and_changes_no_bit(service: Service, worker: PeerWorker) -> None:
+def test_focus_rectangle_is_first_and_changes_no_bit(service: Service, worker: PeerWorker) -> None:
     """Checks that a job whose focus rectangle is rendered first ends with the same digest as a job without one.
 
     The rectangle survives a restart of the service.

@@ -64,7 +64,7 @@ def finish(service: Service) -> None:
 
 @pytest.mark.long
 @pytest.mark.timeout(200)
-def test_sums_of_a_machine_come_as_one_and_none_is_rendered_twice(service: Service, machines: Machines) -> None:
+def test_joint_sums_arrive_as_one_result(service: Service, machines: Machines) -> None:
     finish(service)
     counts = service.farm.engine.snapshot.counts
     assert max(machines.runs) > 1
@@ -74,7 +74,7 @@ def test_sums_of_a_machine_come_as_one_and_none_is_rendered_twice(service: Servi
 
 
 @pytest.mark.timeout(200)
-def test_what_is_lost_or_comes_in_pieces_or_twice_is_in_the_film_once(service: Service, machines: Machines) -> None:
+def test_lost_partial_and_duplicate_results_are_merged_once(service: Service, machines: Machines) -> None:
     seen: list[str] = []
 
     def trouble(machine: Any, run: Run) -> bool:
@@ -107,7 +107,7 @@ JOINT: dict[str, Any] = {
 }
 
 
-def test_each_batch_is_known_by_its_own_id() -> None:
+def test_each_joint_batch_has_its_own_id() -> None:
     message = parse_message(Entry(b"1-0", Result(JOINT, b"sums")))
     assert isinstance(message, BatchDone)
     assert [tuple(piece) for piece in message.pieces] == [("a", 4, 2, 0.5, ""), ("b", 6, 3, 0.25, "")]
@@ -116,6 +116,6 @@ def test_each_batch_is_known_by_its_own_id() -> None:
 @pytest.mark.parametrize(
     "parts", [[], [["a", 4, 2, 0.5]], [["a", 4, 2, 0.5], ["b", 7, 2, 0.5]], [["a", 4, 5, -1]], [["", 4, 5, 1]], [["a", 4, 5]], 7]
 )
-def test_batches_that_are_not_all_of_the_samples_are_left_out(parts: Any) -> None:
+def test_incomplete_joint_result_is_rejected(parts: Any) -> None:
     with pytest.raises(Unusable):
         parse_message(Entry(b"1-0", Result({**JOINT, "parts": parts}, b"sums")))

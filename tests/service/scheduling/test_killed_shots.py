@@ -119,15 +119,15 @@ class KillableService:
 
 
 @pytest.fixture
-def mortal(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[KillableService]:
+def killable(tmp_path: Path, redis_server: running_redis, database: str) -> Iterator[KillableService]:
     farm = KillableService(tmp_path / "data", redis_server.url, database)
     yield farm
     farm.service.end()
     farm.database_reader.close()
 
 
-def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: KillableService) -> None:
-    farm = mortal
+def test_accepted_change_is_completed_after_kill(killable: KillableService) -> None:
+    farm = killable
     scene, database_reader = farm.scene(), farm.database_reader
     in_the_midst = 0
 
@@ -177,12 +177,12 @@ def test_what_a_killed_service_had_accepted_is_done_by_the_next(mortal: Killable
     assert in_the_midst >= 6, "most of the nine kills came while the request was under way"
 
 
-def test_several_clients_at_once_leave_every_shot_whole(mortal: KillableService) -> None:
+def test_concurrent_clients_keep_shots_consistent(killable: KillableService) -> None:
     """Checks that concurrent changes by several clients leave both shots in a consistent state.
 
     The clients add samples, render frames again, set priorities, cancel, resume and delete.
     """
-    farm = mortal
+    farm = killable
     scene, database_reader = farm.scene(), farm.database_reader
     kept, gone = (farm.shoot(scene).raise_for_status().json()["id"] for _ in range(2))
     counter = itertools.count(5)
@@ -237,10 +237,8 @@ def test_several_clients_at_once_leave_every_shot_whole(mortal: KillableService)
     assert farm.service.process.poll() is None
 
 
-def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(
-    mortal: KillableService, redis_server: running_redis
-) -> None:
-    farm = mortal
+def test_highest_priority_shot_is_rendered_first(killable: KillableService, redis_server: running_redis) -> None:
+    farm = killable
     scene = farm.scene()
     shots = [farm.shoot(scene, spp=1).raise_for_status().json()["id"] for _ in range(3)]
     for shot in shots:
@@ -256,7 +254,7 @@ def test_of_several_long_shots_the_one_of_the_highest_priority_is_rendered(
 
 
 @contextmanager
-def rendering(mortal: KillableService, redis_server: running_redis, rendered: list[str]) -> Iterator[None]:
-    with PeerWorker(redis_server.url, mortal.service.url, TOKEN) as worker:
+def rendering(killable: KillableService, redis_server: running_redis, rendered: list[str]) -> Iterator[None]:
+    with PeerWorker(redis_server.url, killable.service.url, TOKEN) as worker:
         worker.on_batch = lambda batch: rendered.append(batch.job)
         yield

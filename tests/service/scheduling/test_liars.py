@@ -20,7 +20,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 LONG_S = 120.0
 
 
-def spoilt(batch: RenderBatch, how: str) -> bytes:
+def damaged_sums(batch: RenderBatch, how: str) -> bytes:
     sums = expected_sums(batch.tile, batch.first, batch.count, batch.settings.seed)
     if how == "too heavy":
         sums[SAMPLES] += 1
@@ -31,12 +31,12 @@ def spoilt(batch: RenderBatch, how: str) -> bytes:
 
 
 @grid("how", ["too heavy", "below nothing", "cut off"], ordinary=("cut off",))
-def test_who_sends_what_is_no_batch_is_set_aside(service: Service, how: str) -> None:
+def test_worker_with_invalid_sums_is_quarantined(service: Service, how: str) -> None:
     with service.worker(name="good") as good, service.worker(name="bad") as bad:
 
         def lie(batch: RenderBatch) -> bool:
             event = {"type": "batch", **bad._about(batch), "seconds": 0.01, "bad": [], "bad_count": 0}
-            bad.send(event, spoilt(batch, how))
+            bad.send(event, damaged_sums(batch, how))
             return False
 
         bad.on_batch = lie
@@ -59,10 +59,10 @@ def test_who_sends_what_is_no_batch_is_set_aside(service: Service, how: str) -> 
 
 
 @pytest.mark.long
-def test_one_alone_that_sends_nothing_of_use_ends_its_job_with_a_sentence(service: Service, worker: PeerWorker) -> None:
+def test_only_worker_with_invalid_sums_fails_job(service: Service, worker: PeerWorker) -> None:
     def lie(batch: RenderBatch) -> bool:
         event = {"type": "batch", **worker._about(batch), "seconds": 0.01, "bad": [], "bad_count": 0}
-        worker.send(event, spoilt(batch, "nothing"))
+        worker.send(event, damaged_sums(batch, "nothing"))
         return False
 
     worker.on_batch = lie
@@ -75,7 +75,7 @@ def test_one_alone_that_sends_nothing_of_use_ends_its_job_with_a_sentence(servic
 
 
 @pytest.mark.long
-def test_news_by_the_batch_of_another_job_or_of_other_samples_keep_nobody_waiting(service: Service, worker: PeerWorker) -> None:
+def test_answers_with_foreign_batch_ids_delay_no_job(service: Service, worker: PeerWorker) -> None:
     types = ["batch", "batch-failed", "batch-returned"]
     held: list[RenderBatch] = []
 
@@ -104,7 +104,7 @@ def test_news_by_the_batch_of_another_job_or_of_other_samples_keep_nobody_waitin
 
 
 @pytest.mark.long
-def test_times_that_are_not_so_starve_nobody(service: Service, worker: PeerWorker) -> None:
+def test_false_rendering_times_starve_no_job(service: Service, worker: PeerWorker) -> None:
     def lie(batch: RenderBatch) -> bool:
         seconds = 80000.0 if batch.first % 2 else 1e-12
         event = {"type": "batch", **worker._about(batch), "seconds": seconds, "bad": [], "bad_count": 0}
@@ -121,7 +121,7 @@ def test_times_that_are_not_so_starve_nobody(service: Service, worker: PeerWorke
 
 
 @pytest.mark.long
-def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, worker: PeerWorker) -> None:
+def test_false_denoised_blob_is_rejected_and_not_deleted(service: Service, worker: PeerWorker) -> None:
     """Checks that an upload is not deleted if a worker names it as its denoised picture.
 
     A blob that does not have the size of the picture is refused.
@@ -166,7 +166,7 @@ def test_a_denoised_picture_is_no_other_file_and_deletes_none(service: Service, 
 
 
 @pytest.mark.long
-def test_what_several_or_nobody_sent_is_not_taken_where_batches_are_looked_at(service: Service) -> None:
+def test_verified_job_needs_exactly_one_sender(service: Service) -> None:
     """Checks that a job with verification refuses samples of several or unknown senders, which could not be removed later."""
     with service.worker(name="good") as good, service.worker(name="bad") as bad:
 

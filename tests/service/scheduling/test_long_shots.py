@@ -27,7 +27,7 @@ class KilledError(Exception):
     """Simulates the end of the process."""
 
 
-def shoot(service: Service, scene: str, frames: str = f"0-{LAST}", key: str = "") -> Any:
+def submit_shot(service: Service, scene: str, frames: str = f"0-{LAST}", key: str = "") -> Any:
     headers = {"Idempotency-Key": key} if key else {}
     return service.http.post("/api/jobs", json={"scene": scene, "frames": frames, **SIZE}, headers=headers)
 
@@ -53,9 +53,7 @@ def scene(service: Service) -> str:
 
 
 @pytest.mark.long
-def test_what_is_done_in_parts_comes_to_what_is_done_at_once(
-    service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_change_in_portions_equals_single_transaction(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     changes: list[dict[str, Any]] = [
         {"extend": "100-170"},
         {"more": 3, "frames": "10-90"},
@@ -68,7 +66,7 @@ def test_what_is_done_in_parts_comes_to_what_is_done_at_once(
     jobs = []
     for parts in (PARTS, 10_000):
         monkeypatch.setattr(frame_changes, "AT_A_TIME", parts)
-        made = shoot(service, scene).raise_for_status().json()
+        made = submit_shot(service, scene).raise_for_status().json()
         jobs.append(made["id"])
         assert (made["shot"]["count"], made["shot"]["frames"], made["shot"]["states"]) == (120, "0-119", {"queued": 120})
         with service.farm.sessions.begin() as session:
@@ -91,9 +89,7 @@ def test_what_is_done_in_parts_comes_to_what_is_done_at_once(
 
 
 @pytest.mark.long
-def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
-    service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_accepted_change_is_completed_after_restart(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_changes, "AT_A_TIME", PARTS)
     parts, next_part = [0], FrameChanges._apply_next
 
@@ -105,10 +101,10 @@ def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
 
     with monkeypatch.context() as patched:
         patched.setattr(FrameChanges, "_apply_next", some)
-        assert shoot(service, scene, key="once").status_code == 500
+        assert submit_shot(service, scene, key="once").status_code == 500
         service.stop()
     service.start()
-    job = shoot(service, scene, key="once").raise_for_status().json()["id"]
+    job = submit_shot(service, scene, key="once").raise_for_status().json()["id"]
     until(lambda: is_at_rest(service, job), "it is taken up")
     assert [row[:3] for row in rows(service, job)] == [(2 * n, 0, 4 * 16 * 16) for n in range(LAST + 1)]
     with service.farm.sessions() as session:
@@ -125,10 +121,10 @@ def test_a_request_that_a_killed_service_has_accepted_is_fulfilled_by_the_next(
 
 
 @pytest.mark.long
-def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_interrupted_deletion_is_completed(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(frame_changes, "AT_A_TIME", PARTS)
     monkeypatch.setattr("service.maintenance.deleting.AT_A_TIME", PARTS)
-    job = shoot(service, scene).raise_for_status().json()["id"]
+    job = submit_shot(service, scene).raise_for_status().json()["id"]
 
     def killed(self: FrameChanges, began: float) -> None:
         raise KilledError
@@ -146,9 +142,7 @@ def test_a_job_whose_deletion_was_cut_short_goes(service: Service, scene: str, m
 
 
 @pytest.mark.long
-def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
-    service: Service, scene: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_long_shot_is_loaded_in_steps(service: Service, scene: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.scheduling.loading.ROUND_PROCESSOR_S", -1.0)  # one step per round
     monkeypatch.setattr("service.scheduling.records.AT_A_TIME", 10)
     monkeypatch.setattr("service.scheduling.jobs.active_job.FRAMES_PER_STEP", 10)
@@ -163,7 +157,7 @@ def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
 
     other_done, may_go_on = threading.Event(), threading.Event()
     monkeypatch.setattr(Loading, "continue_loading", slowly)
-    shot = shoot(service, scene).raise_for_status().json()["id"]
+    shot = submit_shot(service, scene).raise_for_status().json()["id"]
     until(lambda: len(rounds) > 2, "it is begun to be taken up")
     assert shot not in service.farm.engine.snapshot.jobs
     assert service.patch(shot, priority=7, name="later")["priority"] == 7
@@ -178,8 +172,8 @@ def test_a_long_shot_is_taken_up_in_steps_between_which_others_are_rendered(
     assert service.job(shot)["shot"]["states"] == {"finished": LAST + 1}
 
 
-def test_frames_come_in_pages_and_by_their_state(service: Service, scene: str) -> None:
-    job = shoot(service, scene, "0-30").raise_for_status().json()["id"]
+def test_frames_are_paginated_and_filtered_by_state(service: Service, scene: str) -> None:
+    job = submit_shot(service, scene, "0-30").raise_for_status().json()["id"]
     path = f"/api/jobs/{job}/frames"
     every = service.http.get(path).raise_for_status().json()
     assert [frame["number"] for frame in every] == list(range(31))

@@ -148,7 +148,7 @@ def crowd(tmp_path: Path, redis_server: running_redis, database: str) -> Iterato
 
 
 @pytest.mark.long
-def test_whatever_four_people_and_an_administrator_do_every_picture_is_right(crowd: Crowd) -> None:
+def test_concurrent_users_get_correct_pictures(crowd: Crowd) -> None:
     service, access = crowd.service, crowd.service.farm.access
     acting = [threading.Thread(target=crowd.act_as_administrator, args=[0])]
     for number, name in enumerate(PEOPLE, 1):

@@ -88,7 +88,7 @@ FIELDS = st.one_of(
 )  # fmt: skip
 
 
-def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: Service, worker: PeerWorker) -> None:
+def test_arbitrary_messages_do_not_change_picture(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(scene, spp=40)
@@ -117,7 +117,7 @@ def test_whatever_workers_say_is_put_aside_and_the_picture_is_the_same(service: 
 
 
 @pytest.mark.long
-def test_a_still_is_not_failed_by_news_of_a_frame(service: Service, worker: PeerWorker) -> None:
+def test_frame_failure_message_does_not_fail_still(service: Service, worker: PeerWorker) -> None:
     """Checks that a message about a failed frame does not fail the only frame of a still image.
 
     Otherwise the job would never end.
@@ -137,7 +137,7 @@ def test_a_still_is_not_failed_by_news_of_a_frame(service: Service, worker: Peer
 POISON = {**INFO, "blend": {"main": "x", "files": [{**REF, "parts": 5}]}}
 
 
-def test_a_message_that_made_the_engine_loop_is_put_aside_also_after_a_restart(service: Service) -> None:
+def test_looping_message_goes_to_dead_letters_after_restart(service: Service) -> None:
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         scenes = ("nosuch", service.upload())
         service.stop()
@@ -152,7 +152,7 @@ def test_a_message_that_made_the_engine_loop_is_put_aside_also_after_a_restart(s
 
 @pytest.mark.long
 @pytest.mark.parametrize("where", ["merge", "note"])
-def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
+def test_error_with_one_batch_dispatches_it_again(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch, where: str
 ) -> None:
     """Checks that a batch whose result raises an error in the service is dispatched again and stops no other batch.
@@ -180,7 +180,7 @@ def test_a_fault_with_one_batch_hands_it_out_again_and_stops_no_other(
 
 
 @pytest.mark.long
-def test_a_validator_with_a_bug_puts_aside_what_it_looks_at(
+def test_message_that_crashes_validator_goes_to_dead_letters(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     is_sha256 = messages.is_sha256
@@ -197,7 +197,7 @@ def test_a_validator_with_a_bug_puts_aside_what_it_looks_at(
     assert service.farm.engine.snapshot.counts["put_aside"] == 1
 
 
-def test_the_thumbnail_of_a_ready_scene_is_stored_once(service: Service, worker: PeerWorker) -> None:
+def test_thumbnail_of_ready_scene_is_stored_once(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     about = {"type": "thumbnail-made", "kind": "test-kind", "worker": "odd"}
     worker.send({**about, "scene": "nosuch", "thumbnail": REF})
@@ -214,7 +214,7 @@ def test_the_thumbnail_of_a_ready_scene_is_stored_once(service: Service, worker:
 
 
 @pytest.mark.long
-def test_keys_of_another_type_are_repaired(service: Service, worker: PeerWorker) -> None:
+def test_keys_of_wrong_type_are_repaired(service: Service, worker: PeerWorker) -> None:
     store = worker.redis
 
     def spoil(batch: RenderBatch) -> None:
@@ -236,7 +236,7 @@ def test_keys_of_another_type_are_repaired(service: Service, worker: PeerWorker)
 
 
 @pytest.mark.long
-def test_a_stream_at_its_last_id_is_begun_anew(service: Service, worker: PeerWorker) -> None:
+def test_exhausted_stream_ids_are_reset(service: Service, worker: PeerWorker) -> None:
     worker.redis.xadd(RESULTS, {"event": "{}"}, id="18446744073709551615-18446744073709551615")
     job = service.submit(service.ready_scene(), spp=4)
     service.wait_for(job, "finished", 60)
@@ -245,7 +245,7 @@ def test_a_stream_at_its_last_id_is_begun_anew(service: Service, worker: PeerWor
 
 @given(st.binary(max_size=50) | st.builds(lambda value: json.dumps(value).encode(), ODD))
 @settings(suppress_health_check=list(HealthCheck), deadline=None)
-def test_whatever_lies_under_the_keys_of_workers_is_no_fault(service: Service, value: bytes) -> None:
+def test_arbitrary_worker_keys_are_tolerated(service: Service, value: bytes) -> None:
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         for key in (worker_key("odd"), offer_key("odd"), vitals_key("odd"), site_key("odd"), b"rayfarm:worker:\xff"):
             store.set(key, value)

@@ -30,7 +30,7 @@ SLOTS = 200
 
 @pytest.mark.long
 @pytest.mark.timeout(300)
-def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_batch_is_repeated_during_backlog(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks that no batch is rendered twice if the disk is slow and results wait longer than the timeout of their batches."""
     add = FilmFile.add
 
@@ -57,7 +57,7 @@ def test_nothing_is_rendered_twice_while_results_pile_up(service: Service, monke
 
 
 @pytest.mark.long
-def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_suspended_workers_keep_their_batches(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks that suspended workers keep their batches after their reports expired, since they are still connected to Redis."""
     monkeypatch.setattr(slots_module, "HEARTBEAT_TTL_S", 1)
     sums, samples = of_one_sample(expected_sums(Tile(0, 0, TILE, TILE), 0, 4, 0)), 40
@@ -93,7 +93,7 @@ def test_slots_that_are_starved_of_a_processor_lose_nothing(service: Service, mo
 
 
 @pytest.mark.long
-def test_no_straggler_is_tried_by_another_while_there_is_other_work(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_stragglers_are_not_duplicated_while_work_remains(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Scheduler, "_has_idle_slots", lambda self, kind: True)
     monkeypatch.setattr(LostLeaseFinder, "_verdict", lambda self, lease, *_: None if lease.doubled else LossVerdict.LATE)
     slots = Slots(

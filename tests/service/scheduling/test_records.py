@@ -35,7 +35,7 @@ def active(spp: int) -> Any:
     return SimpleNamespace(id="job", spp=spp, noise=None, seconds=None, shot=None, active_s=1.5)
 
 
-def test_a_job_to_which_samples_were_added_is_not_finished(records: Records) -> None:
+def test_job_with_added_samples_is_not_finished(records: Records) -> None:
     assert not records.mark_finished(active(spp=4))
     assert records.mark_finished(active(spp=8))
     row = records.job("job")
@@ -44,7 +44,7 @@ def test_a_job_to_which_samples_were_added_is_not_finished(records: Records) -> 
     assert not records.mark_finished(active(spp=8)), "it was finished before"
 
 
-def test_a_job_that_is_over_is_not_begun_or_failed(records: Records) -> None:
+def test_ended_job_is_not_started_or_failed(records: Records) -> None:
     with records._sessions.begin() as session:
         job = session.get(Job, "job")
         assert job is not None
@@ -54,7 +54,7 @@ def test_a_job_that_is_over_is_not_begun_or_failed(records: Records) -> None:
     assert not records.mark_finished(active(spp=8))
 
 
-def test_many_jobs_that_are_to_be_taken_up_are_read_by_three_queries(tmp_path: Path) -> None:
+def test_pending_jobs_are_read_by_three_queries(tmp_path: Path) -> None:
     engine, sessions = connect(new_sqlite(tmp_path))
     plain = {"name": "", "priority": 0, "created": 0.0, "active_s": 0.0, "request": {}, "spp": 8, "state": "queued"}
     ids = [f"job{i}" for i in range(40)]
@@ -83,7 +83,7 @@ def test_many_jobs_that_are_to_be_taken_up_are_read_by_three_queries(tmp_path: P
     engine.dispose()
 
 
-def test_writers_wait_for_each_other(records: Records) -> None:
+def test_concurrent_writers_lose_no_update(records: Records) -> None:
     """Checks that no update is lost when four threads read, change and write the same row, and that no thread fails."""
 
     def add() -> None:
@@ -104,9 +104,7 @@ def test_writers_wait_for_each_other(records: Records) -> None:
 
 
 @pytest.mark.long
-def test_a_database_that_another_program_holds_is_said_to_be_away(
-    records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_locked_database_raises_unavailable(records: Records, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.store.database.LOCK_TIMEOUT_S", 0.1)
     engine, sessions = connect(new_sqlite(tmp_path))
     other = sqlite3.connect(tmp_path / "rayfarm.sqlite", isolation_level=None)
@@ -122,7 +120,7 @@ def test_a_database_that_another_program_holds_is_said_to_be_away(
     engine.dispose()
 
 
-def test_a_database_on_a_full_disk_says_so(records: Records) -> None:
+def test_full_disk_raises_out_of_space(records: Records) -> None:
     with records._sessions() as session:
         session.connection().exec_driver_sql("PRAGMA max_page_count=1")
     with pytest.raises(OutOfSpace, match="disk is full"), records._sessions.begin() as session:

@@ -27,7 +27,7 @@ def read_only(store: redis.Redis, is_so: bool) -> None:
 
 @pytest.mark.long  # tests below check that the fault is reported and that every call is repeated
 @pytest.mark.parametrize("spoil", [read_only, full])
-def test_a_redis_that_refuses_costs_only_time(
+def test_rejecting_redis_only_delays_jobs(
     service: Service, worker: PeerWorker, spoil: Callable[[redis.Redis, bool], None]
 ) -> None:
     worker.on_batch = lambda batch: time.sleep(0.1)  # long enough that the job is still running when Redis is damaged
@@ -48,9 +48,7 @@ def test_a_redis_that_refuses_costs_only_time(
 
 @pytest.mark.long
 @pytest.mark.parametrize(("spoil", "said"), [(full, "Redis is full"), (read_only, "Redis accepts no writes: it is a replica")])
-def test_a_redis_that_refuses_is_noticed_while_there_is_nothing_to_do(
-    service: Service, spoil: Callable[[redis.Redis, bool], None], said: str
-) -> None:
+def test_rejecting_redis_is_detected_when_idle(service: Service, spoil: Callable[[redis.Redis, bool], None], said: str) -> None:
     with redis.Redis.from_url(service.options["redis_url"]) as store:
         spoil(store, True)
         try:
@@ -60,7 +58,7 @@ def test_a_redis_that_refuses_is_noticed_while_there_is_nothing_to_do(
     until(lambda: service.http.get("/readyz").status_code == 200, "it is ready again")
 
 
-def test_every_call_to_redis_may_fail_and_is_made_again(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_redis_call_is_retried(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     calls: Counter[str] = Counter()
     monkeypatch.setattr(engine, "PAUSE_AFTER_FAULT_S", 0.05)
     execute = redis.Redis.execute_command

@@ -19,7 +19,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest
 SMALL = {"width": 32, "height": 24, "tile_size": 16}
 
 
-def shoot(service: Service, scene: str, frames: str, **request: Any) -> str:
+def submit_shot(service: Service, scene: str, frames: str, **request: Any) -> str:
     return service.submit(scene, **{**SMALL, "spp": 4, "frames": frames, **request})
 
 
@@ -36,7 +36,7 @@ def expected(frame: float, spp: int = 4) -> str:
     return expected_digest(32, 24, spp, round(2000 * frame))
 
 
-def begun(batches: list[RenderBatch]) -> list[float]:
+def frames_by_first_batch(batches: list[RenderBatch]) -> list[float]:
     """Returns the frame numbers of these batches, without duplicates, in the order of each frame's first batch."""
     return list(dict.fromkeys(batch.frame / 2 for batch in batches))
 
@@ -47,8 +47,8 @@ OTHER_ORDERS = [pytest.param(order, marks=pytest.mark.long) for order in ("noisi
 
 @pytest.mark.long
 @pytest.mark.parametrize("order", [*ORDERS, *OTHER_ORDERS])
-def test_every_frame_has_its_own_bits_in_whatever_order(service: Service, worker: PeerWorker, order: str) -> None:
-    job = shoot(service, service.ready_scene(), "0-3,7.5", order=order)
+def test_frames_are_independent_of_order(service: Service, worker: PeerWorker, order: str) -> None:
+    job = submit_shot(service, service.ready_scene(), "0-3,7.5", order=order)
     done = service.wait_for(job, "finished")
     assert done["shot"]["states"] == {"finished": 5}
     assert (done["shot"]["frames"], done["shot"]["count"], done["progress"]) == ("0-3,7.5", 5, 1.0)
@@ -60,9 +60,9 @@ def test_every_frame_has_its_own_bits_in_whatever_order(service: Service, worker
 
 
 @pytest.mark.long
-def test_a_shot_in_two_jobs_has_the_digests_of_one(service: Service, worker: PeerWorker) -> None:
+def test_shot_in_two_jobs_has_same_digests(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
-    jobs = [shoot(service, scene, frames) for frames in ("0-4", "0-1", "2-4", "3")]
+    jobs = [submit_shot(service, scene, frames) for frames in ("0-4", "0-1", "2-4", "3")]
     for job in jobs:
         service.wait_for(job, "finished")
     one, first, second, third = jobs
@@ -83,17 +83,17 @@ def test_a_shot_in_two_jobs_has_the_digests_of_one(service: Service, worker: Pee
         pytest.param({"order": "centre-out"}, [4, 3, 5, 2, 6, 1, 7, 0, 8], marks=pytest.mark.long),
     ],
 )
-def test_frames_are_begun_in_their_order(
+def test_frames_start_in_requested_order(
     service: Service, worker: PeerWorker, order: dict[str, Any], sequence: list[int]
 ) -> None:
-    job = shoot(service, service.ready_scene(), "0-8", **order)
+    job = submit_shot(service, service.ready_scene(), "0-8", **order)
     service.wait_for(job, "finished")
-    assert begun(worker.batches) == sequence
+    assert frames_by_first_batch(worker.batches) == sequence
 
 
 @pytest.mark.long
-def test_breadth_first_all_frames_have_one_sample_before_any_has_more(service: Service, worker: PeerWorker) -> None:
-    job = shoot(service, service.ready_scene(), "0-5", order="breadth-first", spp=8)
+def test_breadth_first_gives_each_frame_one_sample_first(service: Service, worker: PeerWorker) -> None:
+    job = submit_shot(service, service.ready_scene(), "0-5", order="breadth-first", spp=8)
     service.wait_for(job, "finished")
     levels = [batch.first for batch in worker.batches]
     assert levels == sorted(levels), "samples 0 of all, then 1, then 2 and 3, then 4 to 7"
@@ -101,13 +101,13 @@ def test_breadth_first_all_frames_have_one_sample_before_any_has_more(service: S
 
 
 @pytest.mark.long
-def test_a_frame_that_fails_is_named_and_the_others_go_on(service: Service, worker: PeerWorker) -> None:
+def test_failed_frame_is_named_and_others_continue(service: Service, worker: PeerWorker) -> None:
     def missing(frame: float) -> None:
         if frame == 2:
             raise ValueError("smoke.0002.png: there is no such file.")
 
     worker.on_frame = missing
-    job = shoot(service, service.ready_scene(), "0-4")
+    job = submit_shot(service, service.ready_scene(), "0-4")
     done = service.wait_for(job, "finished")
     assert done["shot"]["states"] == {"finished": 4, "failed": 1}
     assert done["shot"]["failed"] == "2"
@@ -124,23 +124,23 @@ def test_a_frame_that_fails_is_named_and_the_others_go_on(service: Service, work
 
 
 @pytest.mark.long
-def test_where_every_frame_fails_the_job_has_failed(service: Service, worker: PeerWorker) -> None:
+def test_job_fails_if_every_frame_fails(service: Service, worker: PeerWorker) -> None:
     def missing(frame: float) -> None:
         raise ValueError("there is nothing to see.")
 
     worker.on_frame = missing
-    job = shoot(service, service.ready_scene(), "0-2")
+    job = submit_shot(service, service.ready_scene(), "0-2")
     assert "there is nothing to see." in service.wait_for(job, "failed")["error"]
 
 
 @pytest.mark.long
-def test_a_batch_that_always_fails_ends_its_frame_alone(service: Service, worker: PeerWorker) -> None:
+def test_failing_batch_fails_only_its_frame(service: Service, worker: PeerWorker) -> None:
     def fails(batch: RenderBatch) -> None:
         if batch.frame == 2:
             raise ValueError("a fault of the scene")
 
     worker.on_batch = fails
-    job = shoot(service, service.ready_scene(), "0-2")
+    job = submit_shot(service, service.ready_scene(), "0-2")
     done = service.wait_for(job, "finished", 30)
     assert done["shot"]["failed"] == "1"
     error = frames_of(service, job)[1]["error"]
@@ -150,8 +150,8 @@ def test_a_batch_that_always_fails_ends_its_frame_alone(service: Service, worker
 
 
 @pytest.mark.long
-def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Service, worker: PeerWorker) -> None:
-    job = shoot(service, service.ready_scene(), "0-2")
+def test_shot_is_extended_and_frames_get_more_samples(service: Service, worker: PeerWorker) -> None:
+    job = submit_shot(service, service.ready_scene(), "0-2")
     service.wait_for(job, "finished")
     assert service.patch(job, extend="3-4")["state"] == "queued"
     assert service.wait_for(job, "finished")["shot"]["frames"] == "0-4"
@@ -169,8 +169,8 @@ def test_a_shot_is_extended_and_gets_more_samples_here_and_there(service: Servic
 
 
 @pytest.mark.long
-def test_frames_are_rendered_again_from_nothing(service: Service, worker: PeerWorker) -> None:
-    job = shoot(service, service.ready_scene(), "0-3")
+def test_frames_are_rendered_again(service: Service, worker: PeerWorker) -> None:
+    job = submit_shot(service, service.ready_scene(), "0-3")
     service.wait_for(job, "finished")
     worker.batches.clear()
     worker.frames.clear()
@@ -182,15 +182,15 @@ def test_frames_are_rendered_again_from_nothing(service: Service, worker: PeerWo
 
 
 @pytest.mark.long
-def test_one_frame_goes_before_all_others(service: Service, worker: PeerWorker) -> None:
+def test_prioritized_frame_is_rendered_first(service: Service, worker: PeerWorker) -> None:
     gate = threading.Event()
     worker.on_batch = lambda batch: gate.wait(10) and None
-    job = shoot(service, service.ready_scene(), "0-40", spp=2)
+    job = submit_shot(service, service.ready_scene(), "0-40", spp=2)
     until(lambda: bool(worker.batches), "it begins")
     assert service.patch(job, first=33)["shot"]["first"] == 33
     gate.set()
     service.wait_for(job, "finished", 60)
-    assert begun(worker.batches).index(33) < 20
+    assert frames_by_first_batch(worker.batches).index(33) < 20
 
 
 def blobs(data: Path) -> dict[str, bytes]:
@@ -203,11 +203,11 @@ def blobs(data: Path) -> dict[str, bytes]:
 
 
 @pytest.mark.long
-def test_only_a_few_frames_are_prepared_ahead_and_nothing_is_kept(service: Service, worker: PeerWorker) -> None:
+def test_few_frames_are_prepared_ahead_and_then_deleted(service: Service, worker: PeerWorker) -> None:
     gate = threading.Event()
     worker.on_batch = lambda batch: gate.wait(20) and None
     worker.on_frame = lambda frame: b"frame %f" % frame + b"x" * 1000
-    job = shoot(service, service.ready_scene(), "0-99", spp=1)
+    job = submit_shot(service, service.ready_scene(), "0-99", spp=1)
     until(lambda: bool(worker.batches), "it begins")
     gate.set()
     service.wait_for(job, "finished", 60)
@@ -220,9 +220,9 @@ def test_only_a_few_frames_are_prepared_ahead_and_nothing_is_kept(service: Servi
 
 
 @pytest.mark.long
-def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker: PeerWorker) -> None:
+def test_restarted_service_continues_shot(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
-    job = shoot(service, service.ready_scene(), "0-19", spp=8)
+    job = submit_shot(service, service.ready_scene(), "0-19", spp=8)
     until(lambda: service.job(job)["shot"]["states"].get("finished", 0) >= 3, "some frames are done")
     service.restart()
     done = service.wait_for(job, "finished", 60)
@@ -231,19 +231,17 @@ def test_a_service_that_starts_anew_goes_on_with_a_shot(service: Service, worker
 
 
 @pytest.mark.long
-def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_restart_between_rounds_starts_next_round(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks that a service that stops between two rounds of the order `noisiest-first` starts the next one after its restart.
 
     When it stops, all frames have the samples of the round, so no further result could start the next round.
     """
     request = {"spp": 64, "order": "noisiest-first"}
-    whole = shoot(service, service.ready_scene(), "0-3", **request)
+    whole = submit_shot(service, service.ready_scene(), "0-3", **request)
     service.wait_for(whole, "finished", 40)
     with monkeypatch.context() as ended:
         ended.setattr(FrameOrder, "_plan_round", lambda agenda: None)
-        job = shoot(service, service.ready_scene(), "0-3", **request)
+        job = submit_shot(service, service.ready_scene(), "0-3", **request)
         until(lambda: service.job(job)["samples"] == 4 * PILOT_SAMPLES * 32 * 24, "all frames have the first round's samples")
         service.restart()
         time.sleep(0.5)
@@ -254,9 +252,9 @@ def test_a_service_that_ends_between_two_rounds_begins_the_next_one(
 
 
 @pytest.mark.long
-def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service) -> None:
+def test_worker_without_frame_support_gets_no_frames(service: Service) -> None:
     with service.worker(name="old", kind="old-kind", knows_frames=False) as old:
-        job = shoot(service, service.ready_scene(), "0-1")
+        job = submit_shot(service, service.ready_scene(), "0-1")
         until(lambda: "release" in (service.job(job)["message"] or ""), "it says what it waits for", say=lambda: service.job(job))
         assert not old.frames
         with service.worker(name="new", kind="new-kind"):
@@ -264,12 +262,15 @@ def test_a_worker_that_knows_nothing_of_frames_is_not_given_any(service: Service
 
 
 @pytest.mark.long
-def test_a_worker_that_does_not_blur_is_given_no_frame_with_an_open_shutter(service: Service) -> None:
+def test_worker_without_motion_blur_gets_no_open_shutter_frames(service: Service) -> None:
     with service.worker(name="old", kind="old-kind", blurs=False) as old:
         scene = service.ready_scene()
-        still, shot = service.submit(scene, **SMALL, spp=4, shutter=0.5), shoot(service, scene, "3", shutter=0.5, shutter_keys=2)
+        still, shot = (
+            service.submit(scene, **SMALL, spp=4, shutter=0.5),
+            submit_shot(service, scene, "3", shutter=0.5, shutter_keys=2),
+        )
         until(lambda: "blur" in (service.job(shot)["message"] or ""), "it says what it waits for", say=lambda: service.job(shot))
-        service.wait_for(shoot(service, scene, "1"), "finished")
+        service.wait_for(submit_shot(service, scene, "1"), "finished")
         assert old.frames == [1]
         with service.worker(name="new", kind="new-kind") as new:
             service.wait_for(still, "finished")
@@ -282,9 +283,9 @@ def test_a_worker_that_does_not_blur_is_given_no_frame_with_an_open_shutter(serv
         assert old.frames == [1]
 
 
-def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWorker) -> None:
+def test_invalid_frame_requests_are_rejected(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
-    shot, still = shoot(service, scene, "0-2"), service.submit(scene)
+    shot, still = submit_shot(service, scene, "0-2"), service.submit(scene)
     for job, change, says in (
         (shot, {"first": 7}, "the shot has no frame 7; it has 0-2"),
         (shot, {"again": "2-3"}, "the shot has no frame 3"),
@@ -300,8 +301,8 @@ def test_what_cannot_be_asked_of_frames_is_said(service: Service, worker: PeerWo
 
 
 @pytest.mark.long
-def test_numbers_are_as_they_were_written(service: Service, worker: PeerWorker) -> None:
-    job = shoot(service, service.ready_scene(), "10-14x2,0.5", spp=1)
+def test_frame_numbers_equal_request(service: Service, worker: PeerWorker) -> None:
+    job = submit_shot(service, service.ready_scene(), "10-14x2,0.5", spp=1)
     service.wait_for(job, "finished")
     assert sorted(parse_frames("10-14x2,0.5")) == list(frames_of(service, job)) == [0.5, 10, 12, 14]
     assert service.http.get(f"/api/jobs/{job}/frames/0.5/image.png").status_code == 200
@@ -310,19 +311,19 @@ def test_numbers_are_as_they_were_written(service: Service, worker: PeerWorker) 
 
 
 @pytest.mark.long
-def test_a_worker_that_answers_nothing_for_a_frame_is_not_asked_for_ever(service: Service, worker: PeerWorker) -> None:
+def test_unanswered_frame_request_fails_eventually(service: Service, worker: PeerWorker) -> None:
     answer = worker.send
     worker.send = lambda event, sums=None: None if event.get("frame") == 2 and "info" in event else answer(event, sums)  # type: ignore[method-assign]
-    job = shoot(service, service.ready_scene(), "0-2")
+    job = submit_shot(service, service.ready_scene(), "0-2")
     done = service.wait_for(job, "finished", 60)
     assert done["shot"]["failed"] == "1"
     assert "lost three times" in frames_of(service, job)[1]["error"]
 
 
 @pytest.mark.long
-def test_a_time_is_for_the_whole_shot(service: Service, worker: PeerWorker) -> None:
+def test_time_limit_applies_to_whole_shot(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
-    job = shoot(service, service.ready_scene(), "0-9", spp=None, seconds=1.5)
+    job = submit_shot(service, service.ready_scene(), "0-9", spp=None, seconds=1.5)
     done = service.wait_for(job, "finished")
     assert done["shot"]["order"] == "breadth-first"
     frames = frames_of(service, job).values()
@@ -333,16 +334,16 @@ def test_a_time_is_for_the_whole_shot(service: Service, worker: PeerWorker) -> N
 
 
 @pytest.mark.long
-def test_a_noise_ends_each_frame_by_itself(service: Service, worker: PeerWorker) -> None:
-    job = shoot(service, service.ready_scene(), "0-2", spp=None, noise=0.5)
+def test_noise_goal_ends_each_frame_separately(service: Service, worker: PeerWorker) -> None:
+    job = submit_shot(service, service.ready_scene(), "0-2", spp=None, noise=0.5)
     service.wait_for(job, "finished")
     assert [frame["spp"] for frame in frames_of(service, job).values()] == [32, 32, 32], "the first look is enough"
     assert all(0 < frame["noise"] < 0.5 for frame in frames_of(service, job).values())
 
 
 @pytest.mark.long
-def test_a_budget_is_spent_where_the_noise_is_and_its_end_is_foretold(service: Service, worker: PeerWorker) -> None:
-    job = shoot(service, service.ready_scene(), "0-3", spp=64, order="noisiest-first")
+def test_noisiest_first_spends_budget_on_noisy_frames(service: Service, worker: PeerWorker) -> None:
+    job = submit_shot(service, service.ready_scene(), "0-3", spp=64, order="noisiest-first")
     done = service.wait_for(job, "finished", 40)
     assert 0.9 * 4 * 64 * 32 * 24 <= done["samples"] <= 4 * 64 * 32 * 24
     assert done["shot"]["noise"] > 0
@@ -351,9 +352,9 @@ def test_a_budget_is_spent_where_the_noise_is_and_its_end_is_foretold(service: S
 
 
 @pytest.mark.long
-def test_a_cancelled_shot_goes_on_with_the_kind_it_began_with(service: Service, worker: PeerWorker) -> None:
+def test_resumed_shot_keeps_worker_kind(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
-    job = shoot(service, service.ready_scene(), "5-20", spp=8)
+    job = submit_shot(service, service.ready_scene(), "5-20", spp=8)
     until(lambda: service.job(job)["shot"]["states"].get("finished", 0) >= 2, "some frames are done")
     cancelled = service.patch(job, state="cancelled")
     assert cancelled["shot"]["states"]["finished"] >= 2

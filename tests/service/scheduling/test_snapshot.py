@@ -35,7 +35,7 @@ def look(numbers: Any) -> Snapshot:
     return Snapshot(fault=None, jobs=numbers)
 
 
-def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_change_event_follows_snapshot(monkeypatch: pytest.MonkeyPatch) -> None:
     told: list[tuple[str, str, int]] = []
     events = Events()
     board = SnapshotHolder(events)
@@ -51,7 +51,7 @@ def test_a_change_is_told_once_the_snapshot_shows_it(monkeypatch: pytest.MonkeyP
     assert told == [("job", "a", 1), ("job", "a", 2)], "what did not change is not told"
 
 
-def test_another_state_is_told_at_once() -> None:
+def test_state_change_is_published_at_once() -> None:
     told: list[str] = []
     events = Events()
     board = SnapshotHolder(events)
@@ -81,13 +81,13 @@ def numbers(state: str) -> JobNumbers:
         (Snapshot(fault=None, waits={"a job that cannot be taken up": "Waits: locked."}), "Waits: locked."),
     ],
 )
-def test_ready_is_what_can_work(view: Snapshot, why: str | None) -> None:
+def test_readiness_reasons(view: Snapshot, why: str | None) -> None:
     view = replace(view, made=time.monotonic())
     assert (view.unready_reason is None) == (why is None)
     assert why is None or why in (view.unready_reason or "")
 
 
-def test_an_engine_that_is_busy_with_one_thing_is_not_ready() -> None:
+def test_blocked_engine_is_not_ready() -> None:
     assert "The scheduler has been busy with one step for 6" in (
         Snapshot(fault=None, made=time.monotonic() - 60.0).unready_reason or ""
     )

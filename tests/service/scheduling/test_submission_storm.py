@@ -18,7 +18,7 @@ CLIENTS, EACH = 5, 5
 SIZE = {"width": 32, "height": 24, "tile_size": 16}
 
 
-def test_a_running_job_goes_on_while_many_are_submitted(
+def test_running_job_continues_during_many_submissions(
     service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     begun: list[bool] = []  # whether each transaction was the engine's

@@ -17,7 +17,7 @@ from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 
 
-def test_a_restart_in_the_middle_goes_on_from_the_film(service: Service) -> None:
+def test_restart_continues_from_film(service: Service) -> None:
     enough, over = threading.Event(), threading.Event()
     with service.worker() as worker:
         worker.on_batch = lambda batch: (time.sleep(0.03), enough.is_set() and over.wait(10), None)[2]
@@ -41,7 +41,7 @@ def test_a_restart_in_the_middle_goes_on_from_the_film(service: Service) -> None
     assert rendered <= after - before + 4 * 30 * 256, "what the film has is not rendered again, but for what was in hand"
 
 
-def test_a_redis_that_loses_everything_costs_only_time(service: Service, worker: PeerWorker) -> None:
+def test_emptied_redis_only_delays_jobs(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=30)
     until(lambda: service.job(job)["progress"] > 0.2, "the job is under way")
@@ -52,7 +52,7 @@ def test_a_redis_that_loses_everything_costs_only_time(service: Service, worker:
 
 
 @pytest.mark.long
-def test_a_redis_that_is_away_for_a_while(service: Service, worker: PeerWorker, redis_server: running_redis) -> None:
+def test_unreachable_redis_only_delays_jobs(service: Service, worker: PeerWorker, redis_server: running_redis) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=30)
     until(lambda: service.job(job)["progress"] > 0.2, "the job is under way")
@@ -66,7 +66,7 @@ def test_a_redis_that_is_away_for_a_while(service: Service, worker: PeerWorker, 
 
 
 @pytest.mark.long
-def test_samples_that_are_no_numbers_are_named_with_the_command_that_follows_them(service: Service, worker: PeerWorker) -> None:
+def test_bad_samples_are_listed_with_command(service: Service, worker: PeerWorker) -> None:
     def with_bad(batch: RenderBatch) -> bool:
         sums = expected_sums(batch.tile, batch.first, batch.count, 0)
         bad = [[batch.tile.x, batch.tile.y, batch.first]] if batch.first == 0 else []
@@ -86,7 +86,7 @@ def test_samples_that_are_no_numbers_are_named_with_the_command_that_follows_the
 
 
 @pytest.mark.long
-def test_a_worker_that_fails_where_others_do_not_is_set_aside_until_a_person_lets_it_go_on(service: Service) -> None:
+def test_failing_worker_is_quarantined_until_resumed(service: Service) -> None:
     with service.worker(name="good") as good, service.worker(name="bad") as bad:
 
         def fail(batch: RenderBatch) -> None:
@@ -119,7 +119,7 @@ def test_a_worker_that_fails_where_others_do_not_is_set_aside_until_a_person_let
         assert len(bad.batches) > tried
 
 
-def test_a_batch_that_never_comes_back_is_handed_out_again(service: Service, worker: PeerWorker) -> None:
+def test_lost_batch_is_dispatched_again(service: Service, worker: PeerWorker) -> None:
     lost: list[RenderBatch] = []
 
     def lose_two(batch: RenderBatch) -> bool | None:
@@ -136,7 +136,7 @@ def test_a_batch_that_never_comes_back_is_handed_out_again(service: Service, wor
 
 
 @pytest.mark.long
-def test_an_answer_that_names_the_batch_of_another_job_keeps_nobody_waiting(service: Service, worker: PeerWorker) -> None:
+def test_answer_with_foreign_batch_delays_no_job(service: Service, worker: PeerWorker) -> None:
     wrong: list[RenderBatch] = []
 
     def mix_up(batch: RenderBatch) -> bool | None:
@@ -153,7 +153,7 @@ def test_an_answer_that_names_the_batch_of_another_job_keeps_nobody_waiting(serv
 
 
 @pytest.mark.long
-def test_results_that_wait_unread_are_not_lost(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unread_results_are_not_lost(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     job = service.submit(service.ready_scene(), spp=20, tile_size=32)
     results = service.farm.engine._results
     read = results.read
@@ -170,9 +170,7 @@ def test_results_that_wait_unread_are_not_lost(service: Service, worker: PeerWor
 
 
 @pytest.mark.long
-def test_a_result_that_could_not_be_deleted_is_dropped_when_it_is_read_again(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_undeleted_result_is_dropped_as_duplicate(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(entries: list[Entry]) -> None:
         if entries:
             raise redis.ConnectionError("away")
@@ -190,7 +188,7 @@ def test_a_result_that_could_not_be_deleted_is_dropped_when_it_is_read_again(
 
 
 @pytest.mark.long
-def test_a_redis_that_is_slow_makes_the_service_say_so(service: Service, worker: PeerWorker, redis_server: running_redis) -> None:
+def test_slow_redis_is_reported(service: Service, worker: PeerWorker, redis_server: running_redis) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=30)
     until(lambda: service.job(job)["progress"] > 0.1, "the job is under way")
@@ -205,7 +203,7 @@ def test_a_redis_that_is_slow_makes_the_service_say_so(service: Service, worker:
 
 
 @pytest.mark.long
-def test_a_worker_of_an_older_release_does_not_tell_its_leases(service: Service) -> None:
+def test_older_worker_without_reported_leases_keeps_batches(service: Service) -> None:
     go = threading.Event()
     with service.worker(slots=1) as worker:
 
@@ -223,7 +221,7 @@ def test_a_worker_of_an_older_release_does_not_tell_its_leases(service: Service)
         assert len(worker.batches) == 1
 
 
-def test_what_a_vanished_worker_held_is_handed_out_at_once(tmp_path, redis_server: running_redis) -> None:  # type: ignore[no-untyped-def]
+def test_batches_of_vanished_worker_are_dispatched_at_once(tmp_path, redis_server: running_redis) -> None:  # type: ignore[no-untyped-def]
     service = Service(tmp_path / "data", redis_server, batch_deadline=60.0)
     held, other = service.worker(name="held", slots=1), service.worker(name="other", slots=1)
     with held:
@@ -237,7 +235,7 @@ def test_what_a_vanished_worker_held_is_handed_out_at_once(tmp_path, redis_serve
     service.stop()
 
 
-def test_doubled_late_and_damaged_answers_change_nothing(service: Service, worker: PeerWorker) -> None:
+def test_duplicate_late_and_damaged_results_change_nothing(service: Service, worker: PeerWorker) -> None:
     def twice(batch: RenderBatch) -> None:
         worker.answer(batch)
         about = worker._about(batch)
@@ -256,7 +254,7 @@ def test_doubled_late_and_damaged_answers_change_nothing(service: Service, worke
     assert service.http.get("/readyz").status_code == 200
 
 
-def test_a_batch_that_fails_three_times_fails_the_job(service: Service, worker: PeerWorker) -> None:
+def test_batch_failing_three_times_fails_job(service: Service, worker: PeerWorker) -> None:
     def fail(batch: RenderBatch) -> None:
         if batch.tile[:2] == (16, 16):
             raise ValueError("the texture is on fire")
@@ -274,7 +272,7 @@ def test_a_batch_that_fails_three_times_fails_the_job(service: Service, worker: 
 
 
 @pytest.mark.long
-def test_the_only_worker_hands_back_what_it_gets(service: Service, worker: PeerWorker) -> None:
+def test_batches_returned_by_only_worker_wait(service: Service, worker: PeerWorker) -> None:
     def hand_back(batch: RenderBatch) -> bool:
         worker.send({"type": "batch-returned", **worker._about(batch), "error": "peer returned a batch: there is no room"})
         return False
@@ -291,7 +289,7 @@ def test_the_only_worker_hands_back_what_it_gets(service: Service, worker: PeerW
 
 
 @pytest.mark.long
-def test_a_batch_that_fails_once_is_forgiven(service: Service, worker: PeerWorker) -> None:
+def test_batch_failing_once_is_retried(service: Service, worker: PeerWorker) -> None:
     failed: list[RenderBatch] = []
 
     def fail(batch: RenderBatch) -> None:
@@ -306,7 +304,7 @@ def test_a_batch_that_fails_once_is_forgiven(service: Service, worker: PeerWorke
 
 
 @pytest.mark.long
-def test_a_broken_film_is_rendered_again_and_holds_up_no_other(service: Service, worker: PeerWorker) -> None:
+def test_damaged_film_is_rendered_again(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     broken, sound = service.submit(scene, spp=2), service.submit(scene, spp=2, seed=1)
     service.wait_for(broken, "finished")

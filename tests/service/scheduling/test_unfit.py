@@ -15,7 +15,7 @@ LIMIT = "scene.obj cannot be read on this machine: its limit on address space (u
 
 
 @pytest.mark.long
-def test_another_worker_prepares_what_one_machine_cannot(service: Service) -> None:
+def test_unfit_machine_passes_scene_to_another_worker(service: Service) -> None:
     with service.worker(name="small") as small, service.worker(name="large", slots=1) as large:
         small.unfit = LIMIT
         scenes = [service.upload(b"v 0 0 0 # %d" % number) for number in range(4)]
@@ -24,7 +24,7 @@ def test_another_worker_prepares_what_one_machine_cannot(service: Service) -> No
 
 
 @pytest.mark.long
-def test_where_no_machine_can_the_error_names_each_with_its_lack(service: Service) -> None:
+def test_error_lists_faults_of_all_machines(service: Service) -> None:
     with service.worker(name="alpha") as alpha, service.worker(name="beta", kind="another-kind") as beta:
         alpha.unfit, beta.unfit = LIMIT, FULL
         id = service.upload()
@@ -40,7 +40,7 @@ def test_where_no_machine_can_the_error_names_each_with_its_lack(service: Servic
         until(lambda: service.scene(again)["status"] == "ready", "another scene is prepared")
 
 
-def test_a_fault_that_passes_is_waited_for(service: Service) -> None:
+def test_temporary_machine_fault_is_retried(service: Service) -> None:
     with service.worker(name="alpha") as alpha:
         alpha.unfit, alpha.passing = FULL, True
         id = service.upload()
@@ -52,7 +52,7 @@ def test_a_fault_that_passes_is_waited_for(service: Service) -> None:
 
 
 @pytest.mark.long
-def test_another_worker_prepares_the_frames_that_one_machine_cannot(service: Service) -> None:
+def test_unfit_machine_passes_frames_to_another_worker(service: Service) -> None:
     with service.worker(name="alpha") as alpha, service.worker(name="beta") as beta:
         scene = service.ready_scene()
         alpha.unfit = FULL
@@ -67,11 +67,11 @@ def test_another_worker_prepares_the_frames_that_one_machine_cannot(service: Ser
         assert f"alpha: {FULL}." in error and f"beta: {LIMIT}" in error
 
 
-def test_a_workers_own_queue_is_one_of_its_kinds() -> None:
+def test_worker_queue_name_includes_kind() -> None:
     assert own_prepare_queue("0.2.0-x", "alpha") == "rayfarm.prepare.0.2.0-x.of.alpha"
 
 
-def test_another_worker_makes_what_clients_ask_for_where_one_machine_cannot(service: Service) -> None:
+def test_unfit_machine_passes_artifact_to_another_worker(service: Service) -> None:
     """Checks that another worker makes an artifact if the machine of one worker cannot make it.
 
     The artifacts are denoised pictures, motion vectors, thumbnails of environments and explanations of pixels.
@@ -105,7 +105,7 @@ def test_another_worker_makes_what_clients_ask_for_where_one_machine_cannot(serv
             assert large.denoised and large.vectors and large.shown and large.explained
 
 
-def test_another_worker_prepares_the_frame_of_a_view_where_one_machine_cannot(service: Service) -> None:
+def test_unfit_machine_passes_view_frame_to_another_worker(service: Service) -> None:
     with service.worker(name="small", slots=1) as small, service.worker(name="large", slots=1) as large:
         scene = service.ready_scene()
         until(lambda: len(service.farm.engine.snapshot.roster.ready_reports()) == 2, "both are there")

@@ -19,7 +19,7 @@ def submit_paused(service: Service, scene: str, **request: object) -> str:
 
 
 @pytest.mark.long
-def test_a_job_begins_when_those_before_it_are_finished(service: Service, worker: PeerWorker) -> None:
+def test_job_starts_after_its_dependencies(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     over = service.submit(scene, seed=3)
     service.wait_for(over, "finished")
@@ -45,7 +45,7 @@ def test_a_job_begins_when_those_before_it_are_finished(service: Service, worker
 
 @pytest.mark.long
 @pytest.mark.parametrize("end", ["cancelled", *(pytest.param(end, marks=pytest.mark.long) for end in ("failed", "deleted"))])
-def test_what_waits_in_vain_fails_with_what_waits_for_it(service: Service, worker: PeerWorker, end: str) -> None:
+def test_failed_dependency_fails_dependent_jobs(service: Service, worker: PeerWorker, end: str) -> None:
     scene = service.ready_scene()
     first = submit_paused(service, scene, seed=1, name="the first")
     second = service.submit(scene, seed=2, after=[first], name="the second")
@@ -75,7 +75,7 @@ def test_what_waits_in_vain_fails_with_what_waits_for_it(service: Service, worke
 
 
 @pytest.mark.long
-def test_a_long_chain_falls_at_once(service: Service, worker: PeerWorker) -> None:
+def test_failure_propagates_through_long_chain(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     first = last = submit_paused(service, scene, seed=1)
     for _ in range(60):
@@ -85,7 +85,7 @@ def test_a_long_chain_falls_at_once(service: Service, worker: PeerWorker) -> Non
 
 
 @pytest.mark.long
-def test_a_job_may_be_told_to_wait_no_longer(service: Service, worker: PeerWorker) -> None:
+def test_dependencies_can_be_removed(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     first, other = submit_paused(service, scene, seed=1), submit_paused(service, scene, seed=1)
     second = service.submit(scene, seed=2, after=[first, other])

@@ -12,7 +12,7 @@ from service.settings import Settings
 from service.store.atomic_files import rename_synced, write_atomically, write_if_missing
 
 
-def test_bytes_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_is_synced_before_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     temporary, target = tmp_path / "temporary", tmp_path / "target"
     temporary.write_bytes(b"content")
     synced = []
@@ -29,7 +29,7 @@ def test_bytes_reach_the_disk_before_the_name_does(tmp_path: Path, monkeypatch: 
     assert target.read_bytes() == b"content"
 
 
-def test_a_write_that_fails_leaves_the_old_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_write_keeps_old_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = tmp_path / "file"
     write_atomically(path, b"old")
 
@@ -44,7 +44,7 @@ def test_a_write_that_fails_leaves_the_old_content(tmp_path: Path, monkeypatch: 
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_what_is_there_is_not_written_again(tmp_path: Path) -> None:
+def test_existing_file_is_not_overwritten(tmp_path: Path) -> None:
     path = tmp_path / "file"
     for content in (b"first", b"second"):
         write_if_missing(path, content)
@@ -53,7 +53,7 @@ def test_what_is_there_is_not_written_again(tmp_path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_services_that_begin_at_once_on_a_new_folder_know_it_by_one_id(tmp_path: Path) -> None:
+def test_concurrent_services_read_same_id(tmp_path: Path) -> None:
     """Services started at once on a new folder read the same id; otherwise a standby would take the folder for another farm's."""
     for number in range(10):
         settings = [

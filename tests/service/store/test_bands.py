@@ -29,7 +29,7 @@ def film(tmp_path: Path) -> Film:
     return film
 
 
-def test_the_bands_are_the_frame(film: Film) -> None:
+def test_bands_make_up_frame(film: Film) -> None:
     read = list(bands(film, 0, ["color"]))
     assert [band.shape for band in read] == [(8, WIDTH, 3), (4, WIDTH, 3)]
     np.testing.assert_array_equal(np.concatenate(read), film_math.mean(WHOLE, 24))
@@ -40,7 +40,7 @@ def test_the_bands_are_the_frame(film: Film) -> None:
     np.testing.assert_array_equal(together, np.concatenate([np.concatenate(list(bands(film, 0, [n]))) for n in names], axis=2))
 
 
-def test_what_has_no_samples_is_0(tmp_path: Path) -> None:
+def test_tiles_without_samples_are_0(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     assert not np.concatenate(list(bands(film, 0, ["color", "error"]))).any()
     film.merge([part(film, 1, 0, 2)])
@@ -51,6 +51,6 @@ def test_what_has_no_samples_is_0(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("in_memory", [0, 1 << 20])
-def test_the_digest_is_the_whole_frames(film: Film, tmp_path: Path, in_memory: int, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_digest_by_bands_equals_frame_digest(film: Film, tmp_path: Path, in_memory: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(bands_module, "IN_MEMORY_BYTES", in_memory or 1)
     assert digest(film, 0, tmp_path) == film_math.digest(WHOLE)

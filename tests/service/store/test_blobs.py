@@ -59,7 +59,7 @@ def put(blobs: BlobStore, *pieces: bytes) -> str:
 
 
 @pytest.mark.long
-def test_credentials_may_lie_in_files(s3: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_credentials_are_read_from_files(s3: str, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     for name in ("AWS_ACCESS_KEY_ID", "AWS_SECRET_ACCESS_KEY"):
         (tmp_path / name).write_text("from a file\n")
         monkeypatch.delenv(name)
@@ -70,7 +70,7 @@ def test_credentials_may_lie_in_files(s3: str, monkeypatch: pytest.MonkeyPatch, 
         open_blobs(Settings(data=tmp_path, blobs=s3))
 
 
-def test_what_was_put_is_opened_and_served(blobs: BlobStore, tmp_path: Path) -> None:
+def test_stored_blob_is_opened_and_served(blobs: BlobStore, tmp_path: Path) -> None:
     pieces = (b"a" * (2 * CHUNK), b"the rest", os.urandom(6 * CHUNK))  # more than one part of a multipart upload
     whole = b"".join(pieces)
     sha256 = put(blobs, *pieces)
@@ -85,7 +85,7 @@ def test_what_was_put_is_opened_and_served(blobs: BlobStore, tmp_path: Path) -> 
     assert put(blobs, whole) == sha256, "again, it is the same"
 
 
-def test_what_is_deleted_or_was_never_there(blobs: BlobStore) -> None:
+def test_deleted_and_missing_blobs_are_not_found(blobs: BlobStore) -> None:
     sha256 = put(blobs, b"here")
     others = [put(blobs, b"other %d" % i) for i in range(12)]
     blobs.delete([sha256])
@@ -97,7 +97,7 @@ def test_what_is_deleted_or_was_never_there(blobs: BlobStore) -> None:
             read(sha256)
 
 
-def test_what_is_discarded_leaves_nothing(blobs: BlobStore, tmp_path: Path) -> None:
+def test_discarded_blob_leaves_no_file(blobs: BlobStore, tmp_path: Path) -> None:
     writer = blobs.writer()
     writer.write(b"half")
     writer.discard()
@@ -105,14 +105,14 @@ def test_what_is_discarded_leaves_nothing(blobs: BlobStore, tmp_path: Path) -> N
     assert list((tmp_path / "tmp").iterdir()) == []
 
 
-def test_what_is_no_hash_is_no_name(blobs: BlobStore) -> None:
+def test_invalid_hash_is_rejected(blobs: BlobStore) -> None:
     for use in (blobs.open, blobs.serve, blobs.exists, lambda name: blobs.delete([name])):
         for name in ("../../etc/passwd", "A" * 64, "0" * 63, ""):
             with pytest.raises(ValueError, match="not a SHA-256"):
                 use(name)
 
 
-def test_the_sweep_takes_old_blobs_that_nobody_keeps(blobs: BlobStore, tmp_path: Path) -> None:
+def test_sweep_deletes_old_unreferenced_blobs(blobs: BlobStore, tmp_path: Path) -> None:
     kept, gone = put(blobs, b"kept"), put(blobs, b"gone")
     (tmp_path / "tmp" / "blob-half").write_bytes(b"half")
     assert blobs.sweep({kept}) == {gone}, "it is young"
@@ -121,7 +121,7 @@ def test_the_sweep_takes_old_blobs_that_nobody_keeps(blobs: BlobStore, tmp_path:
     assert (blobs.exists(kept), blobs.exists(gone)) == (True, False)
 
 
-def test_a_blob_that_a_power_cut_emptied_is_put_anew(tmp_path: Path) -> None:
+def test_truncated_blob_is_replaced(tmp_path: Path) -> None:
     blobs = BlobFolder(tmp_path / "blobs", tmp_path / "tmp")
     sha256 = put(blobs, b"content")
     (tmp_path / "blobs" / sha256[:2] / sha256).write_bytes(b"")
@@ -130,7 +130,7 @@ def test_a_blob_that_a_power_cut_emptied_is_put_anew(tmp_path: Path) -> None:
         assert file.read() == b"content"
 
 
-def test_an_object_store_that_is_away_or_has_no_bucket(s3: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unreachable_store_and_missing_bucket_raise_unavailable(s3: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(Unavailable, match="There is no bucket elsewhere"):
         put(S3Blobs("s3://elsewhere", tmp_path / "tmp"), b"x")
     monkeypatch.setenv("AWS_ENDPOINT_URL", "http://127.0.0.1:9")
@@ -142,7 +142,7 @@ def test_an_object_store_that_is_away_or_has_no_bucket(s3: str, tmp_path: Path, 
             use()
 
 
-def test_a_bucket_is_chosen_by_its_address(tmp_path: Path) -> None:
+def test_bucket_is_selected_by_url(tmp_path: Path) -> None:
     assert Settings(data=tmp_path, blobs="s3://bucket/a/prefix").blobs == "s3://bucket/a/prefix"
     for nonsense in ("bucket", "s3://", "http://bucket", "s3:///prefix"):
         with pytest.raises(ValueError, match="s3://bucket/prefix"):
@@ -150,7 +150,7 @@ def test_a_bucket_is_chosen_by_its_address(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_a_farm_whose_blobs_are_in_s3(s3: str, tmp_path: Path, redis_server: running_redis) -> None:
+def test_farm_with_blobs_in_s3(s3: str, tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, blobs=s3)
     try:
         with service.worker():
@@ -171,7 +171,7 @@ def test_a_farm_whose_blobs_are_in_s3(s3: str, tmp_path: Path, redis_server: run
         service.stop()
 
 
-def test_what_the_service_keeps_is_its_users_alone(tmp_path: Path, redis_server: running_redis) -> None:
+def test_stored_files_are_private(tmp_path: Path, redis_server: running_redis) -> None:
     (tmp_path / "data").mkdir(mode=0o755)
     service = Service(tmp_path / "data", redis_server)
     try:
@@ -188,7 +188,7 @@ def test_what_the_service_keeps_is_its_users_alone(tmp_path: Path, redis_server:
         service.stop()
 
 
-def test_many_are_put_at_once(tmp_path: Path) -> None:
+def test_blobs_are_committed_in_parallel(tmp_path: Path) -> None:
     """Many files are committed in parallel, since each commit waits for the disk; in sequence, 4,000 files took 48 s."""
     staging, together = Staging(tmp_path), threading.Barrier(4)
 
@@ -203,7 +203,7 @@ def test_many_are_put_at_once(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="this system has no file that is always full")
-def test_a_full_disk_leaves_nothing_of_what_is_forgotten(tmp_path: Path) -> None:
+def test_discard_on_full_disk_leaves_no_file(tmp_path: Path) -> None:
     """A file that fails to close on a full disk, where its last bytes are written, leaves nothing behind."""
     writer = BlobFolder(tmp_path / "blobs", tmp_path).writer()
     writer._file.close()

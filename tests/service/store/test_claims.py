@@ -14,7 +14,7 @@ from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import make, part, rows_of
 
 
-def right(film: Film, tile: int, samples: int) -> None:
+def assert_film_has(film: Film, tile: int, samples: int) -> None:
     """Asserts that a film has exactly the first `samples` samples of a tile, with the expected sums.
 
     This is asserted for the given Film object, and for another one that reads the same file.
@@ -27,7 +27,7 @@ def right(film: Film, tile: int, samples: int) -> None:
 
 
 @pytest.mark.parametrize("alone", [[(4, 2)], [(0, 2)], [(8, 4)], [(0, 2), (6, 2), (10, 2)]])
-def test_a_run_takes_the_place_of_its_pieces_that_came_before(tmp_path: Path, alone: list[tuple[int, int]]) -> None:
+def test_combined_contribution_replaces_its_parts(tmp_path: Path, alone: list[tuple[int, int]]) -> None:
     film = make(tmp_path / "job.sqlite")
     for first, count in alone:
         bad = [BadSample(1, 2, first), BadSample(1, 3, first + 1)]
@@ -36,8 +36,8 @@ def test_a_run_takes_the_place_of_its_pieces_that_came_before(tmp_path: Path, al
     film.tile_sums(0, 0)  # a read tile is not mistaken for a stored one
     bad = [BadSample(1, 2, 4), BadSample(3, 3, 11)]
     assert film.merge([part(film, 0, 0, 12, bad=bad, bad_count=2)]) == [True]
-    right(film, 0, 12)
-    right(film, 1, 12)
+    assert_film_has(film, 0, 12)
+    assert_film_has(film, 1, 12)
     assert film.bad_samples(0) == (2, bad)
     assert film.bad_count(0) == 2
     assert film.merge([part(film, 0, first, count) for first, count in alone]) == [False] * len(alone)
@@ -45,35 +45,35 @@ def test_a_run_takes_the_place_of_its_pieces_that_came_before(tmp_path: Path, al
     film.close()
 
 
-def test_what_comes_together_is_sorted_out_by_size(tmp_path: Path) -> None:
+def test_largest_of_overlapping_contributions_is_accepted(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     parts = [part(film, 0, 4, 2), part(film, 0, 0, 12), part(film, 0, 0, 12), part(film, 0, 10, 4), part(film, 0, 12, 3)]
     assert film.merge(parts) == [False, True, False, False, True]
-    right(film, 0, 15)
+    assert_film_has(film, 0, 15)
     film.close()
 
 
-def test_one_that_is_damaged_is_dropped_and_the_others_of_its_run_are_not(tmp_path: Path) -> None:
+def test_only_damaged_contribution_is_dropped(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     parts = [part(film, 0, first, 2) for first in range(0, 8, 2)]
     damaged = [*parts[:2], replace(parts[2], sums=parts[2].sums[:-1]), parts[3]]
     assert film.merge([*damaged, parts[2]]) == [True, True, False, True, True]
-    right(film, 0, 8)
+    assert_film_has(film, 0, 8)
     film.close()
 
 
-def test_a_run_that_has_but_a_part_of_what_is_there_is_dropped(tmp_path: Path) -> None:
+def test_partly_overlapping_contribution_is_dropped(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     assert film.merge([part(film, 0, 0, 4)]) == [True]
     assert film.merge([part(film, 0, 2, 10)]) == [False], "of a row the film does not know one half from the other"
     assert film.merge([part(film, 0, 0, 4)]) == [False], "nothing new"
     assert film.merge([part(film, 0, 4, 2), part(film, 0, 7, 2)]) == [True, True]
     assert film.merge([part(film, 0, 4, 6)]) == [True]
-    right(film, 0, 10)
+    assert_film_has(film, 0, 10)
     film.close()
 
 
-def test_where_each_workers_sums_stay_apart_nobody_replaces_anothers(tmp_path: Path) -> None:
+def test_separate_senders_prevent_replacement(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     film.separates_senders = True
     assert film.merge([part(film, 0, 4, 2, workers=("honest",))]) == [True]

@@ -34,7 +34,7 @@ def batch(w: int, h: int, seed: int) -> tuple[Sums, Hits]:
 
 
 @pytest.mark.parametrize("order", [0, 1])
-def test_groups_and_mattes_of_a_film(order: int, tmp_path: Path) -> None:
+def test_film_stores_light_groups_and_cryptomatte(order: int, tmp_path: Path) -> None:
     made = Film(tmp_path / "job.sqlite", WIDTH, HEIGHT, TILE, 24, TileCache(1 << 20), groups=GROUPS, ranks=2)
     whole, hits = np.zeros((plane_count(2), HEIGHT, WIDTH), np.int64), []
     parts = []
@@ -69,7 +69,7 @@ def test_groups_and_mattes_of_a_film(order: int, tmp_path: Path) -> None:
     made.close()
 
 
-def test_mattes_are_layers_of_an_exr_only() -> None:
+def test_cryptomatte_is_exported_to_exr_only() -> None:
     for wish in (
         PictureRequest("png", ("cryptomatte:6",)),
         PictureRequest("exr", ("cryptomatte:6",)),

@@ -10,7 +10,7 @@ Ranges = st.lists(st.tuples(st.integers(0, 60), st.integers(1, 12)), max_size=30
 
 
 @given(Ranges, st.integers(0, 70), st.integers(0, 70))
-def test_it_is_the_set_of_its_samples(ranges: list[tuple[int, int]], start: int, end: int) -> None:
+def test_coverage_equals_set_of_samples(ranges: list[tuple[int, int]], start: int, end: int) -> None:
     coverage, model = Coverage(), set[int]()
     for first, count in ranges:
         samples = set(range(first, first + count))
@@ -30,6 +30,6 @@ def test_it_is_the_set_of_its_samples(ranges: list[tuple[int, int]], start: int,
     )
 
 
-def test_an_empty_range_is_refused() -> None:
+def test_empty_range_is_rejected() -> None:
     with pytest.raises(ValueError, match="invalid range"):
         Coverage().add(3, 0)

@@ -29,7 +29,7 @@ from tests.service.conftest import Databases
         ('{"cut": "of', None),
     ],
 )
-def test_json_is_read_as_it_was_written_and_what_is_damaged_is_nothing(written: str, read: Any, tmp_path: Path) -> None:
+def test_damaged_json_column_is_read_as_none(written: str, read: Any, tmp_path: Path) -> None:
     engine, sessions = connect(f"sqlite:///{tmp_path / 'test.db'}")
     with sessions.begin() as session:
         session.execute(
@@ -46,7 +46,7 @@ def test_json_is_read_as_it_was_written_and_what_is_damaged_is_nothing(written: 
 
 
 @pytest.mark.parametrize("kind", ["sqlite", "postgresql"])
-def test_a_database_that_is_closed_stays_so_for_threads_that_outlive_it(kind: str, databases: Databases, tmp_path: Path) -> None:
+def test_closed_database_rejects_later_threads(kind: str, databases: Databases, tmp_path: Path) -> None:
     with databases.new(kind) as url:
         engine, sessions = connect(url or f"sqlite:///{tmp_path / 'test.db'}")
         opened: list[Any] = []
@@ -73,7 +73,7 @@ def _is_closed(connection: Any) -> bool:
     return False
 
 
-def test_a_database_lies_in_a_folder_of_any_name(tmp_path: Path) -> None:
+def test_database_folder_may_have_any_name(tmp_path: Path) -> None:
     folder = tmp_path / "100%20 what? #1"
     folder.mkdir()
     connect(Settings(data=folder).database)[0].dispose()

@@ -25,7 +25,7 @@ SETTINGS = RenderSettings(view=View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0)), width=WID
 SPP = 3
 
 
-def filled(folder: Path) -> FilmFolder:
+def create_film(folder: Path) -> FilmFolder:
     """Returns a folder with one film: each tile has three rows of one sample each.
 
     Tile 1 has more rows, which are folded into one.
@@ -40,7 +40,7 @@ def filled(folder: Path) -> FilmFolder:
     return FilmFolder(folder, 1 << 20)
 
 
-def flip(path: Path, tile: int, first: int) -> None:
+def flip_bit(path: Path, tile: int, first: int) -> None:
     """Flips one bit in the stored sums of the film's row at (tile, first), which can still be decompressed afterwards."""
     database = sqlite3.connect(path)
     (sums,) = database.execute("SELECT sums FROM part WHERE tile = ? AND first = ?", (tile, first)).fetchone()
@@ -51,7 +51,7 @@ def flip(path: Path, tile: int, first: int) -> None:
     database.close()
 
 
-def holds(film: Film, missing: set[tuple[int, int]]) -> None:
+def assert_film_has(film: Film, missing: set[tuple[int, int]]) -> None:
     """Asserts that a film has the expected samples of all tiles, except those in `missing`: pairs (tile, sample number)."""
     for tile, area in enumerate(film.tiles):
         samples = [s for s in range(MAX_ROWS_UNFOLDED if tile == 1 else SPP) if (tile, s) not in missing]
@@ -60,27 +60,27 @@ def holds(film: Film, missing: set[tuple[int, int]]) -> None:
         np.testing.assert_array_equal(film.tile_sums(0, tile), expected)
 
 
-def test_one_bit_is_noticed_and_costs_one_row(tmp_path: Path) -> None:
-    films = filled(tmp_path)
+def test_flipped_bit_loses_one_row(tmp_path: Path) -> None:
+    films = create_film(tmp_path)
     path = tmp_path / "job.sqlite"
     film = films.open("job", SETTINGS, TILE)
     whole = film_samples(path, film._shape)
     assert whole == films.verify("job", SETTINGS, TILE)
-    flip(path, 2, 1)
+    flip_bit(path, 2, 1)
     with pytest.raises(FilmDamaged, match="samples from 1 on of tile 2 differ from what was written"):
         films.verify("job", SETTINGS, TILE)
     with pytest.raises(FilmDamaged, match="differ from what was written"):
         film.tile_planes(0, 2, [0])
     films.delete_damaged("job", SETTINGS, TILE)
     film = films.open("job", SETTINGS, TILE)
-    holds(film, {(2, 1)})
+    assert_film_has(film, {(2, 1)})
     assert BadSample(film.tiles[2].x, 0, 1) not in film.bad_samples(0)[1]
     assert film.merge([part(film, 2, 1, 1)]) == [True]
-    holds(film, set())
+    assert_film_has(film, set())
     assert films.verify("job", SETTINGS, TILE) == whole
 
 
-def test_of_a_film_with_pages_of_nonsense_the_rest_is_kept(tmp_path: Path) -> None:
+def test_intact_rows_of_damaged_film_are_kept(tmp_path: Path) -> None:
     settings = replace(SETTINGS, width=64, height=64)
     films = FilmFolder(tmp_path, 1 << 20)
     film = films.open("job", settings, 32, pin=True)
@@ -106,7 +106,7 @@ def test_of_a_film_with_pages_of_nonsense_the_rest_is_kept(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("content", [b"", b"no film at all" * 999])
-def test_a_film_with_nothing_left_is_empty(tmp_path: Path, content: bytes) -> None:
+def test_unreadable_film_becomes_empty(tmp_path: Path, content: bytes) -> None:
     (tmp_path / "job.sqlite").write_bytes(content)
     films = FilmFolder(tmp_path, 1 << 20)
     assert films.size("job") == len(content)
@@ -114,12 +114,12 @@ def test_a_film_with_nothing_left_is_empty(tmp_path: Path, content: bytes) -> No
     assert films.open("job", SETTINGS, TILE).is_empty
 
 
-def test_a_film_without_checksums_is_believed(tmp_path: Path) -> None:
-    films = filled(tmp_path)
+def test_film_without_checksums_is_accepted(tmp_path: Path) -> None:
+    films = create_film(tmp_path)
     with closing(sqlite3.connect(tmp_path / "job.sqlite")) as database, database:
         database.execute("UPDATE part SET checksum = NULL")
     database.close()
     film = films.open("job", SETTINGS, TILE)
     assert film.delete_damaged() == 0
-    holds(film, set())
+    assert_film_has(film, set())
     assert films.verify("job", SETTINGS, TILE)[0] == film.samples(0)

@@ -34,7 +34,7 @@ def film(tmp_path: Path) -> Film:
     return film
 
 
-def test_a_full_disk_waits_and_heals(film: Film) -> None:
+def test_full_disk_is_temporary(film: Film) -> None:
     (pages,) = rows_of(film).execute("PRAGMA page_count").fetchone()
     rows_of(film).execute(f"PRAGMA max_page_count={pages}")
     noise = np.random.default_rng(1)
@@ -51,7 +51,7 @@ def test_a_full_disk_waits_and_heals(film: Film) -> None:
     assert all(film.merge(group)), "and all of it once there is room"
 
 
-def test_a_lock_waits_a_moment_only_and_nothing_is_half_counted(film: Film, tmp_path: Path) -> None:
+def test_locked_merge_fails_quickly_without_partial_count(film: Film, tmp_path: Path) -> None:
     other = sqlite3.connect(tmp_path / "job.sqlite", isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
     began = time.monotonic()
@@ -66,7 +66,7 @@ def test_a_lock_waits_a_moment_only_and_nothing_is_half_counted(film: Film, tmp_
     np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 4, 0))
 
 
-def test_a_film_that_is_locked_when_it_is_opened_waits(film: Film, tmp_path: Path) -> None:
+def test_film_locked_at_open_is_unavailable(film: Film, tmp_path: Path) -> None:
     film.close()
     other = sqlite3.connect(tmp_path / "job.sqlite", isolation_level=None)
     other.execute("PRAGMA locking_mode=EXCLUSIVE")
@@ -81,7 +81,7 @@ def test_a_film_that_is_locked_when_it_is_opened_waits(film: Film, tmp_path: Pat
     again.close()
 
 
-def test_a_film_whose_writing_is_locked_can_be_opened_and_read(film: Film, tmp_path: Path) -> None:
+def test_write_locked_film_is_readable(film: Film, tmp_path: Path) -> None:
     film.close()
     other = sqlite3.connect(tmp_path / "job.sqlite", isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
@@ -134,7 +134,7 @@ def sql(*statements: str) -> Callable[[Path], None]:
         (lambda path: (path.unlink(), path.mkdir()), "cannot be written|damaged"),
     ],
 )
-def test_what_stays_is_lost_with_a_sentence(film: Film, tmp_path: Path, break_it: Callable[[Path], None], why: str) -> None:
+def test_permanent_faults_raise_film_lost(film: Film, tmp_path: Path, break_it: Callable[[Path], None], why: str) -> None:
     film.checkpoint()
     film.close()
     for suffix in ("-wal", "-shm"):
@@ -151,7 +151,7 @@ def test_what_stays_is_lost_with_a_sentence(film: Film, tmp_path: Path, break_it
     again.close()
 
 
-def test_a_film_that_became_read_only_waits(film: Film) -> None:
+def test_read_only_film_is_unavailable(film: Film) -> None:
     rows_of(film).execute("PRAGMA query_only=ON")
     with pytest.raises(FilmUnavailable, match=r"is read-only\. Make it writable\. The job continues"):
         film.merge([part(film, 1, 0, 1)])
@@ -160,7 +160,7 @@ def test_a_film_that_became_read_only_waits(film: Film) -> None:
     assert film.merge([part(film, 1, 0, 1)]) == [True]
 
 
-def test_a_lock_is_waited_for_once_and_not_at_each_try(film: Film, tmp_path: Path) -> None:
+def test_locked_film_is_waited_for_once(film: Film, tmp_path: Path) -> None:
     def patience_ms() -> int:
         return int(rows_of(film).execute("PRAGMA busy_timeout").fetchone()[0])
 
@@ -177,7 +177,7 @@ def test_a_lock_is_waited_for_once_and_not_at_each_try(film: Film, tmp_path: Pat
     assert patience_ms() == known
 
 
-def test_what_was_merged_is_reported_though_folding_fails(film: Film) -> None:
+def test_merge_is_reported_despite_folding_error(film: Film) -> None:
     rows_of(film).execute("CREATE TRIGGER stuck BEFORE DELETE ON part BEGIN SELECT raise(ABORT, 'stuck'); END")
     for first in range(2, 2 + MAX_ROWS_UNFOLDED):
         assert film.merge([part(film, 0, first, 1)]) == [True]
@@ -188,7 +188,7 @@ def test_what_was_merged_is_reported_though_folding_fails(film: Film) -> None:
     np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 3 + MAX_ROWS_UNFOLDED, 0))
 
 
-def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_commit_with_unknown_result_is_checked(film: Film, monkeypatch: pytest.MonkeyPatch) -> None:
     """If a commit succeeds but reports an error, parts that arrive again are recognised as stored."""
     add = film_file.FilmFile.add
 
@@ -204,7 +204,7 @@ def test_a_commit_of_which_nobody_knows_is_looked_up(film: Film, monkeypatch: py
     np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 5, 0))
 
 
-def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path: Path) -> None:
+def test_folding_keeps_rows_of_other_processes(film: Film, tmp_path: Path) -> None:
     """Folding a tile's rows into one keeps rows that another process wrote, although they are not in the cached sums."""
     sneaked = part(film, 0, 2 + MAX_ROWS_UNFOLDED, 1)
     sql_rows = sqlite3.connect(tmp_path / "job.sqlite")
@@ -228,12 +228,12 @@ def test_rows_that_somebody_else_wrote_are_not_folded_away(film: Film, tmp_path:
         (errno.EROFS, FilmUnavailable),
     ],
 )
-def test_the_systems_errors_are_told_apart_too(number: int, kind: type[Exception]) -> None:
+def test_os_errors_are_classified(number: int, kind: type[Exception]) -> None:
     with pytest.raises(kind), film_faults():
         raise OSError(number, "said by the system")
 
 
-def test_a_film_of_release_0_1_0_is_read_and_brought_up_to_date(film: Film, tmp_path: Path) -> None:
+def test_film_of_release_0_1_0_is_migrated(film: Film, tmp_path: Path) -> None:
     film.checkpoint()
     old = sqlite3.connect(tmp_path / "old.sqlite")
     old.executescript(
@@ -255,6 +255,6 @@ def test_a_film_of_release_0_1_0_is_read_and_brought_up_to_date(film: Film, tmp_
     again.close()
 
 
-def test_only_the_service_reads_its_films(film: Film, tmp_path: Path) -> None:
+def test_film_files_are_private(film: Film, tmp_path: Path) -> None:
     modes = {path.name: path.stat().st_mode & 0o777 for path in tmp_path.iterdir()}
     assert modes == {"job.sqlite": 0o600, "job.sqlite-wal": 0o600, "job.sqlite-shm": 0o600}

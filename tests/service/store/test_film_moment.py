@@ -15,7 +15,7 @@ from tests.service.peer_worker import expected_sums
 from tests.service.store.test_films import HEIGHT, WIDTH, make, part
 
 
-def test_a_moment_is_read_while_the_film_grows_and_is_folded(tmp_path: Path) -> None:
+def test_snapshot_is_unchanged_while_film_grows(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     film.merge([part(film, tile, 0, 1) for tile in range(len(film.tiles))])
     planes = list(range(COLOR.start, COLOR.stop))
@@ -32,6 +32,6 @@ def test_a_moment_is_read_while_the_film_grows_and_is_folded(tmp_path: Path) -> 
     np.testing.assert_array_equal(later[COLOR], expected_sums(film.tiles[0], 0, MAX_ROWS_UNFOLDED + 1, 0)[COLOR])
 
 
-def test_a_film_without_samples_has_no_moment(tmp_path: Path) -> None:
+def test_empty_film_has_no_snapshot(tmp_path: Path) -> None:
     with pytest.raises(FilmUnavailable):
         make(tmp_path / "job.sqlite").snapshot()

@@ -18,7 +18,7 @@ def film(path: Path, epoch: int | None) -> Film:
     return Film(path, WIDTH, HEIGHT, TILE, 24, TileCache(1 << 20), epoch)
 
 
-def test_what_an_earlier_owner_still_merges_is_refused_and_nothing_is_in_twice(tmp_path: Path) -> None:
+def test_merge_of_earlier_owner_is_rejected(tmp_path: Path) -> None:
     old, new = film(tmp_path / "job.sqlite", 7), film(tmp_path / "job.sqlite", 8)
     assert old.merge([part(old, 0, 0, 2)]) == [True]
     new.open_file(create=True)
@@ -37,7 +37,7 @@ def test_what_an_earlier_owner_still_merges_is_refused_and_nothing_is_in_twice(t
     again.close()
 
 
-def test_what_the_earlier_owner_merged_before_is_known_to_the_new_one(tmp_path: Path) -> None:
+def test_new_owner_knows_earlier_merges(tmp_path: Path) -> None:
     """A new owner of the farm knows the samples that the earlier owner merged, also if it had opened the film before."""
     old, new = film(tmp_path / "job.sqlite", 7), film(tmp_path / "job.sqlite", 8)
     old.merge([part(old, 0, 0, 2)])
@@ -49,7 +49,7 @@ def test_what_the_earlier_owner_merged_before_is_known_to_the_new_one(tmp_path: 
     new.close()
 
 
-def test_to_look_at_a_film_changes_nothing_and_one_without_owners_gets_one(tmp_path: Path) -> None:
+def test_reading_does_not_claim_film_and_writing_does(tmp_path: Path) -> None:
     path = tmp_path / "job.sqlite"
     plain = film(path, None)  # written by a release without owners
     plain.merge([part(plain, 0, 0, 2)])

@@ -12,7 +12,7 @@ def metadata(spp: int) -> FilmSnapshot:
     return FilmSnapshot(spp, spp, 2 * spp, 100 * spp, 1.5, None, 12.0)
 
 
-def test_what_is_kept_is_read_as_it_was_written(tmp_path: Path) -> None:
+def test_snapshot_round_trip(tmp_path: Path) -> None:
     kept = FilmSnapshots(tmp_path / "snapshots", 1 << 20, 0)
     assert kept.accept("job") == [] == kept.all_metadata("job")
     for spp in (8, 1, 128):
@@ -25,7 +25,7 @@ def test_what_is_kept_is_read_as_it_was_written(tmp_path: Path) -> None:
     assert again.find("job", 2) is None and again.find("other", 1) is None
 
 
-def test_those_of_other_jobs_make_room_the_oldest_first(tmp_path: Path) -> None:
+def test_oldest_snapshots_of_other_jobs_are_deleted_first(tmp_path: Path) -> None:
     room = 2500
     kept = FilmSnapshots(tmp_path / "snapshots", room, 0)
     for at, job in enumerate(("first", "second", "third")):
@@ -38,7 +38,7 @@ def test_those_of_other_jobs_make_room_the_oldest_first(tmp_path: Path) -> None:
     assert not FilmSnapshots(tmp_path / "snapshots", room, 1 << 60).write("third", metadata(4), [b""]), "on a full disk"
 
 
-def test_they_go_with_their_job(tmp_path: Path) -> None:
+def test_snapshots_are_deleted_with_job(tmp_path: Path) -> None:
     kept = FilmSnapshots(tmp_path / "snapshots", 1 << 20, 0)
     for job in ("kept", "gone"):
         kept.accept(job)

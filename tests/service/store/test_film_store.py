@@ -32,13 +32,13 @@ def films(tmp_path: Path) -> FilmFolder:
     return FilmFolder(tmp_path / "films", 1 << 20, snapshots(tmp_path))
 
 
-def pinned(films: FilmFolder, job: str = "job") -> Film:
+def pin_films(films: FilmFolder, job: str = "job") -> Film:
     film = films.open(job, SETTINGS, TILE, pin=True)
     film.open_file(create=True)  # as for its first batch
     return film
 
 
-def test_a_film_is_made_with_its_first_batch(films: FilmFolder, tmp_path: Path) -> None:
+def test_film_file_is_created_with_first_batch(films: FilmFolder, tmp_path: Path) -> None:
     film = films.open("job", SETTINGS, TILE, pin=True)
     assert (film.has_file, film.is_empty, film.samples(0)) == (False, True, 0)
     assert not list((tmp_path / "films").iterdir())
@@ -48,16 +48,14 @@ def test_a_film_is_made_with_its_first_batch(films: FilmFolder, tmp_path: Path) 
 
 
 @pytest.mark.long
-def test_few_of_many_films_that_are_rendered_have_open_files(
-    films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_open_film_files_are_limited(films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(film_store, "MAX_FILES", 3)
 
     def open_files() -> int:
         links = list(Path("/proc/self/fd").iterdir())
         return sum(link.is_symlink() and str(tmp_path) in str(link.readlink()) for link in links)
 
-    all_films = [pinned(films, f"job{i}") for i in range(20)]
+    all_films = [pin_films(films, f"job{i}") for i in range(20)]
     for first in range(3):
         for film in all_films:
             assert film.merge([part(film, 0, first, 1)]) == [True]
@@ -69,17 +67,17 @@ def test_few_of_many_films_that_are_rendered_have_open_files(
     assert again.coverage(0, 0).total == 3
 
 
-def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFolder) -> None:
+def test_viewer_and_renderer_share_film_object(films: FilmFolder) -> None:
     """A film that a viewer holds is also the object that rendering merges into, even after other films evict it from the store.
 
     With two objects for one job, each would fold rows by an outdated index.
     """
-    watched = pinned(films)
+    watched = pin_films(films)
     watched.merge([part(watched, 0, first, 1) for first in range(MAX_ROWS_UNFOLDED - 1)])
     films.unpin("job")
     for other in range(MAX_OPEN + 1):
         films.open(f"other{other}", SETTINGS, TILE)
-    rendered = pinned(films)
+    rendered = pin_films(films)
     rendered.merge([part(rendered, 0, MAX_ROWS_UNFOLDED - 1, 1)])
     rendered.merge([part(rendered, 0, MAX_ROWS_UNFOLDED, 1)])
     assert watched.merge([part(watched, 0, MAX_ROWS_UNFOLDED - 1, 1)]) == [False], "whoever holds it knows what is in"
@@ -89,8 +87,8 @@ def test_a_film_that_a_watcher_holds_is_the_one_that_is_rendered(films: FilmFold
 
 
 @pytest.mark.long
-def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
-    film = pinned(films)
+def test_unused_film_is_closed(films: FilmFolder) -> None:
+    film = pin_films(films)
     database = rows_of(film)
     films.unpin("job")
     del film
@@ -102,15 +100,15 @@ def test_a_film_that_nobody_holds_is_closed(films: FilmFolder) -> None:
 
 
 @pytest.mark.long
-def test_a_film_that_is_rendered_stays_open(films: FilmFolder) -> None:
-    database = rows_of(pinned(films))
+def test_pinned_film_stays_open(films: FilmFolder) -> None:
+    database = rows_of(pin_films(films))
     for other in range(MAX_OPEN + 1):
         films.open(f"other{other}", SETTINGS, TILE)
     gc.collect()
     database.execute("SELECT 1")
 
 
-def test_reading_makes_no_film(films: FilmFolder, tmp_path: Path) -> None:
+def test_reading_creates_no_film(films: FilmFolder, tmp_path: Path) -> None:
     film = films.open("job", SETTINGS, TILE)
     assert film.samples(0) == 0
     assert film.tile_sums(0, 0) is None
@@ -119,8 +117,8 @@ def test_reading_makes_no_film(films: FilmFolder, tmp_path: Path) -> None:
     assert film.merge([part(film, 0, 0, 1)]) == [True], "until there is something to write"
 
 
-def test_a_film_with_less_than_was_recorded_says_so(films: FilmFolder, tmp_path: Path) -> None:
-    film = pinned(films)
+def test_film_with_missing_samples_raises_error(films: FilmFolder, tmp_path: Path) -> None:
+    film = pin_films(films)
     film.merge([part(film, 0, 0, 2)])
     has = film.samples(0)
     assert films.open("job", SETTINGS, TILE, recorded=has) is film
@@ -135,12 +133,12 @@ def test_a_film_with_less_than_was_recorded_says_so(films: FilmFolder, tmp_path:
         FilmFolder(tmp_path / "films", 0, snapshots(tmp_path)).open("job", SETTINGS, TILE, recorded=has)
 
 
-def test_a_damaged_film_is_set_aside_and_the_job_begins_anew(films: FilmFolder, tmp_path: Path) -> None:
+def test_damaged_film_is_renamed_and_job_starts_again(films: FilmFolder, tmp_path: Path) -> None:
     (tmp_path / "films" / "job.sqlite").write_bytes(b"nonsense" * 100)
     with pytest.raises(FilmLost):
-        pinned(films)
+        pin_films(films)
     films.quarantine("job")
-    film = pinned(films)
+    film = pin_films(films)
     assert film.merge([part(film, 0, 0, 1)]) == [True]
     assert (tmp_path / "films" / "job.sqlite.lost").read_bytes() == b"nonsense" * 100
     films.quarantine("job")
@@ -151,9 +149,7 @@ def test_a_damaged_film_is_set_aside_and_the_job_begins_anew(films: FilmFolder, 
     assert list((tmp_path / "films").iterdir()) == []
 
 
-def test_a_film_may_be_deleted_while_its_size_is_asked_for(
-    films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_film_may_be_deleted_during_size_query(films: FilmFolder, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = films._path("gone")
     path.write_bytes(b"film")
     look = Path.stat
@@ -169,17 +165,17 @@ def test_a_film_may_be_deleted_while_its_size_is_asked_for(
     assert films.size("gone") == 0
 
 
-def test_the_films_of_deleted_jobs_are_swept(films: FilmFolder, tmp_path: Path) -> None:
+def test_sweep_deletes_films_of_deleted_jobs(films: FilmFolder, tmp_path: Path) -> None:
     for job in ("kept", "gone", "lost"):
-        pinned(films, job)
+        pin_films(films, job)
     films.quarantine("lost")
     films.close()
     FilmFolder(tmp_path / "films", 0, snapshots(tmp_path)).sweep({"kept"})
     assert {path.name.partition(".")[0] for path in (tmp_path / "films").iterdir()} == {"kept"}
 
 
-def test_a_copy_that_was_broken_off_is_swept_and_one_under_way_is_not(films: FilmFolder, tmp_path: Path) -> None:
-    pinned(films, "source").merge([part(pinned(films, "source"), 0, 0, 1)])
+def test_sweep_deletes_only_interrupted_copies(films: FilmFolder, tmp_path: Path) -> None:
+    pin_films(films, "source").merge([part(pin_films(films, "source"), 0, 0, 1)])
     left = [tmp_path / "films" / f"killed.sqlite.new{suffix}" for suffix in ("", "-wal", "-shm")]
     for path in left:
         path.write_bytes(b"half of it")

@@ -43,7 +43,7 @@ def part(film: Film, tile: int, first: int, count: int, **more: object) -> Contr
 @given(
     st.lists(st.tuples(st.integers(0, 5), st.integers(0, 11), st.integers(1, 5)), max_size=24), st.integers(1, 5), st.booleans()
 )
-def test_any_arrival_is_the_sum_of_what_was_taken(batches: list[tuple[int, int, int]], group: int, small_cache: bool) -> None:
+def test_film_equals_sum_of_accepted_batches(batches: list[tuple[int, int, int]], group: int, small_cache: bool) -> None:
     with tempfile.TemporaryDirectory() as folder:
         film = make(Path(folder) / "job.sqlite", 2000 if small_cache else 1 << 20)
         model: dict[int, set[int]] = {tile: set() for tile in range(len(film.tiles))}
@@ -73,7 +73,7 @@ def test_any_arrival_is_the_sum_of_what_was_taken(batches: list[tuple[int, int, 
         again.close()
 
 
-def test_a_film_of_a_release_with_fewer_planes_is_read_and_goes_on(tmp_path: Path) -> None:
+def test_film_with_fewer_planes_is_continued(tmp_path: Path) -> None:
     planes = 15
     film = make(tmp_path / "job.sqlite")
     old = expected_sums(film.tiles[0], 0, 2, 0)[:planes]
@@ -94,7 +94,7 @@ def test_a_film_of_a_release_with_fewer_planes_is_read_and_goes_on(tmp_path: Pat
     film.close()
 
 
-def test_rows_are_folded_and_the_digest_stays(tmp_path: Path) -> None:
+def test_folding_keeps_digest(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     for first in range(20):
         film.merge([part(film, 0, first, 1, bad=[BadSample(1, 2, first)], bad_count=2)])
@@ -109,7 +109,7 @@ def test_rows_are_folded_and_the_digest_stays(tmp_path: Path) -> None:
     again.close()
 
 
-def test_parts_that_follow_each_other_become_one_row(tmp_path: Path) -> None:
+def test_consecutive_parts_become_one_row(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     bad = [BadSample(1, 2, 3)]
     parts = [
@@ -145,7 +145,7 @@ def test_damaged_sums_and_unknown_tiles_are_dropped(tmp_path: Path) -> None:
     film.close()
 
 
-def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
+def test_failed_merge_adds_nothing(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     film.open_file(create=True)
     rows_of(film).execute("CREATE TRIGGER full BEFORE INSERT ON part WHEN NEW.tile = 1 BEGIN SELECT raise(ABORT, 'a fault'); END")
@@ -158,7 +158,7 @@ def test_a_write_that_fails_leaves_nothing(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("cache_bytes", [1, 1 << 20])
-def test_some_planes_are_read_without_the_others_and_without_a_trace(tmp_path: Path, cache_bytes: int) -> None:
+def test_reading_some_planes_bypasses_cache(tmp_path: Path, cache_bytes: int) -> None:
     film = make(tmp_path / "job.sqlite", cache_bytes)
     film.merge([part(film, 0, first, 1) for first in (0, 1, 2)])
     film.merge([part(film, 1, 0, 1)])
@@ -173,7 +173,7 @@ def test_some_planes_are_read_without_the_others_and_without_a_trace(tmp_path: P
     film.close()
 
 
-def test_a_film_that_is_closed_under_its_reader_says_so(tmp_path: Path) -> None:
+def test_closed_film_raises_error_in_reader(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     film.merge([part(film, 0, 0, 2)])
     assert film.tile_sums(0, 0) is not None

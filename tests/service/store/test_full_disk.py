@@ -26,7 +26,7 @@ DISK = 48 << 20
 
 @pytest.fixture(params=["a small disk", "a database without room"])
 def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path | None]:
-    """Yields the folder of a small mounted disk, or None in the case in which `full` makes the database report a full disk."""
+    """Yields the folder of a small mounted disk, or None if `full_disk` makes the database report a full disk instead."""
     if request.param == "a database without room":
         yield None
         return
@@ -43,7 +43,7 @@ def small_disk(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Path 
     subprocess.run(["umount", "-l", str(folder)], check=True)
 
 
-def fill(path: Path) -> None:
+def fill_disk(path: Path) -> None:
     """Writes a file at `path` until the disk is completely full."""
     with path.open("wb", buffering=0) as file:
         for size in (1 << 20, 4096, 1):
@@ -55,10 +55,10 @@ def fill(path: Path) -> None:
 
 
 @contextmanager
-def full(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+def full_disk(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
     """Fills the disk or, without one, makes the database report a full disk until the reserve is deleted."""
     if disk is not None:
-        fill(disk / "filler")
+        fill_disk(disk / "filler")
         yield
         for filler in disk.glob("filler*"):
             filler.unlink()
@@ -78,7 +78,7 @@ def full(service: Service, disk: Path | None, monkeypatch: pytest.MonkeyPatch) -
         yield
 
 
-def test_deleting_works_with_no_byte_free(
+def test_deletion_works_on_full_disk(
     small_disk: Path | None, tmp_path: Path, redis_server: running_redis, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     data = (small_disk or tmp_path) / "data"
@@ -91,7 +91,7 @@ def test_deleting_works_with_no_byte_free(
             jobs = [service.submit(scene) for scene in scenes[:1]]
             for job in jobs:
                 service.wait_for(job, "finished")
-        with full(service, small_disk, monkeypatch):
+        with full_disk(service, small_disk, monkeypatch):
             refused = service.http.post("/api/scenes", files={"files": ("large.obj", OBJ * 100_000)})
             assert refused.status_code == 507, refused.text
             assert "Delete scenes or jobs" in refused.json()["detail"]
@@ -99,7 +99,7 @@ def test_deleting_works_with_no_byte_free(
                 refused = service.http.post("/api/jobs", json={"scene": scenes[0], "width": 64, "height": 48, "spp": 8})
                 assert refused.status_code == 507, refused.text
                 service.restart()
-                fill(small_disk / "filler too")  # ended work has freed some space
+                fill_disk(small_disk / "filler too")  # ended work has freed some space
                 service.restart()
             for path in [*(f"/api/scenes/{id}" for id in scenes[:5]), *(f"/api/jobs/{id}" for id in jobs)]:
                 answer = service.http.delete(path)
@@ -110,7 +110,7 @@ def test_deleting_works_with_no_byte_free(
         service.stop()
 
 
-def test_the_reserve_is_given_once_and_kept_again(tmp_path: Path) -> None:
+def test_reserve_is_released_and_refilled(tmp_path: Path) -> None:
     reserve = Reserve(tmp_path / "reserve")
     reserve.refill()
     assert (tmp_path / "reserve").stat().st_size == SIZE
@@ -134,7 +134,7 @@ def always_full() -> None:
     raise disk_full_error()
 
 
-def test_what_is_half_filled_is_filled_anew(tmp_path: Path) -> None:
+def test_partial_reserve_is_refilled(tmp_path: Path) -> None:
     (tmp_path / "reserve").write_bytes(os.urandom(100))
     Reserve(tmp_path / "reserve").refill()
     assert (tmp_path / "reserve").stat().st_size == SIZE
@@ -145,7 +145,7 @@ def no_byte_free(*_: object) -> None:
 
 
 @pytest.mark.parametrize("writer", ["service.store.staging.BlobWriter.write", "service.store.kernels.write_atomically"])
-def test_a_worker_that_finds_the_disk_full_is_told(
+def test_worker_upload_on_full_disk_gets_error(
     service: Service, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, writer: str
 ) -> None:
     monkeypatch.setattr(writer, no_byte_free)

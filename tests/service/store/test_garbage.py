@@ -43,7 +43,7 @@ def at_once(*actions: Callable[[], None]) -> None:
 
 @pytest.mark.long
 @pytest.mark.parametrize("shared", [pytest.param(False, marks=pytest.mark.long), True])
-def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared: bool) -> None:
+def test_upload_during_deletion_of_same_files(service: Service, shared: bool) -> None:
     """An upload succeeds while a scene with the same files is deleted.
 
     shared: whether a further scene has one of these files.
@@ -71,7 +71,7 @@ def test_an_upload_beside_a_deletion_of_the_same_files(service: Service, shared:
     assert set(codes) <= {("post", 201), ("delete", 204), ("delete", 404)}, codes
 
 
-def test_a_worker_that_stores_a_blob_while_others_are_deleted_keeps_nobody_waiting(service: Service) -> None:
+def test_blob_upload_during_deletion_does_not_block(service: Service) -> None:
     content = b"compiled"
     url = f"/api/farm/blobs/{hashlib.sha256(content).hexdigest()}"
     headers = {"Authorization": f"Bearer {TOKEN}"}
@@ -109,7 +109,7 @@ def scene_of(*hashes: str) -> Callable[[Session], set[str]]:
     return write
 
 
-def test_a_pinned_blob_stays_and_goes_when_no_scene_came_of_it(garbage: tuple[Garbage, BlobFolder]) -> None:
+def test_pinned_blob_is_deleted_if_no_scene_is_created(garbage: tuple[Garbage, BlobFolder]) -> None:
     collector, blobs = garbage
     with pytest.raises(RuntimeError, match="refused"), collector.pinned([put(blobs, b"content")] * 2) as _:
         sha256 = put(blobs, b"content")
@@ -119,7 +119,7 @@ def test_a_pinned_blob_stays_and_goes_when_no_scene_came_of_it(garbage: tuple[Ga
     assert not blobs.exists(sha256)
 
 
-def test_a_pinned_blob_of_which_a_scene_was_made_stays(garbage: tuple[Garbage, BlobFolder]) -> None:
+def test_pinned_blob_of_created_scene_is_kept(garbage: tuple[Garbage, BlobFolder]) -> None:
     collector, blobs = garbage
     sha256 = put(blobs, b"content")
     with collector.pinned([sha256]):
@@ -129,7 +129,7 @@ def test_a_pinned_blob_of_which_a_scene_was_made_stays(garbage: tuple[Garbage, B
     assert blobs.exists(sha256)
 
 
-def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, BlobFolder]) -> None:
+def test_worker_blob_is_kept_until_reported(garbage: tuple[Garbage, BlobFolder]) -> None:
     """A blob that a worker has stored is kept until the worker reports it, or until the report counts as lost.
 
     Another scene that was compiled to the same bytes may be deleted meanwhile.
@@ -144,7 +144,7 @@ def test_what_a_worker_stores_waits_for_the_news_of_it(garbage: tuple[Garbage, B
     assert not blobs.exists(sha256)
 
 
-def test_a_workers_question_for_a_blob_keeps_it(service: Service) -> None:
+def test_existence_query_by_worker_keeps_blob(service: Service) -> None:
     """A blob is kept after a worker has asked whether it exists.
 
     The worker does not send an existing blob again, and refers to it in a later report.
@@ -161,7 +161,7 @@ def test_a_workers_question_for_a_blob_keeps_it(service: Service) -> None:
     assert service.http.post(f"{url}/keep").status_code == 401
 
 
-def test_the_parts_of_a_compiled_scene_stay_with_it(garbage: tuple[Garbage, BlobFolder]) -> None:
+def test_parts_of_compiled_scene_are_kept(garbage: tuple[Garbage, BlobFolder]) -> None:
     collector, blobs = garbage
     manifest, part, other = (put(blobs, content) for content in (b"manifest", b"part", b"other"))
 
@@ -176,7 +176,7 @@ def test_the_parts_of_a_compiled_scene_stay_with_it(garbage: tuple[Garbage, Blob
     assert (blobs.exists(manifest), blobs.exists(part), blobs.exists(other)) == (True, True, False)
 
 
-def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_deletion_is_retried(garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch) -> None:
     """A deletion that is recorded in the database is carried out later if the blob store does not respond now."""
     collector, blobs = garbage
     one, two = put(blobs, b"one"), put(blobs, b"two")
@@ -192,7 +192,7 @@ def test_what_cannot_be_deleted_now_goes_later(garbage: tuple[Garbage, BlobFolde
     assert (blobs.exists(one), blobs.exists(two)) == (False, False)
 
 
-def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_path: Path) -> None:
+def test_owner_lost_during_deletion_deletes_no_blob(tmp_path: Path) -> None:
     """A service that loses the farm in the middle of a deletion deletes no blob.
 
     In the test it is suspended after deleting the rows; then the same file is uploaded to the service that has taken over.
@@ -211,9 +211,7 @@ def test_whoever_lost_the_farm_in_the_middle_of_a_deletion_deletes_no_blob(tmp_p
 
 
 @pytest.mark.long
-def test_many_blobs_that_go_keep_nobody_else_waiting(
-    garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_large_deletion_does_not_block_requests(garbage: tuple[Garbage, BlobFolder], monkeypatch: pytest.MonkeyPatch) -> None:
     """Deleting thousands of files, which may take seconds, delays no other request.
 
     One of the files is uploaded again meanwhile, and one is already being deleted.
@@ -253,7 +251,7 @@ def test_many_blobs_that_go_keep_nobody_else_waiting(
     assert {sha256 for sha256 in hashes if blobs.exists(sha256)} == {now}
 
 
-def test_a_life_inherits_what_the_last_one_was_about_to_delete(service: Service) -> None:
+def test_pending_deletions_survive_restart(service: Service) -> None:
     """A restarted service deletes the files of a scene that the killed service had deleted only in the database.
 
     Blobs that a worker stored in between stay pinned.
@@ -269,7 +267,7 @@ def test_a_life_inherits_what_the_last_one_was_about_to_delete(service: Service)
     assert blobs.exists(on_its_way)
 
 
-def test_a_refusal_of_the_database_deletes_nothing(garbage: tuple[Garbage, BlobFolder]) -> None:
+def test_database_error_deletes_nothing(garbage: tuple[Garbage, BlobFolder]) -> None:
     collector, blobs = garbage
     sha256 = put(blobs, b"content")
 
@@ -283,7 +281,7 @@ def test_a_refusal_of_the_database_deletes_nothing(garbage: tuple[Garbage, BlobF
 
 @pytest.mark.long
 @pytest.mark.parametrize(("column", "value"), [("files", [{"path": "scene.obj"}, 7]), ("compiled", {"kind": "?"})])
-def test_a_scene_whose_row_is_damaged_keeps_no_other_from_being_deleted(service: Service, column: str, value: object) -> None:
+def test_damaged_row_does_not_block_deletions(service: Service, column: str, value: object) -> None:
     damaged, other = service.upload(), service.upload(OBJ + b"# other")
     with service.farm.sessions.begin() as session:
         row = session.get(Scene, damaged)

@@ -30,7 +30,7 @@ def film_of(service: Service, job: str) -> Path:
     return data / "films" / f"{job}.sqlite"
 
 
-def damaged(path: Path) -> None:
+def damage_film(path: Path) -> None:
     with path.open("r+b") as file:
         file.seek(100)
         file.write(b"\xa5" * 60_000)
@@ -47,14 +47,14 @@ def half_of_it(path: Path) -> None:
 @grid(
     ("break_it", "sentence"),
     [
-        (damaged, "is damaged"),
+        (damage_film, "is damaged"),
         pytest.param(lambda path: path.write_bytes(b""), "is missing or was emptied", marks=pytest.mark.long),
         (Path.unlink, "is missing or was emptied"),
         (half_of_it, "has only 12288 of its 24576 samples"),
     ],
-    ordinary=(damaged,),
+    ordinary=(damage_film,),
 )
-def test_readers_are_told_what_is_wrong(service: Service, job: str, break_it: Callable[[Path], object], sentence: str) -> None:
+def test_readers_of_damaged_film_get_error(service: Service, job: str, break_it: Callable[[Path], object], sentence: str) -> None:
     service.stop()
     break_it(film_of(service, job))
     service.options["film_check_days"] = 0  # disables automatic repair
@@ -70,7 +70,7 @@ def test_readers_are_told_what_is_wrong(service: Service, job: str, break_it: Ca
 
 
 @pytest.mark.long
-def test_a_film_that_another_program_holds_is_read_later(service: Service, job: str) -> None:
+def test_locked_film_is_read_later(service: Service, job: str) -> None:
     service.restart()
     other = sqlite3.connect(film_of(service, job), isolation_level=None)
     other.execute("PRAGMA locking_mode=EXCLUSIVE")
@@ -98,16 +98,14 @@ def one_bit(path: Path) -> None:
 @grid(
     ("break_it", "tiles"),
     [
-        pytest.param(damaged, 12, marks=pytest.mark.long),
+        pytest.param(damage_film, 12, marks=pytest.mark.long),
         pytest.param(lambda path: path.write_bytes(b""), 12, marks=pytest.mark.long),
         (half_of_it, 6),
         (one_bit, 1),
     ],
     ordinary=(one_bit,),
 )
-def test_what_is_missing_is_rendered_again_by_itself(
-    service: Service, job: str, break_it: Callable[[Path], object], tiles: int
-) -> None:
+def test_missing_samples_are_rendered_again(service: Service, job: str, break_it: Callable[[Path], object], tiles: int) -> None:
     digest = service.digest(job)
     service.stop()
     break_it(film_of(service, job))
@@ -122,7 +120,7 @@ def test_what_is_missing_is_rendered_again_by_itself(
 
 
 @pytest.mark.long
-def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None:
+def test_damage_found_by_reader_is_repaired(service: Service, job: str) -> None:
     digest = service.digest(job)
     with service.farm.sessions.begin() as session:
         session.execute(update(Job).values(checked=time.time()))  # as if checked just now, so that no check is due for a week
@@ -136,7 +134,7 @@ def test_what_a_reader_met_is_mended_at_once(service: Service, job: str) -> None
 
 
 @pytest.mark.long
-def test_a_film_whose_scene_is_gone_says_so(service: Service, job: str) -> None:
+def test_lost_film_of_deleted_scene_gives_error(service: Service, job: str) -> None:
     with service.farm.sessions.begin() as session:
         session.execute(delete(Scene))
     service.stop()

@@ -30,14 +30,16 @@ def rows(count: int, workers: int = 1, step: int = 4) -> list[RowHead]:
         (MAX_ROWS_APART, MAX_ROWS_APART, True, False, [MAX_ROWS_APART]),
     ],
 )
-def test_rows_that_become_one(count: int, workers: int, separates_senders: bool, is_contiguous: bool, sizes: list[int]) -> None:
+def test_rows_to_fold_are_selected(
+    count: int, workers: int, separates_senders: bool, is_contiguous: bool, sizes: list[int]
+) -> None:
     found = rows_to_fold(rows(count, workers), separates_senders, is_contiguous)
     assert [len(each) for each in found] == sizes
     assert all(len({head.workers for head in each}) == 1 for each in found) or not separates_senders or count >= MAX_ROWS_APART
 
 
 @pytest.mark.parametrize(("step", "ranges"), [(4, None), (8, [[0, 4], [8, 4], [16, 4]])])
-def test_one_row_says_what_all_of_them_said(step: int, ranges: list[list[int]] | None) -> None:
+def test_folded_head_combines_rows(step: int, ranges: list[list[int]] | None) -> None:
     made = folded_head(rows(3, workers=2, step=step)[::-1])
     assert (made.frame, made.tile, made.first, made.count, made.bad) == (0, 3, 0, 12, 3)
     assert (None if made.ranges is None else json.loads(made.ranges)) == ranges

@@ -46,7 +46,7 @@ def rows(film: Film) -> list[tuple[str, int]]:
     return sorted((str(head.workers), head.count) for head in film._file.row_heads())
 
 
-def test_what_workers_sent_in_turn_is_folded_apart_and_taken_back_alone(film: Film, tmp_path: Path) -> None:
+def test_rows_of_senders_are_folded_and_deleted_separately(film: Film, tmp_path: Path) -> None:
     for first in range(2 * MAX_ROWS_UNFOLDED):
         sent(film, "ab"[first % 2], first)
     assert rows(film) == [('["a"]', MAX_ROWS_UNFOLDED), ('["b"]', MAX_ROWS_UNFOLDED)]
@@ -67,7 +67,7 @@ def test_what_workers_sent_in_turn_is_folded_apart_and_taken_back_alone(film: Fi
     np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, 2 * MAX_ROWS_UNFOLDED, 0))
 
 
-def test_a_folded_row_goes_over_into_copies_and_out_of_damaged_films(film: Film, tmp_path: Path) -> None:
+def test_folded_row_survives_copy_and_recovery(film: Film, tmp_path: Path) -> None:
     for first in range(2 * MAX_ROWS_UNFOLDED):
         sent(film, "ab"[first % 2], first)
     film.checkpoint()
@@ -80,7 +80,7 @@ def test_a_folded_row_goes_over_into_copies_and_out_of_damaged_films(film: Film,
     saved.close()
 
 
-def test_where_they_are_not_kept_apart_the_row_names_all_who_are_in_it(film: Film) -> None:
+def test_mixed_row_names_all_senders(film: Film) -> None:
     film.separates_senders = False
     for first in range(MAX_ROWS_UNFOLDED):
         sent(film, f"w{first % 3}", first)
@@ -90,14 +90,14 @@ def test_where_they_are_not_kept_apart_the_row_names_all_who_are_in_it(film: Fil
     assert film.is_empty
 
 
-def test_the_rows_of_a_tile_are_bounded_however_many_workers_there_are(film: Film) -> None:
+def test_rows_per_tile_are_bounded(film: Film) -> None:
     for first in range(MAX_ROWS_APART + MAX_ROWS_UNFOLDED):
         sent(film, f"w{first}", first)
     assert len(rows(film)) <= MAX_ROWS_APART
     np.testing.assert_array_equal(film.tile_sums(0, 0), expected_sums(film.tiles[0], 0, MAX_ROWS_APART + MAX_ROWS_UNFOLDED, 0))
 
 
-def test_of_more_workers_than_a_row_names_it_may_be_anybody() -> None:
+def test_row_with_too_many_senders_matches_any_worker() -> None:
     few, many = senders_text([f"w{n}" for n in range(MAX_NAMES)]), senders_text([f"w{n}" for n in range(MAX_NAMES + 1)])
     assert ("w1" in senders_of(few), "x" in senders_of(few)) == (True, False)
     assert "x" in senders_of(many)
@@ -107,7 +107,7 @@ def test_of_more_workers_than_a_row_names_it_may_be_anybody() -> None:
     assert "x" not in senders_of("{damaged")
 
 
-def test_a_film_of_the_version_before_is_read_and_goes_on(film: Film, tmp_path: Path) -> None:
+def test_film_of_previous_version_is_continued(film: Film, tmp_path: Path) -> None:
     sent(film, "", 0, 2)
     film.close()
     with closing(sqlite3.connect(tmp_path / "job.sqlite")) as database, database:

@@ -21,7 +21,7 @@ ROWS = Table(
 )
 
 
-def test_codes_are_kept_and_older_texts_stay_as_they_are() -> None:
+def test_sentence_codes_are_stored_and_plain_texts_unchanged() -> None:
     engine = create_engine("sqlite://")
     ROWS.metadata.create_all(engine)
     info: dict[str, Any] = {"warnings": [SAID, "Old."], "counts": {"lights": 1}}

@@ -26,7 +26,7 @@ def adding(value: int, done: list[int]) -> object:
     return add
 
 
-def test_what_is_added_is_added_up_when_somebody_asks() -> None:
+def test_pending_samples_are_summed_on_read() -> None:
     cache, done = TileCache(1 << 20), list[int]()
     cache.add_samples(KEY, adding(1, done), 10)  # type: ignore[arg-type]
     assert cache.get(KEY) is None, "nobody had asked before"
@@ -41,7 +41,7 @@ def test_what_is_added_is_added_up_when_somebody_asks() -> None:
     np.testing.assert_array_equal(before, sums(5), "who has it keeps it as it was")
 
 
-def test_what_nobody_asks_for_is_forgotten_with_all_that_it_holds() -> None:
+def test_unread_tile_is_evicted() -> None:
     cache, done = TileCache(1 << 20), list[int]()
     cache.put(KEY, sums(5))
     for value in range(MAX_PENDING + 1):
@@ -55,7 +55,7 @@ def test_what_nobody_asks_for_is_forgotten_with_all_that_it_holds() -> None:
 
 
 @pytest.mark.parametrize("by_growth", [False, True])
-def test_its_bytes_are_bounded(by_growth: bool) -> None:
+def test_cache_size_is_limited(by_growth: bool) -> None:
     size = sums(0).nbytes
     cache = TileCache(4 * size)
     for tile in range(4):

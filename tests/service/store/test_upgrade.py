@@ -31,7 +31,7 @@ RELEASE_0_1_0 = Path(__file__).with_name("release_0_1_0.sql").read_text()
 
 
 @pytest.fixture
-def old(tmp_path: Path) -> Path:
+def old_data_folder(tmp_path: Path) -> Path:
     """Returns a data folder of release 0.1.0 with a scene and a finished job."""
     for folder in ("blobs", "films", "tmp"):
         (tmp_path / folder).mkdir()
@@ -58,7 +58,7 @@ def differences(engine: Engine) -> list[object]:
         return list(compare_metadata(MigrationContext.configure(connection), Base.metadata))
 
 
-def test_file_names_give_the_revisions_that_alembic_reads(tmp_path: Path) -> None:
+def test_revisions_in_file_names_equal_alembic(tmp_path: Path) -> None:
     config = Config()
     config.set_main_option("script_location", str(MIGRATIONS))
     scripts = ScriptDirectory.from_config(config)
@@ -72,8 +72,8 @@ def test_file_names_give_the_revisions_that_alembic_reads(tmp_path: Path) -> Non
     assert all(Path(script.path).name.startswith(f"r{script.revision}_") for script in scripts.walk_revisions())
 
 
-def test_a_data_folder_of_release_0_1_0_opens(old: Path) -> None:
-    farm = Farm(Settings(data=old))
+def test_data_folder_of_release_0_1_0_is_migrated(old_data_folder: Path) -> None:
+    farm = Farm(Settings(data=old_data_folder))
     try:
         job = farm.records.job("job")
         assert job is not None
@@ -83,29 +83,29 @@ def test_a_data_folder_of_release_0_1_0_opens(old: Path) -> None:
         assert differences(farm.database) == []
     finally:
         farm.stop()
-    Farm(Settings(data=old)).stop()  # again, now that it is of this release
+    Farm(Settings(data=old_data_folder)).stop()  # again, now that it is of this release
 
 
-def test_one_of_a_newer_release_is_refused_and_left_alone(old: Path) -> None:
-    farm = Farm(Settings(data=old))
+def test_newer_database_is_rejected_unchanged(old_data_folder: Path) -> None:
+    farm = Farm(Settings(data=old_data_folder))
     farm.stop()
-    with closing(sqlite3.connect(old / "rayfarm.sqlite")) as database, database:
+    with closing(sqlite3.connect(old_data_folder / "rayfarm.sqlite")) as database, database:
         database.execute("UPDATE alembic_version SET version_num = '9999'")
     database.close()
     with pytest.raises(StartupError, match=r"newer release of Rayfarm \(revision 9999; this release knows up to"):
-        Farm(Settings(data=old))
-    with closing(sqlite3.connect(old / "rayfarm.sqlite")) as database, database:
+        Farm(Settings(data=old_data_folder))
+    with closing(sqlite3.connect(old_data_folder / "rayfarm.sqlite")) as database, database:
         assert database.execute("SELECT version_num FROM alembic_version").fetchall() == [("9999",)]
     database.close()
 
 
-def test_the_steps_make_what_the_models_say(tmp_path: Path) -> None:
+def test_migrated_schema_equals_models(tmp_path: Path) -> None:
     engine, _ = connect(f"sqlite:///{tmp_path / 'new.sqlite'}")
     assert differences(engine) == []
     engine.dispose()
 
 
-def test_a_step_that_fails_leaves_the_database_as_it_was(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_failed_migration_is_rolled_back(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def fail(*_: object) -> None:
         raise RuntimeError("in the middle")
 
@@ -130,7 +130,7 @@ def postgres(databases: Databases) -> Iterator[Engine]:
 
 
 @grid("is_old", [False, True], ordinary=(True,))
-def test_the_same_on_postgresql(postgres: Engine, is_old: bool) -> None:
+def test_migration_on_postgresql(postgres: Engine, is_old: bool) -> None:
     empty_database(postgres.url.render_as_string(hide_password=False))
     if is_old:
         with postgres.begin() as connection:

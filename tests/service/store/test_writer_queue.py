@@ -11,7 +11,7 @@ from service.errors import Unavailable
 from service.store.writer_queue import WriterQueue
 
 
-def test_writers_go_in_line_and_urgent_ones_before_them() -> None:
+def test_writers_are_served_in_order_and_urgent_first() -> None:
     turns, order = WriterQueue(), list[str]()
 
     def write(name: str, is_urgent: bool) -> None:
@@ -32,7 +32,7 @@ def test_writers_go_in_line_and_urgent_ones_before_them() -> None:
     assert order == ["engine", "a", "b", "c"]
 
 
-def test_a_turn_ends_with_an_exception() -> None:
+def test_exception_ends_turn() -> None:
     turns = WriterQueue()
     with pytest.raises(KeyError), turns.wait_for_turn(1.0):
         raise KeyError

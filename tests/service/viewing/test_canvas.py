@@ -15,7 +15,7 @@ from service.viewing.passes import Level, Passes
 from tests.service.peer_worker import expected_sums
 
 
-def filled(canvas: Canvas, samples: int) -> list[int]:
+def add_samples(canvas: Canvas, samples: int) -> list[int]:
     """Adds samples to a canvas until it has `samples` per pixel; returns the counts at which the first tile is due to be shown.
 
     Asserts that the mean of the last tile is then as expected.
@@ -38,31 +38,31 @@ def canvas_of(samples: int, noise: float | None = None) -> Canvas:
 
 
 @pytest.mark.parametrize("samples", [8, 64, 100])
-def test_its_noise_is_that_of_a_job(samples: int) -> None:
+def test_canvas_noise_equals_job_noise(samples: int) -> None:
     canvas = canvas_of(samples)
     assert canvas.noise is None
-    filled(canvas, samples)
+    add_samples(canvas, samples)
     tiles = [(film.noise(expected_sums(tile, 0, samples, 0), 24), tile.w * tile.h) for tile in canvas.level.tiles]
     assert canvas.noise == pytest.approx(math.sqrt(sum(noise**2 * area for noise, area in tiles) / (64 * 48)), rel=1e-12)
     assert canvas.is_complete
     assert canvas.mean_samples == samples
 
 
-def test_a_tile_is_complete_where_its_noise_is_as_low_as_is_wanted() -> None:
+def test_tile_is_complete_at_target_noise() -> None:
     canvas = canvas_of(256, 0.058)  # evenly distributed samples: 0.577 / sqrt(n)
-    filled(canvas, 64)
+    add_samples(canvas, 64)
     assert not canvas.is_complete
     assert canvas.noise == pytest.approx(0.577 / 8, rel=0.05)
     canvas = canvas_of(256, 0.075)
-    filled(canvas, 32)
+    add_samples(canvas, 32)
     assert not any(map(canvas.tile_is_complete, range(4)))
     canvas = canvas_of(256, 0.075)
-    filled(canvas, 64)
+    add_samples(canvas, 64)
     assert canvas.is_complete
 
 
-def test_a_tile_is_shown_again_when_it_has_half_as_many_again() -> None:
-    shown = filled(canvas_of(100), 100)
+def test_tile_is_due_after_samples_grow_by_half() -> None:
+    shown = add_samples(canvas_of(100), 100)
     assert shown[:3] == [1, 2, 3]
     assert shown[-1] == 100
     assert all(after >= GROWTH * before for before, after in itertools.pairwise(shown[:-1]))

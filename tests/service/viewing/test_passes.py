@@ -20,7 +20,7 @@ def all_of(passes: Passes) -> list[list[Piece]]:
 
 @pytest.mark.parametrize("cost", [1e-8, 1e-6, 1e-4, 1e-2])
 @pytest.mark.parametrize("slots", [1, 2, 64])
-def test_every_sample_of_every_tile_is_in_one_piece(cost: float, slots: int) -> None:
+def test_each_sample_is_in_exactly_one_piece(cost: float, slots: int) -> None:
     levels = levels_of(160, 90, 11, cost, slots)
     assert (levels[-1].width, levels[-1].height, levels[-1].samples) == (160, 90, 11)
     passes = Passes(levels, cost)
@@ -37,7 +37,7 @@ def test_every_sample_of_every_tile_is_in_one_piece(cost: float, slots: int) -> 
         assert (covered == 1).all()
 
 
-def test_the_first_picture_takes_its_time_and_no_more() -> None:
+def test_first_picture_respects_time_limit() -> None:
     for slots, cost in ((2, 1e-6), (16, 1e-5)):
         first = levels_of(1920, 1080, 256, cost, slots)[0]
         assert first.width * first.height * cost / slots == pytest.approx(FIRST_PICTURE_S, rel=0.05)
@@ -45,7 +45,7 @@ def test_the_first_picture_takes_its_time_and_no_more() -> None:
     assert len(levels_of(320, 180, 4, 1e-7, 2)) == 1, "what is quick is whole at once"
 
 
-def test_what_is_lost_comes_next() -> None:
+def test_lost_pieces_are_sent_next() -> None:
     passes = Passes(levels_of(64, 64, 4, 1e-6, 1), 1e-6)
     first = passes.next_message()
     passes.next_message()

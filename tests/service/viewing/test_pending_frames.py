@@ -8,7 +8,7 @@ from service.viewing import pending_frames
 from service.viewing.pending_frames import PendingFrames
 
 
-def test_what_nobody_answers_is_forgotten(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unanswered_requests_expire(monkeypatch: pytest.MonkeyPatch) -> None:
     pending = PendingFrames()
     for message in ("handed out", "in a hand", "lost", "answered"):
         pending.add(message, f"frame {message}", "scene")

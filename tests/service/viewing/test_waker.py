@@ -13,7 +13,7 @@ from service.viewing.waker import Waker
 from tests.helpers import wait_until
 
 
-def test_who_rings_does_not_wait_for_a_redis_that_hangs() -> None:
+def test_wake_does_not_block_on_hanging_redis() -> None:
     hangs, answers = threading.Event(), threading.Event()
     connection = MagicMock()
     at_once = connection.pipeline.return_value.__enter__.return_value

@@ -18,7 +18,7 @@ from service.watching.movie import MOVIES, is_movie, write_movie
 COLORS = [(220, 30, 40), (20, 200, 60), (40, 60, 230), (255, 255, 255), (0, 0, 0), (128, 128, 128)]
 
 
-def patches(shift: int = 0, width: int = 97, height: int = 65) -> np.ndarray:
+def colour_bars(shift: int = 0, width: int = 97, height: int = 65) -> np.ndarray:
     """Returns a picture with vertical bars of plain colours; its sides may be odd."""
     picture = np.zeros((height, width, 3), np.uint8)
     for i in range(len(COLORS)):
@@ -26,7 +26,7 @@ def patches(shift: int = 0, width: int = 97, height: int = 65) -> np.ndarray:
     return picture
 
 
-def shown(path: Path) -> list[np.ndarray]:
+def decode_movie(path: Path) -> list[np.ndarray]:
     """Returns the decoded frames. FFmpeg cannot decode animated WebP, so Pillow reads that."""
     if path.suffix == ".webp":
         with Image.open(path) as image:
@@ -37,10 +37,10 @@ def shown(path: Path) -> list[np.ndarray]:
 
 
 @pytest.mark.parametrize("kind", MOVIES)
-def test_a_film_shows_the_colours_that_went_in(tmp_path: Path, kind: str) -> None:
+def test_movie_has_input_colours(tmp_path: Path, kind: str) -> None:
     path = tmp_path / f"out.{kind}"
-    assert write_movie(path, (patches(i) for i in range(6)), 12.0) == 6
-    found = shown(path)
+    assert write_movie(path, (colour_bars(i) for i in range(6)), 12.0) == 6
+    found = decode_movie(path)
     assert len(found) == 6
     for i, picture in enumerate(found):
         for bar in range(len(COLORS)):
@@ -49,14 +49,14 @@ def test_a_film_shows_the_colours_that_went_in(tmp_path: Path, kind: str) -> Non
 
 
 @pytest.mark.parametrize("kind", MOVIES)
-def test_a_small_film_is_written_too(tmp_path: Path, kind: str) -> None:
+def test_small_movie_is_written(tmp_path: Path, kind: str) -> None:
     path = tmp_path / f"out.{kind}"
-    write_movie(path, (patches(i, 24, 16) for i in range(3)), 23.976)
-    assert [picture.shape for picture in shown(path)] == [(16, 24, 3)] * 3
+    write_movie(path, (colour_bars(i, 24, 16) for i in range(3)), 23.976)
+    assert [picture.shape for picture in decode_movie(path)] == [(16, 24, 3)] * 3
 
 
 @pytest.mark.skipif(sys.platform != "linux" or os.geteuid() != 0, reason="Encoders become urgent where they run as root.")
-def test_no_thread_becomes_more_urgent_than_other_programs(tmp_path: Path) -> None:
+def test_thread_priorities_are_restored(tmp_path: Path) -> None:
     def urgent() -> list[Path]:
         threads = Path("/proc/self/task").iterdir()
         return [thread for thread in threads if os.sched_getscheduler(int(thread.name)) != os.SCHED_OTHER]
@@ -64,7 +64,7 @@ def test_no_thread_becomes_more_urgent_than_other_programs(tmp_path: Path) -> No
     def pictures() -> Iterator[np.ndarray]:
         for i in range(6):
             during.extend(urgent())
-            yield patches(i)
+            yield colour_bars(i)
 
     during: list[Path] = []
     write_movie(tmp_path / "out.webm", pictures(), 12.0)
@@ -73,9 +73,9 @@ def test_no_thread_becomes_more_urgent_than_other_programs(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("kind", ["mp4", "webm"])
-def test_a_film_says_what_its_colours_and_its_speed_are(tmp_path: Path, kind: str) -> None:
+def test_movie_metadata_has_colour_tags_and_rate(tmp_path: Path, kind: str) -> None:
     path = tmp_path / f"out.{kind}"
-    write_movie(path, (patches(i) for i in range(24)), 24.0)
+    write_movie(path, (colour_bars(i) for i in range(24)), 24.0)
     with av.open(str(path)) as container:
         stream = container.streams.video[0]
         frame = next(container.decode(stream))
@@ -86,11 +86,11 @@ def test_a_film_says_what_its_colours_and_its_speed_are(tmp_path: Path, kind: st
         assert stream.codec_context.name in ({"mp4": ("h264",), "webm": ("libdav1d", "av1", "libaom-av1")}[kind])
 
 
-def test_what_cannot_be_written_is_said(tmp_path: Path) -> None:
+def test_unsupported_format_raises_error(tmp_path: Path) -> None:
     with pytest.raises(SettingsError, match="no frame"):
         write_movie(tmp_path / "out.mp4", iter(()), 24.0)
 
 
-def test_films_are_told_from_pictures_by_their_names() -> None:
+def test_movies_are_recognized_by_suffix() -> None:
     assert is_movie("a.MP4")
     assert not is_movie("a.png")

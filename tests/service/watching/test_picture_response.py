@@ -14,7 +14,7 @@ LARGE = os.urandom(MAX_IN_MEMORY + 2 * PIECE + 7)
 
 
 @pytest.mark.parametrize("data", [b"", b"few", LARGE])
-def test_every_reader_gets_all_of_it(data: bytes, tmp_path: Path) -> None:
+def test_every_reader_gets_whole_body(data: bytes, tmp_path: Path) -> None:
     made = PictureBody.from_bytes(data, tmp_path)
     assert made.size == len(data)
     one, other = made.pieces(), made.pieces()
@@ -24,7 +24,7 @@ def test_every_reader_gets_all_of_it(data: bytes, tmp_path: Path) -> None:
     assert first + b"".join(one) == data
 
 
-def test_the_file_has_no_name_and_goes_with_its_last_reader(tmp_path: Path) -> None:
+def test_unlinked_file_is_freed_with_last_reader(tmp_path: Path) -> None:
     open_before = set(OPEN_FILES.iterdir())
     made = PictureBody.from_bytes(LARGE, tmp_path)
     assert not list(tmp_path.iterdir())
@@ -36,12 +36,12 @@ def test_the_file_has_no_name_and_goes_with_its_last_reader(tmp_path: Path) -> N
     assert file not in set(OPEN_FILES.iterdir())
 
 
-def test_a_disk_without_room_is_done_without(tmp_path: Path) -> None:
+def test_full_disk_falls_back_to_memory(tmp_path: Path) -> None:
     made = PictureBody.from_bytes(LARGE, tmp_path / "not there")
     assert b"".join(made.pieces()) == LARGE
 
 
-def test_what_goes_wrong_in_writing_is_told_and_leaves_nothing(tmp_path: Path) -> None:
+def test_write_error_is_raised_and_leaves_no_file(tmp_path: Path) -> None:
     def fail(path: Path) -> None:
         path.write_bytes(b"half")
         raise OSError("the disk is full")

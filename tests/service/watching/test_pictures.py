@@ -76,7 +76,7 @@ def made(film: Film, wish: PictureRequest, folder: Path) -> bytes:
     return b"".join(picture_file(film, 0, wish, folder).pieces())
 
 
-def same(data: bytes, other: bytes, folder: Path) -> bool:
+def is_same_picture(data: bytes, other: bytes, folder: Path) -> bool:
     """Returns whether two files have the same channels and values; metadata such as the creation time may differ."""
     read = []
     for content in (data, other):
@@ -93,21 +93,21 @@ def decoded(data: bytes) -> np.ndarray:
 
 
 @pytest.mark.long
-def test_pictures_are_those_of_the_whole_frame(small: Film, sums: np.ndarray, tmp_path: Path) -> None:
+def test_banded_pictures_equal_whole_frame(small: Film, sums: np.ndarray, tmp_path: Path) -> None:
     color = film_math.mean(sums, 24)
     for extension in ("exr", "hdr"):
-        assert same(made(small, PictureRequest(extension), tmp_path), encode(color, extension), tmp_path)
+        assert is_same_picture(made(small, PictureRequest(extension), tmp_path), encode(color, extension), tmp_path)
     np.testing.assert_array_equal(decoded(made(small, PictureRequest("png", exposure=1), tmp_path)), tonemap.apply(color, 1))
     assert made(small, PictureRequest("rgb9e5"), tmp_path) == rgbe9995.pack(color).astype("<u4").tobytes()
     planes = {name: aovs.values(sums, 24, name) for name in aovs.AOVS}
-    assert same(made(small, ALL, tmp_path), encode(color, "exr", channels=aovs.layers(planes)), tmp_path)
+    assert is_same_picture(made(small, ALL, tmp_path), encode(color, "exr", channels=aovs.layers(planes)), tmp_path)
     for name, plane in planes.items():
         np.testing.assert_array_equal(decoded(made(small, PictureRequest("png", (name,)), tmp_path)), aovs.visible(name, plane))
         grey = plane if plane.ndim == 3 else np.repeat(plane[..., None], 3, axis=2)
-        assert same(made(small, PictureRequest("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
+        assert is_same_picture(made(small, PictureRequest("exr", (name,)), tmp_path), encode(grey, "exr"), tmp_path)
 
 
-def test_a_picture_that_looks_black_is_exposed_where_it_shall_be_visible(small: Film, tmp_path: Path) -> None:
+def test_visible_option_exposes_dark_picture(small: Film, tmp_path: Path) -> None:
     """A film 2^-16 times as bright looks black. A bright picture stays as it is."""
     dark = rendered(tmp_path, small.width, small.height, small.tiles[0].w, 40)
     black, shown = (decoded(made(dark, PictureRequest("png", visible=visible), tmp_path)) for visible in (False, True))
@@ -118,7 +118,7 @@ def test_a_picture_that_looks_black_is_exposed_where_it_shall_be_visible(small: 
 
 
 @pytest.mark.long
-def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: Path) -> None:
+def test_downscaled_copy_has_minimum_width(film: Film, tmp_path: Path) -> None:
     assert decoded(made(film, PictureRequest("png", width=300), tmp_path)).shape == (300, 366, 3)
     (tmp_path / "small.exr").write_bytes(made(film, PictureRequest("exr", width=300), tmp_path))
     small = oiio.ImageInput.open(str(tmp_path / "small.exr"))
@@ -126,14 +126,14 @@ def test_a_smaller_copy_is_at_least_as_wide_as_asked_for(film: Film, tmp_path: P
     small.close()
 
 
-def test_a_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> None:
+def test_denoised_picture_is_read_in_bands(small: Film, tmp_path: Path) -> None:
     color = np.random.default_rng(5).random((small.height, small.width, 3), np.float32)
     wish = PictureRequest("exr", denoised=lambda: io.BytesIO(color.astype("<f4").tobytes()))
-    assert same(made(small, wish, tmp_path), encode(color, "exr"), tmp_path)
+    assert is_same_picture(made(small, wish, tmp_path), encode(color, "exr"), tmp_path)
 
 
 @grid("wish", WISHES, ids=lambda wish: f"{wish.extension}-{'+'.join(wish.planes)}-{wish.width}")
-def test_no_picture_takes_more_memory_than_it_says(film: Film, small: Film, wish: PictureRequest, tmp_path: Path) -> None:
+def test_memory_estimate_is_not_exceeded(film: Film, small: Film, wish: PictureRequest, tmp_path: Path) -> None:
     picture_file(small, 0, wish, tmp_path)  # warms up imports and caches
     tracemalloc.start()
     try:
@@ -144,7 +144,7 @@ def test_no_picture_takes_more_memory_than_it_says(film: Film, small: Film, wish
     assert most < picture_memory(film, wish)
 
 
-def test_a_file_of_radiance_takes_a_few_rows_of_tiles_however_high_the_frame_is(film: Film) -> None:
+def test_radiance_file_memory_is_independent_of_height(film: Film) -> None:
     higher = Film(Path("none"), WIDTH, 10 * HEIGHT, TILE, 24, TileCache(1))
     for wish in (PictureRequest("exr"), PictureRequest("hdr"), ALL):
         assert picture_memory(higher, wish) == picture_memory(film, wish)

@@ -42,7 +42,7 @@ def run(test: Coroutine[Any, Any, None]) -> None:
         thread.submit(asyncio.run, asyncio.wait_for(test, 30)).result()
 
 
-def test_few_run_at_a_time_and_all_come_to_their_turn() -> None:
+def test_concurrency_is_limited_and_all_requests_run() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=2, queue_length=10), Work()
         made = asyncio.gather(*(pool.run(i, 1, work, i) for i in range(9)))
@@ -54,7 +54,7 @@ def test_few_run_at_a_time_and_all_come_to_their_turn() -> None:
     run(test())
 
 
-def test_those_who_ask_for_the_same_share_one_answer_also_when_the_first_leaves() -> None:
+def test_equal_requests_share_result_despite_cancellation() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=2, queue_length=10), Work()
         readers = [asyncio.create_task(pool.run("same", 1, work, 7)) for _ in range(20)]
@@ -69,7 +69,7 @@ def test_those_who_ask_for_the_same_share_one_answer_also_when_the_first_leaves(
     run(test())
 
 
-def test_a_line_that_is_too_long_turns_readers_away_until_it_is_shorter() -> None:
+def test_full_queue_rejects_requests() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=1, queue_length=2, max_queue_length=2), Work()
         made = [asyncio.create_task(pool.run(i, 1, work, i)) for i in range(3)]
@@ -84,7 +84,7 @@ def test_a_line_that_is_too_long_turns_readers_away_until_it_is_shorter() -> Non
     run(test())
 
 
-def test_one_user_s_flood_turns_that_user_away_and_holds_up_no_other() -> None:
+def test_flooding_user_is_rejected_alone() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=1, queue_length=20, max_queue_length=20), Work()
         flood = [asyncio.create_task(pool.run(i, 1, work, i, user="a")) for i in range(21)]
@@ -101,7 +101,7 @@ def test_one_user_s_flood_turns_that_user_away_and_holds_up_no_other() -> None:
     run(test())
 
 
-def test_a_long_queue_is_waited_in_while_it_moves_fast_enough() -> None:
+def test_fast_queue_may_be_longer() -> None:
     async def test() -> None:
         pool, work = Pool(100, threads=2, queue_length=4, max_queue_length=400), Work()
         work.go.set()
@@ -118,7 +118,7 @@ def test_a_long_queue_is_waited_in_while_it_moves_fast_enough() -> None:
     run(test())
 
 
-def test_what_is_made_at_a_time_fits_into_the_memory_and_what_never_does_is_made_alone() -> None:
+def test_memory_budget_is_respected() -> None:
     sizes = [60, 30, 50, 1000, 10, 90, 100, 20, 20, 20]
 
     async def test() -> None:
@@ -147,7 +147,7 @@ def test_what_is_made_at_a_time_fits_into_the_memory_and_what_never_does_is_made
     run(test())
 
 
-def test_what_goes_wrong_is_told_to_every_reader() -> None:
+def test_error_is_raised_for_every_waiter() -> None:
     def fail() -> None:
         raise Invalid("This cannot be made.")
 

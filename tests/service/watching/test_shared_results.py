@@ -66,7 +66,7 @@ def render(film: Film, tile: int, first: int) -> None:
     film.merge([Contribution(0, tile, first, 1, pack_sums(expected_sums(film.tiles[tile], first, 1, 0)))])
 
 
-def test_a_tile_is_packed_once_for_all_until_it_changes(tmp_path: Path, packing: Packing) -> None:
+def test_tile_is_packed_once_until_changed(tmp_path: Path, packing: Packing) -> None:
     async def test() -> None:
         film, broadcast = film_in(tmp_path), Broadcast(Events())
         broadcast.open(asyncio.get_running_loop())
@@ -93,7 +93,7 @@ def test_a_tile_is_packed_once_for_all_until_it_changes(tmp_path: Path, packing:
     run(test())
 
 
-def test_what_was_packed_while_a_tile_changed_is_packed_again(tmp_path: Path, packing: Packing) -> None:
+def test_tile_changed_during_packing_is_packed_again(tmp_path: Path, packing: Packing) -> None:
     async def test() -> None:
         film, broadcast = film_in(tmp_path), Broadcast(Events())
         broadcast.open(asyncio.get_running_loop())
@@ -118,7 +118,7 @@ def test_what_was_packed_while_a_tile_changed_is_packed_again(tmp_path: Path, pa
     run(test())
 
 
-def test_a_film_that_cannot_be_read_is_asked_again(tmp_path: Path, packing: Packing) -> None:
+def test_unreadable_film_is_retried(tmp_path: Path, packing: Packing) -> None:
     async def test() -> None:
         film, broadcast = film_in(tmp_path), Broadcast(Events())
         shared = SharedResults(broadcast, 1 << 20)
@@ -135,7 +135,7 @@ def test_a_film_that_cannot_be_read_is_asked_again(tmp_path: Path, packing: Pack
     run(test())
 
 
-def test_what_is_kept_and_sent_is_bounded_whoever_watches(tmp_path: Path, packing: Packing) -> None:
+def test_cached_and_sent_bytes_are_limited(tmp_path: Path, packing: Packing) -> None:
     async def test() -> None:
         film, broadcast = film_in(tmp_path), Broadcast(Events())
         for tile in range(8):
@@ -158,7 +158,7 @@ def test_what_is_kept_and_sent_is_bounded_whoever_watches(tmp_path: Path, packin
     run(test())
 
 
-def test_a_job_is_described_once_until_it_changes(tmp_path: Path) -> None:
+def test_job_state_is_computed_once_until_changed(tmp_path: Path) -> None:
     async def test() -> None:
         broadcast, made = Broadcast(Events()), []
         broadcast.open(asyncio.get_running_loop())

@@ -41,7 +41,7 @@ def sha(data: bytes) -> str:
     return hashlib.sha256(data).hexdigest()
 
 
-def test_a_blob_is_fetched_once(tmp_path: Path) -> None:
+def test_blob_is_downloaded_once(tmp_path: Path) -> None:
     data = b"compiled scene"
     link = CountingLink({sha(data): data})
     cache = BlobCache(link, ELSEWHERE, tmp_path)
@@ -55,7 +55,7 @@ def test_a_blob_is_fetched_once(tmp_path: Path) -> None:
     assert link.fetched == [sha(data)]
 
 
-def test_a_broken_fetch_leaves_nothing(tmp_path: Path) -> None:
+def test_failed_download_leaves_no_file(tmp_path: Path) -> None:
     data = b"broken on the way"
     cache = BlobCache(CountingLink({sha(data): data}), ELSEWHERE, tmp_path)
     with pytest.raises(LinkError):
@@ -63,7 +63,7 @@ def test_a_broken_fetch_leaves_nothing(tmp_path: Path) -> None:
     assert [path for path in tmp_path.rglob("*") if path.is_file() and path.parent.name != "locks"] == []
 
 
-def test_what_was_used_longest_ago_goes_first(tmp_path: Path) -> None:
+def test_least_recently_used_blob_is_evicted_first(tmp_path: Path) -> None:
     blobs = {sha(data): data for data in (b"a" * 400, b"b" * 400, b"c" * 400)}
     first, second, third = blobs
     cache = BlobCache(CountingLink(blobs), ELSEWHERE, tmp_path, max_bytes=1000)
@@ -77,13 +77,13 @@ def test_what_was_used_longest_ago_goes_first(tmp_path: Path) -> None:
         assert still_open.read() == blobs[first]
 
 
-def test_a_blob_larger_than_the_cache_is_kept_while_it_is_the_one_in_hand(tmp_path: Path) -> None:
+def test_blob_larger_than_cache_is_stored(tmp_path: Path) -> None:
     data = b"x" * 5000
     cache = BlobCache(CountingLink({sha(data): data}), ELSEWHERE, tmp_path, max_bytes=1000)
     assert cache.path(sha(data)).read_bytes() == data
 
 
-def test_on_the_services_machine_its_files_are_used(tmp_path: Path) -> None:
+def test_local_service_files_are_used_directly(tmp_path: Path) -> None:
     data = b"on the same disk"
     home = tmp_path / "data"
     blob = home / "blobs" / sha(data)[:2] / sha(data)
@@ -98,7 +98,7 @@ def test_on_the_services_machine_its_files_are_used(tmp_path: Path) -> None:
     assert link.fetched == [sha(data)]
 
 
-def test_what_was_made_here_is_not_fetched_back(tmp_path: Path) -> None:
+def test_locally_created_blob_is_not_downloaded(tmp_path: Path) -> None:
     made = tmp_path / "made"
     made.write_bytes(b"made here")
     link = CountingLink({})
@@ -108,7 +108,7 @@ def test_what_was_made_here_is_not_fetched_back(tmp_path: Path) -> None:
     assert link.fetched == []
 
 
-def test_a_name_that_is_no_hash_is_refused(tmp_path: Path) -> None:
+def test_name_that_is_no_hash_is_rejected(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="not a SHA-256"):
         BlobCache(CountingLink({}), ELSEWHERE, tmp_path).path("../../etc/passwd")
 
@@ -143,7 +143,7 @@ def test_eviction_keeps_files_that_another_slot_is_writing(tmp_path: Path) -> No
     assert found[0].read_bytes() == slow
 
 
-def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_is_synced_before_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     done: list[str] = []
     fsync, replace = os.fsync, Path.replace
     monkeypatch.setattr(
@@ -155,7 +155,7 @@ def test_a_file_is_on_the_disk_before_it_has_its_name(tmp_path: Path, monkeypatc
     assert [name[:6] for name in done] == [".part-", "rename", sha(data)[:2]]
 
 
-def test_a_file_that_has_suffered_is_fetched_anew(tmp_path: Path) -> None:
+def test_damaged_file_is_downloaded_again(tmp_path: Path) -> None:
     data = b"compiled scene"
     link = CountingLink({sha(data): data})
     cache = BlobCache(link, ELSEWHERE, tmp_path)
@@ -186,7 +186,7 @@ class FullLink(CountingLink):
     room = 1
 
 
-def test_a_full_disk_costs_the_other_blobs_and_is_then_a_sentence(tmp_path: Path) -> None:
+def test_full_disk_evicts_other_blobs_then_raises_error(tmp_path: Path) -> None:
     old, new = b"old" * 100, b"new" * 100
     link = FullLink({sha(old): old, sha(new): new}, tmp_path)
     cache = BlobCache(link, ELSEWHERE, tmp_path)
@@ -199,7 +199,7 @@ def test_a_full_disk_costs_the_other_blobs_and_is_then_a_sentence(tmp_path: Path
     assert not list(tmp_path.glob("??/.part-*"))
 
 
-def test_a_cache_that_cannot_be_written_is_a_sentence(tmp_path: Path) -> None:
+def test_unwritable_cache_raises_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     cache = BlobCache(CountingLink({}), ELSEWHERE, tmp_path / "file" / "blobs")
     with pytest.raises(MachineError, match="Not a directory"):

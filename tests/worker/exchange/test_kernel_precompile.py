@@ -45,7 +45,7 @@ def started(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[str], subprocess
     return found
 
 
-def test_it_begins_behind_everything_else(
+def test_precompile_runs_at_low_priority(
     started: list[tuple[list[str], subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(jit, "is_cached", lambda name: False)
@@ -60,7 +60,7 @@ def test_it_begins_behind_everything_else(
     process.stdout.close()
 
 
-def test_nothing_begins_where_this_machine_has_the_kernel(
+def test_cached_kernel_is_not_compiled_again(
     started: list[tuple[list[str], subprocess.Popen[bytes]]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     asked: list[str] = []
@@ -70,7 +70,7 @@ def test_nothing_begins_where_this_machine_has_the_kernel(
 
 
 @pytest.mark.parametrize("fetched", [True, False])
-def test_what_was_compiled_is_handed_in(monkeypatch: pytest.MonkeyPatch, fetched: bool) -> None:
+def test_compiled_kernel_is_uploaded(monkeypatch: pytest.MonkeyPatch, fetched: bool) -> None:
     handed_in: list[str] = []
     monkeypatch.setattr(sys, "argv", ["ahead", "--service=http://127.0.0.1:9"])
     monkeypatch.setattr(kernel_precompile.logs, "set_up", lambda: None)
@@ -80,7 +80,7 @@ def test_what_was_compiled_is_handed_in(monkeypatch: pytest.MonkeyPatch, fetched
     assert handed_in == ([] if fetched else [kernel_name(variant=FULL)])
 
 
-def test_a_farm_that_is_away_is_no_harm(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
+def test_unreachable_farm_is_tolerated(monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture) -> None:
     def away(*_: Any) -> None:
         raise LinkError("nobody answers")
 
@@ -92,7 +92,7 @@ def test_a_farm_that_is_away_is_no_harm(monkeypatch: pytest.MonkeyPatch, caplog:
     assert "nobody answers" in caplog.text
 
 
-def test_a_worker_that_shall_spare_its_machine_does_nothing_ahead() -> None:
+def test_worker_with_usage_limits_does_not_precompile() -> None:
     assert TermsKeeper(1).may_precompile()
     for own in (Terms(hours="Mon"), Terms(idle_minutes=5.0), Terms(nice=5), Terms(memory=1 << 30)):
         assert not TermsKeeper(1, own=own).may_precompile(), own

@@ -16,7 +16,7 @@ from worker.exchange import kernels
 from worker.exchange.link import Link
 
 
-def test_the_process_beside_is_waited_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_upload_process_is_reaped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     started: list[int] = []
 
     class Started(subprocess.Popen[bytes]):

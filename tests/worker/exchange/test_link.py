@@ -38,7 +38,7 @@ def link(answer: httpx.Response | Exception, service: str = "http://farm.example
         ("http://farm.example:8000", "redis://:pw@queue.example:6379/0", "redis://:pw@queue.example:6379/0"),
     ],
 )
-def test_redis_on_the_services_own_machine_is_reached_by_the_services_name(service: str, told: str, used: str) -> None:
+def test_loopback_redis_is_reached_by_service_host(service: str, told: str, used: str) -> None:
     answer = httpx.Response(200, json={"redis_url": told, "instance": "i", "data_dir": ""})
     assert link(answer, service).join().redis_url == used
 
@@ -46,13 +46,13 @@ def test_redis_on_the_services_own_machine_is_reached_by_the_services_name(servi
 @pytest.mark.parametrize(
     "told", [None, 7, "", "nonsense", "http://127.0.0.1:6379", "redis://[", "redis://host:port/0", "redis://host/0?colour=red"]
 )
-def test_a_redis_url_that_is_none_is_a_sentence_without_the_password(told: Any) -> None:
+def test_invalid_redis_url_error_omits_password(told: Any) -> None:
     answer = httpx.Response(200, json={"redis_url": told, "instance": "i", "data_dir": ""})
     with pytest.raises(NotAFarmError, match="answers with an invalid redis_url"):
         link(answer).join()
 
 
-def test_what_is_worth_another_try_and_what_is_not() -> None:
+def test_temporary_and_permanent_errors_are_distinguished() -> None:
     for answer in (httpx.ConnectError("refused"), httpx.Response(502), httpx.Response(503), httpx.Response(429)):
         with pytest.raises(LinkError):
             link(answer).join()
@@ -64,7 +64,7 @@ def test_what_is_worth_another_try_and_what_is_not() -> None:
         link(httpx.Response(404)).manifest("scene")
 
 
-def test_the_services_own_sentence_is_passed_on() -> None:
+def test_service_error_message_is_passed_on() -> None:
     problem = {"title": "Insufficient Storage", "status": 507, "detail": "The disk is full. Delete scenes or jobs."}
     answer = httpx.Response(507, json=problem, headers={"Content-Type": "application/problem+json"})
     with pytest.raises(LinkError, match="Delete scenes or jobs"):
@@ -72,7 +72,7 @@ def test_the_services_own_sentence_is_passed_on() -> None:
 
 
 @pytest.mark.parametrize("name", NOT_A_FARM)
-def test_what_is_no_farm_is_told_by_a_sentence(name: str) -> None:
+def test_other_server_gives_error_message(name: str) -> None:
     answer, words = NOT_A_FARM[name]
     with foreign_server(answer) as port:
         made = Link(f"http://127.0.0.1:{port}", "token")
@@ -85,7 +85,7 @@ def test_what_is_no_farm_is_told_by_a_sentence(name: str) -> None:
         made.client.close()
 
 
-def test_an_answer_that_does_not_end_is_not_listened_to(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_endless_response_is_aborted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("worker.exchange.link.MAX_ANSWER", 1 << 20)
 
     def endless(request: bytes) -> Iterator[bytes]:
@@ -100,7 +100,7 @@ def test_an_answer_that_does_not_end_is_not_listened_to(monkeypatch: pytest.Monk
         made.client.close()
 
 
-def test_bodies_that_are_cut_short_are_worth_another_try() -> None:
+def test_truncated_body_is_temporary_error() -> None:
     with foreign_server(http_answer(b'{"redis_url"', length=5000)) as port:
         made = Link(f"http://127.0.0.1:{port}", "token")
         for ask in (made.join, lambda: made.manifest("scene"), lambda: made.fetch("0" * 64, io.BytesIO())):
@@ -110,18 +110,18 @@ def test_bodies_that_are_cut_short_are_worth_another_try() -> None:
 
 
 @pytest.mark.parametrize("service", ["", "nonsense", "ftp://host", "http://", "http://exa mple", "http://host:99999", "http://["])
-def test_an_address_that_is_none_is_refused(service: str) -> None:
+def test_invalid_address_is_rejected(service: str) -> None:
     with pytest.raises(RefusedError, match="is not an address"):
         Link(service, "token")
 
 
-def test_a_token_that_no_header_takes_is_refused() -> None:
+def test_token_invalid_in_header_is_rejected() -> None:
     for token in ("tokén", "two\nlines"):
         with pytest.raises(RefusedError, match="token"):
             Link("http://host", token)
 
 
-def test_a_blob_that_arrives_damaged_is_refused() -> None:
+def test_damaged_blob_is_rejected() -> None:
     data = b"compiled scene"
     out = io.BytesIO()
     link(httpx.Response(200, content=data)).fetch(hashlib.sha256(data).hexdigest(), out)
@@ -131,7 +131,7 @@ def test_a_blob_that_arrives_damaged_is_refused() -> None:
 
 
 @pytest.mark.parametrize("token", ["", " ", "\n"])
-def test_an_empty_token_is_refused(token: str) -> None:
+def test_empty_token_is_rejected(token: str) -> None:
     """Checks that an empty RAYFARM_TOKEN, as from `$(cat missing-file)`, is refused at once."""
     with pytest.raises(RefusedError, match="RAYFARM_TOKEN is empty"):
         Link("http://127.0.0.1:9", token)

@@ -84,7 +84,7 @@ def over_tls(tmp_path: Path, redis_url: str) -> Iterator[tuple[str, Path]]:
         listening.shutdown(socket.SHUT_RDWR)
 
 
-def test_it_is_believed_by_its_authority_alone(
+def test_redis_certificate_is_verified_by_authority(
     over_tls: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     url, authority = over_tls
@@ -96,7 +96,7 @@ def test_it_is_believed_by_its_authority_alone(
     check_redis(with_certificate_authority(url))
 
 
-def test_celery_and_the_service_speak_to_it(over_tls: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_celery_and_service_connect_over_tls(over_tls: tuple[str, Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     url, authority = over_tls
     monkeypatch.setenv(CA_VARIABLE, str(authority))
     settings = Settings(data=tmp_path, redis_url=url)
@@ -109,7 +109,7 @@ def test_celery_and_the_service_speak_to_it(over_tls: tuple[str, Path], monkeypa
         app.close()
 
 
-def test_others_are_not_told_where_this_machine_keeps_its_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+def test_url_for_workers_omits_local_files(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     monkeypatch.setenv(CA_VARIABLE, "/etc/redis-ca.pem")
     settings = Settings(data=tmp_path, redis_url="rediss://:secret@redis.example:6380/2?health_check_interval=30")
     assert "ssl_ca_certs=/etc/redis-ca.pem" in settings.redis_url

@@ -17,7 +17,7 @@ from worker.exchange import results
 from worker.exchange.results import ResultStream
 
 
-def test_a_result_arrives_as_it_was_sent(redis_url: str) -> None:
+def test_result_arrives_unchanged(redis_url: str) -> None:
     with redis.Redis.from_url(redis_url) as store:
         store.delete(RESULTS)
         assert ResultStream(redis_url).send(Result({"type": "batch", "batch": "b1"}, b"\x00\xff"))
@@ -26,7 +26,7 @@ def test_a_result_arrives_as_it_was_sent(redis_url: str) -> None:
         store.delete(RESULTS)
 
 
-def test_a_full_stream_is_waited_for_and_at_last_given_up(redis_url: str) -> None:
+def test_full_stream_is_retried_until_timeout(redis_url: str) -> None:
     with redis.Redis.from_url(redis_url) as store:
         store.delete(RESULTS)
         stream = ResultStream(redis_url, max_entries=2, timeout_s=0.3)
@@ -54,7 +54,7 @@ def test_sending_a_large_result_may_exceed_the_timeout(
     store.delete(RESULTS)
 
 
-def test_a_result_outlives_a_restart_of_redis(tmp_path: Path) -> None:
+def test_result_is_sent_after_redis_restart(tmp_path: Path) -> None:
     server = running_redis(tmp_path)
     server.start()
     try:
@@ -74,7 +74,7 @@ def test_a_result_outlives_a_restart_of_redis(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("trouble", ["full", "read-only", "of another type"])
-def test_a_redis_that_refuses_is_waited_for_and_said_once(tmp_path: Path, trouble: str, caplog: pytest.LogCaptureFixture) -> None:
+def test_redis_errors_are_retried_and_logged_once(tmp_path: Path, trouble: str, caplog: pytest.LogCaptureFixture) -> None:
     server = running_redis(tmp_path)
     server.start()
     try:
@@ -99,7 +99,7 @@ def test_a_redis_that_refuses_is_waited_for_and_said_once(tmp_path: Path, troubl
     assert sum("a result waits" in line for line in caplog.messages) == 1
 
 
-def test_news_that_nobody_misses_are_not_waited_for() -> None:
+def test_droppable_events_are_not_retried() -> None:
     begun = time.monotonic()
     assert not ResultStream("redis://127.0.0.1:9/0").send(Result({"type": "prepare-progress"}), timeout_s=0.0)
     assert time.monotonic() - begun < 60

@@ -38,7 +38,7 @@ def certificate(folder: Path, name: str) -> Path:
 
 
 @pytest.fixture
-def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
+def https_server(tmp_path: Path) -> Iterator[tuple[str, Path]]:
     """Yields the URL of an HTTPS server and the path of its certificate, which is for another host name."""
     own = certificate(tmp_path, "farm.example")
     server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), http.server.BaseHTTPRequestHandler)
@@ -53,8 +53,8 @@ def secure(tmp_path: Path) -> Iterator[tuple[str, Path]]:
     server.server_close()
 
 
-def test_only_the_certificate_that_is_told_is_believed(secure: tuple[str, Path], tmp_path: Path) -> None:
-    url, own = secure
+def test_only_given_certificate_is_accepted(https_server: tuple[str, Path], tmp_path: Path) -> None:
+    url, own = https_server
     with httpx.Client(verify=verify_option(str(own))) as client:
         assert client.get(url).status_code == 501  # the server responds
     other = certificate(tmp_path, "other.example")
@@ -70,8 +70,8 @@ def test_only_the_certificate_that_is_told_is_believed(secure: tuple[str, Path],
         client.get(url)
 
 
-def test_workers_and_commands_are_told_by_the_environment(secure: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
-    url, own = secure
+def test_certificate_is_read_from_environment(https_server: tuple[str, Path], monkeypatch: pytest.MonkeyPatch) -> None:
+    url, own = https_server
     with pytest.raises(LinkError, match="certificate verify failed"):
         Link(url, "token").join()
     monkeypatch.setenv(TRUST_VARIABLE, str(own))

@@ -22,7 +22,7 @@ def file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 @pytest.mark.parametrize("state", WorkerState)
-def test_a_worker_that_waits_is_healthy_and_not_ready(state: WorkerState, file: Path) -> None:
+def test_waiting_worker_is_healthy_but_not_ready(state: WorkerState, file: Path) -> None:
     health_file.write_state(state)
     assert healthy.unhealthy_reason(str(file)) == ""
     assert bool(healthy.unhealthy_reason(str(file), ready=True)) is (state is not WorkerState.WORKING)
@@ -31,7 +31,7 @@ def test_a_worker_that_waits_is_healthy_and_not_ready(state: WorkerState, file: 
 @pytest.mark.parametrize(
     ("state", "why"), [(WorkerState.WORKING, "last seen"), (WorkerState.AWAY, ""), (WorkerState.STARTING, "")]
 )
-def test_only_a_working_worker_with_an_old_file_is_unhealthy(state: WorkerState, why: str, file: Path) -> None:
+def test_old_health_file_is_unhealthy_only_while_working(state: WorkerState, why: str, file: Path) -> None:
     """Checks that an old health file means unhealthy only if the event loop should run.
 
     A worker that waits for the service or Redis is healthy however old its file is.
@@ -43,7 +43,7 @@ def test_only_a_working_worker_with_an_old_file_is_unhealthy(state: WorkerState,
     assert healthy.unhealthy_reason(str(file)) == "", "what is said again is fresh"
 
 
-def test_a_worker_that_has_ended_is_not_healthy(file: Path) -> None:
+def test_ended_worker_is_unhealthy(file: Path) -> None:
     with subprocess.Popen([sys.executable, "-c", ""]) as ended:
         ended.wait()
     health_file.write_state(WorkerState.WORKING, ended.pid)
@@ -54,7 +54,7 @@ def test_a_worker_that_has_ended_is_not_healthy(file: Path) -> None:
     assert "does not contain" in healthy.unhealthy_reason(str(file))
 
 
-def test_the_check_is_a_program(file: Path) -> None:
+def test_health_check_runs_as_program(file: Path) -> None:
     command = [sys.executable, "-IS", str(ROOT / "worker" / "healthy.py")]
     health_file.write_state(WorkerState.STARTING)
     assert subprocess.run(command, check=False).returncode == 0
@@ -62,7 +62,7 @@ def test_the_check_is_a_program(file: Path) -> None:
     assert (done.returncode, done.stdout) == (1, "the worker is starting\n")
 
 
-def test_nothing_is_written_unless_a_file_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_no_health_file_without_setting(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(health_file.HEALTH_FILE_VARIABLE, raising=False)
     health_file.write_state(WorkerState.WORKING)
     monkeypatch.setenv(health_file.HEALTH_FILE_VARIABLE, "/nowhere/alive")

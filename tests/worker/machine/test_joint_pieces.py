@@ -27,7 +27,7 @@ def result(number: int) -> Result:
     return Result({"type": "batch", "first": number}, bytes([number]) * 9)
 
 
-def one(pieces: Pieces) -> ClaimedPiece:
+def claim_piece(pieces: Pieces) -> ClaimedPiece:
     taken = pieces.claim()
     assert taken is not None
     return taken
@@ -47,104 +47,104 @@ def in_a_process_that_is_killed(pieces: Pieces, action: str) -> None:
     process.join()
 
 
-def sent(pieces: Pieces, at_once: bool = False) -> list[list[int]]:
+def due_numbers(pieces: Pieces, at_once: bool = False) -> list[list[int]]:
     return [[each.event["first"] for each in results] for results in pieces.due_results(at_once)]
 
 
-def test_each_piece_is_taken_once_and_sums_go_together_when_the_last_is_there(pieces: Pieces) -> None:
+def test_each_piece_is_claimed_once_and_sums_are_due_when_all_are_done(pieces: Pieces) -> None:
     pieces.add_message("m", b"words", range(3), 60.0)
-    mine = [one(pieces) for _ in range(3)]
+    mine = [claim_piece(pieces) for _ in range(3)]
     assert pieces.claim() is None
     assert [taken.about for taken in mine] == [b"words"] * 3
     for taken in (mine[2], mine[0]):
         pieces.store_result(taken, result(taken.number))
-        assert sent(pieces) == []
+        assert due_numbers(pieces) == []
         assert pieces.messages() == ["m"]
     pieces.store_result(mine[1], result(1))
     (results,) = pieces.due_results()
     assert [(each.event["first"], each.sums) for each in results] == [(n, bytes([n]) * 9) for n in range(3)]
     assert pieces.messages() == []
-    assert sent(pieces) == []
+    assert due_numbers(pieces) == []
 
 
-def test_the_oldest_message_comes_first(pieces: Pieces) -> None:
+def test_oldest_message_is_claimed_first(pieces: Pieces) -> None:
     for name in ("b", "a"):
         pieces.add_message(name, name.encode(), range(1), 60.0)
-    assert [one(pieces).about, one(pieces).about] == [b"b", b"a"]
+    assert [claim_piece(pieces).about, claim_piece(pieces).about] == [b"b", b"a"]
 
 
-def test_sums_wait_no_longer_than_they_may(pieces: Pieces) -> None:
+def test_sums_are_due_after_hold_time(pieces: Pieces) -> None:
     pieces.add_message("m", b"", range(2), 0.5)
-    taken = one(pieces)
+    taken = claim_piece(pieces)
     pieces.store_result(taken, result(taken.number))
-    assert sent(pieces) == []
+    assert due_numbers(pieces) == []
     old = time.time() - 1
     os.utime(next(taken.folder.glob("done-*")), (old, old))
-    assert sent(pieces) == [[0]]
-    assert one(pieces).number == 1, "the other piece goes on"
+    assert due_numbers(pieces) == [[0]]
+    assert claim_piece(pieces).number == 1, "the other piece goes on"
 
 
-def test_a_killed_slots_piece_is_let_go_of_and_the_others_are_sent(pieces: Pieces) -> None:
+def test_piece_of_killed_slot_is_released(pieces: Pieces) -> None:
     pieces.add_message("m", b"", range(2), 60.0)
     in_a_process_that_is_killed(pieces, "take")
-    taken = one(pieces)
+    taken = claim_piece(pieces)
     pieces.store_result(taken, result(taken.number))
-    assert sent(pieces) == [[1]]
+    assert due_numbers(pieces) == [[1]]
     assert pieces.messages() == []
 
 
-def test_what_a_killed_slot_was_about_to_send_is_sent_by_another(pieces: Pieces) -> None:
+def test_unsent_sums_of_killed_slot_are_sent(pieces: Pieces) -> None:
     pieces.add_message("m", b"", range(1), 60.0)
     in_a_process_that_is_killed(pieces, "put")
     in_a_process_that_is_killed(pieces, "send")
     assert pieces.messages() == ["m"], "it is not lost"
-    assert sent(pieces) == [[0]]
+    assert due_numbers(pieces) == [[0]]
     assert pieces.messages() == []
 
 
-def test_a_message_that_comes_again_is_taken_over_but_for_what_others_have(pieces: Pieces) -> None:
+def test_redelivered_message_keeps_pieces_of_live_slots(pieces: Pieces) -> None:
     pieces.add_message("m", b"", range(4), 60.0)
     in_a_process_that_is_killed(pieces, "take")
     in_a_process_that_is_killed(pieces, "put")
-    mine = one(pieces)
+    mine = claim_piece(pieces)
     assert pieces.withdraw_unfinished("m") == [0, 3]
     assert pieces.withdraw_unfinished("another") is None
     pieces.store_result(mine, result(mine.number))
-    assert sent(pieces) == [[1, 2]]
+    assert due_numbers(pieces) == [[1, 2]]
 
 
-def test_at_the_end_what_nobody_has_begun_is_taken_back_and_all_sums_are_sent(pieces: Pieces) -> None:
+def test_shutdown_withdraws_free_pieces_and_sends_sums(pieces: Pieces) -> None:
     pieces.add_message("m", b"words", range(3), 60.0)
-    taken = one(pieces)
+    taken = claim_piece(pieces)
     pieces.store_result(taken, result(0))
     assert pieces.withdraw() == [(b"words", [1, 2])]
-    assert sent(pieces, at_once=True) == [[0]]
+    assert due_numbers(pieces, at_once=True) == [[0]]
     assert pieces.claim() is None
 
 
-def test_a_piece_that_comes_to_nothing_holds_nobody_up(pieces: Pieces) -> None:
+def test_abandoned_piece_does_not_delay_sums(pieces: Pieces) -> None:
     pieces.add_message("m", b"", range(2), 60.0)
-    first, second = one(pieces), one(pieces)
+    first, second = claim_piece(pieces), claim_piece(pieces)
     pieces.store_result(first, result(0))
     pieces.release(second)
-    assert sent(pieces) == [[0]]
+    assert due_numbers(pieces) == [[0]]
 
 
-def test_damaged_sums_are_left_out(pieces: Pieces) -> None:
+def test_damaged_sums_are_skipped(pieces: Pieces) -> None:
     pieces.add_message("m", b"", range(2), 60.0)
     for _ in range(2):
-        taken = one(pieces)
+        taken = claim_piece(pieces)
         pieces.store_result(taken, result(taken.number))
     (taken.folder / "done-0000").write_bytes(b"\xff")
-    assert sent(pieces) == [[1]]
+    assert due_numbers(pieces) == [[1]]
 
 
-def test_an_id_that_is_a_path_is_refused(pieces: Pieces) -> None:
+def test_message_id_with_path_is_rejected(pieces: Pieces) -> None:
     with pytest.raises(ValueError, match="not a message id"):
         pieces.add_message("../m", b"", range(1), 1.0)
 
 
-def test_what_a_killed_worker_left_is_removed_and_a_living_ones_stays(pieces: Pieces, tmp_path: Path) -> None:
+def test_folders_of_killed_workers_are_removed(pieces: Pieces, tmp_path: Path) -> None:
     left = tmp_path / f"{module.PREFIX}left"
     left.mkdir()
     (left / "lock").touch()

@@ -27,7 +27,7 @@ def set_processor_times(machine: Path, all_s: float, own_s: float) -> None:
         (machine / "proc" / str(pid) / "stat").write_text(f"{pid} (a (strange) name) {' '.join(fields)}\n")
 
 
-def test_what_other_programs_take_is_somebody_and_what_the_worker_takes_is_not(machine: Path) -> None:
+def test_processor_time_of_other_programs_counts_as_user(machine: Path) -> None:
     presence = Presence(machine / "proc", machine / "dev")
     begun = presence._present
     set_processor_times(machine, 1000.0, 10.0)
@@ -41,7 +41,7 @@ def test_what_other_programs_take_is_somebody_and_what_the_worker_takes_is_not(m
     assert presence.idle_s(begun + 130) == pytest.approx(10), "a tenth of a core is nobody"
 
 
-def test_what_is_typed_in_a_terminal_is_somebody(machine: Path) -> None:
+def test_terminal_input_counts_as_user(machine: Path) -> None:
     terminal = machine / "dev" / "pts" / "3"
     terminal.touch()
     presence = Presence(machine / "nowhere", machine / "dev")
@@ -51,7 +51,7 @@ def test_what_is_typed_in_a_terminal_is_somebody(machine: Path) -> None:
     assert presence.by == ("terminals",)
 
 
-def test_the_screen_is_asked_where_a_program_knows(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_xprintidle_is_used_if_installed(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     program = machine / "xprintidle"
     program.write_text("#!/bin/sh\necho 7000\n")
     program.chmod(0o755)
@@ -72,7 +72,7 @@ if [ "$1" = list-sessions ]; then echo "  3 1000 anna seat0 tty2"; echo " c1 120
 """
 
 
-def test_the_idle_hint_of_a_desktop_is_used(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_desktop_idle_hint_is_used(machine: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks that the idle hint of a desktop session tells whether its user is present.
 
     A script prints the output of systemd 252's loginctl, since the tests run without systemd-logind.

@@ -7,7 +7,7 @@ from tests.helpers import ROOT
 from worker.machine.status import SlotBoard
 
 
-def test_what_a_child_writes_the_parent_reads() -> None:
+def test_parent_reads_status_of_child() -> None:
     program = """
 import os
 from worker.machine.status import SlotBoard
@@ -22,7 +22,7 @@ print(board.read())
     assert done.stdout.strip() == "([{}, {'job': 'j', 'tile': [0, 0, 64, 64]}], 2000000.0)"
 
 
-def test_a_slot_keeps_its_speed_while_it_waits() -> None:
+def test_idle_slot_keeps_last_speed() -> None:
     board = SlotBoard(2)
     board.write(0, {"job": "a"}, 1e6)
     board.write(0, {})
@@ -31,7 +31,7 @@ def test_a_slot_keeps_its_speed_while_it_waits() -> None:
     assert (board.speed(0), board.speed(1)) == (1e6, 3e6)
 
 
-def test_a_record_too_long_says_nothing_rather_than_half() -> None:
+def test_oversized_record_is_empty() -> None:
     board = SlotBoard(1)
     board.write(0, {"job": "x" * 1000})
     assert board.read() == ([{}], 0.0)

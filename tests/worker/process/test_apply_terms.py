@@ -74,7 +74,7 @@ def beat(heartbeat: Heartbeat) -> Any:
     return heartbeat.consumer
 
 
-def test_slots_hours_and_queues_are_kept_at_the_next_beat(store: redis.Redis, heartbeat: Heartbeat) -> None:
+def test_terms_are_applied_at_next_heartbeat(store: redis.Redis, heartbeat: Heartbeat) -> None:
     kept = heartbeat.worker.keeping
     assert kept is not None
     consumer = ask(store, heartbeat, Terms(slots=1, queues=("needs-a", "needs-b")))
@@ -96,7 +96,7 @@ def test_slots_hours_and_queues_are_kept_at_the_next_beat(store: redis.Redis, he
     assert (kept.asked, consumer.taken) == (Terms(), ["render", "prepare"])
 
 
-def test_what_makes_no_sense_is_left_out_and_said(store: redis.Redis, heartbeat: Heartbeat) -> None:
+def test_invalid_terms_are_ignored_and_reported(store: redis.Redis, heartbeat: Heartbeat) -> None:
     kept = heartbeat.worker.keeping
     assert kept is not None
     ask(store, heartbeat, Terms(slots=2))
@@ -110,13 +110,13 @@ def test_what_makes_no_sense_is_left_out_and_said(store: redis.Redis, heartbeat:
     assert (kept.slots_now, kept.trouble) == (3, None)
 
 
-def test_its_own_terms_hold_where_nothing_else_is_asked() -> None:
+def test_start_settings_apply_without_terms() -> None:
     kept = TermsKeeper(4, own=Terms(hours="Mon", idle_minutes=5.0))
     kept.request(Terms(hours="").to_bytes())
     assert (kept.terms.hours, kept.terms.idle_minutes) == ("", 5.0)
 
 
-def test_it_rests_while_somebody_is_there() -> None:
+def test_worker_pauses_while_user_is_present() -> None:
     kept = TermsKeeper(1)
     there = {"idle_s": 0.0}
     kept.presence = SimpleNamespace(idle_s=lambda: there["idle_s"], by=("load",))  # type: ignore[assignment]
@@ -128,7 +128,7 @@ def test_it_rests_while_somebody_is_there() -> None:
     assert (kept.why, kept.offer().idle_by) == (None, ("load",))
 
 
-def test_whether_somebody_is_there_is_known_when_its_hours_begin() -> None:
+def test_user_presence_is_known_at_start_of_hours() -> None:
     kept = TermsKeeper(1, clock=lambda: MONDAY_NOON)
     looked = []
     kept.presence = SimpleNamespace(idle_s=lambda: looked.append(1) or 0.0, by=("load",))  # type: ignore[assignment, func-returns-value]
@@ -137,7 +137,7 @@ def test_whether_somebody_is_there_is_known_when_its_hours_begin() -> None:
     assert (kept.why, looked) == ("Outside its hours: Tue.", [1])
 
 
-def test_over_its_memory_it_rests_until_it_has_let_go_of_some(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_worker_pauses_above_memory_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     used = {"bytes": 900}
     monkeypatch.setattr(apply_terms, "_memory_of_processes", lambda: used["bytes"])
     kept = TermsKeeper(1)
@@ -157,7 +157,7 @@ def test_over_its_memory_it_rests_until_it_has_let_go_of_some(monkeypatch: pytes
     assert apply_terms._memory_of_processes() == 899
 
 
-def test_a_worker_knows_its_processes_and_stands_back_with_all_of_them() -> None:
+def test_nice_level_applies_to_all_processes() -> None:
     program = "import subprocess, sys, time; subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(60)']).wait()"
     code = (
         "import os, subprocess, sys, time\n"
@@ -175,7 +175,7 @@ def test_a_worker_knows_its_processes_and_stands_back_with_all_of_them() -> None
     assert ran.stdout == "[3] 3 None\n", ran.stderr
 
 
-def test_the_family_is_what_descends_from_this_process() -> None:
+def test_process_times_covers_descendants() -> None:
     child = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"])
     try:
         wait_until(lambda: child.pid in process_times(), 20, "the child is seen")

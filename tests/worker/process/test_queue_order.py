@@ -7,7 +7,7 @@ from protocol.view_parts import view_queue
 from worker.process.queue_order import ViewsFirstOrder
 
 
-def test_views_come_first_and_the_others_take_turns() -> None:
+def test_views_come_first_then_round_robin() -> None:
     view, render, prepare = view_queue("k"), render_queue("k"), prepare_queue("k")
     turns = ViewsFirstOrder()
     turns.update([render, view, prepare])

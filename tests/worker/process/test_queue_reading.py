@@ -16,9 +16,7 @@ GARBAGE = (b"\xff\xfe", b"{", b"", b"{}", b"[1, 2]", b"7", b'{"properties": {}}'
 
 
 @pytest.mark.parametrize("garbage", GARBAGE, ids=[str(each[:8]) for each in GARBAGE])
-def test_garbage_is_left_out_and_what_comes_behind_it_is_read(
-    redis_url: str, garbage: bytes, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_malformed_messages_are_skipped(redis_url: str, garbage: bytes, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(transport.Transport, "Channel", transport.Transport.Channel)  # restored after the test
     skip_malformed_messages()
     got: list[Any] = []

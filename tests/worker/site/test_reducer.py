@@ -47,7 +47,7 @@ def arrived(store: redis.Redis, many: int) -> list[Result]:
     return found
 
 
-def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
+def test_results_are_merged_despite_killed_processes(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
     port = free_port("127.0.0.1")
     reducing = ReducerProcess(store, service, "token", tmp_path, port=port)
     link, another = SiteLink(redis_url), SiteLink(redis_url)
@@ -75,7 +75,7 @@ def test_one_result_becomes_of_many_whoever_is_killed(service: str, store: redis
 
 
 @pytest.mark.long
-def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
+def test_second_reducer_leaves_sums_of_first(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
     reducing = ReducerProcess(store, service, "token", tmp_path)
     try:
         patient = {"run": ["attic", 0, 12, 1e9]}
@@ -90,7 +90,7 @@ def test_a_second_one_takes_nothing_from_the_first(service: str, store: redis.Re
 
 
 @pytest.mark.long
-def test_nobody_but_a_worker_of_the_farm_is_listened_to(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
+def test_only_signed_requests_are_accepted(service: str, store: redis.Redis, redis_url: str, tmp_path: Path) -> None:
     reducing = ReducerProcess(store, service, "token", tmp_path)
     try:
         report, secret = reducing.report(), store.get(secret_key("attic"))
@@ -178,7 +178,7 @@ def is_closed_by_peer(wire: socket.socket) -> bool:
     return True
 
 
-def test_a_result_without_a_run_goes_to_the_service(redis_url: str) -> None:
+def test_result_without_run_goes_to_service(redis_url: str) -> None:
     result = sums(0, 4)
     del result.event["run"]
     assert not SiteLink(redis_url).send(result)
@@ -190,7 +190,7 @@ def test_a_result_without_a_run_goes_to_the_service(redis_url: str) -> None:
     [("wrong", True, "does not know this token"), ("token", False, "older release")],
     ordinary=("wrong",),
 )
-def test_where_it_is_of_no_use_it_ends_with_a_sentence(
+def test_rejected_reducer_exits_with_message(
     redis_url: str, store: redis.Redis, tmp_path: Path, token: str, reduces: bool, said: str
 ) -> None:
     handler = type("Handler", (FakeService,), {"redis_url": redis_url, "reduces": reduces})

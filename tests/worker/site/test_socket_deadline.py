@@ -12,7 +12,7 @@ import pytest
 from worker.site.socket_deadline import DeadlineReader
 
 
-def test_what_comes_in_time_is_read_and_what_trickles_is_not_waited_for() -> None:
+def test_slow_data_raises_timeout_after_deadline() -> None:
     here, there = socket.socketpair()
     stop = threading.Event()
 

@@ -57,26 +57,26 @@ def kept(tmp_path: Path, clock: Clock) -> SiteSums:
     return SiteSums(tmp_path, 1 << 20, clock)
 
 
-def sent(kept: SiteSums, at_once: bool = False) -> list[Result]:
+def sent_results(kept: SiteSums, at_once: bool = False) -> list[Result]:
     return [result for results in kept.due_results(at_once) for result in results]
 
 
-def test_a_run_is_sent_as_one_and_says_who_rendered_what(kept: SiteSums) -> None:
+def test_run_is_sent_as_one_result_with_worker_names(kept: SiteSums) -> None:
     parts = [["c", 4, 2, 0.25], ["d", 6, 6, 0.5]]
     kept.store(sums(4, 8, "beta", type="batches", parts=parts))
-    assert not sent(kept)
+    assert not sent_results(kept)
     assert kept.batches_in_hand() == ["c", "d"]
     kept.store(sums(0, 4, "alpha"))
-    (one,) = sent(kept)
+    (one,) = sent_results(kept)
     assert one.event["parts"] == [["b0", 0, 4, 0.5, "alpha"], ["c", 4, 2, 0.25, "beta"], ["d", 6, 6, 0.5, "beta"]]
     assert (one.event["type"], one.event["first"], one.event["count"], one.event["tile"]) == ("batches", 0, 12, list(TILE))
     assert np.array_equal(unpack_sums(one.sums or b"", TILE), 12 * SUMS)
-    assert not sent(kept)
+    assert not sent_results(kept)
     assert not kept.batches_in_hand()
     assert kept.size == 0
 
 
-def test_what_there_is_no_room_for_leaves_nothing(kept: SiteSums, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_unstorable_result_leaves_no_files(kept: SiteSums, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def half(path: Path, data: bytes) -> int:
         with path.open("wb") as file:
             file.write(data[: len(data) // 2])
@@ -88,27 +88,29 @@ def test_what_there_is_no_room_for_leaves_nothing(kept: SiteSums, tmp_path: Path
             kept.store(sums(0, 4))
     assert not list(tmp_path.iterdir())
     kept.store(sums(0, 12))
-    assert len(sent(kept)) == 1
+    assert len(sent_results(kept)) == 1
 
 
-def test_sums_wait_no_longer_than_they_may_and_what_comes_later_waits_for_nothing(kept: SiteSums, clock: Clock) -> None:
+def test_sums_are_due_after_hold_time(kept: SiteSums, clock: Clock) -> None:
     kept.store(sums(0, 2))
     kept.store(sums(4, 6))
     clock.now = HOLD_S + 0.1
-    assert [(r.event["first"], r.event["count"]) for r in sent(kept)] == [(0, 2), (4, 6)], "what does not follow stays apart"
+    assert [(r.event["first"], r.event["count"]) for r in sent_results(kept)] == [(0, 2), (4, 6)], (
+        "what does not follow stays apart"
+    )
     kept.store(sums(2, 2))
-    assert not sent(kept)
+    assert not sent_results(kept)
     kept.store(sums(10, 2))
-    assert [r.event["first"] for r in sent(kept)] == [2, 10], "now all of the run has come"
+    assert [r.event["first"] for r in sent_results(kept)] == [2, 10], "now all of the run has come"
 
 
-def test_what_comes_twice_is_sent_once(kept: SiteSums) -> None:
+def test_duplicate_result_is_sent_once(kept: SiteSums) -> None:
     for _ in range(2):
         kept.store(sums(0, 6))
     with pytest.raises(ValueError, match="another batch"):
         kept.store(sums(5, 2))
     kept.store(sums(6, 6))
-    (one,) = sent(kept)
+    (one,) = sent_results(kept)
     assert [part[0] for part in one.event["parts"]] == ["b0", "b6"]
 
 
@@ -128,13 +130,13 @@ def test_what_comes_twice_is_sent_once(kept: SiteSums) -> None:
         {"bad": None},
     ],
 )
-def test_what_makes_no_sense_is_left_to_the_service(kept: SiteSums, wrong: dict[str, Any]) -> None:
+def test_invalid_result_is_rejected(kept: SiteSums, wrong: dict[str, Any]) -> None:
     with pytest.raises(ValueError, match=r"."):
         kept.store(sums(0, 4, **wrong))
     assert not kept.batches_in_hand()
 
 
-def test_a_folder_that_somebody_cleared_holds_up_no_other(kept: SiteSums, tmp_path: Path) -> None:
+def test_deleted_folder_does_not_block_others(kept: SiteSums, tmp_path: Path) -> None:
     kept.store(sums(0, 12))
     kept.store(sums(12, 12, of=(12, 12)))
     sending = kept.due_results()
@@ -144,27 +146,25 @@ def test_a_folder_that_somebody_cleared_holds_up_no_other(kept: SiteSums, tmp_pa
     assert not [*sending]
     assert not kept.batches_in_hand()
     kept.store(sums(24, 12, of=(24, 12)))
-    assert len(sent(kept)) == 1
+    assert len(sent_results(kept)) == 1
 
 
-def test_sums_of_more_samples_than_they_say_are_not_added_to_others(kept: SiteSums) -> None:
+def test_sums_with_wrong_sample_count_are_not_merged(kept: SiteSums) -> None:
     result = sums(0, 6)
-    with pytest.raises(ValueError, match="damaged sums: 6 samples of a pixel, of 4"):
+    with pytest.raises(ValueError, match="a pixel has 6 samples, but the batch has 4"):
         kept.store(Result(sums(0, 4).event, result.sums))
 
 
-def test_no_more_is_taken_than_there_is_room_for(tmp_path: Path) -> None:
+def test_size_limit_is_enforced(tmp_path: Path) -> None:
     kept = SiteSums(tmp_path, 1500, Clock())
     kept.store(sums(0, 2))
     with pytest.raises(SumsFullError):
         kept.store(sums(2, 2))
-    assert len(sent(kept, at_once=True)) == 1
+    assert len(sent_results(kept, at_once=True)) == 1
     kept.store(sums(2, 2))
 
 
-def test_what_a_killed_reducer_had_is_sent_by_the_next_and_what_it_was_sending_is_the_same_again(
-    tmp_path: Path, kept: SiteSums
-) -> None:
+def test_restart_sends_sums_of_killed_reducer_unchanged(tmp_path: Path, kept: SiteSums) -> None:
     kept.store(sums(0, 12))
     kept.store(sums(12, 2, of=(12, 12)))
     sending = next(kept.due_results())  # killed before it has finished sending
@@ -172,7 +172,7 @@ def test_what_a_killed_reducer_had_is_sent_by_the_next_and_what_it_was_sending_i
     (tmp_path / "no name of ours").mkdir()
     after = SiteSums(tmp_path, 1 << 20)
     assert sorted(after.batches_in_hand()) == ["b0", "b12", "b14"]
-    again, rest = sorted(sent(after), key=lambda result: result.event["first"])
+    again, rest = sorted(sent_results(after), key=lambda result: result.event["first"])
     assert [again] == sending
     assert (rest.event["first"], rest.event["count"]) == (12, 4)
     assert not [*tmp_path.iterdir()]

@@ -8,7 +8,7 @@ import time
 from worker.telemetry.batch_warnings import WarningHandler, collect_warnings, step
 
 
-def test_what_is_warned_of_within_is_noted_and_bounded() -> None:
+def test_warnings_are_collected_and_limited() -> None:
     log, listener = logging.getLogger("a library"), WarningHandler()
     logging.getLogger().addHandler(listener)
     try:
@@ -30,7 +30,7 @@ def test_what_is_warned_of_within_is_noted_and_bounded() -> None:
     assert "took" not in said
 
 
-def test_steps_are_added_up() -> None:
+def test_step_durations_are_summed() -> None:
     with collect_warnings() as heard:
         for _ in range(2):
             with step("open scene"):

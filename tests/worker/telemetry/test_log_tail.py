@@ -19,16 +19,16 @@ def tail() -> Iterator[LogTail]:
     tail.close()
 
 
-def say(tail: LogTail, text: str) -> None:
+def log_line(tail: LogTail, text: str) -> None:
     tail.handle(logging.LogRecord("worker", logging.INFO, "", 0, text, (), None))
 
 
-def test_lines_of_slots_are_read_by_the_parent_whole_and_in_order(tail: LogTail) -> None:
+def test_parent_reads_complete_lines_of_slots_in_order(tail: LogTail) -> None:
     children = []
     for child in range(4):
         if (pid := os.fork()) == 0:
             for i in range(200):
-                say(tail, f"slot {child} line {i} " + "x" * 40)
+                log_line(tail, f"slot {child} line {i} " + "x" * 40)
             os._exit(0)
         children.append(pid)
     for pid in children:
@@ -40,19 +40,19 @@ def test_lines_of_slots_are_read_by_the_parent_whole_and_in_order(tail: LogTail)
     assert tail.lines(3) == lines[-3:]
 
 
-def test_it_keeps_its_end_and_stays_small(tail: LogTail, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(log_tail, "KEPT", 1000)
-    monkeypatch.setattr(log_tail, "LARGEST", 5000)
+def test_log_keeps_last_lines_within_limit(tail: LogTail, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(log_tail, "BYTES_READ", 1000)
+    monkeypatch.setattr(log_tail, "MAX_FILE_BYTES", 5000)
     for i in range(1000):
-        say(tail, f"line {i}")
+        log_line(tail, f"line {i}")
         tail.trim()
     lines = tail.lines(10_000)
     assert lines == [f"line {i}" for i in range(1000 - len(lines), 1000)] and len(lines) > 50
     assert os.fstat(tail._file.fileno()).st_size < 6000
 
 
-def test_a_file_that_is_gone_ends_nothing(tail: LogTail) -> None:
+def test_missing_file_is_tolerated(tail: LogTail) -> None:
     tail._file.close()
-    say(tail, "still here")
+    log_line(tail, "still here")
     tail.trim()
     assert tail.lines() == []

@@ -13,7 +13,7 @@ from worker.telemetry.logs import _without_traceback
 @pytest.mark.parametrize(
     "error", [redis.OutOfMemoryError("maxmemory"), redis.ConnectionError("refused"), BrokenPipeError("gone")]
 )
-def test_what_redis_does_is_a_line(error: Exception) -> None:
+def test_redis_errors_are_logged_as_one_line(error: Exception) -> None:
     record = logging.LogRecord(
         "celery", logging.CRITICAL, "", 1, "Connection to %s lost\n", ("broker",), (type(error), error, None)
     )
@@ -21,7 +21,7 @@ def test_what_redis_does_is_a_line(error: Exception) -> None:
     assert logging.Formatter().format(record) == f"Connection to broker lost ({error})"
 
 
-def test_a_fault_of_the_program_keeps_its_traceback() -> None:
+def test_other_errors_keep_traceback() -> None:
     try:
         _ = 1 / 0
     except ZeroDivisionError as error:

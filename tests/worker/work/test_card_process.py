@@ -27,7 +27,7 @@ environment: {color: 1}
 
 
 @pytest.mark.long
-def test_a_card_renders_a_message_to_the_bits_of_the_cpu(redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_card_result_equals_cpu_result(redis_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     fake_driver(tmp_path)
     monkeypatch.setenv("LD_LIBRARY_PATH", str(tmp_path))
     monkeypatch.setenv("FAKE_CUDA_CARDS", "RTX Test:8:6:8192,GTX Test:6:1:4096")

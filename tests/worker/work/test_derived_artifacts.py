@@ -33,7 +33,7 @@ def aside(make: Callable[..., dict[str, Any]]) -> ArtifactTask[DenoiseFrame]:
     return ArtifactTask(DenoiseFrame.from_json, make, "made", "failed", "denoise", TASK_TEXT)
 
 
-def test_while_it_is_made_the_slot_says_so(worker: Any) -> None:
+def test_slot_reports_artifact_in_progress(worker: Any) -> None:
     seen: list[Any] = []
 
     def make(worker: Any, work: DenoiseFrame) -> dict[str, Any]:
@@ -55,7 +55,7 @@ def test_while_it_is_made_the_slot_says_so(worker: Any) -> None:
         (ZeroDivisionError("a fault"), "worker-task-error"),
     ],
 )
-def test_whatever_goes_wrong_is_answered(worker: Any, error: Exception, code: str) -> None:
+def test_every_error_is_answered(worker: Any, error: Exception, code: str) -> None:
     def make(*_: Any) -> dict[str, Any]:
         raise error
 
@@ -66,12 +66,12 @@ def test_whatever_goes_wrong_is_answered(worker: Any, error: Exception, code: st
     assert worker.board.read()[0] == [{}]
 
 
-def test_a_message_of_another_release_is_answered(worker: Any) -> None:
+def test_message_of_other_release_is_answered(worker: Any) -> None:
     event = aside(lambda *_: {}).event(TASK, worker, {"work": "w1", "job": 7})
     assert (event["type"], event["work"]) == ("failed", "w1")
 
 
-def test_what_kills_its_process_is_given_up(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_artifact_that_kills_process_fails(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(derived_artifacts, "count_deaths", lambda *_: derived_artifacts.DEATHS_ALLOWED)
     event = aside(lambda *_: {}).event(TASK, worker, asdict(WORK))
     assert event["error"].code == "worker-died-during-task"

@@ -30,7 +30,7 @@ def image(path: Path, pixels: np.ndarray) -> Path:
 
 
 @pytest.fixture
-def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
+def make_thumbnail(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     """Returns a function that makes an image file's thumbnail. It returns the worker's event and the thumbnail's bytes."""
     stored: list[bytes] = []
 
@@ -49,8 +49,8 @@ def shown(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
 
 
 @pytest.mark.long
-def test_an_image_is_shown_small(shown: Any, tmp_path: Path) -> None:
-    event, stored = shown(image(tmp_path / "sky.exr", np.full((16, 32, 3), 7.0)))
+def test_environment_thumbnail_is_small(make_thumbnail: Any, tmp_path: Path) -> None:
+    event, stored = make_thumbnail(image(tmp_path / "sky.exr", np.full((16, 32, 3), 7.0)))
     assert (event["type"], event["work"]) == ("environment-shown", "work"), event
     assert stored[0][:2] == b"\xff\xd8", "a JPEG"
 
@@ -59,20 +59,20 @@ def test_an_image_is_shown_small(shown: Any, tmp_path: Path) -> None:
     ("pixels", "says"),
     [(np.ones((16, 16, 3)), "twice as wide as high"), (np.zeros((8, 16, 3)), "black"), (None, "damaged")],
 )
-def test_what_lights_nothing_is_refused_with_a_sentence(shown: Any, tmp_path: Path, pixels: Any, says: str) -> None:
+def test_unusable_environment_is_rejected(make_thumbnail: Any, tmp_path: Path, pixels: Any, says: str) -> None:
     path = tmp_path / "sky.exr"
     if pixels is None:
         path.write_bytes(b"v/1\x01 is not all that it takes")
     else:
         image(path, pixels)
-    event, stored = shown(path)
+    event, stored = make_thumbnail(path)
     assert event["type"] == "environment-failed"
     assert event["error"].startswith("sky.exr: ")
     assert says in event["error"]
     assert not stored
 
 
-def test_a_lamp_does_not_darken_what_is_around_it() -> None:
+def test_bright_lamp_does_not_darken_thumbnail() -> None:
     pixels = np.full((64, 128, 3), 0.01, np.float32)
     plain = small_picture(pixels, 32)
     pixels[10, 10] = 1e6
@@ -83,7 +83,7 @@ def test_a_lamp_does_not_darken_what_is_around_it() -> None:
 
 
 @pytest.mark.long
-def test_the_pictures_that_the_service_has_are_those_of_the_presets(tmp_path: Path) -> None:
+def test_shipped_thumbnails_match_presets(tmp_path: Path) -> None:
     assert {path.stem for path in light_pictures.FOLDER.iterdir()} == set(PRESETS)
     for name in PRESETS:
         encode.write(tmp_path / "now.jpg", small_picture(light_pictures.radiance(name), light_pictures.WIDTH))

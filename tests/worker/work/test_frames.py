@@ -35,7 +35,7 @@ from worker.work import frames
 FRAMES = [0, 12, 24, 6.5, 48, 60]
 
 
-def moving(camera: bool, thing: bool) -> Gltf:
+def animated_scene(camera: bool, thing: bool) -> Gltf:
     """Builds a glTF scene with a camera and a triangle.
 
     camera, thing: whether the camera, and the triangle, moves to the right within a second. A second clip moves them further.
@@ -122,8 +122,8 @@ class Bench:
         (True, False, {"shutter": {"shutter": 1.0}, "turntable": 2.0}),
     ],
 )
-def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bool, thing: bool, asked: dict[str, Any]) -> None:
-    bench = Bench(tmp_path, moving(camera, thing), **asked)
+def test_prepared_frame_equals_rendered_still(tmp_path: Path, camera: bool, thing: bool, asked: dict[str, Any]) -> None:
+    bench = Bench(tmp_path, animated_scene(camera, thing), **asked)
     said = bench.prepared(FRAMES)
     assert bench.prepared(FRAMES[::-1]) == said, "whichever were prepared before"
     for frame in FRAMES:
@@ -136,21 +136,21 @@ def test_a_frame_is_prepared_as_its_still_is_rendered(tmp_path: Path, camera: bo
         assert {sha256 for sha256, _ in said.values()} == {None}, "only the camera moves: nothing is compiled"
 
 
-def test_what_stands_still_again_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    bench = Bench(tmp_path, moving(False, True))
+def test_static_scene_is_compiled_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bench = Bench(tmp_path, animated_scene(False, True))
     compiled: list[int] = []
     monkeypatch.setattr(reading, "compile_scene", lambda *given, **named: compiled.append(1) or compile_scene(*given, **named))
     bench.prepared([24, 25, 30, 48])
     assert len(compiled) == 1
 
 
-def test_a_view_of_ones_own_is_taken_as_it_is(tmp_path: Path) -> None:
+def test_requested_view_is_unchanged(tmp_path: Path) -> None:
     view = {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0], "fov": 30.0, "focus": None}
-    bench = Bench(tmp_path, moving(True, False), view=view)
+    bench = Bench(tmp_path, animated_scene(True, False), view=view)
     assert {tuple(view["eye"]) for _, (view,) in bench.prepared([0, 12]).values()} == {(1.0, 2.0, 3.0)}
 
 
-def test_a_frame_whose_file_is_missing_is_named_and_the_next_is_prepared(tmp_path: Path) -> None:
+def test_frame_with_missing_file_fails_alone(tmp_path: Path) -> None:
     for number in (0, 1, 3):
         (tmp_path / f"smoke.{number}.obj").write_bytes(b"v 0 0 0\nv 1 0 0\nv 0 %d 0\nf 1 2 3\n" % (number + 1))
     (tmp_path / "scene.yaml").write_text("shapes: [{type: mesh, file: smoke.#.obj}]\n")
@@ -186,7 +186,7 @@ class Service(Link):
 
 
 @pytest.mark.long
-def test_every_frame_is_answered_also_where_the_reader_crashes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_every_frame_is_answered_if_reader_crashes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     upload = tmp_path / "upload"
     upload.mkdir()
     for number in (0, 1, 3):

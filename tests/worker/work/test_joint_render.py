@@ -55,7 +55,7 @@ def ranges(results: list[Result]) -> list[tuple[int, int]]:
 
 
 @pytest.mark.long
-def test_the_slots_of_a_worker_send_one_result_of_which_no_bit_differs(bench: Bench, info: SceneInfo) -> None:
+def test_slots_send_one_bit_exact_result(bench: Bench, info: SceneInfo) -> None:
     bench.render(joint(info, "alone", [12]).whole)
     alone = bench.next("batch", "batch-failed")
     hand_out(bench, joint(info, "three", [2, 3, 7]))
@@ -70,7 +70,7 @@ def test_the_slots_of_a_worker_send_one_result_of_which_no_bit_differs(bench: Be
 
 
 @pytest.mark.long
-def test_more_pieces_than_slots_are_left_to_others(bench: Bench, info: SceneInfo) -> None:
+def test_surplus_pieces_are_requeued(bench: Bench, info: SceneInfo) -> None:
     hand_out(bench, joint(info, "many", [1] * 8))
     found: list[Result] = []
     while sum(each.event["count"] for each in found) < 8:
@@ -79,7 +79,7 @@ def test_more_pieces_than_slots_are_left_to_others(bench: Bench, info: SceneInfo
 
 
 @pytest.mark.long
-def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) -> None:
+def test_killed_slot_loses_only_its_piece(bench: Bench, info: SceneInfo) -> None:
     long = 3500
     hand_out(bench, joint(info, "killed", [4, long, 4]))
     wait_until(lambda: _has(bench, long), 30, "a slot renders the long piece")
@@ -91,7 +91,7 @@ def test_a_killed_slot_loses_its_own_piece_alone(bench: Bench, info: SceneInfo) 
 
 
 @pytest.mark.long
-def test_what_no_slot_has_begun_is_in_hand_as_soon_as_it_is_taken(bench: Bench, info: SceneInfo) -> None:
+def test_fetched_joint_batch_is_reported_before_a_slot_begins_it(bench: Bench, info: SceneInfo) -> None:
     wait_until(lambda: len(slots_of(bench.process.pid)) == 3, 30, "the slot that was killed has a successor")
     slots = slots_of(bench.process.pid)
     for slot in slots:  # as on an overloaded machine
@@ -109,7 +109,7 @@ def test_what_no_slot_has_begun_is_in_hand_as_soon_as_it_is_taken(bench: Bench, 
 
 
 @pytest.mark.long
-def test_a_worker_that_is_told_to_end_hands_in_and_puts_back(redis_url: str, tmp_path: Path, bench: Bench) -> None:
+def test_stopping_worker_sends_sums_and_requeues_pieces(redis_url: str, tmp_path: Path, bench: Bench) -> None:
     with a_worker(redis_url, tmp_path, slots=2) as ending:
         bench.store.set("rayfarm:order:" + bench.report().name, "The other is asked.")  # type: ignore[union-attr]
         try:
@@ -135,7 +135,7 @@ def _has(bench: Bench, count: int) -> bool:
     return report is not None and any(doing.get("count") == count for doing in report.current)
 
 
-def test_only_what_follows_is_added_up() -> None:
+def test_only_consecutive_samples_are_merged() -> None:
     sums = np.arange(20 * 4, dtype="<i8").reshape(20, 2, 2)
     about = {"type": "batch", "job": "j", "frame": 0, "tile": [0, 0, 2, 2], "worker": "w", "seconds": 0.5, "bad_count": 1}
 

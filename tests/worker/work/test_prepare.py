@@ -84,7 +84,7 @@ def prepared(worker: Any) -> SceneInfo:
     return prepare.prepare_scene(worker, MANIFEST, lambda step, part: None)
 
 
-def test_a_file_that_has_suffered_in_the_cache_is_fetched_anew_and_nobody_is_blamed(worker: Any) -> None:
+def test_file_damaged_in_cache_is_downloaded_again(worker: Any) -> None:
     path = worker.cache.path(SHA256)
     path.write_bytes(SCENE.replace(b"1", b"7"))  # the same size, so only its digest differs
     assert prepared(worker).kind == "k"
@@ -92,7 +92,7 @@ def test_a_file_that_has_suffered_in_the_cache_is_fetched_anew_and_nobody_is_bla
     assert worker.link.fetched == 2
 
 
-def test_a_file_that_was_uploaded_so_is_read_once(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_file_damaged_at_upload_is_read_once(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     def damaged(*_: Any, **__: Any) -> dict[str, Any]:
         worker.reads.append(b"")
         raise WorkError("scene.obj is damaged; export it anew")
@@ -103,7 +103,7 @@ def test_a_file_that_was_uploaded_so_is_read_once(worker: Any, monkeypatch: pyte
     assert worker.reads == [b""]
 
 
-def test_minutes_of_work_outlive_a_service_that_starts_anew(worker: Any) -> None:
+def test_result_is_kept_while_service_restarts(worker: Any) -> None:
     worker.link.away = 3
     prepared(worker)
     assert len(worker.reads) == 1
@@ -113,7 +113,7 @@ def full_disk(*_: Any, **__: Any) -> Any:
     raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC), "scene.obj")
 
 
-def test_a_full_disk_is_the_machines_own_trouble(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_full_disk_is_machine_error(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(os, "link", full_disk)
     monkeypatch.setattr(shutil, "copyfile", full_disk)
     with pytest.raises(MachineError, match="No space left"):
@@ -124,7 +124,7 @@ def test_a_full_disk_is_the_machines_own_trouble(worker: Any, monkeypatch: pytes
     ("variant", "is_cached", "compiled"),
     [("full", False, ["full"]), ("full", True, []), ("no variant", False, []), ([], False, [])],
 )
-def test_a_kernel_that_the_scene_needs_is_compiled_by_the_slot_if_the_machine_lacks_it(
+def test_slot_compiles_missing_kernel(
     worker: Any, monkeypatch: pytest.MonkeyPatch, variant: Any, is_cached: bool, compiled: list[str]
 ) -> None:
     done: list[str] = []
@@ -137,7 +137,7 @@ def test_a_kernel_that_the_scene_needs_is_compiled_by_the_slot_if_the_machine_la
     assert (prepare.COMPILING in steps) == bool(compiled)
 
 
-def test_a_thumbnail_is_as_wide_as_its_width_and_as_high_as_the_scene_asks() -> None:
+def test_thumbnail_has_scene_aspect_ratio() -> None:
     view = {"eye": [0, 0, 1], "target": [0, 0, 0]}
     asked = {(16, 9): 144, (100, 100): 256, (1000, 10): 64, (1, 9): 512}
     for (width, height), small in asked.items():
@@ -155,7 +155,7 @@ def test_a_thumbnail_is_as_wide_as_its_width_and_as_high_as_the_scene_asks() -> 
         ({}, None, ["prepare-started", "prepared"]),  # the base scene has the thumbnail
     ],
 )
-def test_a_thumbnail_comes_after_the_scene_and_cannot_fail_it(
+def test_thumbnail_failure_does_not_fail_scene(
     worker: Any, monkeypatch: pytest.MonkeyPatch, base: Any, failure: Exception | None, sent: list[str]
 ) -> None:
     def make(_: Any, info: SceneInfo, subject: str) -> BlobRef:
@@ -174,7 +174,7 @@ def test_a_thumbnail_comes_after_the_scene_and_cannot_fail_it(
 
 
 @pytest.mark.parametrize("name", ["x" * 300, "a\0b", "../up", "/etc/passwd", "scene.obj/inside"])
-def test_names_that_no_file_can_have_are_the_uploads(worker: Any, name: str) -> None:
+def test_invalid_file_name_is_scene_error(worker: Any, name: str) -> None:
     files = [*MANIFEST.files, BlobRef(name, SHA256, len(SCENE))]
     with pytest.raises(WorkError, match="rename it"):
         prepare.prepare_scene(worker, Manifest("scene", "scene.obj", files), lambda step, part: None)
@@ -191,9 +191,7 @@ def test_names_that_no_file_can_have_are_the_uploads(worker: Any, name: str) -> 
         (ZeroDivisionError("a fault"), "prepare-failed"),
     ],
 )
-def test_what_is_the_workers_own_is_handed_back(
-    worker: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, event: str
-) -> None:
+def test_worker_faults_return_the_scene(worker: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, event: str) -> None:
     def fail(*_: Any) -> SceneInfo:
         raise error
 

@@ -23,7 +23,7 @@ from worker.work.reader import ReaderFolder
 SECONDS = 60.0
 
 
-def test_a_reader_has_and_reaches_nothing_of_its_slot(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reader_cannot_access_slot_resources(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("RAYFARM_TOKEN", "secret")
     with ReaderFolder("test") as room:
         found = room.run(jobs.probe, "truck.glb", SECONDS)
@@ -42,7 +42,7 @@ def test_a_reader_has_and_reaches_nothing_of_its_slot(monkeypatch: pytest.Monkey
         (raise_disk_full, UnfitError, "this machine cannot use its files"),
     ],
 )
-def test_how_a_reader_ends_is_the_scenes_or_the_machines(job: Any, kind: type[Exception], sentence: str) -> None:
+def test_reader_exit_is_scene_or_machine_error(job: Any, kind: type[Exception], sentence: str) -> None:
     with ReaderFolder("test") as room, pytest.raises(kind, match=sentence):
         room.run(job, "truck.glb", SECONDS, memory=512 << 20)
 
@@ -50,7 +50,7 @@ def test_how_a_reader_ends_is_the_scenes_or_the_machines(job: Any, kind: type[Ex
 @pytest.mark.parametrize(
     "name", ["../scene/a", "..", "", "/etc/passwd", "missing", "folder", "a/", ".part", None, 7, "link", "in/a"]
 )
-def test_names_that_a_reader_returns_are_checked(name: Any) -> None:
+def test_names_returned_by_reader_are_checked(name: Any) -> None:
     with ReaderFolder("test") as room:
         (room.scene / "a").write_text("of the slot")
         (room.out / "folder").mkdir()
@@ -61,13 +61,13 @@ def test_names_that_a_reader_returns_are_checked(name: Any) -> None:
             room.compiled(answered["compiled"])
 
 
-def test_a_reader_makes_no_links_out_of_its_room() -> None:
+def test_reader_cannot_link_outside_its_folder() -> None:
     with ReaderFolder("test") as room:
         (room.scene / "a").write_text("of the slot")
         assert room.run(partial(link_out, os.fsencode(room.scene), os.fsencode(room.out)), "truck.glb", SECONDS) == {"made": []}
 
 
-def test_a_part_that_does_not_match_its_hash_is_not_cached(tmp_path: Path) -> None:
+def test_part_with_wrong_hash_is_not_cached(tmp_path: Path) -> None:
     """Checks that a part of a compiled scene whose bytes do not match its hash is refused.
 
     In the cache, the part would affect all scenes that share it.
@@ -81,7 +81,7 @@ def test_a_part_that_does_not_match_its_hash_is_not_cached(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("name", ["\u00e9t\u00e9/\u5f71.obj", "plain.obj"])
-def test_files_are_placed_in_utf_8_whatever_the_locale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+def test_file_names_are_utf_8_in_any_locale(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
     (tmp_path / "blob").write_bytes(b"v 0 0 0")
     monkeypatch.setattr(os, "fsdecode", lambda data: data.decode("latin-1"))  # as Python does in an old locale
     worker: Any = type("Worker", (), {"cache": type("Cache", (), {"path": lambda *_: tmp_path / "blob"})()})
@@ -91,7 +91,7 @@ def test_files_are_placed_in_utf_8_whatever_the_locale(tmp_path: Path, monkeypat
     assert str(placed.relative_to(tmp_path / "scene")).encode("latin-1").decode() == name
 
 
-def test_a_room_without_a_folder_for_temporary_files_is_the_machines(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_temporary_folder_is_machine_error(monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(*_: Any, **__: Any) -> str:
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 

@@ -62,7 +62,9 @@ def prepared(worker: Any, manifest: Manifest) -> SceneInfo:
 
 @pytest.mark.long
 @grid("light", ["sky:20,40", "window.exr"], ordinary=("sky:20,40",))
-def test_only_the_light_is_made_and_stored(worker: Any, tmp_path: Path, light: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_only_environment_is_compiled_and_stored(
+    worker: Any, tmp_path: Path, light: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene = worker.link.put("scene.yaml", SCENE)
     pixels = np.random.default_rng(1).random((16, 32, 3))
     window = worker.link.put("window.exr", image(tmp_path / "window.exr", pixels).read_bytes())
@@ -75,7 +77,7 @@ def test_only_the_light_is_made_and_stored(worker: Any, tmp_path: Path, light: s
         del worker.link.blobs[sha256]
     worker.link.stored.clear()
     with monkeypatch.context() as patched:
-        patched.setattr(prepare, "_prepared", lambda *_: pytest.fail("its files are read"))
+        patched.setattr(prepare, "_prepare_in_reader", lambda *_: pytest.fail("its files are read"))
         quick = prepared(worker, replace(lit, base=asdict(base)))
     assert quick.compiled == whole.compiled
     assert not set(quick.warnings) & set(STUDIO_NOTES)

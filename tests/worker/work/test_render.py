@@ -36,7 +36,7 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     return SimpleNamespace(name="w", slots=1, cards=(), link=object(), cache=cache, made=made)
 
 
-def test_a_slot_says_when_it_gets_a_kernel_ready(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slot_reports_kernel_compilation(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     batch = RenderBatch("b", "job", 0, "sha", TILE, 0, 2, SETTINGS)
     told: list[Any] = []
     monkeypatch.setattr(slot, "is_warm", lambda settings, variant: False)
@@ -56,9 +56,7 @@ BATCH = RenderBatch("b", "job", 0, "0" * 64, TILE, 0, 2, SETTINGS)
 
 
 @pytest.mark.parametrize("trouble", [LinkError, DamagedError, TokenError, NotAFarmError, MachineError])
-def test_a_workers_own_trouble_hands_the_batch_back_after_patience(
-    worker: Any, monkeypatch: pytest.MonkeyPatch, trouble: type[Exception]
-) -> None:
+def test_worker_fault_returns_batch_after_retries(worker: Any, monkeypatch: pytest.MonkeyPatch, trouble: type[Exception]) -> None:
     asked: list[str] = []
 
     def path(sha256: str) -> Path:
@@ -76,7 +74,7 @@ def test_a_workers_own_trouble_hands_the_batch_back_after_patience(
     assert len(asked) > 2
 
 
-def test_what_passes_is_waited_for(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_temporary_error_is_retried(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     there = worker.cache.path("")
     answers: list[Any] = [LinkError("away"), MachineError("full"), there]
 
@@ -91,7 +89,7 @@ def test_what_passes_is_waited_for(worker: Any, monkeypatch: pytest.MonkeyPatch)
     assert slot.render(worker, BATCH, lambda is_so: None).event["type"] == "batch"
 
 
-def test_a_scene_that_the_service_does_not_have_is_a_failure(worker: Any) -> None:
+def test_missing_scene_fails_batch(worker: Any) -> None:
     def path(sha256: str) -> Path:
         raise RefusedError("http://farm answers 404")
 
@@ -102,7 +100,7 @@ def test_a_scene_that_the_service_does_not_have_is_a_failure(worker: Any) -> Non
 
 
 @pytest.mark.parametrize("damage", ["cut", "header", "empty", "gone"])
-def test_a_compiled_scene_that_has_suffered_on_this_disk_is_fetched_anew(tmp_path: Path, worker: Any, damage: str) -> None:
+def test_compiled_scene_damaged_on_disk_is_downloaded_again(tmp_path: Path, worker: Any, damage: str) -> None:
     data = (tmp_path / "compiled").read_bytes()
     sha256 = hashlib.sha256(data).hexdigest()
 
@@ -124,7 +122,7 @@ def test_a_compiled_scene_that_has_suffered_on_this_disk_is_fetched_anew(tmp_pat
     assert path.read_bytes() == data
 
 
-def test_a_batch_in_words_of_another_release_is_a_sentence(worker: Any) -> None:
+def test_unreadable_batch_gives_error_message(worker: Any) -> None:
     event = slot.unreadable_batch_event(worker, {"batch": "b", "job": "j"}, ValueError("RenderBatch lacks 'tile'")).event
     assert event["type"] == "batch-failed"
     assert "lacks 'tile'" in event["error"]

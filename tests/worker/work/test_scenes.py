@@ -54,7 +54,7 @@ def worker(service: Service, folder: Path) -> Any:
 
 
 @pytest.fixture
-def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
+def stored_frames(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
     """Returns a service, and references to the compiled scenes of three frames that a worker has stored there."""
     service, kept = Service(), ShotCache()
     out = tmp_path / "out"
@@ -68,8 +68,8 @@ def moments(tmp_path: Path) -> tuple[Service, list[BlobRef]]:
     return service, refs
 
 
-def test_every_part_is_sent_once_and_fetched_once(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
-    service, refs = moments
+def test_each_part_is_transferred_once(stored_frames: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+    service, refs = stored_frames
     assert len(service.sent) == len(set(service.sent))
     assert set(service.sent) == {ref.sha256 for ref in refs} | {sha256 for ref in refs for sha256, _ in ref.parts}
     other = worker(service, tmp_path / "other")
@@ -83,7 +83,7 @@ def test_every_part_is_sent_once_and_fetched_once(moments: tuple[Service, list[B
 
 
 @pytest.mark.parametrize("is_here", [True, False], ids=["from beside the manifest", "from the cache"])
-def test_a_part_that_went_meanwhile_is_sent_again(tmp_path: Path, is_here: bool) -> None:
+def test_deleted_part_is_uploaded_again(tmp_path: Path, is_here: bool) -> None:
     service, kept = Service(), ShotCache()
     out = tmp_path / "out"
     out.mkdir()
@@ -100,8 +100,8 @@ def test_a_part_that_went_meanwhile_is_sent_again(tmp_path: Path, is_here: bool)
     assert service.sent.count(sha256) == 2
 
 
-def test_work_is_handed_back_where_a_part_is_nowhere(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
-    service, refs = moments
+def test_missing_part_returns_the_work(stored_frames: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+    service, refs = stored_frames
     manifest = tmp_path / "out" / refs[2].sha256
     sha256, _ = refs[2].parts[0]
     for path in (tmp_path / "out" / sha256, tmp_path / "one" / sha256[:2] / sha256):
@@ -111,14 +111,14 @@ def test_work_is_handed_back_where_a_part_is_nowhere(moments: tuple[Service, lis
         store_scene(worker(service, tmp_path / "one"), manifest)
 
 
-def test_who_stored_it_need_not_fetch_it(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
-    service, refs = moments
+def test_uploader_does_not_download_its_scene(stored_frames: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+    service, refs = stored_frames
     open_scene(worker(service, tmp_path / "one").cache, refs[1].sha256)
     assert service.fetched == []
 
 
-def test_a_part_that_has_suffered_is_fetched_anew(moments: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
-    service, refs = moments
+def test_damaged_part_is_downloaded_again(stored_frames: tuple[Service, list[BlobRef]], tmp_path: Path) -> None:
+    service, refs = stored_frames
     cache = worker(service, tmp_path / "one").cache
     sha256, size = max(refs[0].parts, key=lambda part: part[1])
     cache.path(sha256).write_bytes(b"cut")
@@ -132,7 +132,7 @@ def test_a_part_that_has_suffered_is_fetched_anew(moments: tuple[Service, list[B
     assert cache.path(sha256).read_bytes() == service.blobs[sha256]
 
 
-def test_a_manifest_that_is_wrong_at_the_service_is_an_error(tmp_path: Path) -> None:
+def test_invalid_manifest_raises_error(tmp_path: Path) -> None:
     service = Service()
     data = b'{"format": "what"}'
     service.blobs[hashlib.sha256(data).hexdigest()] = data

@@ -100,7 +100,7 @@ def render(worker: Any, *batches: RenderBatch) -> list[tuple[Tile, bool]]:
     return shown
 
 
-def test_adjacent_tiles_of_the_same_samples_are_one_block() -> None:
+def test_adjacent_tiles_form_one_block() -> None:
     tiles = tiles_of(160, 130, 64)
     batches = [batch(number, tile) for number, tile in enumerate(tiles)]
     (whole,) = blocks_of(batches[::-1])
@@ -119,7 +119,7 @@ def tiles_in_order(batches: list[RenderBatch]) -> list[Tile]:
     return sorted((each.tile for each in batches), key=lambda tile: (tile.x, tile.w, tile.y))
 
 
-def test_a_message_is_rendered_in_blocks_and_each_batch_sent_by_itself(worker: Any) -> None:
+def test_message_is_rendered_in_blocks_and_sent_by_batch(worker: Any) -> None:
     tiles = tiles_of(160, 130, 64)
     batches = [batch(number, tile) for number, tile in enumerate(tiles)]
     assert render(worker, *batches) == [
@@ -135,7 +135,7 @@ def test_a_message_is_rendered_in_blocks_and_each_batch_sent_by_itself(worker: A
     assert render(worker, batches[0]) == [(tiles[0], False)]
 
 
-def test_discarded_samples_are_those_of_their_tile(worker: Any) -> None:
+def test_discarded_samples_belong_to_their_tile(worker: Any) -> None:
     def with_bad(tile: Tile, first: int, count: int) -> BatchSums:
         sums = sums_of(tile, first, count)
         sums[SAMPLES, 3, 70] -= 1
@@ -147,31 +147,31 @@ def test_discarded_samples_are_those_of_their_tile(worker: Any) -> None:
     assert bad == {"b0": ([], 0), "b1": ([[70, 3, 1]], 1)}
 
 
-def returned(worker: Any) -> list[tuple[str, bool, str]]:
+def returned_batches(worker: Any) -> list[tuple[str, bool, str]]:
     found = [(each.event["type"], each.event.get("for_cpu", False), each.event["error"].code) for each in worker.sent]
     worker.sent.clear()
     return found
 
 
-def test_settings_that_a_card_lacks_are_left_to_the_cpus(worker: Any) -> None:
+def test_unsupported_settings_go_to_cpus(worker: Any) -> None:
     render(worker, replace(BATCH, settings=replace(SETTINGS, integrator="ao")))
-    assert returned(worker) == [("batch-returned", True, "card-lacks-settings")]
+    assert returned_batches(worker) == [("batch-returned", True, "card-lacks-settings")]
 
 
-def test_a_scene_that_does_not_fit_is_left_to_the_cpus_and_others_are_not(worker: Any, caplog: Any) -> None:
+def test_scene_too_large_for_card_goes_to_cpus(worker: Any, caplog: Any) -> None:
     Renderer.answer = CardMemoryError("card 3 (second) has too little memory, 1 GiB, for this scene")
     with caplog.at_level(logging.WARNING, "worker"):
         render(worker, BATCH, replace(BATCH, batch="c", first=2))
     assert caplog.messages == ["card 3 (second) has too little memory, 1 GiB, for this scene; the processor renders it"]
-    assert returned(worker) == [("batch-returned", True, "card-scene-too-large")] * 2
+    assert returned_batches(worker) == [("batch-returned", True, "card-scene-too-large")] * 2
     Renderer.answer = None
     render(worker)
-    assert returned(worker) == [("batch-returned", True, "card-scene-too-large")]
+    assert returned_batches(worker) == [("batch-returned", True, "card-scene-too-large")]
     render(worker, replace(BATCH, compiled="1" * 64))
     assert worker.sent[0].event["type"] == "batch"
 
 
-def test_a_card_that_fails_sends_what_it_has_and_is_not_used_again(worker: Any, caplog: Any) -> None:
+def test_failed_card_sends_finished_sums_and_is_not_reused(worker: Any, caplog: Any) -> None:
     def fails_later(tile: Tile, first: int, count: int) -> BatchSums:
         if first:
             raise CardError("card 3 (second): cuLaunchKernel failed")
@@ -185,23 +185,21 @@ def test_a_card_that_fails_sends_what_it_has_and_is_not_used_again(worker: Any, 
     worker.sent.clear()
     Renderer.answer = None
     render(worker)
-    assert returned(worker) == [("batch-returned", True, "card-failed")]
+    assert returned_batches(worker) == [("batch-returned", True, "card-failed")]
 
 
 @pytest.mark.parametrize(("error", "for_cpu"), ((LinkError("The service is away."), False), (RefusedError("gone"), True)))
-def test_a_scene_that_cannot_be_fetched_is_the_workers_trouble(
-    worker: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, for_cpu: bool
-) -> None:
+def test_download_failure_returns_batches(worker: Any, monkeypatch: pytest.MonkeyPatch, error: Exception, for_cpu: bool) -> None:
     def fails(worker: Any, sha256: str) -> Any:
         raise error
 
     monkeypatch.setattr(slot_card, "mapped_scene", fails)
     monkeypatch.setattr(slot_card, "PATIENCE_S", 0.0)
     render(worker)
-    assert returned(worker) == [("batch-returned", for_cpu, "worker-returned-batch")]
+    assert returned_batches(worker) == [("batch-returned", for_cpu, "worker-returned-batch")]
 
 
-def test_a_worker_with_cards_takes_batches_from_its_own_queue_alone() -> None:
+def test_worker_with_cards_serves_only_its_own_batch_queue() -> None:
     def queues(**more: Any) -> list[str]:
         return WorkerContext("w", 2, "kind", "redis://", *[SimpleNamespace()] * 3, **more).queues  # type: ignore[arg-type]
 

@@ -20,7 +20,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.load import Shot
 from renderer.settings import View
-from tests.worker.work.test_frames import moving
+from tests.worker.work.test_frames import animated_scene
 from worker.reading import vectors
 
 OWN = View((1.0, 2.0, 6.0), (0.0, 0.0, 0.0))
@@ -35,8 +35,8 @@ VIEWS = {
 
 
 @pytest.mark.parametrize("name", VIEWS)
-def test_they_are_those_of_the_command(tmp_path: Path, name: str) -> None:
-    (tmp_path / "shot.glb").write_bytes(moving(True, True).glb())
+def test_motion_vectors_equal_command_output(tmp_path: Path, name: str) -> None:
+    (tmp_path / "shot.glb").write_bytes(animated_scene(True, True).glb())
     given, asked = VIEWS[name]
     description = Shot(tmp_path, "shot.glb").scene_at()
     cameras = summarise(description, compile_scene(description))["cameras"]

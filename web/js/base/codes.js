@@ -31,7 +31,7 @@ export const WITHOUT_LIGHT = "scene-without-light";
 /** The warnings of a strict scene are its error. */
 export const STRICT = ["strict-scene-warning", "strict-scene-warnings"];
 
-/** A file of a format that is only packed: unpacking is the remedy, no other program is needed. */
+/** A compressed file of a supported format: the remedy is to unpack it. */
 export const UNPACK = "advice-unpack-archive";
 
 /** A worker was paused by the farm, because its batches failed or its results were wrong. */

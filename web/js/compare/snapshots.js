@@ -17,7 +17,7 @@ export function snapshotsOf(jobs, life) {
   const of = new Store(/** @type {Record<string, Snapshot[]>} */ ({}));
   const abort = new AbortController();
   life.add(() => abort.abort());
-  /** By job: its state at the latest request. @type {Record<string, string>} */
+  /** State of each job at the latest request, by job id. @type {Record<string, string>} */
   const asked = {};
   const ask = async (/** @type {Job} */ { id, state }) => {
     asked[id] = state;

@@ -1,4 +1,7 @@
-/** Pictures that are black on a screen though they have light, as renderer/image/darkness.py tells them. */
+/**
+ * Detects pictures that look black on a screen although they have light, by the same rule as
+ * renderer/image/darkness.py.
+ */
 
 /** @typedef {import("./film.js").Film} Film */
 

@@ -27,7 +27,7 @@ export class Film {
     this.total = 0;
     /** Whether no tile has arrived yet. */
     this.isBlank = given === undefined;
-    /** Single tiles came, and the whole film is still being fetched: without it they would stand alone on black. */
+    /** Whether single tiles have arrived while the whole film is still being fetched; the other pixels are black. */
     this.isPartial = false;
   }
 

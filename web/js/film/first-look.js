@@ -10,7 +10,7 @@ export function keepFirstLook(job, film) {
   kept = film.isBlank ? null : { job, film };
 }
 
-/** Returns the picture kept for a job, once. @param {string} job @returns {Film | null} */
+/** Returns and removes the picture that was kept for a job. @param {string} job @returns {Film | null} */
 export function takeFirstLook(job) {
   const film = kept?.job === job ? kept.film : null;
   if (film) kept = null;

@@ -40,7 +40,7 @@ export class LiveFilm {
     this.turned = new Set();
     /** Called with the changed frames of a shot. @type {(frames: import("../base/types.js").Frame[]) => void} */
     this.framesChanged = () => {};
-    /** Why the frame has lost its film; empty if it has one. @type {Store<string>} */
+    /** The reason why the frame's film is lost; empty if it is not lost. @type {Store<string>} */
     this.missing = new Store("");
     this.link = `live ${job.id}`;
     this.live = new Live(job.id, frame, {

@@ -9,8 +9,8 @@ import { Film } from "./film.js";
 import { Store } from "../base/store.js";
 
 /**
- * Where the pictures of a side come from: a job's film as it grows, or another that is like it. `job` is "" where it is of none.
- * `hasSamples` is false of a picture that no farm has rendered.
+ * The source of a side's pictures: a job's growing film, or another object with the same interface. `job` is "" if there
+ * is no job. `hasSamples` is false for a picture that no farm has rendered.
  *
  * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean}} FilmSource
  */

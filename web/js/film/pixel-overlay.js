@@ -36,7 +36,7 @@ export class PixelOverlay {
     this.cursor = null;
     /** @type {Outline[]} */
     this.outlines = [];
-    /** By the name of their owner. @type {Map<string, Mark>} */
+    /** Marks on the picture, by the name of their owner. @type {Map<string, Mark>} */
     this.marks = new Map();
     this.exposure = 0;
     /** As in FilmCanvas. */

@@ -1,4 +1,4 @@
-/** How a scene stands: which axis of its file is up, where the file states none, and the studio's floor. */
+/** Fields for the up axis of a scene's file, if the file does not state it, and for the studio's floor. */
 
 import { h } from "../base/dom.js";
 import { field } from "./fields.js";
@@ -60,7 +60,7 @@ export function standFields(scene, like, turned) {
 const axisName = (axis) => axis.replace("-", "−").toUpperCase();
 
 /**
- * A view from the same direction and distance, about the centre of the scene when another axis is up.
+ * Returns the view with the same direction and distance after another axis was selected as up.
  *
  * @param {View} view
  * @param {number[][] | null} bounds of the scene with `shown` up

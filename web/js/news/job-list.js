@@ -35,7 +35,7 @@ export class JobList {
     this.rows = new Map();
     /** Ids of the jobs to fetch. @type {Set<string>} */
     this.wanted = new Set();
-    /** Asked for. @type {Set<string>} */
+    /** Ids of the jobs that were requested and have not arrived. @type {Set<string>} */
     this.asked = new Set();
     this.turn = 0;
     this.life = new Disposer();

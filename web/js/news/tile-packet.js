@@ -31,7 +31,7 @@ export function decodeTile(buffer) {
 }
 
 /**
- * A whole film: what every tile has, and all of its light.
+ * A whole film: the samples of each tile, and the colour of all pixels.
  *
  * @typedef {object} FilmPacket
  * @property {number} frame

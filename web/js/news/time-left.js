@@ -49,7 +49,7 @@ export function rounded(seconds) {
   return Math.max(Math.round(seconds / step) * step, step);
 }
 
-/** By job; only jobs that run have one. @type {Map<string, SmoothedEnd>} */
+/** Smoothed ends of running jobs, by job id. @type {Map<string, SmoothedEnd>} */
 const ends = new Map();
 
 /** Takes the forecast of a job's new description. @param {Job} job @param {number} [now] seconds */

@@ -1,2 +1,2 @@
-/** Seconds that uploads took, by scene; only of this page's own. @type {Map<string, number>} */
+/** Duration of each upload made by this page, in seconds, by scene. @type {Map<string, number>} */
 export const uploadSeconds = new Map();

@@ -20,13 +20,13 @@ export function meshOf(scene) {
 /** Whether the mesh of a scene has been fetched or is being. @param {string} scene */
 export const hasMesh = (scene) => latest?.scene === scene;
 
-/** By scene: the view to which its mesh was turned. @type {{scene: string, view: View} | null} */
+/** The view to which the mesh was rotated, with its scene. @type {{scene: string, view: View} | null} */
 let turned = null;
 
 /** @param {string} scene @param {View} view */
 export const keepTurned = (scene, view) => (turned = { scene, view });
 
-/** Returns the view to which a scene's mesh was turned, once. @param {string} scene @returns {View | null} */
+/** Returns and removes the view to which a scene's mesh was rotated. @param {string} scene @returns {View | null} */
 export function takeTurned(scene) {
   const view = turned?.scene === scene ? turned.view : null;
   if (view) turned = null;

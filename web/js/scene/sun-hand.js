@@ -18,7 +18,7 @@ export function sunHand(surface, light, pick, tell) {
   let drag = null;
   /** The pending request. @type {object | null} */
   let asked = null;
-  /** The pointer's latest position meanwhile. @type {PointerEvent | null} */
+  /** The pointer's latest position since that request. @type {PointerEvent | null} */
   let next = null;
   /** @param {Picked} picked */
   const place = (picked) => {

@@ -1,5 +1,5 @@
 /**
- * A view as a few characters of the URL: eye, target and field of view, and what else is not as usual.
+ * A view as a few characters of the URL: eye, target and field of view, and other values that differ from the defaults.
  *
  *     view=3_2_5*0_1_0*40*u0_0_1*a0.02*d5.3*port*h2     u: up, a: aperture, d: focus, p: projection, h: height, n: near,
  *     x, y: shift of the lens

@@ -2,7 +2,7 @@
 
 const PATIENCE_MS = 1500; // waits for content of the service that makes the page long enough again
 
-/** By entry. @type {Map<number, number>} */
+/** Scroll positions, by history entry. @type {Map<number, number>} */
 const tops = new Map();
 let newest = Date.now(); // greater than the entries of this tab before a reload
 let entry = newest;

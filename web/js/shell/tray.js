@@ -72,8 +72,7 @@ export function clearPageErrors() {
 }
 
 /**
- * A sentence about what went wrong. It stays until it is dismissed: it asks for something to be done. The same sentence again
- * is counted, not repeated.
+ * Shows an error, which stays until it is dismissed. A repeated error is counted instead of shown again.
  *
  * @param {string} title
  * @param {unknown} error

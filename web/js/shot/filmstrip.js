@@ -46,7 +46,7 @@ export function filmstrip(job, frames, life) {
   const stem = freshId("frame");
   const track = h("div", { class: "strip-track", role: "presentation" });
   const strip = h("div", { class: "filmstrip", role: "listbox", tabindex: "0", "aria-label": t("Frames"), "aria-orientation": "horizontal" }, track);
-  /** By place. @type {Map<number, Cell>} */
+  /** Cells of the strip, by the index of the frame. @type {Map<number, Cell>} */
   const cells = new Map();
 
   const show = () => {

@@ -131,7 +131,7 @@ function preparing(page, scene, life) {
   };
 }
 
-/** Interval and duration of the questions for a preview: events come twice a second, and half a second is seen. */
+/** Interval and maximum duration, in milliseconds, of polling for a preview, since events come only twice a second. */
 const [ASK_MS, ASKED_MS] = [150, 5000];
 
 /** Asks for a scene's state until it has a preview. @param {Scene} scene @param {Disposer} life */

@@ -1,4 +1,4 @@
-"""Adds the time of a job's last film check, and whether the job is pinned (exempt from retention rules)."""
+"""Adds the time when a job's film was last checked, and the flag that exempts a job from retention rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Adds users and their keys."""
+"""Adds users, and the keys of their sessions, tokens and login links."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Adds the record of which service owns the farm."""
+"""Adds the table with the service process that owns the farm."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ depends_on = None
 
 
 def upgrade() -> None:
-    """Creates the table owners, without rows."""
+    """Creates the table `owners` without rows."""
     op.create_table(
         "owners",
         sa.Column("what", sa.String(40), primary_key=True),

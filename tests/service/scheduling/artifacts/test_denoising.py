@@ -31,7 +31,7 @@ def finished(service: Service) -> str:
 
 
 @pytest.mark.long
-def test_a_denoised_picture_is_the_workers_and_the_raw_one_stays(service: Service, worker: PeerWorker) -> None:
+def test_denoised_picture_is_made_by_worker_and_raw_one_is_unchanged(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     digest, before = service.digest(job), raw(service, job).content
     answer = raw(service, job, "?denoise=true")
@@ -53,7 +53,7 @@ def test_a_denoised_picture_is_the_workers_and_the_raw_one_stays(service: Servic
 
 
 @pytest.mark.long
-def test_a_film_that_goes_on_is_denoised_anew(service: Service, worker: PeerWorker) -> None:
+def test_grown_film_is_denoised_again(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     first = raw(service, job, "?denoise=true")
     service.patch(job, spp=16)
@@ -67,7 +67,7 @@ def test_a_film_that_goes_on_is_denoised_anew(service: Service, worker: PeerWork
 
 
 @pytest.mark.long
-def test_many_readers_wait_for_one_and_block_nobody(service: Service, worker: PeerWorker) -> None:
+def test_many_requests_share_one_denoising(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     go = threading.Event()
     worker.on_denoise = lambda job: (go.wait(20), None)[1]
@@ -88,7 +88,7 @@ def test_many_readers_wait_for_one_and_block_nobody(service: Service, worker: Pe
 
 
 @pytest.mark.long
-def test_a_store_that_is_slow_holds_up_no_job(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_slow_blob_store_delays_no_job(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     job = finished(service)
     raw(service, job, "?denoise=true")
     go = threading.Event()
@@ -102,9 +102,7 @@ def test_a_store_that_is_slow_holds_up_no_job(service: Service, worker: PeerWork
 
 
 @pytest.mark.long
-def test_a_store_that_is_slow_when_the_picture_is_made_holds_up_no_job(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_slow_blob_store_at_result_delays_no_job(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     job = finished(service)
     asked, go = threading.Event(), threading.Event()
     size = service.farm.blobs.size
@@ -119,7 +117,7 @@ def test_a_store_that_is_slow_when_the_picture_is_made_holds_up_no_job(
 
 
 @pytest.mark.long
-def test_while_a_job_is_rendered(service: Service, worker: PeerWorker) -> None:
+def test_denoising_during_rendering(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=60)
     until(lambda: service.job(job)["samples"] > 0, "it has begun")
@@ -136,7 +134,7 @@ def problem(answer: httpx.Response, status: int) -> str:
 
 
 @pytest.mark.long
-def test_nobody_who_can_is_a_sentence(service: Service) -> None:
+def test_missing_denoiser_gives_error(service: Service) -> None:
     with service.worker():
         job = finished(service)
         assert service.http.get("/api/info").json()["denoise"] is True
@@ -150,7 +148,7 @@ def test_nobody_who_can_is_a_sentence(service: Service) -> None:
 
 
 @pytest.mark.long
-def test_a_fault_of_the_worker_is_told_and_the_next_try_is_a_new_one(service: Service, worker: PeerWorker) -> None:
+def test_worker_error_is_reported_and_next_request_retries(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
 
     def fail(job: str) -> None:
@@ -163,7 +161,7 @@ def test_a_fault_of_the_worker_is_told_and_the_next_try_is_a_new_one(service: Se
 
 
 @pytest.mark.long
-def test_too_late_is_told(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_timeout_is_reported(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Denoising, "_patience_s", 0.5)
     job = finished(service)
     worker.on_denoise = lambda job: time.sleep(4)
@@ -171,7 +169,7 @@ def test_too_late_is_told(service: Service, worker: PeerWorker, monkeypatch: pyt
 
 
 @pytest.mark.long
-def test_a_job_without_a_picture_or_that_is_deleted(service: Service, worker: PeerWorker) -> None:
+def test_denoising_job_without_samples_or_deleted(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     worker.on_batch = lambda batch: False
     job = service.submit(scene)
@@ -189,7 +187,7 @@ def test_a_job_without_a_picture_or_that_is_deleted(service: Service, worker: Pe
 
 
 @pytest.mark.long
-def test_only_workers_read_a_films_means(service: Service, worker: PeerWorker) -> None:
+def test_film_means_are_for_workers_only(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     problem(service.http.get(f"/api/farm/films/{job}/0"), 401)
     means = worker.http.get(f"/api/farm/films/{job}/0")

@@ -28,7 +28,7 @@ def layers(content: bytes, folder: Path) -> dict[str, np.ndarray]:
 
 
 @pytest.mark.long
-def test_they_come_as_layers_alone_and_in_a_zip_and_are_made_once(service: Service, worker: PeerWorker, tmp_path: Path) -> None:
+def test_motion_vectors_are_exported_and_made_once(service: Service, worker: PeerWorker, tmp_path: Path) -> None:
     scene = service.ready_scene()
     job = service.submit(scene, frames="3-4", turntable=2.0, camera=0)
     service.wait_for(job, "finished")
@@ -59,7 +59,7 @@ def test_they_come_as_layers_alone_and_in_a_zip_and_are_made_once(service: Servi
 
 
 @pytest.mark.long
-def test_what_cannot_be_is_a_sentence(service: Service, worker: PeerWorker) -> None:
+def test_impossible_motion_vectors_give_error(service: Service, worker: PeerWorker) -> None:
     job = finished(service)
     url = f"/api/jobs/{job}/frames/0/image"
     assert "whole picture" in problem(service.http.get(f"{url}.exr?aov=motion&width=32"), 422)
@@ -73,7 +73,7 @@ def test_what_cannot_be_is_a_sentence(service: Service, worker: PeerWorker) -> N
 
 
 @pytest.mark.long
-def test_workers_that_know_of_none_are_asked_for_none(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_older_workers_get_no_vector_requests(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     with service.worker(knows_vectors=False):
         job = finished(service)
         url = f"/api/jobs/{job}/frames/0/image.exr?aov=motion"
@@ -81,9 +81,7 @@ def test_workers_that_know_of_none_are_asked_for_none(service: Service, monkeypa
 
 
 @pytest.mark.long
-def test_what_a_killed_worker_had_in_hand_is_handed_out_again(
-    service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_request_of_killed_worker_is_sent_again(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(artifact_task, "MAX_UNSEEN_POLLS", 2)
     job = finished(service)
     lost: list[str] = []

@@ -165,7 +165,7 @@ class Farm:
         heapq.heappush(self._events, (time, next(self._order), action))
 
     def _step(self) -> None:
-        self.scheduler.hand_out(lambda job, kind: True)
+        self.scheduler.dispatch_work(lambda job, kind: True)
         for slot in list(self.free):
             if self.queues.messages[slot.queue]:
                 self.free.remove(slot)
@@ -216,7 +216,7 @@ class Farm:
 
 
 @grid("case", CASES, ordinary=list(CASES)[:2])
-def test_cards_and_cpus_end_together_and_none_waits(case: str) -> None:
+def test_cards_and_cpus_finish_together(case: str) -> None:
     """Checks that each CPU slot and graphics card is idle for less than 6 % of the time, and busy almost until the end.
 
     "Almost" means 0.2 s before the end. The first 0.5 s, in which the costs of tiles are measured, are not counted.
@@ -229,7 +229,7 @@ def test_cards_and_cpus_end_together_and_none_waits(case: str) -> None:
         assert slot.busy[-1][1] > end - 0.2
 
 
-def test_sums_come_back_while_a_message_is_rendered() -> None:
+def test_sums_arrive_during_message() -> None:
     farm = Farm(2, 1, 8192, (640, 384))
     for moment in (2.0, 3.0, 4.0):
         farm.run(until=moment)
@@ -240,7 +240,7 @@ def test_sums_come_back_while_a_message_is_rendered() -> None:
     assert max(spans) < 1.5 * CARD_MESSAGE_S
 
 
-def test_a_card_alone_renders_a_frame() -> None:
+def test_card_alone_renders_frame() -> None:
     farm = Farm(0, 1, 2048, (640, 384))
     end = farm.run()
     assert farm.job.is_done
@@ -248,7 +248,7 @@ def test_a_card_alone_renders_a_frame() -> None:
     assert not farm.job.knows_cost
 
 
-def test_a_lost_card_loses_its_own_batches_alone() -> None:
+def test_lost_card_loses_only_its_batches() -> None:
     farm = Farm(8, 1, 2048, (640, 384))
     farm.run(until=1.5)
     out = {lease.id for lease in farm.scheduler.leases if lease.is_of_card}
@@ -269,7 +269,7 @@ def test_a_lost_card_loses_its_own_batches_alone() -> None:
     assert all(lease.only == "" for lease in farm.scheduler.leases)
 
 
-def test_what_a_card_cannot_render_goes_to_the_cpus() -> None:
+def test_batches_unsupported_by_card_go_to_cpus() -> None:
     farm = Farm(8, 1, spp=4, size=(256, 128))
     farm.refuses = True
     farm.run()
@@ -279,11 +279,11 @@ def test_what_a_card_cannot_render_goes_to_the_cpus() -> None:
     assert "does not render with these settings" in farm.job.history.log.drain()
 
 
-def test_without_slots_of_the_cpu_the_workers_processor_renders_what_its_card_cannot() -> None:
+def test_without_cpu_slots_card_worker_uses_its_cpu() -> None:
     farm = Farm(0, 1, spp=4, size=(256, 128))
     farm.refuses = True
     card = farm.slots[0]
-    farm.scheduler.hand_out(lambda job, kind: True)
+    farm.scheduler.dispatch_work(lambda job, kind: True)
     farm.run(until=1.0)
     assert farm.job.card_refusals == {"card"}
     card.is_card, card.rate = False, RATE
@@ -292,18 +292,18 @@ def test_without_slots_of_the_cpu_the_workers_processor_renders_what_its_card_ca
     assert farm.job.knows_cost
 
 
-def test_a_job_with_requirements_gets_only_cards_that_meet_them() -> None:
+def test_requirements_apply_to_cards() -> None:
     farm = Farm(1, 1, spp=4, size=(256, 128))
     farm.job.needs = Needs(("gpu",))
-    farm.scheduler.hand_out(lambda job, kind: True)
+    farm.scheduler.dispatch_work(lambda job, kind: True)
     assert not farm.queues.sizes
     offers = {"card": Offer(("gpu",), 1 << 30, 1, "terms")}
     farm.workers.roster = WorkerSnapshot(reports=farm.reports, offers=offers)
-    farm.scheduler.hand_out(lambda job, kind: True)
+    farm.scheduler.dispatch_work(lambda job, kind: True)
     assert farm.queues.sizes
 
 
-def test_what_a_card_cannot_render_is_left_to_its_processor_where_no_core_meets_the_requirements() -> None:
+def test_card_worker_uses_its_cpu_if_no_cpu_slot_meets_requirements() -> None:
     farm = Farm(1, 1, spp=4, size=(256, 128))
     farm.job.needs = Needs(("gpu",))
     farm.job.card_refusals.add("card")
@@ -315,9 +315,9 @@ def test_what_a_card_cannot_render_is_left_to_its_processor_where_no_core_meets_
     assert not farm.slots[0].busy
 
 
-def test_a_job_whose_batches_are_rendered_twice_is_left_to_the_cpus() -> None:
+def test_verified_job_is_rendered_by_cpus_only() -> None:
     farm = Farm(1, 1, spp=4, size=(256, 128))
     farm.job.verify = 0.5
-    farm.scheduler.hand_out(lambda job, kind: True)
+    farm.scheduler.dispatch_work(lambda job, kind: True)
     assert not farm.queues.sizes
     assert farm.queues.messages[render_queue(KIND)]

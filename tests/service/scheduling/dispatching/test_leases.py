@@ -11,7 +11,7 @@ from service.scheduling.dispatching.leases import MAX_UNSEEN_POLLS, Lease, Lease
 from service.scheduling.jobs.plan import Range
 
 
-def test_an_answer_may_have_come_at_the_last_of_the_looks() -> None:
+def test_batch_is_lost_only_after_results_at_last_poll_are_read() -> None:
     """Checks that a batch is lost only after all results that the stream had at the last allowed poll were read.
 
     A slot may fetch a batch and answer it between two polls.
@@ -26,7 +26,7 @@ def test_an_answer_may_have_come_at_the_last_of_the_looks() -> None:
     assert (lease.unseen, lease.answered_by) == (0, None)
 
 
-def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
+def test_incremental_slot_counts_equal_recount() -> None:
     chance = random.Random(7)
     leases, there = Leases(), list[Lease]()
     for _ in range(400):
@@ -62,7 +62,7 @@ def test_what_is_counted_as_it_changes_is_what_there_is() -> None:
         assert len(leases) == len(there)
 
 
-def test_how_long_sums_travel_is_told_by_when_somebody_had_the_batch() -> None:
+def test_transit_time_is_measured_from_reported_batch() -> None:
     alone, joint = (Lease("job", "kind", Range(0, 0, 1), 30.0, is_joint=is_joint) for is_joint in (False, True))
     assert alone.transit_s(0.5, 100.0) == 0.0, "it came before anybody was seen with it"
     alone.held_since = joint.held_since = 101.0

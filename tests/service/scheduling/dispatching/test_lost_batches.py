@@ -72,7 +72,7 @@ def world() -> World:
     return World()
 
 
-def test_what_has_waited_for_long_is_not_overdue_once_it_is_taken(world: World) -> None:
+def test_fetched_batch_is_not_overdue_after_long_wait(world: World) -> None:
     lease = world.lease()
     world.messages = {lease.message}
     assert not world.look(10 * PATIENCE_S)
@@ -87,7 +87,7 @@ def test_what_has_waited_for_long_is_not_overdue_once_it_is_taken(world: World) 
     assert world.look(PATIENCE_S) == {lease.id: LossVerdict.OVERDUE}
 
 
-def test_who_does_not_report_but_lives_is_away_and_loses_nothing(world: World) -> None:
+def test_silent_but_connected_worker_keeps_batches(world: World) -> None:
     mine, others = world.lease(), world.lease()
     world.works("starved", mine)
     world.works("other", others)
@@ -118,7 +118,7 @@ def test_who_does_not_report_but_lives_is_away_and_loses_nothing(world: World) -
     assert not world.leases.slots_by_job()
 
 
-def test_a_worker_that_died_loses_what_it_had_at_once(world: World) -> None:
+def test_batches_of_dead_worker_are_lost_at_once(world: World) -> None:
     mine = world.lease()
     world.works("killed", mine)
     world.look()
@@ -129,7 +129,7 @@ def test_a_worker_that_died_loses_what_it_had_at_once(world: World) -> None:
     assert world.look() == {mine.id: LossVerdict.DEAD}
 
 
-def test_one_that_comes_back_without_it_has_lost_it(world: World) -> None:
+def test_batch_missing_after_reconnection_is_lost(world: World) -> None:
     mine = world.lease()
     world.works("again", mine)
     world.look()
@@ -144,14 +144,14 @@ def test_one_that_comes_back_without_it_has_lost_it(world: World) -> None:
 
 
 @pytest.mark.parametrize("late", [False, True])
-def test_what_nobody_has_is_lost_unless_somebody_is_late_to_say_so(world: World, late: bool) -> None:
+def test_unreported_batch_is_lost_unless_reports_are_late(world: World, late: bool) -> None:
     lease = world.lease()
     world.late = late
     found = [world.look() for _ in range(4)]
     assert found == ([{}] * 4 if late else [{}, {}, {lease.id: LossVerdict.UNSEEN}, {lease.id: LossVerdict.UNSEEN}])
 
 
-def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
+def test_rendered_joint_batch_occupies_no_slot(world: World) -> None:
     """Checks that rendered batches whose sums wait for those of other batches do not count as occupying slots.
 
     Otherwise the machine would get too few new batches, and be idle meanwhile.
@@ -182,7 +182,7 @@ def test_what_is_rendered_and_waits_for_the_others_of_its_run_takes_no_slot(worl
     assert world.leases.occupied_slots("kind") == 0
 
 
-def test_what_waits_at_a_site_for_the_others_of_its_run_takes_no_slot(world: World) -> None:
+def test_batch_waiting_at_site_occupies_no_slot(world: World) -> None:
     lease = Lease("job", "kind", Range(0, 0, 1), PATIENCE_S, 10.0, issued=world.now, queue="q", is_joint=True)
     world.leases.add(lease)
     world.works("m", lease)
@@ -194,7 +194,7 @@ def test_what_waits_at_a_site_for_the_others_of_its_run_takes_no_slot(world: Wor
     assert world.leases.occupied_slots("kind") == 0
 
 
-def test_where_results_travel_for_long_so_may_what_is_handed_out(world: World) -> None:
+def test_long_transit_extends_poll_limit(world: World) -> None:
     lease = world.lease()
     found = [bool(world.look(transit_s=6.0)) for _ in range(10)]
     assert found == [False] * 8 + [True] * 2

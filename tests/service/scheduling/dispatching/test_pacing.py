@@ -26,7 +26,7 @@ def take_in(of: BatchSizing, clock: FakeClock, results: int, result_s: float, se
     of.record_results(results)
 
 
-def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: FakeClock) -> None:
+def test_batch_duration_grows_with_slots_and_result_cost(clock: FakeClock) -> None:
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     assert (of.batch_s(100), of.batch_s(1000)) == (0.5, pytest.approx(1000 * ASSUMED_BATCH_COST_S / RESULTS_TIME_SHARE)), (
         "nothing is known"
@@ -43,7 +43,7 @@ def test_batches_grow_with_the_slots_and_with_what_a_result_costs(clock: FakeClo
     assert of.batch_s(1000) == pytest.approx(1000 * 0.002 / RESULTS_TIME_SHARE), "two results say nothing of what many cost"
 
 
-def test_batches_grow_with_what_a_job_has_taken_unless_somebody_looks_at_a_scene(clock: FakeClock) -> None:
+def test_batch_duration_grows_with_spent_time_without_live_view(clock: FakeClock) -> None:
     pressed = False
     of = BatchSizing(0.5, 10.0, 1 << 20, lambda: pressed, clock)
     assert of.batch_s(8, spent_s=4.0) == 0.5
@@ -56,12 +56,12 @@ def test_batches_grow_with_what_a_job_has_taken_unless_somebody_looks_at_a_scene
     assert of.window(2, 2) == 4
 
 
-def test_batches_of_few_slots_do_not_grow(clock: FakeClock) -> None:
+def test_batch_duration_is_constant_for_few_slots(clock: FakeClock) -> None:
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     assert [of.batch_s(slots, spent_s=1e6) for slots in (1, 2, 4, 6, 100)] == [0.5, 0.5, 1.0, 1.5, 1.5]
 
 
-def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_handing_out(clock: FakeClock) -> None:
+def test_backlog_lengthens_batches_and_stops_dispatch(clock: FakeClock) -> None:
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     take_in(of, clock, 50, 0.001)
     of.record_unread(512, 1024.0)
@@ -78,7 +78,7 @@ def test_a_backlog_makes_batches_longer_whatever_it_comes_from_and_ends_the_hand
     assert (of.scaled_room(100), of.batch_s(10)) == (100, 0.5)
 
 
-def test_few_slots_get_results_shown_one_by_one(clock: FakeClock) -> None:
+def test_few_slots_have_single_batches_per_tile(clock: FakeClock) -> None:
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     assert (of.batches_of_a_tile(2), of.gather_s) == (1, 0.0)
     take_in(of, clock, 8, 0.001)
@@ -90,7 +90,7 @@ def test_few_slots_get_results_shown_one_by_one(clock: FakeClock) -> None:
     assert (of.hold_s(0.1), of.hold_s(4.0)) == (1.0, 4.0)
 
 
-def test_a_batch_costs_less_where_its_sums_come_with_those_of_others(clock: FakeClock) -> None:
+def test_combined_results_lower_batch_cost(clock: FakeClock) -> None:
     alone, together = BatchSizing(0.5, 10.0, 1 << 20, clock=clock), BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for _ in range(5):
         take_in(alone, clock, 100, 0.004)
@@ -102,7 +102,7 @@ def test_a_batch_costs_less_where_its_sums_come_with_those_of_others(clock: Fake
     assert together.batch_s(1000) == pytest.approx(1000 * 0.0005 / RESULTS_TIME_SHARE), "also where few results a second come"
 
 
-def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: FakeClock) -> None:
+def test_burst_processed_at_once_is_no_backlog(clock: FakeClock) -> None:
     of = BatchSizing(0.5, 10.0, 1 << 20, clock=clock)
     for seconds, longer in ((0.05, False), (5.0, True)):
         of.record_unread(60, 1024.0)
@@ -111,7 +111,7 @@ def test_a_burst_is_no_backlog_where_it_is_taken_in_at_once(clock: FakeClock) ->
         assert (of.batch_s(1) > 0.5) == longer
 
 
-def test_batches_take_as_long_as_their_results_travel(clock: FakeClock) -> None:
+def test_batch_duration_is_at_least_transit_time(clock: FakeClock) -> None:
     """Checks that the target duration of batches is at least the transit time of their results.
 
     Otherwise slots with slow connections would spend most of their time on sending.

@@ -49,7 +49,7 @@ def store(service: Service) -> Iterator[redis.Redis]:
         yield connection
 
 
-def begin(service: Service, spp: int) -> str:
+def start_reducer(service: Service, spp: int) -> str:
     return service.submit(service.ready_scene(), width=WIDTH, height=HEIGHT, tile_size=TILE, spp=spp)
 
 
@@ -58,21 +58,21 @@ def finish(service: Service, job: str, spp: int) -> None:
     assert service.digest(job) == digest(np.tile(SUMS * spp, (1, HEIGHT // TILE, WIDTH // TILE)))
 
 
-def counted(service: Service, name: str) -> int:
+def result_counts(service: Service, name: str) -> int:
     return service.farm.engine.snapshot.counts.get(name, 0)
 
 
 @pytest.mark.long
 @pytest.mark.timeout(300)
-def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Service, store: redis.Redis, tmp_path: Path) -> None:
+def test_site_sends_fewer_results_and_survives_killed_reducer(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = ReducerProcess(store, service.url, TOKEN, tmp_path)
     with machines(service, "attic") as slots:
-        job = begin(service, SPP)
+        job = start_reducer(service, SPP)
         until(
             lambda: (r := reducing.report()) is not None and r.sent >= 5,
             "the reducer sends",
             60,
-            lambda: counted(service, "merged"),
+            lambda: result_counts(service, "merged"),
         )
         report = reducing.report()
         assert report is not None
@@ -82,7 +82,7 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
         until(lambda: slots.direct_bytes > before, "machines send to the service themselves", 60)
         reducing = ReducerProcess(store, service.url, TOKEN, tmp_path)
         finish(service, job, SPP)
-        assert counted(service, "merged") > 2 * counted(service, "results")
+        assert result_counts(service, "merged") > 2 * result_counts(service, "results")
         film = service.farm.film(service.farm.records.job(job))
         assert film is not None
         assert film.has_sums_of(f"{slots.name}-0")
@@ -92,17 +92,17 @@ def test_a_site_sends_fewer_results_and_its_reducer_may_be_killed(service: Servi
 
 @pytest.mark.long
 @pytest.mark.timeout(300)
-def test_what_waits_for_a_site_that_is_gone_is_rendered_elsewhere(service: Service, store: redis.Redis, tmp_path: Path) -> None:
+def test_batches_of_lost_site_are_rendered_elsewhere(service: Service, store: redis.Redis, tmp_path: Path) -> None:
     reducing = ReducerProcess(store, service.url, TOKEN, tmp_path)
     with machines(service, "attic"):
-        job = begin(service, SPP // 2)
+        job = start_reducer(service, SPP // 2)
         until(lambda: (r := reducing.report()) is not None and r.results > 0, "its machines work", 60)
     reducing.kill()
     with machines(service, ""):
         finish(service, job, SPP // 2)
 
 
-def test_each_batch_is_known_by_who_rendered_it() -> None:
+def test_worker_of_each_batch_is_recorded() -> None:
     event = {"type": "batches", "job": "j", "frame": 0, "tile": [0, 0, 8, 8], "first": 4, "count": 5, "worker": "site attic"}
     message = parse_message(
         Entry(b"1-0", Result(event | {"parts": [["a", 4, 2, 0.5, "one"], ["b", 6, 3, 0.25, "two"]]}, b"sums"))

@@ -33,14 +33,14 @@ def raising(error: Exception) -> Callable[[], None]:
 
 
 @pytest.mark.parametrize("error", [redis.ConnectionError("away"), QueueError("away")])
-def test_redis_is_nobodys_fault(clock: FakeClock, error: Exception) -> None:
+def test_redis_errors_are_not_attributed_to_jobs(clock: FakeClock, error: Exception) -> None:
     heads = Bulkheads(clock)
     with pytest.raises(type(error)):
         heads.run("job", Step.HAND_OUT, raising(error))
     assert heads.may_render("job")
 
 
-def test_what_passes_is_tried_again_after_a_second(clock: FakeClock) -> None:
+def test_temporary_fault_is_retried_after_a_second(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
     done: list[str] = []
     assert not heads.run("job", Step.RESULTS, raising(FilmUnavailable("The film is locked.")))
@@ -55,7 +55,7 @@ def test_what_passes_is_tried_again_after_a_second(clock: FakeClock) -> None:
     assert heads.may_render("job")
 
 
-def test_what_fails_slowly_is_tried_more_rarely(clock: FakeClock) -> None:
+def test_slow_failure_is_retried_less_often(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
 
     def lock() -> None:
@@ -77,7 +77,7 @@ def test_what_fails_slowly_is_tried_more_rarely(clock: FakeClock) -> None:
         (MALFORMED, "The database cannot be used (the database file is malformed)."),
     ],
 )
-def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: FakeClock, error: Exception, sentence: str) -> None:
+def test_database_errors_delay_all_database_steps(clock: FakeClock, error: Exception, sentence: str) -> None:
     heads = Bulkheads(clock)
     heads.run("job", Step.RECORD, raising(error), needs_database=True)
     assert heads.database_fault == sentence
@@ -102,7 +102,7 @@ def test_the_database_is_nobodys_fault_and_left_alone_for_a_while(clock: FakeClo
         (RecursionError(), "RecursionError"),
     ],
 )
-def test_the_rest_is_the_jobs_own(clock: FakeClock, error: Exception, sentence: str) -> None:
+def test_other_errors_are_attributed_to_job(clock: FakeClock, error: Exception, sentence: str) -> None:
     heads = Bulkheads(clock)
     assert not heads.run("job", Step.CHANGE, raising(error), needs_database=True)
     assert sentence in heads.verdicts["job"].error
@@ -111,7 +111,7 @@ def test_the_rest_is_the_jobs_own(clock: FakeClock, error: Exception, sentence: 
     assert heads.database_fault is None
 
 
-def test_a_verdict_stays_until_the_database_takes_it(clock: FakeClock) -> None:
+def test_verdict_is_kept_until_stored(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
     heads.give_verdict("job", "It failed.", "rayfarm render")
     ended: list[str] = []
@@ -124,7 +124,7 @@ def test_a_verdict_stays_until_the_database_takes_it(clock: FakeClock) -> None:
     assert heads.may_render("job")
 
 
-def test_a_verdict_that_cannot_be_carried_out_is_given_up(clock: FakeClock) -> None:
+def test_verdict_that_cannot_be_applied_is_dropped(clock: FakeClock) -> None:
     heads = Bulkheads(clock)
     heads.give_verdict("job", "It failed.")
     heads.end_failed_jobs(lambda id, verdict: raising(ValueError("a row that cannot be read"))())

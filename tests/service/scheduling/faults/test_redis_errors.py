@@ -41,7 +41,7 @@ from service.scheduling.faults.redis_errors import redis_fault
         (redis.TimeoutError("Timeout reading from socket"), "does not answer"),
     ],
 )
-def test_what_redis_answers_is_told_as_what_it_is(error: Exception, said: str) -> None:
+def test_redis_errors_have_specific_messages(error: Exception, said: str) -> None:
     fact, remedy = redis_fault(error)
     assert said in fact
     assert "memory" not in remedy or said == "is full"

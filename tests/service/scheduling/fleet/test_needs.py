@@ -16,7 +16,7 @@ def offer(*tags: str, memory_gb: float = 8.0) -> Offer:
     return Offer(tags, round(memory_gb * 1e9), 2, "")
 
 
-def test_needs_are_read_and_said_the_same_way() -> None:
+def test_needs_round_trip() -> None:
     needs = Needs.parse(["gpu", "memory_gb=16", "bigmem", "gpu", "memory_gb=8"])
     assert needs == Needs(("bigmem", "gpu"), 16.0)
     assert needs.texts == ["bigmem", "gpu", "memory_gb=16"]
@@ -45,7 +45,7 @@ def test_needs_are_read_and_said_the_same_way() -> None:
         (["gpu", "memory_gb=16"], [offer("gpu"), offer(memory_gb=32)], "all of gpu, memory_gb=16: none"),
     ],
 )
-def test_which_need_nobody_has(needs: list[str], offers: list[Any], sentence: str | None) -> None:
+def test_unmet_need_is_named(needs: list[str], offers: list[Any], sentence: str | None) -> None:
     wanted = Needs.parse(needs)
     assert wanted is not None
     found = wanted.unmet_reason(offers)
@@ -54,7 +54,7 @@ def test_which_need_nobody_has(needs: list[str], offers: list[Any], sentence: st
 
 
 @pytest.mark.long
-def test_a_job_goes_to_the_workers_that_have_what_it_needs(service: Service) -> None:
+def test_job_goes_to_workers_that_meet_its_needs(service: Service) -> None:
     with service.worker(name="old") as old, service.worker(name="plain", tags=()) as plain:
         scene = service.ready_scene()
         job = service.submit(scene, needs=["gpu", "memory_gb=4"])
@@ -78,7 +78,7 @@ def test_a_job_goes_to_the_workers_that_have_what_it_needs(service: Service) -> 
 
 
 @pytest.mark.long
-def test_what_is_asked_of_a_worker_is_told_and_kept(service: Service) -> None:
+def test_worker_terms_are_sent_and_stored(service: Service) -> None:
     def tags(worker: PeerWorker) -> dict[str, Any]:
         return next(row for row in service.http.get("/api/workers").json() if row["name"] == worker.name)
 

@@ -55,29 +55,29 @@ def nested(levels: int) -> Any:
     ],
     ids=lambda changed: str(changed)[:60],
 )
-def test_a_report_that_makes_no_sense_is_none(changed: dict[str, Any]) -> None:
+def test_invalid_report_is_rejected(changed: dict[str, Any]) -> None:
     assert read("one").slots == 2
     with pytest.raises(ValueError):
         read("one", **changed)
 
 
-def test_a_report_has_the_cards_of_a_worker() -> None:
+def test_report_contains_graphics_cards() -> None:
     assert read("one", cards=[CARD], cards_unused=["A reason."]).cards == [CARD]
 
 
 @pytest.mark.parametrize("name", ["", "a\nb", "x" * 201])
-def test_a_name_that_nobody_can_read_is_none(name: str) -> None:
+def test_unprintable_worker_name_is_rejected(name: str) -> None:
     with pytest.raises(ValueError):
         read(name, name=name)
 
 
-def test_a_number_beyond_all_others_written_in_another_way_is_none() -> None:
+def test_infinite_number_in_exponent_notation_is_rejected() -> None:
     text = json.dumps({**REPORT, "current": [{"first": 12345}]}).replace("12345", "1e999")
     with pytest.raises(ValueError):
         report_of(worker_key("one").encode(), text.encode())
 
 
-def test_the_fastest_that_is_believed_can_be_added_up() -> None:
+def test_largest_accepted_speeds_can_be_summed() -> None:
     speeds = Speeds(now=0.0)
     for second in range(20):
         speeds.add_reports([read("one", samples_per_s=1e12, slots=4096, current=[{"batch": "b"}] * 4096)], now=float(second))
@@ -101,7 +101,7 @@ def test_the_fastest_that_is_believed_can_be_added_up() -> None:
     ],
     ids=lambda value: str(value)[:40],
 )
-def test_what_is_told_beside_it_has_numbers_that_can_be_shown(
+def test_offers_and_vitals_reject_invalid_numbers(
     of: Callable[[bytes], Any], good: dict[str, Any], changed: dict[str, Any]
 ) -> None:
     of(json.dumps(good).encode())
@@ -109,13 +109,13 @@ def test_what_is_told_beside_it_has_numbers_that_can_be_shown(
         of(json.dumps({**good, **changed}).encode())
 
 
-def test_a_worker_that_root_gave_precedence_is_heard() -> None:
+def test_negative_nice_level_is_accepted() -> None:
     assert Offer.from_bytes(json.dumps({**OFFER, "nice": -20}).encode()).nice == -20
     with pytest.raises(ValueError):
         Offer.from_bytes(json.dumps({**OFFER, "nice": -21}).encode())
 
 
-def test_a_worker_that_starts_is_seen_as_ready_at_once() -> None:
+def test_starting_worker_is_polled_more_often() -> None:
     def about_to_change(*states: str) -> bool:
         return WorkerSnapshot(
             {str(i): read(str(i), name=str(i), state=state) for i, state in enumerate(states)}

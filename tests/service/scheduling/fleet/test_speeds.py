@@ -11,7 +11,7 @@ def report(name: str, slots_at_work: int, speed: float) -> WorkerReport:
     return WorkerReport(name, "host", 1, slots_at_work + 2, "cpu", "kind", "ready", 0.0, speed, current)
 
 
-def test_a_mean_a_minute_over_the_slots_that_render() -> None:
+def test_speeds_are_averaged_per_minute() -> None:
     speeds = Speeds(0.0)
     speeds.add_reports([report("a", 2, 100.0)], 1.0)
     speeds.add_reports([report("a", 0, 100.0)], 30.0)
@@ -20,7 +20,7 @@ def test_a_mean_a_minute_over_the_slots_that_render() -> None:
     assert speeds.speeds_by_worker == {"a": (100.0, 300.0), "b": (7.0,)}
 
 
-def test_of_the_last_hour_and_of_workers_that_were_there_in_it() -> None:
+def test_speeds_cover_last_hour() -> None:
     speeds = Speeds(0.0)
     for minute in range(200):
         speeds.add_reports([report("a", 1, float(minute))], 60.0 * minute)

@@ -18,7 +18,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest
 
 
 @pytest.mark.long
-def test_a_paused_worker_takes_no_more_until_it_goes_on(service: Service, worker: PeerWorker) -> None:
+def test_paused_worker_takes_no_batches_until_resumed(service: Service, worker: PeerWorker) -> None:
     worker.on_batch = lambda batch: time.sleep(0.02)
     job = service.submit(service.ready_scene(), spp=40)
     until(lambda: len(worker.batches) > 3, "the job is under way")
@@ -39,7 +39,7 @@ def test_a_paused_worker_takes_no_more_until_it_goes_on(service: Service, worker
 
 
 @pytest.mark.long
-def test_a_worker_of_any_name_can_be_paused(service: Service) -> None:
+def test_worker_with_any_name_can_be_paused(service: Service) -> None:
     for name in ("rack/3", "kühl é 😀", "50%", "a?b#c"):
         with service.worker(name=name):
             until(lambda name=name: [w["name"] for w in service.http.get("/api/workers").json()] == [name], "it is there")
@@ -48,7 +48,7 @@ def test_a_worker_of_any_name_can_be_paused(service: Service) -> None:
             assert service.http.get(f"{address}/log").status_code == 503, "it tells none"
 
 
-def test_what_makes_no_sense_is_refused(service: Service, worker: PeerWorker) -> None:
+def test_invalid_worker_changes_are_rejected(service: Service, worker: PeerWorker) -> None:
     until(lambda: bool(service.http.get("/api/workers").json()), "the worker is there")
     assert "GET /api/workers" in service.http.patch("/api/workers/nobody", json={"state": "paused"}).json()["detail"]
     assert service.http.patch("/api/workers/nobody", json={"state": "paused"}).status_code == 404
@@ -56,7 +56,7 @@ def test_what_makes_no_sense_is_refused(service: Service, worker: PeerWorker) ->
         assert service.http.patch("/api/workers/peer", json=change).status_code == 422
 
 
-def test_suspicion_is_of_those_that_fail_alone_and_is_forgiven() -> None:
+def test_failures_count_only_if_others_succeed_and_are_cleared() -> None:
     suspicion = Suspicion()
     for _ in range(3):
         suspicion.record_success("good", ["bad", "bad"])
@@ -70,7 +70,7 @@ def test_suspicion_is_of_those_that_fail_alone_and_is_forgiven() -> None:
     assert suspicion.failures_of("bad", ["good"]) == 0
 
 
-def test_a_row_of_failures_counts_once_another_can() -> None:
+def test_successive_failures_count_once_another_succeeds() -> None:
     suspicion = Suspicion()
     suspicion.record_success("good", [])
     for batch in (1, 2, 2, 3):
@@ -83,7 +83,7 @@ def test_a_row_of_failures_counts_once_another_can() -> None:
     assert suspicion.failures_of("bad", ["good"]) == 0
 
 
-def test_machines_tell_their_memory_and_where_somebody_reads_it_their_log(service: Service, worker: PeerWorker) -> None:
+def test_workers_report_memory_and_requested_log(service: Service, worker: PeerWorker) -> None:
     until(lambda: bool(service.http.get("/api/workers").json()), "the worker is there")
     assert service.http.get("/api/workers").json()[0]["memory_total"] is None, "one of an older release"
     assert service.http.get("/api/workers/peer/log").status_code == 503
@@ -97,7 +97,7 @@ def test_machines_tell_their_memory_and_where_somebody_reads_it_their_log(servic
     assert worker.redis.exists(log_wanted_key("peer"))
 
 
-def test_who_is_gone_does_not_stay_because_redis_clock_was_put_back(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_departed_worker_is_removed_despite_redis_clock_set_back(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     """Checks that a departed worker is removed even if the clock of Redis is set back.
 
     Otherwise its report would expire late. Until then its batches would count as held, and its slots as available.

@@ -47,7 +47,7 @@ def run(id: str, action: Callable[[], object]) -> bool:
     return True
 
 
-def look(deadlines: Deadlines, job: Job, *times: float) -> None:
+def update_deadlines(deadlines: Deadlines, job: Job, *times: float) -> None:
     for now in times:
         deadlines.update([cast(ActiveJob, job)], forecast, now)
 
@@ -56,52 +56,52 @@ def forecast(job: ActiveJob, now: float) -> Forecast:
     return Forecast(None, "Nobody knows.") if job.eta_s is None else Forecast(now + job.eta_s)
 
 
-def test_a_forecast_must_hold_for_a_while_both_ways() -> None:
+def test_lateness_changes_only_after_some_seconds() -> None:
     told: list[tuple[str, str]] = []
     records, job = Records(), Job(eta_s=200.0)
     deadlines = Deadlines(records, run, lambda what, id: told.append((what, id)))
-    look(deadlines, job, 0, 1, 2)
+    update_deadlines(deadlines, job, 0, 1, 2)
     job.eta_s = 50.0
-    look(deadlines, job, 3)
+    update_deadlines(deadlines, job, 3)
     job.eta_s = 200.0
-    look(deadlines, job, 4, 5, 6, 7, 8)
+    update_deadlines(deadlines, job, 4, 5, 6, 7, 8)
     assert (records.lates, job.is_late, job.expected) == ([], False, 208.0)
-    look(deadlines, job, 4 + RELIABLE_AFTER_S)
+    update_deadlines(deadlines, job, 4 + RELIABLE_AFTER_S)
     assert (records.lates, job.urgency, told) == ([("job", 9.0)], 100.0, [("job", "job")])
     job.eta_s = 1.0
-    look(deadlines, job, 10, 11, 12, 13, 14)
+    update_deadlines(deadlines, job, 10, 11, 12, 13, 14)
     assert job.is_late
-    look(deadlines, job, 15)
+    update_deadlines(deadlines, job, 15)
     assert (records.lates[1:], job.urgency) == ([("job", None)], math.inf)
     assert [call.args[0] for call in job.history.add_event.call_args_list] == ["late", "in-time"]
-    look(deadlines, job, 101)
+    update_deadlines(deadlines, job, 101)
     assert job.is_late, "its deadline has passed, whatever the forecast says"
 
 
-def test_one_that_waits_is_late_once_its_deadline_has_passed() -> None:
+def test_waiting_job_is_late_after_deadline() -> None:
     records = Records(past=["waits"])
     told: list[str] = []
     Deadlines(records, run, lambda _, id: told.append(id)).update([], forecast, 1000.0)
     assert (records.lates, told) == ([("waits", 1000.0)], ["waits"])
 
 
-def test_a_job_without_a_deadline_and_one_that_is_gone_are_let_be() -> None:
+def test_jobs_without_deadline_or_deleted_are_ignored() -> None:
     records, job = Records(), Job(deadline=None)
-    look(Deadlines(records, run, lambda *_: None), job, 0, 10)
+    update_deadlines(Deadlines(records, run, lambda *_: None), job, 0, 10)
     assert (records.lates, job.expected) == ([], None)
     gone = Job(deadline=5.0)
     records.is_there = False
-    look(Deadlines(records, run, lambda *_: None), gone, 10)
+    update_deadlines(Deadlines(records, run, lambda *_: None), gone, 10)
     assert not gone.is_late
 
 
-def test_where_there_is_no_forecast_the_job_says_why_and_is_not_late() -> None:
+def test_job_without_forecast_has_reason_and_is_not_late() -> None:
     records, job = Records(), Job(eta_s=None, deadline=1000.0)
-    look(Deadlines(records, run, lambda *_: None), job, 0, 10, 20)
+    update_deadlines(Deadlines(records, run, lambda *_: None), job, 0, 10, 20)
     assert (records.lates, job.expected, job.unforeseen) == ([], None, "Nobody knows.")
 
 
-def test_a_clock_that_is_put_back_is_gone_by_at_once() -> None:
+def test_clock_set_back_takes_effect_at_once() -> None:
     records, job, other = Records(past=["waiting"]), Job(deadline=5000.0), Job(id="other", deadline=5000.0)
     deadlines = Deadlines(records, run, lambda what, id: None)
     for now in (9000.0, 4000.0):

@@ -89,11 +89,11 @@ def expected(job: Job, *others: Job, slots: int = 4, terms: Mapping[str, Terms] 
         (Job(seconds=15.0, active_s=5.0), 10.0),
     ],
 )
-def test_of_one_that_is_alone_what_is_missing_at_the_speed_of_now(job: Job, left: float) -> None:
+def test_single_job_forecast_uses_current_speed(job: Job, left: float) -> None:
     assert expected(job) == pytest.approx(left)
 
 
-def test_where_nobody_knows_it_says_why() -> None:
+def test_missing_forecast_has_reason() -> None:
     forecaster = Forecaster(cast(Any, Lines([], 0)), Shares())
     resting = Job(state="running", samples_per_s=1e-9, eta_s=1e10)
     assert forecaster.forecast(cast(ActiveJob, resting), NOW) == Forecast(None, NO_SLOTS)
@@ -117,14 +117,14 @@ def test_where_nobody_knows_it_says_why() -> None:
         ([Job("timed", 1000, priority=1, seconds=10.0)], 35.0),
     ],
 )
-def test_what_comes_before_it_counts(others: list[Job], left: float) -> None:
+def test_earlier_jobs_delay_forecast(others: list[Job], left: float) -> None:
     if others[0].sample_s == 0.0:  # the minimum, at the current speed
         assert expected(Job(state="running", samples_per_s=1.0, eta_s=50.0), *others) == pytest.approx(left)
         return
     assert expected(Job(), *others) == pytest.approx(left)
 
 
-def test_weights_and_limits_of_shares() -> None:
+def test_forecast_respects_share_weights_and_limits() -> None:
     job = Job(share="user:ben")
     anna = Job("anna", 1000, share="user:anna")
     assert expected(job, anna, terms={"user:ben": Terms(3.0)}) == pytest.approx(100 / 3)
@@ -133,7 +133,7 @@ def test_weights_and_limits_of_shares() -> None:
     assert expected(job, anna, terms={"user:ben": Terms(1.0, 1)}) == pytest.approx(100.0)
 
 
-def test_one_that_is_late_is_foretold_as_if_it_were_not() -> None:
+def test_late_job_forecast_ignores_its_precedence() -> None:
     """Checks that the forecast of a late job ignores the precedence that the job gets for being late.
 
     Otherwise the job would alternate between late and not late.
@@ -143,7 +143,7 @@ def test_one_that_is_late_is_foretold_as_if_it_were_not() -> None:
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_it_is_what_the_rule_comes_to(seed: int) -> None:
+def test_forecast_equals_simulated_sharing(seed: int) -> None:
     rng = random.Random(seed)
     shares = [f"user:{name}" for name in "abc"]
     jobs = [Job(str(i), rng.uniform(20, 200), rng.choice((0, 0, 1)), rng.choice(shares), created=i) for i in range(12)]

@@ -92,17 +92,17 @@ REPORTS: list[Any] = [
 
 
 @pytest.mark.parametrize("event", NONSENSE, ids=lambda event: str(event)[:150])
-def test_nonsense_is_left_out(event: Any) -> None:
+def test_invalid_messages_are_rejected(event: Any) -> None:
     with pytest.raises(Unusable):
         parse_message(Entry(b"1-0", Result(event)))
 
 
-def test_a_batch_without_its_sums_is_left_out() -> None:
+def test_batch_without_sums_is_rejected() -> None:
     with pytest.raises(Unusable):
         parse_message(Entry(b"1-0", Result(BATCH, None)))
 
 
-def test_sense_is_understood_also_with_more_than_is_known_here() -> None:
+def test_unknown_fields_are_ignored() -> None:
     assert isinstance(parse_message(Entry(b"1-0", Result({**BATCH, "watts": 3}, b""))), BatchDone)
     prepared = parse_message(Entry(b"1-0", Result({"type": "prepared", "scene": "s", "kind": "k", "info": {**INFO, "watts": 3}})))
     assert isinstance(prepared, PrepareDone)
@@ -110,14 +110,14 @@ def test_sense_is_understood_also_with_more_than_is_known_here() -> None:
     assert isinstance(parse_message(Entry(b"1-0", Result(FRAME))), FramePrepared)
 
 
-def test_no_sentence_has_a_character_that_a_database_does_not_take() -> None:
+def test_nul_characters_in_sentences_are_replaced() -> None:
     failed = parse_message(Entry(b"1-0", Result({"type": "prepare-failed", "scene": "s", "kind": "k", "error": "a\0b"})))
     assert isinstance(failed, PrepareFailed)
     assert failed.error == "a\ufffdb"
 
 
 @pytest.mark.long
-def test_nonsense_of_workers_stops_nothing(service: Service, worker: PeerWorker) -> None:
+def test_invalid_messages_do_not_stop_jobs(service: Service, worker: PeerWorker) -> None:
     def chatter(batch: RenderBatch) -> None:
         for event in NONSENSE:
             about = {"job": batch.job} if isinstance(event, dict) and "job" in event else {}

@@ -28,7 +28,7 @@ def read(results: Results) -> list[int]:
     return [entry.result.event["number"] for entry in results.read(10) if entry.result is not None]
 
 
-def test_what_is_kept_in_the_stream_holds_up_nothing(connection: redis.Redis) -> None:
+def test_undeleted_entries_are_read_once(connection: redis.Redis) -> None:
     results = Results(connection)
     for number in range(100):
         append(connection, number)
@@ -41,7 +41,7 @@ def test_what_is_kept_in_the_stream_holds_up_nothing(connection: redis.Redis) ->
     assert read(results)[0] == 0, "nothing was deleted"
 
 
-def test_an_answer_may_be_unread_up_to_the_end(connection: redis.Redis) -> None:
+def test_position_is_read_after_all_earlier_entries(connection: redis.Redis) -> None:
     results = Results(connection)
     assert results.has_read(results.latest_position()), "there is no stream"
     for number in range(70):
@@ -55,7 +55,7 @@ def test_an_answer_may_be_unread_up_to_the_end(connection: redis.Redis) -> None:
 
 
 @pytest.fixture
-def limited(connection: redis.Redis) -> Iterator[redis.Redis]:
+def limited_connection(connection: redis.Redis) -> Iterator[redis.Redis]:
     """Yields a connection to a Redis that closes connections whose reply exceeds 2 MiB. The farm's own limit is 192 MiB."""
     name = "client-output-buffer-limit"
     before = connection.config_get(name)[name]
@@ -74,40 +74,40 @@ def read_with_retries(results: Results) -> list[Entry]:
     raise AssertionError("the connection always ends")
 
 
-def test_an_entry_that_is_longer_than_an_answer_may_be_is_put_aside_unread(limited: redis.Redis) -> None:
-    results = Results(limited)
-    append(limited, 0)
-    large = limited.xadd(RESULTS, {"event": json.dumps({"number": 1}), "sums": bytes(3 << 20)})
+def test_entry_above_reply_limit_has_fault(limited_connection: redis.Redis) -> None:
+    results = Results(limited_connection)
+    append(limited_connection, 0)
+    large = limited_connection.xadd(RESULTS, {"event": json.dumps({"number": 1}), "sums": bytes(3 << 20)})
     for number in (2, 3):
-        append(limited, number)
+        append(limited_connection, number)
     entries = [entry for _ in range(4) for entry in read_with_retries(results)]
     assert [entry.result and entry.result.event["number"] for entry in entries] == [0, None, 2, 3]
     assert entries[1].id == large
     assert "too large" in entries[1].fault
-    assert limited.xinfo_groups(RESULTS) == []
+    assert limited_connection.xinfo_groups(RESULTS) == []
     results.delete(entries)
     assert results.length() == 0
 
 
-def test_fewer_entries_are_read_where_many_would_make_too_long_an_answer(limited: redis.Redis) -> None:
-    results = Results(limited)
+def test_fewer_entries_are_read_near_reply_limit(limited_connection: redis.Redis) -> None:
+    results = Results(limited_connection)
     for number in range(12):
-        limited.xadd(RESULTS, {"event": json.dumps({"number": number}), "sums": bytes(400 << 10)})
+        limited_connection.xadd(RESULTS, {"event": json.dumps({"number": number}), "sums": bytes(400 << 10)})
     found: list[int] = []
     while len(found) < 12:
         found += [entry.result.event["number"] for entry in read_with_retries(results) if entry.result is not None]
     assert found == list(range(12))
 
 
-def test_the_end_is_known_without_reading_the_last_entry(limited: redis.Redis) -> None:
-    results = Results(limited)
-    id = limited.xadd(RESULTS, {"sums": bytes(3 << 20)}, id="5-1")
+def test_latest_position_does_not_read_entries(limited_connection: redis.Redis) -> None:
+    results = Results(limited_connection)
+    id = limited_connection.xadd(RESULTS, {"sums": bytes(3 << 20)}, id="5-1")
     assert id == b"5-1"
     assert results.latest_position() == (5, 1)
     assert not results.has_read((5, 1))
 
 
-def test_a_large_entry_is_put_aside(connection: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_large_entry_goes_to_dead_letters(connection: redis.Redis, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(results_module, "MAX_ENTRY_BYTES", 1000)
     results = Results(connection)
     connection.xadd(RESULTS, {"event": json.dumps({"number": 1}), "sums": bytes(2000)})

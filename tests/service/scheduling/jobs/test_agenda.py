@@ -42,7 +42,7 @@ class Frame:
         self.state = "finished"
 
 
-def agenda(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> Any:
+def frame_order(order: str, frames: list[Frame], spp: int = 64, every: int = 8) -> Any:
     made: Any = {frame.key: frame for frame in frames}
     plan = FrameOrder(made, order, every, spp)
     for frame in frames:
@@ -55,7 +55,7 @@ def render_to_end(frames: list[Frame], spp: int) -> Any:
 
     spp: mean samples per pixel over the frames.
     """
-    plan = agenda("noisiest-first", frames, spp)
+    plan = frame_order("noisiest-first", frames, spp)
     rounds = 0
     while not all(frame.is_over for frame in frames):
         for frame in frames:
@@ -68,7 +68,7 @@ def render_to_end(frames: list[Frame], spp: int) -> Any:
     return plan
 
 
-def test_the_pilot_is_for_all_and_the_rest_goes_where_the_noise_is() -> None:
+def test_pilot_samples_then_noisiest_frames() -> None:
     frames = [Frame(0, 0.1), Frame(1, 1.0), Frame(2, 4.0)]
     plan = render_to_end(frames, 256)
     assert frames[0].ceiling == PILOT_SAMPLES, "quiet as it is"
@@ -78,7 +78,7 @@ def test_the_pilot_is_for_all_and_the_rest_goes_where_the_noise_is() -> None:
     assert plan.forecast == pytest.approx(frames[2].measured_noise(), rel=0.05), "as it was foretold"
 
 
-def test_a_frame_that_failed_leaves_its_samples_to_the_others() -> None:
+def test_failed_frame_releases_its_samples() -> None:
     frames = [Frame(0), Frame(1), Frame(2)]
     frames[1].state = "failed"
     render_to_end(frames, 100)
@@ -89,7 +89,7 @@ def test_a_frame_that_failed_leaves_its_samples_to_the_others() -> None:
     st.lists(st.tuples(st.integers(1, 1000), st.floats(1e-4, 10.0)), min_size=1, max_size=20),
     st.floats(1.0, 50.0),
 )
-def test_shares_keep_to_the_budget_and_take_nothing_away(frames: list[tuple[int, float]], times: float) -> None:
+def test_goals_respect_budget_and_existing_samples(frames: list[tuple[int, float]], times: float) -> None:
     has, noise = [h for h, _ in frames], [n for _, n in frames]
     budget = int(sum(has) * times)
     goals, forecast = goals_of_frames(has, noise, budget, 1 << 20)
@@ -101,20 +101,20 @@ def test_shares_keep_to_the_budget_and_take_nothing_away(frames: list[tuple[int,
         assert n * math.sqrt(h / goal) >= min(n, aim) * (1 - 1e-6), "nobody gets more than the level asks for"
 
 
-def test_where_nothing_is_known_everyone_keeps_what_they_have() -> None:
+def test_goals_are_unchanged_without_known_noise() -> None:
     assert goals_of_frames([4, 4], [math.inf, 0.0], 100, 1000) == ([4, 4], None)
 
 
-def test_every_nth_goes_on_with_those_between() -> None:
+def test_every_nth_order_then_frames_between() -> None:
     frames = [Frame(key) for key in range(9)]
-    plan = agenda("every-nth", frames, every=6)
+    plan = frame_order("every-nth", frames, every=6)
     order = sorted(frames, key=plan.sort_key)
     assert [frame.key for frame in order] == [0, 6, 3, 1, 2, 4, 5, 7, 8]
 
 
-def test_breadth_first_a_frame_rises_when_all_under_its_ceiling_is_handed_out() -> None:
+def test_breadth_first_raises_ceiling_after_dispatch() -> None:
     frames = [Frame(key, spp=6) for key in range(2)]
-    plan = agenda("breadth-first", frames, 6)
+    plan = frame_order("breadth-first", frames, 6)
     seen = []
     while (frame := plan.next_frame("kind")) is not None:
         seen.append((frame.key, frame.ceiling))
@@ -124,11 +124,11 @@ def test_breadth_first_a_frame_rises_when_all_under_its_ceiling_is_handed_out() 
     assert seen == [(0, 1), (1, 1), (0, 2), (1, 2), (0, 4), (1, 4), (0, 6), (1, 6)]
 
 
-def test_what_is_not_prepared_waits_and_is_named_in_turn() -> None:
+def test_unprepared_frames_wait_and_are_listed_in_order() -> None:
     frames = [Frame(key) for key in range(5)]
     for key in (1, 3):
         frames[key].compiled = {}
-    plan = agenda("centre-out", frames)
+    plan = frame_order("centre-out", frames)
     plan.first_key = 3
     assert [frame.key for frame in plan.turns.frames_to_prepare("kind", 5)] == [3, 1]
     assert plan.next_frame("kind").key == 2

@@ -11,11 +11,11 @@ import pytest
 from protocol.contract import RenderBatch
 from tests.helpers import running_redis
 from tests.service.conftest import Service, until
-from tests.service.scheduling.test_shots import blobs, digest, expected, shoot
+from tests.service.scheduling.test_shots import blobs, digest, expected, submit_shot
 
 
 @pytest.mark.long
-def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_path: Path, redis_server: running_redis) -> None:
+def test_last_needed_frame_is_deleted_if_space_is_short(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=4000)
     try:
         with service.worker() as worker:
@@ -33,7 +33,7 @@ def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_pa
 
             worker.on_frame = make
             worker.on_batch = look
-            job = shoot(service, service.ready_scene(), "0-19", order="breadth-first", spp=4)
+            job = submit_shot(service, service.ready_scene(), "0-19", order="breadth-first", spp=4)
             service.wait_for(job, "finished", 60)
             assert [digest(service, job, n) for n in range(20)] == [expected(n) for n in range(20)]
             assert most < 12, "never all twenty"
@@ -43,7 +43,7 @@ def test_where_room_is_short_what_is_needed_last_is_let_go_and_made_again(tmp_pa
 
 
 @pytest.mark.long
-def test_a_part_that_frames_share_is_counted_once_and_stays_until_the_last(tmp_path: Path, redis_server: running_redis) -> None:
+def test_shared_part_is_counted_once_and_kept(tmp_path: Path, redis_server: running_redis) -> None:
     service = Service(tmp_path / "data", redis_server, frame_scenes_bytes=6000)
     shared = b"what stands still" * 200
     part = tmp_path / "data" / "blobs" / hashlib.sha256(shared).hexdigest()[:2] / hashlib.sha256(shared).hexdigest()
@@ -58,7 +58,7 @@ def test_a_part_that_frames_share_is_counted_once_and_stays_until_the_last(tmp_p
         with service.worker() as worker:
             worker.shared, worker.on_batch = shared, look
             worker.on_frame = lambda frame: b"%06d" % frame + b"x" * 100
-            job = shoot(service, service.ready_scene(), "0-9", order="breadth-first", spp=4)
+            job = submit_shot(service, service.ready_scene(), "0-9", order="breadth-first", spp=4)
             service.wait_for(job, "finished", 60)
             assert [digest(service, job, n) for n in range(10)] == [expected(n) for n in range(10)]
             assert sorted(worker.frames) == list(range(10)), "there is room for all of them, as each has but a little of its own"

@@ -12,7 +12,7 @@ from service.scheduling.jobs.frame_queue import FrameQueue
 
 
 @pytest.mark.long
-def test_turns_are_those_of_a_look_at_all_frames() -> None:
+def test_frame_queue_equals_linear_search() -> None:
     chance = random.Random(5)
     frames: dict[int, Any] = {
         key: SimpleNamespace(key=key, is_over=False, is_idle=False, is_preparing=False, compiled={}, own={}, rank=0)

@@ -12,7 +12,7 @@ from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
 
 
-def test_batches_are_counted_and_told_before_what_comes_after_them(tmp_path: Path) -> None:
+def test_batch_counts_are_logged_before_next_line(tmp_path: Path) -> None:
     logs = JobLogs(tmp_path / "logs")
     log = logs.log_of("job")
     log.count_dispatched(2)
@@ -33,7 +33,7 @@ def test_batches_are_counted_and_told_before_what_comes_after_them(tmp_path: Pat
     ]
 
 
-def test_a_long_log_keeps_its_newest_lines(tmp_path: Path) -> None:
+def test_long_log_keeps_latest_lines(tmp_path: Path) -> None:
     logs = JobLogs(tmp_path)
     for number in range(20_000):
         logs.log_of("job").add_line(f"line {number} {'x' * 40}")
@@ -47,7 +47,7 @@ def test_a_long_log_keeps_its_newest_lines(tmp_path: Path) -> None:
     assert len(list(tmp_path.iterdir())) == 1
 
 
-def test_a_line_is_one_line_and_no_disk_is_no_trouble(tmp_path: Path) -> None:
+def test_log_lines_are_escaped_and_write_errors_ignored(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     logs = JobLogs(tmp_path / "file")  # a path where no folder can be created
     logs.log_of("job").add_line("here")
@@ -60,7 +60,7 @@ def test_a_line_is_one_line_and_no_disk_is_no_trouble(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_the_log_of_a_job_says_who_did_what_and_outlasts_the_service(service: Service, worker: PeerWorker) -> None:
+def test_job_log_names_workers_and_survives_restart(service: Service, worker: PeerWorker) -> None:
     failed: list[str] = []
 
     def fail_once(batch):  # fails the first batch once
@@ -110,7 +110,7 @@ def test_the_log_of_a_job_says_who_did_what_and_outlasts_the_service(service: Se
 
 
 @pytest.mark.long
-def test_of_each_tile_it_is_known_who_rendered_what_and_what_was_warned_of(service: Service, worker: PeerWorker) -> None:
+def test_tile_log_has_workers_and_warnings(service: Service, worker: PeerWorker) -> None:
     send = worker.send
 
     def tell(event, sums=None):
@@ -135,7 +135,7 @@ def test_of_each_tile_it_is_known_who_rendered_what_and_what_was_warned_of(servi
     until(lambda: not service.farm.engine.logs.tiles.text(job, 0, 1), "it is forgotten")
 
 
-def test_tiles_and_jobs_that_are_told_of_are_bounded() -> None:
+def test_tile_logs_are_bounded() -> None:
     logs = TileLogs()
     for number in range(40):
         logs.add_line("job", 0, 7, f"batch {number}")
@@ -150,7 +150,7 @@ def test_tiles_and_jobs_that_are_told_of_are_bounded() -> None:
     assert [line.split()[-1] for line in logs.text("last", 0, 7).splitlines()] == [str(n) for n in range(24, 40)]
 
 
-def test_the_services_log_has_a_jobs_counts_once_a_minute(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+def test_service_log_has_job_counts_once_a_minute(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     logs = JobLogs(tmp_path)
     with caplog.at_level(logging.INFO):
         for _ in range(5):

@@ -11,7 +11,7 @@ from tests.service.peer_worker import PeerWorker
 
 
 @pytest.mark.long
-def test_a_scene_knows_what_its_latest_picture_took_and_how_noisy_it_was(service: Service, worker: PeerWorker) -> None:
+def test_scene_stores_cost_and_noise_of_latest_job(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     assert service.scene(scene)["measured"] is None
     service.wait_for(service.submit(scene, spp=64), "finished")
@@ -25,7 +25,7 @@ def test_a_scene_knows_what_its_latest_picture_took_and_how_noisy_it_was(service
     assert math.isclose(first["noise"], second["noise"], rel_tol=0.5), "at one sample, however many there were"
 
 
-def test_too_little_says_nothing(service: Service, worker: PeerWorker) -> None:
+def test_too_few_samples_give_no_measurement(service: Service, worker: PeerWorker) -> None:
     scene = service.ready_scene()
     service.wait_for(service.submit(scene, width=16, height=16, spp=16), "finished")
     assert service.scene(scene)["measured"] is None

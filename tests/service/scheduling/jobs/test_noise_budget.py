@@ -8,7 +8,7 @@ from service.scheduling.jobs.noise_budget import AT_ONCE_S, SHARE, NoiseBudget
 from tests.service.scheduling.fake_clock import FakeClock
 
 
-def test_what_was_saved_up_is_used_at_once_and_then_a_share_of_the_time() -> None:
+def test_saved_budget_is_used_then_fraction_of_time() -> None:
     clock = FakeClock()
     of = NoiseBudget(clock)
     clock.now += 1000.0  # idle time saves up no more than at the beginning

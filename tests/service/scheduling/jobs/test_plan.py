@@ -103,7 +103,7 @@ class Bench:
 
 @settings(deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 90), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 0.05]))
-def test_every_tile_gets_exactly_the_samples(seed: int, spp: int, loss: float, restart: float) -> None:
+def test_every_tile_gets_exact_sample_count(seed: int, spp: int, loss: float, restart: float) -> None:
     bench = Bench(spp, None)
     bench.finish(seed, loss=loss, restart=restart)
     assert [c.ranges for c in bench.coverage] == [[(0, spp)]] * len(bench.tiles)
@@ -112,7 +112,7 @@ def test_every_tile_gets_exactly_the_samples(seed: int, spp: int, loss: float, r
 
 @settings(deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 0.05]))
-def test_where_a_tile_stops_does_not_depend_on_the_way(seed: int, loss: float, restart: float) -> None:
+def test_tile_sample_count_is_independent_of_order(seed: int, loss: float, restart: float) -> None:
     plain, disturbed = Bench(300, 0.2), Bench(300, 0.2)
     plain.finish(0, wanted=300)
     disturbed.finish(seed, loss=loss, restart=restart)
@@ -123,26 +123,26 @@ def test_where_a_tile_stops_does_not_depend_on_the_way(seed: int, loss: float, r
 
 @settings(deadline=None)
 @given(st.integers(0, 10_000), st.sampled_from([None, 0.2]), st.sampled_from([0.0, 0.3]))
-def test_a_film_that_has_to_be_waited_for_loses_nothing(seed: int, noise: float | None, loss: float) -> None:
+def test_locked_film_loses_no_samples(seed: int, noise: float | None, loss: float) -> None:
     plain, waiting = Bench(90, noise), Bench(90, noise)
     plain.finish(0)
     waiting.finish(seed, loss=loss, waits=True)
     assert [c.ranges for c in waiting.coverage] == [c.ranges for c in plain.coverage]
 
 
-def test_waiting_hands_nothing_out_twice() -> None:
+def test_locked_film_duplicates_no_batch() -> None:
     bench = Bench(90, 0.2)
     history = bench.finish(1, waits=True)
     assert len(set(history)) == len(history)
 
 
-def test_nothing_is_handed_out_twice_without_need() -> None:
+def test_batches_are_not_duplicated_without_loss() -> None:
     bench = Bench(64, None)
     history = bench.finish(1)
     assert sum(batch.count for batch in history) == 64 * len(bench.tiles)
 
 
-def test_the_first_wave_covers_the_whole_frame_from_the_middle() -> None:
+def test_first_wave_covers_frame_from_centre() -> None:
     bench = Bench(64, None)
     wave = [bench.plan.next_batch(lambda tile: 1000) for _ in bench.tiles]
     assert {batch.tile for batch in wave if batch} == set(range(len(bench.tiles)))
@@ -151,7 +151,7 @@ def test_the_first_wave_covers_the_whole_frame_from_the_middle() -> None:
     assert bench.tiles[wave[0].tile] == (16, 16, 16, 16)
 
 
-def test_batches_of_a_tile_follow_each_other_once_all_tiles_have_some() -> None:
+def test_consecutive_batches_of_tile_after_first_wave() -> None:
     bench = Bench(4096, None)
     for _ in range(400):
         batch = bench.plan.next_batch(lambda tile: 8, 4)
@@ -170,7 +170,7 @@ def test_batches_of_a_tile_follow_each_other_once_all_tiles_have_some() -> None:
             bench.arrive(each)
 
 
-def test_more_samples_on_a_finished_frame_begin_where_it_ended() -> None:
+def test_added_samples_continue_finished_frame() -> None:
     bench = Bench(10, None)
     bench.finish(2)
     bench.plan = FramePlan(bench.tiles, 25, *bench.args[2:])
@@ -179,7 +179,7 @@ def test_more_samples_on_a_finished_frame_begin_where_it_ended() -> None:
     assert all(c.ranges == [(0, 25)] for c in bench.coverage)
 
 
-def test_what_is_in_focus_comes_first_and_the_end_is_the_same() -> None:
+def test_focus_is_rendered_first_with_same_result() -> None:
     bench = Bench(64, None)
     bench.plan.focus([5, 7])
     first = [bench.plan.next_batch(lambda tile: 4) for _ in bench.tiles]
@@ -203,7 +203,7 @@ def test_what_is_in_focus_comes_first_and_the_end_is_the_same() -> None:
     assert [c.ranges for c in bench.coverage] == [[(0, 64)]] * len(bench.tiles)
 
 
-def test_a_ceiling_over_what_is_in_focus_does_not_hold_up_the_others() -> None:
+def test_focus_at_ceiling_does_not_block_other_tiles() -> None:
     bench = Bench(64, None)
     bench.plan.ceiling = 2
     bench.plan.focus([3])
@@ -214,7 +214,7 @@ def test_a_ceiling_over_what_is_in_focus_does_not_hold_up_the_others() -> None:
 
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 10_000), st.lists(st.integers(0, 11), max_size=4), st.sampled_from([0.0, 0.3]))
-def test_where_a_tile_stops_does_not_depend_on_the_focus(seed: int, focus: list[int], loss: float) -> None:
+def test_tile_sample_count_is_independent_of_focus(seed: int, focus: list[int], loss: float) -> None:
     plain, focused = Bench(300, 0.2), Bench(300, 0.2)
     plain.finish(0, wanted=300)
     focused.plan.focus(focus)

@@ -57,7 +57,7 @@ class Farm:
 
     def run(self, until: float) -> None:
         while self.now < until:
-            self._hand_out()
+            self._dispatch_work()
             if not self._running:
                 self.now += 0.1
                 continue
@@ -66,7 +66,7 @@ class Farm:
             self.had[job.id] += job.batch_s
             self.shares.correct_charge(KIND, job.share, job.batch_s - self._guess(job))
 
-    def _hand_out(self) -> None:
+    def _dispatch_work(self) -> None:
         shares_held: Counter[str] = Counter()
         for job in self.jobs:
             shares_held[job.share] += self.held[job.id]
@@ -96,7 +96,7 @@ class Farm:
 
 
 @pytest.mark.long
-def test_slot_seconds_are_as_the_weights_whatever_the_number_of_jobs_and_the_length_of_batches() -> None:
+def test_slot_seconds_are_proportional_to_weights() -> None:
     jobs = [Claim("a", "user:anna", batch_s=2.0), *(Claim(f"b{i}", "user:ben", batch_s=0.1) for i in range(20))]
     jobs.append(Claim("c", "user:cleo", batch_s=0.7))
     farm = Farm(3, jobs, {"user:anna": Terms(3), "user:ben": Terms(2)}, guess_s=0.5)
@@ -112,7 +112,7 @@ def test_slot_seconds_are_as_the_weights_whatever_the_number_of_jobs_and_the_len
     assert max(each) - min(each) < 1.0, "and within a share all jobs have the same"
 
 
-def test_a_light_weight_is_not_starved_and_a_rest_saves_nothing_up() -> None:
+def test_low_weight_is_served_and_idle_share_gains_no_credit() -> None:
     jobs = [Claim("a", "user:anna"), Claim("b", "user:ben"), Claim("late", "user:cleo", begins=500)]
     farm = Farm(2, jobs, {"user:anna": Terms(100)})
     farm.run(500)
@@ -123,7 +123,7 @@ def test_a_light_weight_is_not_starved_and_a_rest_saves_nothing_up() -> None:
     assert [farm.had[id] - before[id] for id in ("a", "b", "late")] == pytest.approx([200, 200, 200], abs=5)
 
 
-def test_what_one_does_not_use_the_others_have() -> None:
+def test_unused_slots_go_to_other_shares() -> None:
     jobs = [Claim("a", "user:anna", work_s=100), Claim("b", "user:ben"), Claim("c", "user:ben", max_slots=1)]
     farm = Farm(4, jobs)
     farm.run(200)
@@ -132,7 +132,7 @@ def test_what_one_does_not_use_the_others_have() -> None:
     assert farm.had["c"] <= 200
 
 
-def test_nobody_has_more_slots_than_a_limit_says() -> None:
+def test_slot_limits_are_respected() -> None:
     jobs = [Claim("a", "user:anna"), Claim("b", "user:anna", max_slots=2), Claim("c", "user:ben", max_slots=3)]
     farm = Farm(10, jobs, {"user:anna": Terms(1, max_slots=5)})
     farm.run(100)
@@ -140,7 +140,7 @@ def test_nobody_has_more_slots_than_a_limit_says() -> None:
     assert farm.had.total() == pytest.approx(800, rel=0.02), "eight of the ten may work"
 
 
-def test_what_is_late_goes_first_within_its_share_and_takes_nothing_of_others() -> None:
+def test_late_job_is_first_within_its_share_only() -> None:
     jobs = [Claim("a", "user:anna"), Claim("soon", "user:anna", urgency=50.0, work_s=50), Claim("b", "user:ben")]
     jobs.append(Claim("sooner", "user:anna", urgency=40.0, work_s=50))
     farm = Farm(2, jobs)
@@ -152,7 +152,7 @@ def test_what_is_late_goes_first_within_its_share_and_takes_nothing_of_others() 
 
 
 @pytest.mark.long
-def test_it_costs_little_with_ten_thousand_jobs_and_a_thousand_slots() -> None:
+def test_queue_is_fast_with_ten_thousand_jobs() -> None:
     dice = random.Random(1)
     jobs = [Claim(f"{i:05}", f"user:{dice.randrange(100)}", begins=float(i)) for i in range(10_000)]
     shares = Shares()
@@ -171,5 +171,5 @@ def test_it_costs_little_with_ten_thousand_jobs_and_a_thousand_slots() -> None:
 
 
 @pytest.mark.parametrize(("user", "share"), [(None, EVERYBODY), ("anna", "user:anna")])
-def test_whose_share_it_is(user: str | None, share: str) -> None:
+def test_share_of_user_or_project(user: str | None, share: str) -> None:
     assert share_of(user) == share

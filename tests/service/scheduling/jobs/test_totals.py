@@ -28,7 +28,7 @@ def frame_of(key: int) -> Frame:
     return Frame(key=key, samples=0, target_samples=100, bad_samples=0, noise=None, state="queued")
 
 
-def test_totals_follow_the_frames() -> None:
+def test_totals_equal_sums_over_frames() -> None:
     chance = random.Random(7)
     frames: dict[int, Any] = {key: frame_of(key) for key in range(0, 600, 2)}
     totals = Totals(frames).updated()
@@ -51,7 +51,7 @@ def test_totals_follow_the_frames() -> None:
     assert totals.bad_samples == sum(frame.bad_samples for frame in frames.values())
 
 
-def test_the_greatest_is_known_once_all_are() -> None:
+def test_maximum_is_known_once_all_values_are() -> None:
     greatest, chance = RunningMaximum(), random.Random(3)
     values: dict[int, float | None] = {}
     assert greatest.value is None

@@ -17,7 +17,7 @@ from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
 LONG_S = 120.0
 
 
-def liar(worker: PeerWorker, lies: Callable[[RenderBatch], bool]) -> list[RenderBatch]:
+def falsify_results(worker: PeerWorker, lies: Callable[[RenderBatch], bool]) -> list[RenderBatch]:
     """Makes a worker flip one bit in the sums of each batch for which `lies` returns True.
 
     Returns a list to which these batches are added as they are rendered.
@@ -60,13 +60,13 @@ def slow(batch: RenderBatch) -> None:
 
 
 @pytest.mark.long
-def test_one_of_three_that_lies_at_times_is_set_aside_and_its_samples_are_rendered_again(service: Service) -> None:
+def test_wrong_worker_is_quarantined_and_its_samples_rendered_again(service: Service) -> None:
     ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
     with ends:
         good.on_batch = third.on_batch = slow
         scene = service.ready_scene()
         turns = iter(range(1 << 30))
-        lied = liar(bad, lambda batch: next(turns) % 5 == 2)
+        lied = falsify_results(bad, lambda batch: next(turns) % 5 == 2)
         other = service.submit(scene, spp=600, seed=1, verify=0, priority=-1)  # not verified, and gets some of the false sums
         job = service.submit(scene, spp=150, verify=1)
         until(lambda: state_of(service, "bad")[0] == "paused", "it is found out", LONG_S)
@@ -93,12 +93,12 @@ def test_one_of_three_that_lies_at_times_is_set_aside_and_its_samples_are_render
 
 
 @pytest.mark.long
-def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_and_rendered_again(service: Service) -> None:
+def test_finished_jobs_with_distrusted_samples_are_marked(service: Service) -> None:
     ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
     with ends:
         good.on_batch = third.on_batch = slow
         scene = service.ready_scene()
-        lied = liar(bad, lambda batch: True)
+        lied = falsify_results(bad, lambda batch: True)
         old = service.submit(scene, spp=300, seed=1, verify=0)
         service.wait_for(old, "finished", LONG_S)
         assert lied
@@ -120,10 +120,10 @@ def test_finished_pictures_that_hold_samples_of_one_who_is_found_out_are_marked_
 
 
 @pytest.mark.long
-def test_two_that_differ_wait_for_a_third_to_decide(service: Service) -> None:
+def test_two_different_results_wait_for_third(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:
-        lied = liar(bad, lambda batch: True)
+        lied = falsify_results(bad, lambda batch: True)
         job = service.submit(service.ready_scene(), spp=20, verify=1)
         until(lambda: "decide" in str(service.job(job)["message"]), "they differ", LONG_S)
         assert "bad and good rendered the same batch differently" in service.job(job)["message"]
@@ -138,10 +138,10 @@ def test_two_that_differ_wait_for_a_third_to_decide(service: Service) -> None:
 
 
 @pytest.mark.long
-def test_of_two_that_differ_a_person_decides_by_pausing_one(service: Service) -> None:
+def test_pausing_a_worker_decides_verification(service: Service) -> None:
     ends, (_, bad) = workers_of(service, "good", "bad")
     with ends:
-        liar(bad, lambda batch: True)
+        falsify_results(bad, lambda batch: True)
         job = service.submit(service.ready_scene(), spp=20, verify=1)
         until(lambda: "pause the one" in str(service.job(job)["message"]), "they differ", LONG_S)
         service.http.patch("/api/workers/bad", json={"state": "paused"}).raise_for_status()
@@ -150,7 +150,7 @@ def test_of_two_that_differ_a_person_decides_by_pausing_one(service: Service) ->
 
 
 @pytest.mark.long
-def test_one_worker_alone_is_not_looked_at_and_honest_ones_lose_nothing(service: Service) -> None:
+def test_single_worker_is_not_verified(service: Service) -> None:
     with service.worker(name="alone") as alone:
         scene = service.ready_scene()
         service.wait_for(service.submit(scene, verify=1), "finished", LONG_S)
@@ -165,12 +165,12 @@ def test_one_worker_alone_is_not_looked_at_and_honest_ones_lose_nothing(service:
 
 
 @pytest.mark.long
-def test_what_a_worker_sent_stays_out_when_the_service_begins_anew(service: Service) -> None:
+def test_distrust_persists_after_restart(service: Service) -> None:
     ends, (good, bad, third) = workers_of(service, "good", "bad", "third")
     with ends:
         good.on_batch = third.on_batch = slow
         scene = service.ready_scene()
-        liar(bad, lambda batch: True)
+        falsify_results(bad, lambda batch: True)
         job = service.submit(scene, spp=400, verify=0.3)
         until(lambda: state_of(service, "bad")[0] == "paused", "it is found out", LONG_S)
         service.stop()
@@ -181,7 +181,7 @@ def test_what_a_worker_sent_stays_out_when_the_service_begins_anew(service: Serv
 
 
 @pytest.mark.parametrize("verify", [-0.1, 1.5, True])
-def test_a_share_that_is_none_gets_a_sentence(service: Service, verify: object) -> None:
+def test_invalid_verify_fraction_is_rejected(service: Service, verify: object) -> None:
     answer = service.http.post("/api/jobs", json={"scene": "x", "verify": verify})
     assert answer.status_code == 422
     assert "verify" in answer.text

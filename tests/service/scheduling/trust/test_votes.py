@@ -36,12 +36,12 @@ def votes(*cast: tuple[str, bytes]) -> Votes:
         ([("a", X), ("b", Y), ("b", Y), ("a", X)], set(), False),
     ],
 )
-def test_two_that_agree_are_right(cast: list[tuple[str, bytes]], wrong: set[str], is_known: bool) -> None:
+def test_two_equal_results_are_correct(cast: list[tuple[str, bytes]], wrong: set[str], is_known: bool) -> None:
     found = votes(*cast)
     assert (found.outvoted_workers, found.agreed_index is not None) == (wrong, is_known)
 
 
-def test_the_same_sums_in_other_bytes_are_the_same_value() -> None:
+def test_equal_sums_with_other_packing_are_equal() -> None:
     plain = pack_sums(expected_sums(TILE, 0, 2, 0), packing=1)
     assert plain != X
     assert votes(("a", X), ("b", plain)).agreed_index == 0
@@ -49,7 +49,7 @@ def test_the_same_sums_in_other_bytes_are_the_same_value() -> None:
         votes(("a", lz4.block.compress(b"no sums", store_size=False)))
 
 
-def test_workers_are_asked_while_they_can_say_something_new() -> None:
+def test_further_workers_are_asked_while_undecided() -> None:
     two = votes(("a", X), ("b", Y))
     assert two.could_decide({"a", "b"})
     two.add("a", X)
