@@ -34,7 +34,7 @@ export const clampStops = (stops) => Math.min(Math.max(Math.round(stops * 10) / 
  *
  * @param {string | null} text
  * @param {readonly string[]} groups the job's
- * @returns {Strip[]} one per group
+ * @returns {readonly Strip[]} one per group
  */
 export function mixFrom(text, groups) {
   const asked = new Map(

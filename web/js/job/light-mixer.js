@@ -5,6 +5,7 @@ import { MOST_STOPS, clampStops, isPlain, plainStrip } from "../film/light-mix.j
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { stops } from "../base/format.js";
+import { scenes } from "../news/farm.js";
 import { linkTo } from "../shell/router.js";
 import { t } from "../base/words.js";
 
@@ -19,7 +20,7 @@ import { t } from "../base/words.js";
  */
 export function lightMixer(display, job, life) {
   const groups = lightGroups(job.settings);
-  if (!groups.length) return withoutGroups(job);
+  if (!groups.length) return withoutGroups(job, life);
   /** Changes a strip, and shows the colour where another channel was shown. @param {string} name @param {Partial<Strip>} changes */
   const change = (name, changes) =>
     display.update((d) => ({ ...d, channel: "", mix: d.mix.map((strip) => (strip.name === name ? { ...strip, ...changes } : strip)) }));
@@ -105,12 +106,21 @@ const toggle = (does, letter, group, run) =>
     letter,
   );
 
-/** @param {import("../base/types.js").Job} job */
-const withoutGroups = (job) =>
-  h(
-    "section",
-    { class: "side-section stack", "aria-label": t("Lights") },
-    h("h2", null, t("Lights")),
-    h("p", { class: "quiet small" }, t("This picture has no light groups. With Light groups, under Advanced, lights can be mixed after rendering.")),
-    h("a", { class: "button", href: `${linkTo("scenes", job.scene)}?like=${job.id}` }, icon("refresh"), t("Render with other settings")),
+/** How to get light groups. @param {import("../base/types.js").Job} job @param {import("../base/store.js").Disposer} life */
+function withoutGroups(job, life) {
+  const told = h("p", { class: "quiet small" });
+  const again = h("a", { class: "button", href: `${linkTo("scenes", job.scene)}?like=${job.id}` }, icon("refresh"), t("Render with other settings"));
+  life.add(
+    scenes.subscribe((all) => {
+      const has = Boolean(all?.find(({ id }) => id === job.scene)?.light_groups?.length);
+      again.hidden = !has;
+      setText(
+        told,
+        has
+          ? t("This picture has no light groups. Switch on Light groups, under Advanced, to mix its lights after rendering.")
+          : t("No light of the scene is in a light group. Give lights a light_group in the scene's file, and render with Light groups to mix them."),
+      );
+    }),
   );
+  return h("section", { class: "side-section stack", "aria-label": t("Lights") }, h("h2", null, t("Lights")), told, again);
+}
