@@ -15,7 +15,7 @@ from playwright.sync_api import Page, expect
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
 from tests.e2e.screen import assert_screen, read_exr, rendered, shown
-from tests.helpers import Farm, wait_until
+from tests.helpers import Farm
 
 SIZE = {"width": 96, "height": 64}
 SCENE = """
@@ -102,7 +102,7 @@ def test_muted_groups_leave_the_others_and_the_mix_is_saved(farm: Farm, lit: str
     assert_screen(page, louder, "the fill light alone, two stops up")
 
     # The link has the mix.
-    wait_until(lambda: "fill%3A2%3A%3As" in page.url or "fill:2::s" in page.url, 5, "the address has the mix")
+    expect(page).to_have_url(re.compile(r"mix=fill%3A2%3A%3As|mix=fill:2::s"))
     page.reload()
     page.get_by_role("tab", name="Lights").click()
     expect(page.get_by_role("button", name="Solo: fill")).to_have_attribute("aria-pressed", "true")
