@@ -10,6 +10,7 @@ samples, so every sum stays below 2**62.
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -34,6 +35,7 @@ __all__ = [
     "SAMPLE_MAX",
     "BadSample",
     "BatchSums",
+    "Gain",
     "bytes_of_hits",
     "digest",
     "error",
@@ -42,6 +44,7 @@ __all__ = [
     "is_plane_count",
     "least_samples",
     "mean",
+    "mixed",
     "noise",
     "plane_count",
 ]
@@ -79,6 +82,7 @@ _LEAST_SAMPLES = 16  # per pixel, and
 _LEAST_OF_ALL = 512  # over all pixels, before a noise estimate may end a frame or a tile
 
 Sums = npt.NDArray[np.int64]
+Gain = tuple[float, float, float]  # factors of red, green and blue
 
 
 class BadSample(NamedTuple):
@@ -119,6 +123,21 @@ def mean(sums: Sums, film_exponent: int, channel: slice | int = COLOR) -> npt.ND
     values = sums[channel].astype(np.float64) * 2.0**-film_exponent
     values /= np.maximum(sums[SAMPLES], 1)
     return np.ascontiguousarray(np.moveaxis(values, 0, -1) if values.ndim == 3 else values, dtype=np.float32)
+
+
+def mixed(sums: Sums, film_exponent: int, gains: Sequence[Gain]) -> npt.NDArray[np.float32]:
+    """Returns the mean of a weighted sum of the light groups, (h, w, 3) float32; 0 without samples.
+
+    gains: of red, green and blue, one triple per group, in the order of RenderSettings.group_names. Groups with the gain 0 are
+    not read. With all gains 1 the result has the bits of the mean colour, since the groups' integers add up to the colour's.
+    """
+    values = np.zeros((3, *sums.shape[1:]))
+    for group, gain in enumerate(gains):
+        if any(gain):
+            values += sums[group_planes(group)] * np.array(gain)[:, None, None]
+    values *= 2.0**-film_exponent
+    values /= np.maximum(sums[SAMPLES], 1)
+    return np.ascontiguousarray(np.moveaxis(values, 0, -1), dtype=np.float32)
 
 
 def in_half(sample: int) -> bool:

@@ -42,6 +42,7 @@ class SceneOut(Coded):
     fps: float | None = Field(description="the file's own, else 24; null where that is not known")
     clips: list[dict[str, Any]] = Field(description="of its animations: name, and from when to when it moves, in seconds")
     variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
+    light_groups: list[str] = Field(default_factory=list, description="names of its lights' groups, for a job's `light_groups`")
     variant: str | None = Field(description="the one that is shown; null: the file's own materials")
     up_axis: str | None = Field(
         description="which axis of an OBJ, PLY, STL or OFF file is up; null: not known, or stated by the file"

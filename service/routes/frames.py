@@ -46,6 +46,7 @@ from service.store import bands
 from service.store.films import Film
 from service.store.models import FINAL_STATES, Job
 from service.watching import film_packet
+from service.watching.mix import gains_of_mix
 from service.watching.pictures import MEDIA, PictureRequest, picture_file, picture_memory
 
 __all__ = ["router"]
@@ -59,6 +60,10 @@ AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
     "beside the colour. motion waits until a worker has made it. light:NAME is the light of a light group of the job, lights "
     "that of all of them; cryptomatte is the mattes of a job with that setting"
+)
+MIX_HELP = (
+    "the colour as a weighted sum of the job's light groups: NAME:GAIN or NAME:RED/GREEN/BLUE, separated by commas, as "
+    "key:0.5,fill:1/0.8/0.6; groups that are left out have the gain 1"
 )
 
 
@@ -127,6 +132,7 @@ async def image(
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
     tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
     width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
+    mix: str = Query("", max_length=4000, description=MIX_HELP),
     visible: bool = Query(False, description="png and jpg that would look black are exposed by what they show: for lists"),
 ) -> Response:
     """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
@@ -147,19 +153,24 @@ async def image(
     planes, in_layers = _requested_planes(aov, job)
     if denoise and planes:
         raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
+    gains = gains_of_mix(mix, group_names((job.settings or {}).get("light_groups", "")))
+    if gains and (planes or denoise):
+        raise Invalid(
+            Sentence("mix-only-colour", "mix: only the colour can be mixed, without denoise; leave aov and denoise out.")
+        )
     PictureRequest(extension, planes, in_layers, width=width).check()
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
     denoised = await _denoised_artifact(id, n, film, farm) if denoise and not asks_head else None
     if denoised is not None:
         version, samples = denoised.version, denoised.samples
-    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width} {visible}"
+    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width} {visible} {gains}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
     known = request.headers.get("if-none-match", "")
     if headers["ETag"] in known or known.strip() == "*":
         return Response(status_code=304, headers=headers)
-    kind = "denoised" if denoise else "layers" if in_layers else planes[0] if planes else ""
+    kind = "denoised" if denoise else "mix" if gains else "layers" if in_layers else planes[0] if planes else ""
     headers["Content-Disposition"] = content_disposition(picture_name(job, n, samples, kind, extension))
     if asks_head:
         if denoise:
@@ -169,7 +180,17 @@ async def image(
     motion = await motion_vectors_of(job, n, film, farm) if aovs.MOTION in planes else None
     names = await run_in_threadpool(names_of_ids, id, farm) if any(map(aovs.is_matte, planes)) else {}
     wish = PictureRequest(
-        extension, planes, in_layers, exposure, tonemap_curve, width, blob, motion, names_of_ids=names, visible=visible
+        extension,
+        planes,
+        in_layers,
+        exposure,
+        tonemap_curve,
+        width,
+        blob,
+        motion,
+        names_of_ids=names,
+        visible=visible,
+        gains=gains,
     )
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.run(

@@ -59,6 +59,7 @@ def _scene_out(scene: Scene, engine: Engine) -> SceneOut:
         fps=info.get("fps"),
         clips=info.get("clips", []),
         variants=info.get("variants", []),
+        light_groups=(info.get("names") or {}).get("light_groups", []),
         variant=scene.variant,
         up_axis=info.get("up_axis"),
         up=scene.up,

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from renderer import aovs, cryptomatte
 from renderer import film as film_math
-from renderer.film import Sums, plane_count
+from renderer.film import Gain, Sums, plane_count
 from renderer.settings import Tile
 from service.store.film_faults import film_faults
 from service.store.film_moment import ReadableFilm
@@ -27,21 +27,27 @@ IN_MEMORY_BYTES = 32 << 20
 
 
 def bands(
-    film: ReadableFilm, frame: int, names: Sequence[str], names_of_ids: Mapping[str, Sequence[str]] = MappingProxyType({})
+    film: ReadableFilm,
+    frame: int,
+    names: Sequence[str],
+    names_of_ids: Mapping[str, Sequence[str]] = MappingProxyType({}),
+    gains: Sequence[Gain] = (),
 ) -> Iterator[F32]:
     """Yields a frame as bands from top to bottom, one per row of tiles: (h, width, channels) float32.
 
     names: "color" and names of AOVs, whose channels are concatenated along the last axis. Pixels of tiles without samples are
-    0. names_of_ids: of objects and materials, for Cryptomatte. Raises FilmUnavailable, FilmLost or FilmClosed.
+    0. names_of_ids: of objects and materials, for Cryptomatte. gains: of the film's light groups, for the colour (film.mixed);
+    empty for the colour as rendered. Raises FilmUnavailable, FilmLost or FilmClosed.
     """
-    wanted = sorted({plane for name in names for plane in aovs.planes(name, film.groups)})
+    read = (name for name in names if name != "color" or not gains)
+    wanted = sorted({plane for name in read for plane in aovs.planes(name, film.groups)} | set(_mixed_planes(gains)))
     size = sum(map(aovs.size, names))
 
     def values(tile: Tile, sums: Sums) -> F32:
         found = [
             _cryptomatte_planes(film, frame, tile, sums, names_of_ids)
             if aovs.is_matte(name)
-            else _channel_means(sums, film, name)
+            else _channel_means(sums, film, name, gains)
             for name in names
         ]
         return np.dstack(found) if len(found) > 1 else found[0].reshape(*sums.shape[1:], -1)
@@ -58,9 +64,21 @@ def _cryptomatte_planes(film: ReadableFilm, frame: int, tile: Tile, sums: Sums, 
     return cryptomatte.layers(hits, sums[film_math.SAMPLES], film.ranks, names)
 
 
-def _channel_means(sums: Sums, film: ReadableFilm, name: str) -> F32:
+def _mixed_planes(gains: Sequence[Gain]) -> Iterator[int]:
+    """Yields the planes that film.mixed reads for these gains of the light groups."""
+    if gains:
+        yield film_math.SAMPLES
+    for group, gain in enumerate(gains):
+        if any(gain):
+            planes = film_math.group_planes(group)
+            yield from range(planes.start, planes.stop)
+
+
+def _channel_means(sums: Sums, film: ReadableFilm, name: str, gains: Sequence[Gain]) -> F32:
     exponent = film.film_exponent
-    return film_math.mean(sums, exponent) if name == "color" else aovs.values(sums, exponent, name, film.groups)
+    if name != "color":
+        return aovs.values(sums, exponent, name, film.groups)
+    return film_math.mixed(sums, exponent, gains) if gains else film_math.mean(sums, exponent)
 
 
 def digest(film: Film, frame: int, folder: Path) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs, cryptomatte
-from renderer.film import plane_count
+from renderer.film import Gain, plane_count
 from renderer.image import rgbe9995, tonemap
 from renderer.image.darkness import darkness
 from renderer.sentences import Sentence
@@ -48,7 +48,7 @@ class PictureRequest:
     minimum width of a downscaled copy. denoised: function that opens the denoised colour, used in place of the film's; None:
     not denoised. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
     names_of_ids: names of objects and materials, for Cryptomatte. visible: a colour that would look black is
-    exposed by what it shows, in addition to `exposure`.
+    exposed by what it shows, in addition to `exposure`. gains: of the light groups, for a colour mixed from them (film.mixed).
     """
 
     extension: str
@@ -60,6 +60,7 @@ class PictureRequest:
     denoised: Callable[[], BinaryIO] | None = None
     motion: Callable[[], BinaryIO] | None = None
     visible: bool = False
+    gains: tuple[Gain, ...] = ()
     names_of_ids: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False)
 
     def check(self) -> None:
@@ -164,7 +165,7 @@ def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
         yield from _with_motion(film, frame, request)
         return
     if request.denoised is None:
-        yield from bands(film, frame, request.names, request.names_of_ids)
+        yield from bands(film, frame, request.names, request.names_of_ids, request.gains)
         return
     with request.denoised() as file:
         for y in range(0, film.height, ROWS):

@@ -13,10 +13,12 @@ from renderer import cryptomatte, film
 from renderer.aovs import parse_names
 from renderer.cryptomatte import Hits, count_samples, merged, moved
 from renderer.film import COLOR, SAMPLES, Sums, group_planes, plane_count
+from renderer.sentences import Sentence
 from service.errors import Invalid
-from service.store.bands import digest
+from service.store.bands import bands, digest
 from service.store.films import Contribution, Film
 from service.store.tile_cache import TileCache
+from service.watching.mix import gains_of_mix
 from service.watching.pictures import PictureRequest, picture_file
 
 WIDTH, HEIGHT, TILE, COUNT = 40, 24, 16, 3
@@ -77,3 +79,41 @@ def test_cryptomatte_is_exported_to_exr_only() -> None:
     ):
         with pytest.raises(Invalid, match="cryptomatte"):
             wish.check()
+
+
+def test_a_mix_is_the_weighted_sum_of_its_groups(tmp_path: Path) -> None:
+    """Gains of 1 give the bits of the colour; a gain of 0 leaves a group out; a triple weighs red, green and blue."""
+    made = Film(tmp_path / "job.sqlite", WIDTH, HEIGHT, TILE, 24, TileCache(1 << 20), groups=GROUPS, ranks=2)
+    for i, tile in enumerate(made.tiles[1:], 1):  # the first tile has no samples
+        sums, hits = batch(tile.w, tile.h, i)
+        assert made.merge([Contribution(0, i, 0, COUNT, pack_sums(sums, hits=hits))]) == [True]
+
+    def picture(*names: str, mix: str = "") -> np.ndarray:
+        return np.concatenate([*bands(made, 0, names, gains=gains_of_mix(mix, GROUPS))])
+
+    colour, key, rest = picture("color"), picture("light:key"), picture("light:rest")
+    assert colour.any() and not colour[:TILE, :TILE].any()
+    assert np.array_equal(picture("color", mix="key:1"), colour)
+    assert np.array_equal(picture("color", mix="key:0"), rest)
+    assert np.array_equal(picture("color", mix="key:0, rest:2"), 2 * rest)
+    weighed = key * np.array([0.5, 1, 4], np.float32) + rest * np.float32(0.25)
+    assert np.allclose(picture("color", mix="key:0.5/1/4,rest:0.25"), weighed, rtol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("mix", "code"),
+    [
+        ("window:1", "mix-group-unknown"),
+        ("key", "mix-gain-invalid"),
+        ("key:-1", "mix-gain-invalid"),
+        ("key:1/2", "mix-gain-invalid"),
+        ("key:nan", "mix-gain-invalid"),
+        ("key:65537", "mix-gain-invalid"),
+    ],
+)
+def test_a_mix_of_unknown_groups_or_gains_is_refused(mix: str, code: str) -> None:
+    with pytest.raises(Invalid) as refused:
+        gains_of_mix(mix, GROUPS)
+    assert isinstance(refused.value.fact, Sentence) and refused.value.fact.code == code
+    with pytest.raises(Invalid, match="no light groups"):
+        gains_of_mix("key:1", ())

@@ -37,6 +37,7 @@
  * @property {Record<string, number>} counts
  * @property {number[][] | null} bounds lower and upper corner
  * @property {string[]} [variants] of a glTF file's materials
+ * @property {string[]} [light_groups] names of its lights' groups
  * @property {string | null} [variant] selected variant; null: the file's own
  * @property {string | null} [up_axis] the axis of its file that is up, where its format states none
  * @property {string | null} [up] the requested up axis; null: guessed

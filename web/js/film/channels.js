@@ -13,6 +13,12 @@ const COLOUR = { name: "", label: t("Colour"), help: "", values: ["R", "G", "B"]
 /** @type {Channel} */
 export const DENOISED_CHANNEL = { name: DENOISED, label: t("Denoised"), help: "", values: ["R", "G", "B"] };
 
+/** The colour as a mix of the light groups' planes (light-mix.js). */
+export const MIX = "mix";
+
+/** @type {Channel} */
+const MIX_CHANNEL = { name: MIX, label: t("Light mix"), help: "", values: ["R", "G", "B"] };
+
 /** What the name of a light group's channel begins with. */
 const LIGHT = "light:";
 
@@ -21,6 +27,15 @@ const REST = "rest";
 
 /** @param {string} name @returns {string | null} the light group that a channel shows; null for other channels */
 export const lightGroupOf = (name) => (name.startsWith(LIGHT) ? name.slice(LIGHT.length) : null);
+
+/** @param {string} group @returns {string} the channel that shows a light group */
+export const channelOfLight = (group) => LIGHT + group;
+
+/** @param {string} group @returns {string} its name for people */
+export const lightName = (group) => (group === REST ? t("All others") : group);
+
+/** @param {Record<string, any> | null} settings a job's @returns {string[]} the names of its light groups; [] without any */
+export const lightGroups = (settings) => (settings?.light_groups ? [...settings.light_groups.split(","), REST] : []);
 
 /** @param {string} group @returns {Channel} */
 const lightChannel = (group) => ({
@@ -37,13 +52,12 @@ const lightChannel = (group) => ({
  * @returns {Channel[]}
  */
 export function channels(settings = null) {
-  const groups = settings?.light_groups ? [...settings.light_groups.split(","), REST] : [];
-  return [COLOUR, ...(table.value?.channels ?? []), ...groups.map(lightChannel)];
+  return [COLOUR, ...(table.value?.channels ?? []), ...lightGroups(settings).map(lightChannel)];
 }
 
 /** @param {string} name @returns {Channel} */
 export function channelOf(name) {
   const group = lightGroupOf(name);
   if (group !== null) return lightChannel(group);
-  return [...channels(), DENOISED_CHANNEL].find((channel) => channel.name === name) ?? COLOUR;
+  return [...channels(), DENOISED_CHANNEL, MIX_CHANNEL].find((channel) => channel.name === name) ?? COLOUR;
 }

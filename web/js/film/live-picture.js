@@ -1,9 +1,10 @@
 /** The growing picture of a job, its AOVs, and its denoised copy instead of it or beside it. */
 
-import { DENOISED } from "./channels.js";
+import { DENOISED, MIX } from "./channels.js";
 import { imageUrl } from "../news/api.js";
 import { workers } from "../news/farm.js";
 import { LiveFilm } from "./live-film.js";
+import { isMixed } from "./light-mix.js";
 import { pictureStage } from "./picture-stage.js";
 import { outlinesOf } from "./tile-outlines.js";
 import { DEFAULT_CURVE } from "./tonemap.js";
@@ -64,10 +65,11 @@ export function livePicture(job, display, life, changed, frame) {
   life.add(live.onTurn(outline));
   life.add(
     display.subscribe((look) => {
-      const denoised = look.denoise !== "off" && look.channel === "";
+      const mixed = look.channel === "" && isMixed(look.mix);
+      const denoised = look.denoise !== "off" && look.channel === "" && !mixed;
       stage.view?.setLook(look);
       stage.arrange({
-        left: { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
+        left: mixed ? { live, channel: MIX, mix: look.mix } : { live, channel: look.channel, name: look.channel === "" ? t("Raw") : undefined },
         right: denoised ? { live, channel: DENOISED } : null,
         wipe: look.denoise === "wipe" ? look.wipe : null,
       });

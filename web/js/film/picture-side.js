@@ -4,8 +4,9 @@
  */
 
 import { fetchImage, fetchWords } from "../news/api.js";
-import { DENOISED, lightGroupOf } from "./channels.js";
+import { DENOISED, MIX, channelOfLight, lightGroupOf } from "./channels.js";
 import { Film } from "./film.js";
+import { gainsOf, mixWords } from "./light-mix.js";
 import { Store } from "../base/store.js";
 
 /**
@@ -29,7 +30,7 @@ const SETTLE_MS = 300;
  */
 
 /** Whether a channel is fetched as radiance, not as an image. @param {string} channel */
-const hasWords = (channel) => channel === DENOISED || lightGroupOf(channel) !== null;
+const hasWords = (channel) => channel === DENOISED || channel === MIX || lightGroupOf(channel) !== null;
 
 export class PictureSide {
   /**
@@ -40,8 +41,13 @@ export class PictureSide {
     this.live = live;
     this.layer = layer;
     this.state = new Store(/** @type {SideState} */ ({ channel: "", waiting: false, stale: false, error: null }));
-    /** The denoised film or that of a light group, if that channel is selected and loaded. @type {Film | null} */
+    /** The denoised film, that of a light group or of a mix, if that channel is selected and loaded. @type {Film | null} */
     this.fetched = null;
+    /** What the channel MIX shows. @type {readonly import("./light-mix.js").Strip[]} */
+    this.mix = [];
+    /** The planes of the light groups, in the order of the mix, while the channel is MIX and they are loaded. @type {Uint32Array[] | null} */
+    this.planes = null;
+    this.mixing = 0;
     /** Number of samples in the shown picture; Infinity while none is loaded. */
     this.madeOf = Infinity;
     this.fetching = new AbortController();
@@ -84,11 +90,17 @@ export class PictureSide {
     return stale && !waiting && !error && (channel !== DENOISED || this.live.finished);
   }
 
-  /** @param {string} channel */
-  choose(channel) {
-    if (channel === this.state.value.channel) return;
+  /** @param {string} channel @param {readonly import("./light-mix.js").Strip[]} [mix] of the channel MIX */
+  choose(channel, mix = []) {
+    const isNew = mix !== this.mix;
+    this.mix = mix;
+    if (channel === this.state.value.channel) {
+      if (isNew && this.planes) this.mixing ||= requestAnimationFrame(() => this.remix());
+      return;
+    }
     this.fetching.abort();
     this.fetched = null;
+    this.planes = null;
     this.madeOf = Infinity;
     if (channel) {
       this.state.set({ channel, waiting: false, stale: false, error: null });
@@ -123,6 +135,15 @@ export class PictureSide {
     this.settling = setTimeout(() => void this.fetch(), SETTLE_MS);
   }
 
+  /** Shows the loaded planes with the gains of the mix, without fetching anything. */
+  remix() {
+    this.mixing = 0;
+    if (!this.planes || !this.fetched) return;
+    mixWords(this.planes, gainsOf(this.mix), this.fetched.words);
+    this.layer.upload();
+    this.state.update((state) => ({ ...state }));
+  }
+
   /** Fetches the channel; the shown picture stays until it arrives. */
   async fetch() {
     const { channel } = this.state.value;
@@ -130,7 +151,16 @@ export class PictureSide {
     const { signal } = (this.fetching = new AbortController());
     this.state.update((state) => ({ ...state, waiting: true, error: null }));
     try {
-      if (hasWords(channel)) {
+      if (channel === MIX) {
+        const { width, height } = this.live.film;
+        const planes = await Promise.all(this.mix.map(({ name }) => fetchWords(this.live, { aov: channelOfLight(name) }, signal)));
+        if (signal.aborted) return;
+        this.madeOf = Math.min(...planes.map(({ samples }) => samples));
+        this.planes = planes.map(({ words }) => words);
+        this.fetched = new Film(width, height, new Uint32Array(width * height));
+        mixWords(this.planes, gainsOf(this.mix), this.fetched.words);
+        this.layer.setFilm(this.fetched);
+      } else if (hasWords(channel)) {
         const { width, height } = this.live.film;
         /** @type {Record<string, string>} */
         const wish = channel === DENOISED ? { denoise: "true" } : { aov: channel };
@@ -156,6 +186,7 @@ export class PictureSide {
   dispose() {
     clearInterval(this.timer);
     clearTimeout(this.settling);
+    cancelAnimationFrame(this.mixing);
     this.unturn();
     this.fetching.abort();
     this.unlisten();

@@ -18,6 +18,7 @@ import { t } from "../base/words.js";
  * @typedef {object} Side
  * @property {FilmSource} live
  * @property {string} channel
+ * @property {readonly import("./light-mix.js").Strip[]} [mix] of the channel MIX
  * @property {string} [name] what it is called beside the other; its channel's where left out
  */
 
@@ -128,7 +129,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
         parts[i] = makePart(wanted.live, view.layers[i], label);
         readouts.append(parts[i].readout.element);
       }
-      if (wanted) parts[i]?.side.choose(wanted.channel);
+      if (wanted) parts[i]?.side.choose(wanted.channel, wanted.mix);
     }
     view.setWipe(next.right ? (next.wipe ?? 0) : 1);
     label();

@@ -4,9 +4,10 @@
  */
 
 import { getPixel } from "../news/api.js";
-import { DENOISED, channelOf, lightGroupOf } from "./channels.js";
+import { DENOISED, MIX, channelOf, lightGroupOf } from "./channels.js";
 import { h, setText } from "../base/dom.js";
 import { LiveFilm } from "./live-film.js";
+import { mixPixel } from "./light-mix.js";
 import { count, radiance } from "../base/format.js";
 import { t } from "../base/words.js";
 
@@ -99,7 +100,7 @@ export class PixelReadout {
     this.asking = new AbortController();
     try {
       const pixel = await getPixel(this.side.live, at.x, at.y, this.asking.signal);
-      this.show(textsOf(pixel, channel), pixel.samples, true);
+      this.show(textsOf(pixel, channel, this.side.mix), pixel.samples, true);
     } catch {
       // The cursor has moved, or the connection is lost, as the banner shows: the page's value stays.
     }
@@ -129,9 +130,11 @@ export class PixelReadout {
  *
  * @param {import("../base/types.js").PixelValue} pixel
  * @param {string} channel
+ * @param {readonly import("./light-mix.js").Strip[]} mix of the channel MIX
  * @returns {string[]}
  */
-function textsOf(pixel, channel) {
+function textsOf(pixel, channel, mix) {
+  if (channel === MIX) return mixPixel(pixel.lights ?? {}, mix).map(radiance);
   const group = lightGroupOf(channel);
   const value = group === null ? pixel[channel || "color"] : pixel.lights?.[group];
   if (channel === "object" || channel === "material")

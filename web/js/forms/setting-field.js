@@ -1,6 +1,6 @@
 /** The field of one setting: a choice, names, a number, or a grey for a colour. */
 
-import { choiceField, field, numberInput } from "./fields.js";
+import { choiceField, field, freshId, numberInput } from "./fields.js";
 import { addReset } from "./reset.js";
 import { h } from "../base/dom.js";
 import { addSlider } from "./slider.js";
@@ -8,6 +8,9 @@ import { labelOf } from "../news/settings-table.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Setting} Setting */
+
+/** Maximum number of light groups of a job (MAX_LIGHT_GROUPS in renderer/settings.py). */
+const MOST_GROUPS = 16;
 
 /**
  * @typedef {object} SettingField
@@ -44,6 +47,26 @@ export function settingField(setting, start, changed, own = setting.default) {
   // A grey, unless the scene's colour is unchanged.
   const grey = () => (input.valueAsNumber === start[0] ? start : Array(3).fill(input.valueAsNumber));
   return { setting, element, get: isColour ? grey : () => numberIn(setting, input) };
+}
+
+/**
+ * The switch of the setting `light_groups`: planes for all groups of the scene, or none. An earlier job's choice of groups is kept
+ * while the switch is on.
+ *
+ * @param {Setting} setting
+ * @param {string} start
+ * @param {() => void} changed by the user
+ * @param {string} _own
+ * @param {string[]} groups of the scene
+ * @returns {SettingField}
+ */
+export function groupsField(setting, start, changed, _own, groups) {
+  const input = h("input", { type: "checkbox", role: "switch", checked: Boolean(start), onchange: changed });
+  const hint = h("p", { class: "hint", id: freshId("groups") }, t("Lights can be mixed after rendering: {groups}.", { groups: groups.join(", ") }));
+  input.setAttribute("aria-describedby", hint.id);
+  const element = h("div", { class: "field" }, h("label", { class: "check" }, input, setting.label), hint);
+  const names = start || groups.slice(0, MOST_GROUPS).join(",");
+  return { setting, element, get: () => (input.checked ? names : "") };
 }
 
 /**

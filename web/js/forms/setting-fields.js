@@ -3,7 +3,7 @@
 import { h } from "../base/dom.js";
 import { environmentFields } from "./environment-fields.js";
 import { setShown } from "./fields.js";
-import { settingField } from "./setting-field.js";
+import { groupsField, settingField } from "./setting-field.js";
 import { isRead, known, settingOf } from "../news/settings-table.js";
 import { t } from "../base/words.js";
 
@@ -17,14 +17,17 @@ const SIZE = ["width", "height"];
 /**
  * @param {Record<string, any>} defaults what the scene file asks for
  * @param {Record<string, any>} [first] what the fields show first, where that is something else; `light`: a request's
+ * @param {string[]} [groups] the scene's light groups
  * @returns {{light: HTMLElement, basic: HTMLElement[], advanced: HTMLElement[], get: () => Partial<JobRequest>, lightHandle: import("./environment-fields.js").LightHandle, dispose: () => void}}
  */
-export function settingFields(defaults, first = {}) {
+export function settingFields(defaults, first = {}, groups = []) {
   /** @param {Setting} setting what a request that leaves it out gets */
   const own = (setting) => defaults[setting.name] ?? setting.default;
   const fields = known()
     .settings.filter((setting) => setting.of === "job" && !SIZE.includes(setting.name))
-    .map((setting) => settingField(setting, first[setting.name] ?? own(setting), () => show(), own(setting)));
+    // Names other than those of the scene are refused, so a scene without light groups has no field.
+    .filter(({ name }) => name !== "light_groups" || groups.length > 0)
+    .map((setting) => (setting.name === "light_groups" ? groupsField : settingField)(setting, first[setting.name] ?? own(setting), () => show(), own(setting), groups));
   const ends = ["noise", "seconds"].map((name) => settingField(settingOf("work", name), first[name] ?? null));
   const environment = environmentFields(first);
   const integrator = /** @type {SettingField} */ (fields.find(({ setting }) => setting.name === "integrator"));

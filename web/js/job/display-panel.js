@@ -3,8 +3,9 @@
  * URL modify.
  */
 
-import { channels, lightGroupOf } from "../film/channels.js";
+import { channels, lightGroupOf, lightGroups } from "../film/channels.js";
 import { PARTS } from "../film/film-shader.js";
+import { isMixed, mixFrom, mixText } from "../film/light-mix.js";
 import { heatBar, partFields } from "./part-fields.js";
 import { pinsFrom, pinsText } from "./pins.js";
 import { DENOISE_MODES, denoiseFields } from "./denoise-fields.js";
@@ -26,14 +27,18 @@ import { t, tn } from "../base/words.js";
  * @property {import("./pins.js").Pin[]} pins
  * @property {"off" | "wipe" | "on"} denoise
  * @property {number} wipe how much of the width is the raw picture's, where it lies beside the denoised one
+ * @property {readonly import("../film/light-mix.js").Strip[]} mix one per light group of the job; the colour is shown so
  * @property {boolean} outlines of the tiles that are being rendered
  */
 
 export const EXPOSURE_STEP = 0.5;
 const EXPOSURE_RANGE = 16;
 
-/** @returns {Store<Display>} initialized from the URL, and written back to it */
-export function displayFromUrl() {
+/**
+ * @param {Record<string, any> | null} settings the job's, for its light groups
+ * @returns {Store<Display>} initialized from the URL, and written back to it
+ */
+export function displayFromUrl(settings) {
   const { params } = here();
   const channel = params.get("aov") ?? "";
   const denoise = DENOISE_MODES.find((mode) => mode === params.get("denoise")) ?? "off";
@@ -45,11 +50,12 @@ export function displayFromUrl() {
     pins: pinsFrom(params.get("pins")),
     denoise,
     wipe: wipeFrom(params.get("wipe")),
+    mix: mixFrom(params.get("mix"), lightGroups(settings)),
     outlines: params.get("tiles") !== "0",
   });
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
-  store.subscribe(({ exposure, curve, channel, part, pins, denoise, wipe, outlines }) => {
+  store.subscribe(({ exposure, curve, channel, part, pins, denoise, wipe, mix, outlines }) => {
     // Browsers throttle history changes; dragging a slider makes sixty per second.
     clearTimeout(timer);
     const { path } = here();
@@ -62,6 +68,7 @@ export function displayFromUrl() {
         pins: pinsText(pins),
         denoise: denoise === "off" ? null : denoise,
         wipe: denoise !== "wipe" || wipe === 0.5 ? null : wipe.toFixed(3),
+        mix: mixText(mix),
         tiles: outlines ? null : "0",
       });
     }, 300);
@@ -99,7 +106,7 @@ export function clampExposure(exposure) {
  * @param {Store<Display>} display
  * @param {Record<string, any> | null} settings the job's, for its light groups
  * @param {{normalise: () => void, denoise: () => void}} actions denoise: anew, the picture having more samples now
- * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
+ * @returns {{element: HTMLElement, updateDenoise: (state: import("../film/picture-side.js").SideState | null) => void, updateHeat: (state: import("../film/picture-side.js").SideState | null) => void, offerDenoise: (can: boolean) => void, update: (job: import("../base/types.js").Job) => void, showHands: (outlines: import("../film/pixel-overlay.js").Outline[]) => void}}
  */
 export function displayPanel(display, settings, { normalise, denoise: renew }) {
   const look = lookFields(display, normalise);
@@ -115,6 +122,7 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
     type: "checkbox",
     onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })),
   });
+  const outline = h("label", { class: "check" }, outlines, t("Outline tiles being rendered"));
   const denoiseBox = h("div", null, denoise.element);
   const colourOnly = h("div", { class: "stack" }, partFields(display), look, denoiseBox);
   const heat = h("div", { hidden: true });
@@ -125,7 +133,7 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
     hint.hidden = told === "";
     outlines.checked = d.outlines;
     colourOnly.hidden = d.channel !== "" && lightGroupOf(d.channel) === null;
-    denoiseBox.hidden = d.channel !== "";
+    denoiseBox.hidden = d.channel !== "" || isMixed(d.mix);
   });
   const legend = h("ul", { class: "workers-legend", "aria-label": t("Workers on this picture"), hidden: true });
   let shown = "";
@@ -152,11 +160,13 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
     channelField,
     heat,
     colourOnly,
-    h("label", { class: "check" }, outlines, t("Outline tiles being rendered")),
+    outline,
     legend,
   );
   /** @param {boolean} can */
   const offerDenoise = (can) => (denoise.element.hidden = !can && display.value.denoise === "off");
+  /** Offers outlines only while tiles are, or may still be, rendered. @param {import("../base/types.js").Job} job */
+  const update = ({ state }) => (outline.hidden = !["queued", "running", "paused"].includes(state));
   /** @param {import("../film/pixel-overlay.js").Outline[]} outlines of the tiles in hand */
   const showHands = (outlines) => {
     const names = [...new Set(outlines.map(({ worker }) => worker))].sort();
@@ -173,7 +183,7 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
     heat.hidden = !span;
     if (span) fill(heat, heatBar(name, span[0], span[1]));
   };
-  return { element, updateDenoise: denoise.update, updateHeat, offerDenoise, showHands };
+  return { element, updateDenoise: denoise.update, updateHeat, offerDenoise, update, showHands };
 }
 
 /**

@@ -2,6 +2,7 @@
 
 import { imageUrl } from "../news/api.js";
 import { h } from "../base/dom.js";
+import { isMixed, mixQuery } from "../film/light-mix.js";
 import { t } from "../base/words.js";
 import { downloadLink } from "./download-link.js";
 
@@ -21,11 +22,12 @@ const FORMATS = /** @type {const} */ ([
 export function savePanel(display, place) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
   const denoised = h("label", { class: "check" }, clean, t("Denoised"));
-  const isClean = () => !denoised.hidden && clean.checked && display.value.channel === "";
+  const canBeClean = () => display.value.channel === "" && !isMixed(display.value.mix);
+  const isClean = () => !denoised.hidden && clean.checked && canBeClean();
   const links = FORMATS.map(([format, hint]) => ({ format, element: link(display, place, format, hint, isClean) }));
   const show = () => {
-    // Planes are not denoised; the switch keeps its space, so that nothing below moves.
-    denoised.style.visibility = display.value.channel === "" ? "" : "hidden";
+    // Planes and mixes are not denoised; the switch keeps its space, so that nothing below moves.
+    denoised.style.visibility = canBeClean() ? "" : "hidden";
     for (const { format, element } of links) element.setAttribute("aria-label", format.toUpperCase() + (isClean() ? t(", denoised") : ""));
   };
   denoised.hidden = true;
@@ -54,9 +56,9 @@ export function savePanel(display, place) {
  * @param {import("../news/api.js").Place} place
  * @param {import("./display-panel.js").Display} look
  */
-export function asItLooks(place, { exposure, curve, channel, denoise }) {
+export function asItLooks(place, { exposure, curve, channel, denoise, mix }) {
   if (channel) return imageUrl(place, "png", { aov: channel });
-  return imageUrl(place, "png", { exposure, tonemap: curve, ...(denoise === "on" && { denoise: "true" }) });
+  return imageUrl(place, "png", { exposure, tonemap: curve, ...(denoise === "on" && !isMixed(mix) && { denoise: "true" }), ...mixQuery(mix) });
 }
 
 /** @param {string} text @param {HTMLElement[]} links */
@@ -74,9 +76,9 @@ export function row(text, links) {
  */
 function link(display, place, format, hint, isClean) {
   const address = () => {
-    const { exposure, curve, channel } = display.value;
+    const { exposure, curve, channel, mix } = display.value;
     /** @type {Record<string, string | number>} */
-    const query = channel ? { aov: channel } : format === "exr" ? {} : { exposure, tonemap: curve };
+    const query = channel ? { aov: channel } : format === "exr" ? mixQuery(mix) : { exposure, tonemap: curve, ...mixQuery(mix) };
     if (isClean()) query.denoise = "true";
     return imageUrl(place(), format, query);
   };

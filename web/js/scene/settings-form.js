@@ -69,7 +69,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const size = sizeFields({ ...defaults, ...first }, () => update());
   const camera = cameraFields(scene, (projection) => size.suit(projection));
   const quality = qualityFields({ ...defaults, ...first }, () => update(), expect);
-  const others = settingFields(defaults, first);
+  const others = settingFields(defaults, first, scene.light_groups ?? []);
   const variant = variantField(scene, like?.variant ?? null);
   const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(like?.denoise) });
   const denoise = h("label", { class: "check" }, clean, t("Denoise"));

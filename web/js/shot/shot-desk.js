@@ -1,5 +1,6 @@
 /** The parts of a job's page for a shot: filmstrip, player, and the frame shown on the stage. */
 
+import { isMixed, plainStrip } from "../film/light-mix.js";
 import { scenes } from "../news/farm.js";
 import { here, setParams } from "../shell/router.js";
 import { addShortcuts } from "../shell/shortcuts.js";
@@ -94,7 +95,9 @@ export function shotDesk(job, picture, display, life) {
     player.playing.subscribe((on) => {
       if (on) {
         // Playback shows the raw light.
-        if (display.value.channel || display.value.denoise !== "off") display.update((look) => ({ ...look, channel: "", denoise: "off" }));
+        const { channel, denoise, mix } = display.value;
+        if (channel || denoise !== "off" || isMixed(mix))
+          display.update((look) => ({ ...look, channel: "", denoise: "off", mix: look.mix.map(({ name }) => plainStrip(name)) }));
         show();
       } else if (began) {
         settle();

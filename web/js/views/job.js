@@ -17,6 +17,7 @@ import { focusTool } from "../job/focus-tool.js";
 import { jobTitle, notePanel } from "../job/name-and-note.js";
 import { stageNotices } from "../job/stage-notices.js";
 import { momentsPanel } from "../job/moments-panel.js";
+import { lightMixer } from "../job/light-mixer.js";
 import { historyPanel } from "../job/history-panel.js";
 import { logPanel } from "../job/log-panel.js";
 import { histogramPanel } from "../job/histogram-panel.js";
@@ -96,7 +97,7 @@ export function jobView(id) {
  */
 function open(page, job, life) {
   let latest = job;
-  const display = displayFromUrl();
+  const display = displayFromUrl(job.settings);
   const normalise = () => {
     const exposure = picture.film.normalisingExposure();
     if (exposure != null) display.update((look) => ({ ...look, exposure: clampExposure(exposure) }));
@@ -153,6 +154,7 @@ function open(page, job, life) {
 
   const tabs = sideTabs(t("Picture"), [
     { name: "view", label: t("View"), content: [look.element, histogram, moments?.element] },
+    { name: "lights", label: t("Lights"), content: [lightMixer(display, job, life)] },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
   ]);
@@ -181,7 +183,7 @@ function open(page, job, life) {
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
     line.update(next.progress, next.state);
-    for (const part of [title, note, picture, actions, progress, doubt, queue, focus, history, moments, shot]) part?.update(next);
+    for (const part of [title, note, look, picture, actions, progress, doubt, queue, focus, history, moments, shot]) part?.update(next);
   };
 }
 
