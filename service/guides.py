@@ -71,10 +71,11 @@ class Guides(Pages):
         return known[1]
 
     def _rendered(self, name: str) -> str:
-        parts = {"title": "Guides", "contents": "", "body": self._index(), "version": __version__}
-        if name != INDEX:
+        if name == INDEX:
+            title, contents, body = "Guides", "", self._index()
+        else:
             title, contents, body = render_guide((self._folder / f"{name}.md").read_text(), self._has)
-            parts |= {"title": title, "contents": contents, "body": body}
+        parts = {"title": title, "contents": contents, "body": body, "version": __version__}
         page = self._template.read_text()
         return re.sub(r"\{(title|contents|body|version)\}", lambda found: parts[found[1]], page)
 

@@ -48,6 +48,12 @@ SHARE_A_FARM = (
     "tests/chaos/test_digest",
 )
 
+# Files that use the module of a graphics card's kernel, or build its tree. One process runs them all and compiles each once.
+SHARE_A_CARD = (
+    "tests/renderer/bvh/test_compressed.py",
+    "tests/renderer/cuda/",
+)
+
 # An example's duration depends more on the machine than on the code. Most false properties fail early.
 hypothesis.settings.register_profile("long", deadline=None)
 hypothesis.settings.register_profile("ordinary", deadline=None, max_examples=20)
@@ -130,12 +136,14 @@ def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str
 
 
 class ByFile(LoadFileScheduling):
-    """Scheduler for xdist that gives all tests of a file to one process, and all files that share a farm to the same process.
+    """Scheduler for xdist that gives all tests of a file to one process, and all files that share something to the same process.
 
     It is used in place of xdist's `loadgroup`, which fails with pytest 9.1 and later.
     """
 
     def _split_scope(self, nodeid: str) -> str:
+        if nodeid.startswith(SHARE_A_CARD):
+            return "card"
         return "farm" if nodeid.startswith(SHARE_A_FARM) else super()._split_scope(nodeid)
 
 

@@ -150,12 +150,7 @@ FAULT = re.compile(r"(?<=\braise )(SceneError|DamagedError|MachineError|Settings
 def _trees(folders: tuple[str, ...]) -> Iterator[tuple[str, ast.Module]]:
     for folder in folders:
         for path in sorted((ROOT / folder).rglob("*.py")):
-            yield str(path.relative_to(ROOT)), _tree(path)
-
-
-@cache
-def _tree(path: Path) -> ast.Module:
-    return ast.parse(path.read_text(encoding="utf-8"))
+            yield str(path.relative_to(ROOT)), ast.parse(path.read_text(encoding="utf-8"))
 
 
 def _prose(node: ast.expr) -> str | None:
@@ -211,29 +206,37 @@ class _Flow:
     def __init__(self, tree: ast.Module) -> None:
         self._functions: dict[str, list[ast.expr]] = defaultdict(list)
         self._values: dict[str, list[ast.expr]] = defaultdict(list)  # of variables and attributes, by name
-        self._local: dict[ast.AST, dict[str, list[ast.expr]]] = {}
-        for node in ast.walk(tree):
-            if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
-                returned = [each.value for each in ast.walk(node) if isinstance(each, ast.Return) and each.value is not None]
-                self._functions[node.name] += returned
-                self._local[node] = self._assignments(node)
-        for owner in (tree, *(each for each in tree.body if isinstance(each, ast.ClassDef))):
-            for name, values in self._assignments(ast.Module(owner.body, [])).items():
-                self._values[name] += values
+        self._local: dict[ast.AST, dict[str, list[ast.expr]]] = defaultdict(lambda: defaultdict(list))
+        self.spoken: list[tuple[ast.expr, ast.AST | None]] = []  # each text given to users, and its enclosing function
+        whole = {tree, *(each for each in tree.body if isinstance(each, ast.ClassDef))}
+        # One pass, since the modules have half a million nodes: (node, owner of its variables, enclosing functions).
+        left: list[tuple[ast.AST, ast.AST, tuple[ast.FunctionDef | ast.AsyncFunctionDef, ...]]] = [(tree, tree, ())]
+        while left:
+            node, owner, functions = left.pop()
+            match node:
+                case ast.Name() | ast.Constant():
+                    continue
+                case ast.FunctionDef() | ast.AsyncFunctionDef():
+                    owner, functions = node, (*functions, node)
+                case ast.ClassDef() | ast.Lambda():
+                    owner = node
+                case ast.Return(value=ast.expr() as value):
+                    for function in functions:
+                        self._functions[function.name].append(value)
+                case ast.Assign(targets=targets, value=value):
+                    self._assign(targets, value, self._values if owner in whole else self._local[owner])
+                case ast.AnnAssign(target=target, value=ast.expr() as value) | ast.NamedExpr(target=target, value=value):
+                    self._assign([target], value, self._values if owner in whole else self._local[owner])
+                case ast.AugAssign(target=target, value=value):
+                    self._assign([target], value, self._values if owner in whole else self._local[owner])
+            self.spoken += ((each, functions[-1] if functions else None) for each in _spoken(node))
+            left += [(each, owner, functions) for each in ast.iter_child_nodes(node)]
 
     @staticmethod
-    def _assignments(owner: ast.AST) -> dict[str, list[ast.expr]]:
-        found: dict[str, list[ast.expr]] = defaultdict(list)
-        left = list(ast.iter_child_nodes(owner))
-        while left:
-            node = left.pop()
-            if isinstance(node, ast.Assign | ast.AnnAssign | ast.NamedExpr | ast.AugAssign) and node.value is not None:
-                for target in node.targets if isinstance(node, ast.Assign) else [node.target]:
-                    if isinstance(target, ast.Name):
-                        found[target.id].append(node.value)
-            if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef | ast.Lambda):
-                left += ast.iter_child_nodes(node)
-        return found
+    def _assign(targets: list[ast.expr], value: ast.expr, values: dict[str, list[ast.expr]]) -> None:
+        for target in targets:
+            if isinstance(target, ast.Name):
+                values[target.id].append(value)
 
     def prose_of(self, node: ast.expr, function: ast.AST | None, depth: int = 0) -> str | None:
         """Returns an English text outside of `Sentence` that may be the expression's value; None if there is none.
@@ -277,24 +280,15 @@ class _Flow:
         return []
 
 
-def _spoken(tree: ast.Module) -> Iterator[tuple[ast.expr, ast.AST | None]]:
-    """Yields (expression, enclosing function or None) for each text that a module gives to an error, warning, note or state."""
-
-    left: list[tuple[ast.AST, ast.AST | None]] = [(tree, None)]
-    while left:
-        node, function = left.pop()
-        function = node if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) else function
-        left += [(each, function) for each in ast.iter_child_nodes(node)]
-        if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
-            if _name(node.exc.func) not in PLAIN_FAULTS:
-                yield from ((each, function) for each in node.exc.args)
-        elif isinstance(node, ast.Call):
-            name = _name(node.func)
-            if name == "Sentence" or (name in SINKS and (name != "append" or _name(getattr(node.func, "value", None)) in LISTS)):
-                yield from ((each, function) for each in (node.args if name != "Sentence" else []))
-                yield from ((each.value, function) for each in node.keywords)
-        elif isinstance(node, ast.AugAssign) and _name(node.target) in LISTS:
-            yield node.value, function
+def _spoken(node: ast.AST) -> list[ast.expr]:
+    """Returns each text that a statement or call gives to an error, warning, note or state."""
+    if isinstance(node, ast.Raise) and isinstance(node.exc, ast.Call):
+        return node.exc.args if _name(node.exc.func) not in PLAIN_FAULTS else []
+    if isinstance(node, ast.Call):
+        name = _name(node.func)
+        if name == "Sentence" or (name in SINKS and (name != "append" or _name(getattr(node.func, "value", None)) in LISTS)):
+            return [*(node.args if name != "Sentence" else []), *(each.value for each in node.keywords)]
+    return [node.value] if isinstance(node, ast.AugAssign) and _name(node.target) in LISTS else []
 
 
 def _name(node: ast.AST | None) -> str:
@@ -309,11 +303,12 @@ def test_no_prose_reaches_users_through_variables() -> None:
     """
     plain = []
     for at, tree in _trees(("service", "worker", "protocol", "renderer/scene", "renderer/blender", "renderer/confine")):
-        spoken = [] if at in TERMINAL else list(_spoken(tree))
-        flow = _Flow(tree if spoken else ast.Module([], []))
+        if at in TERMINAL:
+            continue
+        flow = _Flow(tree)
         plain += [
             f"{at}:{node.lineno}: {text}"
-            for node, function in spoken
+            for node, function in flow.spoken
             if (text := flow.prose_of(node, function)) is not None and not NUMBERED.fullmatch(text)
         ]
     assert not plain

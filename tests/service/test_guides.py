@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import functools
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 import httpx
@@ -39,6 +40,12 @@ def client() -> Client:
     return Client(ROOT / "docs")
 
 
+@pytest.fixture(scope="module")
+def page(client: Client) -> Callable[[str], httpx.Response]:
+    """Returns a function that gets a page of the guides by its name; guides link to each other, so each is asked for once."""
+    return functools.cache(lambda name: client.get(f"/docs/guides/{name}"))
+
+
 def test_guides_are_listed_once() -> None:
     assert sorted(NAMES) == sorted(path.stem for path in (ROOT / "docs").glob("*.md"))
 
@@ -50,8 +57,8 @@ def test_the_index_links_to_every_guide_and_states_the_version(client: Client) -
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_guide_links_are_valid(client: Client, name: str) -> None:
-    answer = client.get(f"/docs/guides/{name}")
+def test_guide_links_are_valid(page: Callable[[str], httpx.Response], name: str) -> None:
+    answer = page(name)
     assert answer.status_code == 200
     assert answer.headers["content-type"].startswith("text/html")
     assert answer.text.count("<h1") == 1
@@ -60,8 +67,8 @@ def test_guide_links_are_valid(client: Client, name: str) -> None:
     for link in re.findall(r'(?:href|src)="([^"]+)"', body):
         if "://" in link:
             continue
-        page, _, anchor = link.partition("#")
-        found = client.get(f"/docs/guides/{page or name}")
+        linked, _, anchor = link.partition("#")
+        found = page(linked or name)
         assert found.status_code == 200, link
         assert not anchor or f'id="{anchor}"' in found.text, link
 

@@ -58,7 +58,7 @@ def _trace(bvh, stack, o, d, time, distance, number, uv, count, occluded):
 
 def card_tree(bvh: Bvh, threads: int = 1) -> Bvh:
     with Team(threads) as team:
-        return compressed(bvh, team)
+        return compressed(kept(bvh), team)
 
 
 def trace(bvh: Bvh, o: Any, d: Any, time: Any) -> Hits:

@@ -59,8 +59,9 @@ def card_module(variant: str) -> llvm.ModuleRef:
 @functools.cache
 def launcher(variant: str) -> Callable[[int, int], None]:
     """Returns a function that runs a variant's kernel: launch(address of the job struct, number of threads)."""
-    module, machine = _retargeted(card_module(variant))
-    engine = llvm.create_mcjit_compiler(module, machine)
+    code = _machine_code(variant)
+    engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
+    engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     _engines.append(engine)
     return ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(engine.get_function_address("launch"))
@@ -78,9 +79,8 @@ def shared_object(variant: str, folder: Path) -> Path:
 
     Skips the test if there is no C compiler.
     """
-    module, machine = _retargeted(card_module(variant))
     code = folder / f"{variant}.o"
-    code.write_bytes(machine.emit_object(module))
+    code.write_bytes(_machine_code(variant))
     library = folder / f"{variant}.so"
     _linked([str(code)], library)
     return library
@@ -91,20 +91,24 @@ def _linked(arguments: list[str], library: Path) -> None:
     subprocess.run([compiler, "-shared", "-fPIC", "-o", str(library), *arguments], check=True)
 
 
-def _retargeted(card: llvm.ModuleRef) -> tuple[llvm.ModuleRef, llvm.TargetMachine]:
-    """Returns the module compiled for this CPU, with a function `launch` added, and the target machine."""
-    text = str(card)
+@functools.cache
+def _machine_code(variant: str) -> bytes:
+    """Returns the object file of a variant's kernel for this CPU, with a function `launch` added; made once for all tests."""
+    text = str(card_module(variant))
     for pattern in _REMOVED:
         text = re.sub(pattern, "", text, flags=re.MULTILINE)
     text = re.sub(r"call (?:range\([^)]*\) )?i32 @llvm\.nvvm\.read\.ptx\.sreg\.(\w+)\.x\(\)", r"call i32 @register_\1()", text)
     for register, value in _REGISTERS.items():
         text += f"define internal i32 @register_{register}() {{\n  %value = {value}\n  ret i32 %value\n}}\n"
-    module = llvm.parse_assembly(text + _LAUNCH)
+    module, machine = llvm.parse_assembly(text + _LAUNCH), _machine()
+    module.triple = llvm.get_default_triple()
+    module.data_layout = str(machine.target_data)
+    return bytes(machine.emit_object(module))
+
+
+def _machine() -> llvm.TargetMachine:
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     features = ",".join(f"{'+' if has else '-'}{name}" for name, has in llvm.get_host_cpu_features().items())
     target = llvm.Target.from_default_triple()
-    machine = target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=1, jit=True, reloc="pic")
-    module.triple = llvm.get_default_triple()
-    module.data_layout = str(machine.target_data)
-    return module, machine
+    return target.create_target_machine(cpu=llvm.get_host_cpu_name(), features=features, opt=1, jit=True, reloc="pic")

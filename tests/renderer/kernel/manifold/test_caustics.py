@@ -1,4 +1,7 @@
-"""Tests of light through casters: closed forms, brute force, the split against BSDF sampling, and the limit on trials."""
+"""Tests of light through casters: closed forms, brute force, the split against BSDF sampling, and the limit on trials.
+
+Those that render are `long`, since such light has a kernel of its own. The others and test_differentials.py need none.
+"""
 
 from __future__ import annotations
 
@@ -50,6 +53,7 @@ SUN = Light("directional", intensity=gray(3.0), direction=(0.0, -1.0, 0.0))
 UNDER_WATER = 0.5 / np.pi * 10 * (1 - REFLECTANCE) / (2 + 1 / 1.33) ** 2
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("made", "expected"),
     [
@@ -66,6 +70,7 @@ def test_light_through_flat_interfaces_matches_closed_form(made: Callable[[], Co
     assert_mean(floor_radiance(compiled, caustics="on"), expected)
 
 
+@pytest.mark.long
 def test_mirror_caustic_matches_the_image_of_the_lamp() -> None:
     mirror = square((1, 0, 0), (0, 2, 0), (0, 0, 2), 1)
     compiled = scene([MATT, MIRROR], (FLOOR, mirror), lights=(POINT,))
@@ -136,6 +141,7 @@ def test_caustic_mean_equals_brute_force(name: str) -> None:
     assert np.median(error) < 0.02 * expected.mean()
 
 
+@pytest.mark.long
 def test_frame_is_unchanged_without_casters_or_small_lamps() -> None:
     asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=8)
     near = scene([MATT, GLASS, emitter(3.0)], (FLOOR,), (Sphere((0, 0, 0), 0.5, 1), Sphere((1.0, 0, 0), 0.3, 2)))
@@ -146,6 +152,7 @@ def test_frame_is_unchanged_without_casters_or_small_lamps() -> None:
         assert digest(both[0]) == digest(both[1])
 
 
+@pytest.mark.long
 def test_a_frame_does_not_depend_on_its_batches() -> None:
     compiled = HALLS["two"]()
     asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=40, caustics="on")
@@ -154,6 +161,7 @@ def test_a_frame_does_not_depend_on_its_batches() -> None:
     assert digest(whole) == digest(parts)
 
 
+@pytest.mark.long
 def test_trial_limit_reduces_improbable_solutions(monkeypatch: pytest.MonkeyPatch) -> None:
     compiled = HALLS["mesh"]()  # only a part of the walks towards a ball finds a way through it
     asked = settings((0.0, 1.8, 5.0), (0.0, -0.3, 0.0), fov=50.0, size=16, caustics="on")
