@@ -28,6 +28,7 @@ COMMANDS = (
     "site",
     "render",
     "submit",
+    "dataset",
     "jobs",
     "workers",
     "shares",

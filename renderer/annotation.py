@@ -109,7 +109,7 @@ def flow_to(
     end = projected(there.view, there, moved)
     with np.errstate(invalid="ignore"):
         inside = ((end >= 0.0) & (end <= (settings.width, settings.height))).all(axis=2)  # False for NaN
-    occluded: npt.NDArray[np.uint8] = (~inside).astype(np.uint8)
+    occluded = np.asarray(~inside, np.uint8)
     prepared, eye = strip_absent_features(scene, _MOVING), tuple(np.float64(v) for v in there.view.eye)
 
     def trace_part(part: tuple[int, int]) -> None:
