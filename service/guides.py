@@ -25,7 +25,10 @@ __all__ = ["GROUPS", "Guides"]
 
 # The guides in the order of the index: for people who render, for those who run a farm, and for those who are curious.
 GROUPS = {
-    "Use": ("page", "animation", "compositing", "scene-format", "blend-files", "blender", "python", "watching", "api"),
+    "Use": (
+        *("page", "animation", "compositing", "scene-format", "blend-files", "blender", "python", "datasets", "watching"),
+        "api",
+    ),
     "Run a farm": ("deployment", "graphics-cards", "queue", "reliability", "scale"),
     "Background": ("correctness", "performance", "architecture", "lineage", "speed-notes"),
 }
