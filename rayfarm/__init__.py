@@ -1,6 +1,7 @@
 """The command line, the local farm that one command starts, and the Python library.
 
 commands/            one file per command of the program `rayfarm`, which cli.py assembles
+datasets/            dataset(): many views of a scene with exact annotation
 library/             render() of files, dicts and arrays, here or on a farm; the notebook's widget
 local/               a whole farm on this machine: Redis, service and worker as supervised processes
 watch/               watching a job in the terminal
@@ -40,6 +41,8 @@ from rayfarm.responses import ShownInNotebooks
 
 if TYPE_CHECKING:
     from rayfarm.client import Client, ClientError
+    from rayfarm.datasets.cameras import Cameras
+    from rayfarm.datasets.create import Dataset, dataset
     from rayfarm.library.image import Image
     from rayfarm.library.local_render import SceneWarning
     from rayfarm.library.notebook_widget import show
@@ -50,8 +53,10 @@ if TYPE_CHECKING:
 __all__ = [
     "BadSample",
     "Camera",
+    "Cameras",
     "Client",
     "ClientError",
+    "Dataset",
     "Frame",
     "Image",
     "Job",
@@ -60,6 +65,7 @@ __all__ = [
     "SceneWarning",
     "Shot",
     "Worker",
+    "dataset",
     "progressive",
     "render",
     "show",
@@ -71,6 +77,8 @@ _LATER = {
     **dict.fromkeys(("BadSample", "Camera", "Frame", "Job", "Scene", "Shot", "Worker"), "rayfarm.responses"),
     **dict.fromkeys(("Client", "ClientError"), "rayfarm.client"),
     **dict.fromkeys(("progressive", "render"), "rayfarm.library.render"),
+    **dict.fromkeys(("Dataset", "dataset"), "rayfarm.datasets.create"),
+    "Cameras": "rayfarm.datasets.cameras",
     "Image": "rayfarm.library.image",
     "RayfarmError": "renderer.errors",
     "SceneWarning": "rayfarm.library.local_render",

@@ -30,6 +30,7 @@ COMMANDS = (
     "husk",
     "submit",
     "openjd",
+    "dataset",
     "jobs",
     "workers",
     "shares",

@@ -26,7 +26,7 @@ from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings, View
 from renderer.threads import Team, parts_of
 
-__all__ = ["load_kernel", "motion_vectors"]
+__all__ = ["load_kernel", "motion_vectors", "projected"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -61,7 +61,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
         load_kernel()
     with Team(threads) as team:
         team.each(trace_part, parts)
-    before, now, after = (_projected(views[k], settings, places[:, :, k]) for k in range(3))
+    before, now, after = (projected(views[k], settings, places[:, :, k]) for k in range(3))
     found = np.concatenate([_pixel_offsets(now, before, settings, views), _pixel_offsets(after, now, settings, views)], axis=2)
     return found.astype(np.float32)
 
@@ -89,7 +89,7 @@ def _pixel_offsets(start: F64, end: F64, settings: RenderSettings, views: list[V
     return way + 0.0  # no -0
 
 
-def _projected(view: View, settings: RenderSettings, places: F64) -> F64:
+def projected(view: View, settings: RenderSettings, places: F64) -> F64:
     """Projects points to pixel positions, (h, w, 2), from the image's upper left corner, y downwards; NaN behind the camera.
 
     places: (h, w, 4), points with w = 1, or directions with w = 0. Uses products, quotients and roots only.

@@ -26,7 +26,8 @@ __all__ = ["GROUPS", "Guides"]
 # The guides in the order of the index: for people who render, for those who run a farm, and for those who are curious.
 GROUPS = {
     "Use": (
-        *("page", "animation", "compositing", "scene-format", "blend-files", "blender", "python", "watching", "pipelines", "api"),
+        *("page", "animation", "compositing", "scene-format", "blend-files", "blender", "python", "datasets", "watching"),
+        *("pipelines", "api"),
     ),
     "Run a farm": ("deployment", "graphics-cards", "queue", "reliability", "scale"),
     "Background": ("correctness", "performance", "architecture", "lineage", "speed-notes"),

@@ -44,6 +44,7 @@ SHARE_A_FARM = (
     "tests/e2e/",
     "tests/rayfarm/test_with_farm.py",
     "tests/rayfarm/library/test_farm_render.py",
+    "tests/rayfarm/datasets/test_dataset_of_farm.py",
     "tests/chaos/test_kernels",
     "tests/chaos/test_digest",
 )

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Generator
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from rayfarm.client import Client
     from rayfarm.responses import Job, Scene
 
-__all__ = ["images", "submit_ready_scene", "upload_and_submit"]
+__all__ = ["images", "job_request", "submit_ready_scene", "upload_and_submit"]
 
 POLL_S = 0.3
 _COLOR = ("R", "G", "B")
@@ -42,6 +42,11 @@ def upload_and_submit(farm: Client, scene: Path, arguments: RenderArguments) -> 
 
 def submit_ready_scene(farm: Client, ready: Scene, arguments: RenderArguments) -> Job:
     """Submits a job for a scene that is ready on the farm. Raises as `upload_and_submit` does."""
+    return farm.submit(ready.id, **job_request(farm, ready, arguments))
+
+
+def job_request(farm: Client, ready: Scene, arguments: RenderArguments) -> dict[str, Any]:
+    """Returns the body of a job's request, after uploading its environment. Raises as `upload_and_submit` does."""
     if arguments.threads is not None:
         raise SettingsError("threads are this machine's; a farm's workers have slots of their own")
     light = arguments.picture.environment()
@@ -56,7 +61,7 @@ def submit_ready_scene(farm: Client, ready: Scene, arguments: RenderArguments) -
         request |= {name: value for name, value in asked.items() if value is not None}
     if arguments.variant is not None:
         request["variant"] = arguments.variant
-    return farm.submit(ready.id, **request)
+    return request
 
 
 def images(farm: Client, job: str, arguments: RenderArguments, at_once: bool = False) -> Generator[Image]:

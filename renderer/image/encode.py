@@ -21,7 +21,7 @@ from renderer.errors import SettingsError
 from renderer.image import tonemap
 from renderer.sentences import Sentence
 
-__all__ = ["FORMATS", "RGB", "encode", "encode_shown", "format_of", "write", "write_bands"]
+__all__ = ["FORMATS", "RGB", "encode", "encode_channels", "encode_shown", "format_of", "write", "write_bands"]
 
 F32 = npt.NDArray[np.float32]
 FORMATS = ("png", "jpg", "exr", "hdr")
@@ -78,6 +78,11 @@ def encode(
             "picture-format-unknown", "picture format is {format}; known are {formats}", format=repr(format), formats=[*FORMATS]
         )
     )
+
+
+def encode_channels(planes: F32, names: Sequence[str]) -> bytes:
+    """Returns an EXR file of planes (h, w, n) that are no colours, as bytes. names: of the n channels."""
+    return _encode_with_openimageio(np.asarray(planes, np.float32), names, ".exr")
 
 
 def encode_shown(pixels: npt.NDArray[np.uint8], format: str) -> bytes:

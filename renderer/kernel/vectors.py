@@ -19,7 +19,7 @@ from renderer.kernel.material.material import has_flag, opacity
 from renderer.kernel.surface.surface import surface_at
 from renderer.reference import by_reference
 
-__all__ = ["trace_motion_points"]
+__all__ = ["next_visible", "trace_motion_points", "write_places"]
 
 _INF = np.float32(np.inf)
 _LAMP, _TRANSPARENT = np.uint32(LAMP), np.uint32(TRANSPARENT)
@@ -110,13 +110,15 @@ def _sphere_position(scene, hit, o, d, time):
 
 
 @subroutine
-def _first_opaque_hit(scene, stack, o, d):
-    """Returns the first Hit along the ray whose surface has an opacity of at least 1/2 there."""
+def next_visible(scene, stack, o, d, time, after):
+    """Returns the first Hit along the ray, beyond the hit `after`, whose surface has an opacity of at least 1/2 there.
+
+    time: of the shutter. after: as for `closest_hit`; FROM_ORIGIN for the first surface.
+    """
     never_inline()
     root = camera_root(scene.bvh)
-    after = FROM_ORIGIN
     while True:
-        hit = closest_hit(scene.bvh, stack, o, d, _INF, _HALF, root, after)
+        hit = closest_hit(scene.bvh, stack, o, d, _INF, time, root, after)
         if hit.primitive == NO_PRIMITIVE:
             break
         surface = surface_at(scene, o, d, hit)
@@ -138,20 +140,27 @@ def _write(places, y, x, which, place, near):
 
 
 @subroutine
+def write_places(scene, hit, o, d, y, x, places):
+    """Writes row (y, x) of `places`, (h, w, 3, 4) float64, for a Hit of the ray o + t d: see `trace_motion_points`."""
+    never_inline()
+    for which in range(3):
+        time = _OPENS if which == 0 else _HALF if which == 1 else _CLOSES
+        if hit.primitive == NO_PRIMITIVE:
+            _write(places, y, x, which, (np.float64(d[0]), np.float64(d[1]), np.float64(d[2])), 0.0)
+        elif hit.primitive < len(scene.triangle):
+            _write(places, y, x, which, _triangle_position(scene, hit, time), 1.0)
+        else:
+            _write(places, y, x, which, _sphere_position(scene, hit, o, d, time), 1.0)
+
+
+@subroutine
 def _see_places(scene, stack, camera, top, places):
     never_inline()
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
             o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
-            hit = _first_opaque_hit(scene, stack, o, d)
-            for which in range(3):
-                time = _OPENS if which == 0 else _HALF if which == 1 else _CLOSES
-                if hit.primitive == NO_PRIMITIVE:
-                    _write(places, y, x, which, (np.float64(d[0]), np.float64(d[1]), np.float64(d[2])), 0.0)
-                elif hit.primitive < len(scene.triangle):
-                    _write(places, y, x, which, _triangle_position(scene, hit, time), 1.0)
-                else:
-                    _write(places, y, x, which, _sphere_position(scene, hit, o, d, time), 1.0)
+            hit = next_visible(scene, stack, o, d, _HALF, FROM_ORIGIN)
+            write_places(scene, hit, o, d, y, x, places)
 
 
 @entry

@@ -31,4 +31,6 @@ def picture_hash(job: Job) -> str | None:
     if (shot := Shot.parse(job.shot)) is not None:
         asked = {name: value for name, value in job.request.items() if name not in IGNORED_FIELDS}
         of += [shot.fps, shot.clip, shot.turntable, asked]
+        if asked.get("views"):  # they belong to the request's frames
+            of += [job.request.get("frames"), job.request.get("frame")]
     return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()

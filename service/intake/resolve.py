@@ -145,7 +145,7 @@ def _size(request: dict[str, Any], defaults: dict[str, Any]) -> tuple[int, int]:
 
 
 def _resolved_view(request: dict[str, Any], cameras: list[dict[str, Any]]) -> View:
-    wanted = request.get("view")
+    wanted = request["views"][0] if request.get("views") else request.get("view")
     if wanted is None:
         number = camera_number([camera["name"] for camera in cameras], request.get("camera"))
         wanted = cameras[number]["view"]

@@ -167,7 +167,7 @@ def _current_request(job: Job) -> JobIn:
     """
     now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
     if job.shot is not None and (shot := Shot.parse(job.shot)) is not None:
-        now |= {"frames": shot.frames, "order": shot.order}
+        now |= {"order": shot.order} if job.request.get("views") else {"frames": shot.frames, "order": shot.order}
     given = {name: value for name, value in job.request.items() if name not in ("after", "deadline", "needs", "max_slots")}
     return JobIn.model_validate({**given, **now, "fresh": True})
 
@@ -177,7 +177,7 @@ def _fields_not_stored(request: JobIn) -> set[str]:
 
     Requests stored by older releases lack these fields, and compare equal to a request in which they have the defaults.
     """
-    return {name for name in ("denoise", "fresh", "strict", "verify") if not getattr(request, name)} - (
+    return {name for name in ("denoise", "fresh", "strict", "verify", "views") if not getattr(request, name)} - (
         {"verify"} if request.verify == 0 else set()
     )
 

@@ -14,6 +14,7 @@ from renderer.frames import frame_key
 from renderer.sentences import Sentence
 from service.errors import Conflict
 from service.farm import Farm
+from service.intake.frame_view import requested_view
 from service.shot import Shot
 from service.store.films import Film
 from service.store.models import Job, Scene
@@ -51,6 +52,6 @@ def _vectors_request(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors
         fps=shot.fps,
         clip=shot.clip,
         camera=job.request.get("camera"),
-        view=job.request.get("view"),
+        view=requested_view(job.request, n),
         turntable=shot.turntable,
     )

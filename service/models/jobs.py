@@ -37,6 +37,7 @@ FrameState = Literal["queued", "preparing", "running", "finished", "failed"]
 JobState = Literal["queued", "running", "paused", "finished", "failed", "cancelled"]
 
 
+MAX_VIEWS = 4000  # their JSON fits a request's body
 _WHOLE_FRAMES = ("in-turn", "every-nth", "centre-out")  # orders that finish a frame before the next
 
 
@@ -132,6 +133,13 @@ class JobIn(QueueOptionsIn):
         None, description="a camera of the scene, by its name or number"
     )
     view: ViewModel | None = Field(None, description="a camera of your own, instead of `camera`")
+    views: list[ViewModel] | None = Field(
+        None,
+        min_length=1,
+        max_length=MAX_VIEWS,
+        description="a camera of your own for each frame, in the frames' order, instead of `camera`; `frames` is then 0 to n - 1 "
+        "unless told",
+    )
     spp: int | None = None
     noise: float | None = None
     seconds: float | None = None
@@ -202,6 +210,8 @@ class JobIn(QueueOptionsIn):
     def _one_camera(self) -> JobIn:
         if self.view is not None and self.camera is not None:
             raise ValueError(Sentence("fields-exclusive", "give only one of {fields}", fields=["camera", "view"]))
+        if self.views is not None:
+            self._check_views(self.views)
         if self.frame is not None and self.frames != "0":
             raise ValueError(Sentence("fields-exclusive", "give only one of {fields}", fields=["frame", "frames"]))
         if len(self.numbers()) > 1 and self.seconds and self.spp is None and self.noise is None and self.order in _WHOLE_FRAMES:
@@ -214,6 +224,23 @@ class JobIn(QueueOptionsIn):
             )
         return self
 
+    def _check_views(self, views: list[ViewModel]) -> None:
+        """Numbers the frames from 0 if none are named. Raises ValueError for a second camera, or if the counts differ."""
+        for name in ("camera", "view", "turntable"):
+            if getattr(self, name) is not None:
+                raise ValueError(Sentence("fields-exclusive", "give only one of {fields}", fields=[name, "views"]))
+        if self.frame is None and "frames" not in self.model_fields_set:
+            self.frames = f"0-{len(views) - 1}"
+        if (count := len(self.numbers())) != len(views):
+            raise ValueError(
+                Sentence(
+                    "views-frames-differ",
+                    "views has {views} views and there are {frames} frames; give one view for each frame",
+                    views=len(views),
+                    frames=count,
+                )
+            )
+
     def numbers(self) -> list[float]:
         """Returns the requested frame numbers."""
         return parse_frames(str(self.frames)) if self.frame is None else [self.frame]
@@ -221,6 +248,8 @@ class JobIn(QueueOptionsIn):
     @property
     def is_shot(self) -> bool:
         """Returns True if the request is for a shot: for anything other than one still image of the scene's beginning."""
+        if self.views is not None:
+            return True
         return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 
 

@@ -11,7 +11,7 @@ from protocol.contract import PrepareFrames
 from protocol.explained import ExplainPixel
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES
-from renderer.frames import MAX_FRAME, frame_key
+from renderer.frames import MAX_FRAME, frame_key, frame_number
 from renderer.sentences import Sentence
 from renderer.settings import MAX_SPP, OPTIONAL, RenderSettings
 from service.errors import Conflict, Invalid, Unavailable
@@ -19,6 +19,7 @@ from service.events import PreparationRequested
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
+from service.intake.frame_view import requested_view
 from service.jobs.lookup import find_film, find_job
 from service.shot import Shot
 from service.store.films import Film
@@ -250,7 +251,7 @@ def _explain_request(
                 fps=shot.fps,
                 clip=shot.clip,
                 camera=job.request.get("camera"),
-                view=job.request.get("view"),
+                view=requested_view(job.request, frame_number(row.number)),
                 turntable=shot.turntable,
                 shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
             )

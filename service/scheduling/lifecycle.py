@@ -18,6 +18,7 @@ from renderer.frames import frame_number, frame_text
 from renderer.sentences import Sentence, with_full_stop
 from service.errors import FarmError
 from service.events import BlobsReleased, Events, FilmSuspected, ItemKind
+from service.intake.frame_view import requested_view
 from service.intake.resolve import frame_settings, refuse_warnings
 from service.scheduling.artifacts.artifacts import ArtifactTasks
 from service.scheduling.changes import Changes
@@ -276,7 +277,10 @@ class Lifecycle:
             try:
                 if job.request.get("strict"):
                     refuse_warnings(info.warnings, job.request)
-                settings = frame_settings(job.request, job.settings, info.view, info.defaults, info.views)
+                view, views = info.view, info.views
+                if job.request.get("views"):
+                    view, views = requested_view(job.request, frame_number(message.frame)) or view, []
+                settings = frame_settings(job.request, job.settings, view, info.defaults, views)
             except SettingsError as error:
                 job.fail_frame(frame, with_full_stop(error))
                 return

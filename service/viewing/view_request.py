@@ -12,6 +12,7 @@ from renderer.frames import frame_key
 from renderer.sentences import Sentence, with_full_stop
 from renderer.settings import OPTIONAL, RenderSettings
 from service.errors import Conflict, Invalid
+from service.intake.frame_view import requested_view
 from service.intake.resolve import frame_settings, resolve
 from service.store.models import Job, Scene
 
@@ -81,6 +82,7 @@ def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, 
     try:
         resolve(job, scene, MAX_PIXELS)
         settings = RenderSettings.from_json(job.settings or {})
+        view = requested_view(request, frame)
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
     frame_request = None
@@ -88,7 +90,8 @@ def resolve_view(id: int, request: dict[str, Any], scene: Scene, is_shot: bool, 
         cameras = (scene.info or {})["cameras"]
         frame_request = FrameRequest(
             frame_key(frame),
-            **{name: request.get(name) for name in ("fps", "clip", "turntable", "camera", "view")},
+            **{name: request.get(name) for name in ("fps", "clip", "turntable", "camera")},
+            view=view,
             shutter={name: request[name] for name in SHUTTER if request.get(name) is not None},
             auto=cameras[-1]["view"],
         )

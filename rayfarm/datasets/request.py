@@ -1,0 +1,126 @@
+"""The arguments of dataset(), checked and completed."""
+
+from __future__ import annotations
+
+import difflib
+import hashlib
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rayfarm.datasets.annotate import OUTPUTS
+from rayfarm.datasets.cameras import F64, Cameras, intrinsics_of, view_of
+from rayfarm.library.arguments import RenderArguments, parse_arguments
+from rayfarm.scene_files import files_to_upload
+from renderer.errors import SettingsError
+from renderer.settings import View
+
+__all__ = ["SINKS", "Request", "check_names", "parse_request"]
+
+PICTURE_FORMATS = ("png", "exr", "jpg")
+PLANE_FORMATS = ("npy", "exr")
+SINKS = ("transforms", "coco", "webdataset")
+_OF_DATASET = ("camera", "frame", "aovs", "denoise")  # settings of a picture that a data set decides itself
+_SIZE = (512, 512)
+
+
+@dataclass(frozen=True)
+class Request:
+    """A data set as requested: its views, what is written of each, and how it is rendered.
+
+    identity: hash of everything that determines the files; a folder holds one data set.
+    """
+
+    poses: F64  # (N, 4, 4), camera to world in OpenGL's convention
+    intrinsics: F64  # (3, 3)
+    width: int
+    height: int
+    views: list[View]
+    outputs: tuple[str, ...]
+    sinks: tuple[str, ...]
+    categories: Mapping[str, str] | None
+    picture_format: str
+    plane_format: str
+    arguments: RenderArguments
+    settings: dict[str, Any]
+    identity: str
+
+
+def parse_request(
+    scene: Path,
+    cameras: Any,
+    intrinsics: Any,
+    fov: float | None,
+    convention: str,
+    outputs: Iterable[str],
+    sinks: Iterable[str],
+    categories: Mapping[str, str] | None,
+    picture_format: str,
+    plane_format: str,
+    settings: Mapping[str, Any],
+) -> Request:
+    """Returns the checked request. scene: its main file. Raises SettingsError with one sentence, or TypeError for a keyword."""
+    found = Cameras.of(cameras, convention)
+    wanted, forms = check_names("outputs", outputs, OUTPUTS), check_names("sinks", sinks, SINKS)
+    if not wanted:
+        raise SettingsError(f"outputs is empty; known are {', '.join(OUTPUTS)}")
+    if "coco" in forms and not {"boxes", "masks"} & {*wanted}:
+        raise SettingsError("the sink coco needs boxes or masks among outputs")
+    if "transforms" in forms and "color" not in wanted:
+        raise SettingsError("the sink transforms needs color among outputs")
+    check_names("picture_format", [picture_format], PICTURE_FORMATS)
+    check_names("plane_format", [plane_format], PLANE_FORMATS)
+    for name in _OF_DATASET:
+        if settings.get(name) is not None:
+            raise SettingsError(f"{name} is for a single picture; a data set has cameras and outputs")
+    given = dict(settings)
+    width, height = given.get("width"), given.get("height")
+    if (width is None) != (height is None):
+        raise SettingsError("width and height go together: give both")
+    width, height = (width, height) if width is not None and height is not None else found.size or _SIZE
+    given |= {"width": int(width), "height": int(height)}
+    arguments = parse_arguments(given)
+    if fov is None and intrinsics is None:
+        intrinsics = found.intrinsics
+    if found.intrinsics is not None and found.size not in (None, (int(width), int(height))) and intrinsics is found.intrinsics:
+        raise SettingsError(f"the cameras are of pictures of {found.size}; give intrinsics or fov for another size")
+    matrix = intrinsics_of(intrinsics, fov, int(width), int(height))
+    views = [view_of(pose, matrix, int(width), int(height)) for pose in found.poses]
+    plain = {name: _plain(value) for name, value in sorted(given.items()) if value is not None}
+    named = dict(categories) if categories is not None else None
+    of: list[Any] = [found.poses.tolist(), matrix.tolist(), wanted, named, picture_format, plane_format]
+    of += [{name: value for name, value in plain.items() if name not in ("threads", "device")}, _hashes(scene)]
+    identity = hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()
+    return Request(
+        *(found.poses, matrix, int(width), int(height), views, wanted, forms, named, picture_format, plane_format),
+        *(arguments, plain, identity),
+    )
+
+
+def check_names(what: str, given: Iterable[str], known: Sequence[str]) -> tuple[str, ...]:
+    """Returns the names once each, in the order of `known`. Raises SettingsError for an unknown one."""
+    names = [given] if isinstance(given, str) else list(given)
+    for name in names:
+        if name not in known:
+            near = difflib.get_close_matches(str(name), known, 1)
+            hint = f"; did you mean {near[0]!r}?" if near else f"; known are {', '.join(known)}"
+            raise SettingsError(f"{what} has {name!r}, which is not known{hint}")
+    return tuple(name for name in known if name in names)
+
+
+def _plain(value: Any) -> Any:
+    """Returns a setting as JSON data."""
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    if isinstance(value, Path):
+        return hashlib.sha256(value.expanduser().read_bytes()).hexdigest()
+    return list(value) if isinstance(value, tuple | list) else value
+
+
+def _hashes(scene: Path) -> dict[str, str]:
+    """Returns the SHA-256 of each of a scene's files, by its name in the scene."""
+    return {name: hashlib.sha256(Path(path).read_bytes()).hexdigest() for name, path in files_to_upload(scene).items()}

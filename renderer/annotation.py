@@ -1,0 +1,182 @@
+"""Exact annotation of a picture at its pixel centres: positions, normals, ids, layers, flow and boxes, for data sets.
+
+It is a separate pass with one ray per pixel, like motion vectors (renderer/vectors.py), and not a plane of the film: a film
+stores means over samples, and the mean of two depths or ids is neither. Its cost does not depend on the samples per pixel.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer import jit
+from renderer.arrays.kernel_variant import strip_absent_features
+from renderer.arrays.rows import PART_OBJECT
+from renderer.arrays.scene import example
+from renderer.bvh.layout import INSTANCE, ROW_CHILD, ROW_PRIMITIVE
+from renderer.bvh.traverse import new_stack
+from renderer.kernel.annotation import ID_COLUMNS, INSTANCE_ID, MATERIAL_ID, OBJECT_ID, trace_annotation, trace_occlusion
+from renderer.kernel.camera import camera_frame
+from renderer.scene.compiled import CompiledScene
+from renderer.scene.origin import settings_relative_to_origin
+from renderer.settings import RenderSettings, View
+from renderer.threads import Team, parts_of
+from renderer.vectors import projected
+
+__all__ = ["AFTER", "BEFORE", "NOW", "Annotation", "Body", "Flow", "annotate", "bodies_of", "flow_to", "load_kernel"]
+
+F32 = npt.NDArray[np.float32]
+F64 = npt.NDArray[np.float64]
+I32 = npt.NDArray[np.int32]
+
+BEFORE, NOW, AFTER = range(3)  # times of `Annotation.places`: the previous, this and the next frame
+_TIMES = (np.float32(0.0), np.float32(0.5), np.float32(1.0))
+_MOVING = "moving"
+_KERNEL = "annotation"
+_ROWS = 16  # rows of pixels per part
+_LAYERS = 8  # at first; a picture with deeper pixels is traced again
+
+
+class Annotation(NamedTuple):
+    """What the rays through the pixel centres of a picture (h, w) meet."""
+
+    places: F64  # (h, w, 3, 4): the point at BEFORE, NOW, AFTER, relative to the scene's origin, and 1; directions and 0
+    normal: F32  # (h, w, 3): unit, world space, on the viewer's side; 0 without a surface
+    object: I32  # (h, w): number, -1 for none
+    instance: I32  # (h, w): compiled instance; -1 for the world's own geometry, or none
+    material: I32  # (h, w): number, -1 for none
+    layers: I32  # (h, w, d, 2): object and instance of all surfaces along the ray, each once, -1 for none; d = 0: not traced
+
+
+class Body(NamedTuple):
+    """A separately placed thing of a scene: an object of the world, or one of its instances. An object may have several."""
+
+    object: int  # number, as in the OBJECT plane less 1
+    instance: int  # number of the compiled instance; -1 for geometry that is in world space
+    corners: F64  # (8, 3): of its bounding box, world space; aligned with the instance's axes, or the world's
+
+
+class Flow(NamedTuple):
+    """Motion in the picture from one view to another."""
+
+    offset: F32  # (h, w, 2): pixels to the right and downwards; NaN behind the other camera
+    occluded: npt.NDArray[np.bool_]  # (h, w): whether the point is hidden in the other view, or outside its picture
+
+
+def annotate(scene: CompiledScene, settings: RenderSettings, layers: bool = True, threads: int | None = None) -> Annotation:
+    """Returns the annotation of a picture. scene: at one moment, or compiled from `Shot.between_frames`.
+
+    settings: their size and view are used; the lens is a pinhole. layers: whether to trace all surfaces along each ray.
+    """
+    settings = _sharp(settings, scene)
+    shape = settings.height, settings.width
+    prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
+    places, normals = np.empty((*shape, 3, 4)), np.empty((*shape, 3), np.float32)
+    ids, counts = np.empty((*shape, ID_COLUMNS), np.int32), np.zeros(shape, np.int32)
+    room = _LAYERS if layers else 0
+    if not jit.is_ready(_KERNEL):
+        load_kernel()
+    with Team(threads) as team:
+        while True:
+            listed = np.full((*shape, room, 2), -1, np.int32)
+
+            def trace_part(part: tuple[int, int], listed: I32 = listed) -> None:
+                rows = slice(*part)
+                arrays = places[rows], normals[rows], ids[rows], listed[rows], counts[rows]
+                trace_annotation(prepared, new_stack(), camera, part[0], *arrays)
+
+            team.each(trace_part, parts_of(0, settings.height, _ROWS))
+            if not layers or counts.max(initial=0) <= room:
+                break
+            room = int(counts.max())
+    return Annotation(places, normals, ids[..., OBJECT_ID], ids[..., INSTANCE_ID], ids[..., MATERIAL_ID], listed)
+
+
+def flow_to(
+    scene: CompiledScene, settings: RenderSettings, found: Annotation, other: View, when: int, threads: int | None = None
+) -> Flow:
+    """Returns the motion from the annotated picture to that of another view, at the frame `when`: BEFORE or AFTER.
+
+    scene: as for `annotate`; for a static one, the flow is that of the camera alone. settings: those of the annotated picture.
+    """
+    here = _sharp(settings, scene)
+    there = _sharp(replace(settings, view=other), scene)
+    start = projected(here.view, here, found.places[:, :, NOW])
+    moved = np.ascontiguousarray(found.places[:, :, when])
+    end = projected(there.view, there, moved)
+    with np.errstate(invalid="ignore"):
+        inside = ((end >= 0.0) & (end <= (settings.width, settings.height))).all(axis=2)  # False for NaN
+    occluded = np.asarray(~inside, np.uint8)
+    prepared, eye = strip_absent_features(scene, _MOVING), tuple(np.float64(v) for v in there.view.eye)
+
+    def trace_part(part: tuple[int, int]) -> None:
+        rows = slice(*part)
+        trace_occlusion(prepared, new_stack(), eye, moved[rows], _TIMES[when], occluded[rows])
+
+    with Team(threads) as team:
+        team.each(trace_part, parts_of(0, settings.height, _ROWS))
+    return Flow((end - start).astype(np.float32), occluded != 0)
+
+
+def load_kernel() -> None:
+    """Compiles or loads the kernels for annotation."""
+    nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
+    scene, camera = strip_absent_features(example(), _MOVING), camera_frame(nothing)
+    ids, counts = np.empty((0, 1, ID_COLUMNS), np.int32), np.empty((0, 1), np.int32)
+    with jit.compiling(_KERNEL):
+        arrays = np.empty((0, 1, 3, 4)), np.empty((0, 1, 3), np.float32), ids, np.empty((0, 1, 1, 2), np.int32), counts
+        trace_annotation(scene, new_stack(), camera, 0, *arrays)
+        eye = np.float64(0.0), np.float64(0.0), np.float64(0.0)
+        trace_occlusion(scene, new_stack(), eye, np.empty((0, 1, 4)), _TIMES[0], np.empty((0, 1), np.uint8))
+
+
+def bodies_of(scene: CompiledScene) -> list[Body]:
+    """Returns the bodies of a scene at one moment: the objects in world space by number, then the instances."""
+    count = max((int(each.max()) + 1 for each in (scene.part[:, PART_OBJECT], scene.sphere_object) if each.size), default=0)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    number = scene.part[scene.triangle[:, 3], PART_OBJECT]
+    inside = number >= 0
+    for k in range(3):
+        corner = scene.position[scene.triangle[inside, k]].astype(np.float64)
+        np.minimum.at(low, number[inside], corner)
+        np.maximum.at(high, number[inside], corner)
+    center, radius = scene.sphere[:, :3].astype(np.float64), scene.sphere[:, 3:].astype(np.float64)
+    np.minimum.at(low, scene.sphere_object, center - radius)
+    np.maximum.at(high, scene.sphere_object, center + radius)
+    there = np.flatnonzero(np.isfinite(low).all(axis=1))
+    found = [Body(int(n), -1, _box_corners(low[n], high[n]) + scene.origin) for n in there]
+    boxes: dict[int, F64] = {}
+    for n, root in enumerate(scene.bvh.instance_root.tolist()):
+        if root not in boxes:
+            points = scene.position[scene.triangle[_triangles_below(scene, root), :3]].reshape(-1, 3).astype(np.float64)
+            boxes[root] = _box_corners(points.min(axis=0), points.max(axis=0))
+        placed = boxes[root] @ scene.to_world[n, :, :3].T + scene.to_world[n, :, 3]
+        found.append(Body(int(scene.instance_object[n]), n, placed + scene.origin))
+    return found
+
+
+def _triangles_below(scene: CompiledScene, root: int) -> I32:
+    """Returns the numbers of the triangles in a tree, given by its root node."""
+    nodes, leaves = np.array([root]), [np.zeros(0, np.int32)]
+    while len(nodes):
+        lanes = scene.bvh.node[nodes]
+        filled = lanes[:, 0] <= lanes[:, 1]
+        child = lanes[:, ROW_CHILD].view(np.int32)[filled]
+        leaf = ~child[child < 0]
+        packets = scene.bvh.packet[leaf[leaf & INSTANCE == 0] >> 2]
+        leaves.append(packets[:, ROW_PRIMITIVE].view(np.int32)[~np.isnan(packets[:, 0])])
+        nodes = child[child >= 0]
+    return np.concatenate(leaves)
+
+
+def _box_corners(low: F64, high: F64) -> F64:
+    """Returns the eight corners (8, 3) of a box; the bits of a corner's number select the upper end of x, y and z."""
+    return np.array([[high[k] if n >> k & 1 else low[k] for k in range(3)] for n in range(8)])
+
+
+def _sharp(settings: RenderSettings, scene: CompiledScene) -> RenderSettings:
+    """Returns the settings with a pinhole that does not move, relative to the scene's origin."""
+    return settings_relative_to_origin(replace(settings, view=replace(settings.view, aperture=0.0), views=()), scene.origin)

@@ -1,0 +1,118 @@
+"""Exact annotation of pixels: what the rays through pixel centres meet, without filtering.
+
+A ray goes through the centre of its pixel and of the lens, at the middle of the shutter. Surfaces with an opacity below 1/2 and
+lamps that let rays pass are not met, as for motion vectors (vectors.py).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE
+from renderer.jit import device, entry, never_inline, subroutine
+from renderer.kernel.camera import moving_ray
+from renderer.kernel.surface.surface import surface_at
+from renderer.kernel.vectors import next_visible, write_places
+from renderer.reference import by_reference
+
+__all__ = ["ID_COLUMNS", "INSTANCE_ID", "MATERIAL_ID", "OBJECT_ID", "trace_annotation", "trace_occlusion"]
+
+OBJECT_ID, INSTANCE_ID, MATERIAL_ID = range(3)  # columns of `ids`
+ID_COLUMNS = 3
+
+_HALF = np.float32(0.5)
+_MIDDLE = (_HALF, _HALF)
+_NEARER = 1.0 - 1e-4  # of the distance to a point: a surface before it occludes it
+
+
+@device
+def _is_listed(layers, y, x, count, number, instance):
+    """Returns True if the object and instance are among the first `count` layers of a pixel."""
+    found = False
+    for k in range(count):
+        found = found or (layers[y, x, k, 0] == number and layers[y, x, k, 1] == instance)
+    return found
+
+
+@subroutine
+def _list_layers(scene, stack, o, d, hit, y, x, layers, counts):
+    """Lists each object and instance once that the ray meets, from the Hit `hit` on; `counts` also has those without room."""
+    never_inline()
+    count = 0
+    while hit.primitive != NO_PRIMITIVE:
+        number = np.int32(surface_at(scene, o, d, hit).object)
+        room = min(count, layers.shape[2])
+        if not _is_listed(layers, y, x, room, number, hit.instance):
+            if count < layers.shape[2]:
+                layers[y, x, count, 0] = number
+                layers[y, x, count, 1] = hit.instance
+            count += 1
+        hit = next_visible(scene, stack, o, d, _HALF, (hit.t, hit.instance, hit.primitive))
+    counts[y, x] = count
+
+
+@subroutine
+def _annotate(scene, stack, camera, top, places, normals, ids, layers, counts):
+    never_inline()
+    for y in range(places.shape[0]):
+        for x in range(places.shape[1]):
+            o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
+            hit = next_visible(scene, stack, o, d, _HALF, FROM_ORIGIN)
+            write_places(scene, hit, o, d, y, x, places)
+            for k in range(3):
+                normals[y, x, k] = np.float32(0.0)
+                ids[y, x, k] = np.int32(-1)
+            if hit.primitive != NO_PRIMITIVE:
+                surface = surface_at(scene, o, d, hit)
+                normals[y, x, 0] = surface.shading[0]
+                normals[y, x, 1] = surface.shading[1]
+                normals[y, x, 2] = surface.shading[2]
+                ids[y, x, OBJECT_ID] = np.int32(surface.object)
+                ids[y, x, INSTANCE_ID] = hit.instance
+                ids[y, x, MATERIAL_ID] = np.int32(surface.material)
+            if layers.shape[2] > 0:
+                _list_layers(scene, stack, o, d, hit, y, x, layers, counts)
+
+
+@subroutine
+def _occlude(scene, stack, eye, places, time, occluded):
+    never_inline()
+    for y in range(places.shape[0]):
+        for x in range(places.shape[1]):
+            if occluded[y, x] != 0:
+                continue
+            near = places[y, x, 3]
+            a, b, c = places[y, x, 0] - near * eye[0], places[y, x, 1] - near * eye[1], places[y, x, 2] - near * eye[2]
+            length = math.sqrt(a * a + b * b + c * c)
+            if length == 0.0:
+                continue
+            o = np.float32(eye[0]), np.float32(eye[1]), np.float32(eye[2])
+            d = np.float32(a / length), np.float32(b / length), np.float32(c / length)
+            hit = next_visible(scene, stack, o, d, time, FROM_ORIGIN)
+            if hit.primitive != NO_PRIMITIVE and (near == 0.0 or np.float64(hit.t) < _NEARER * length):
+                occluded[y, x] = np.uint8(1)
+
+
+@entry
+def trace_annotation(scene, stack, camera, top, places, normals, ids, layers, counts):
+    """Fills the annotation of h rows of pixels from row `top` on.
+
+    places: (h, w, 3, 4) float64, as by `trace_motion_points`. normals: (h, w, 3) float32, unit shading normals on the viewer's
+    side, 0 without a surface. ids: (h, w, ID_COLUMNS) int32, -1 for none: numbers of object, instance and material; instance -1
+    is the world's own geometry. layers: (h, w, d, 2) int32, the objects and instances that the ray meets, in order, each once;
+    d = 0: not traced. counts: (h, w) int32, how many there are, which may exceed d. scene: in the variant for moving scenes, with
+    an odd number of keys. stack: from new_stack.
+    """
+    _annotate(by_reference(scene), stack, camera, top, places, normals, ids, layers, counts)
+
+
+@entry
+def trace_occlusion(scene, stack, eye, places, time, occluded):
+    """Sets `occluded`, (h, w) uint8, to 1 where a surface lies between a point and the eye.
+
+    eye: three float64. places: (h, w, 4) float64, points with a last column of 1, or directions with 0, which any surface
+    occludes. Pixels that are occluded already are not traced. time: of the shutter, 0 ... 1.
+    """
+    _occlude(by_reference(scene), stack, eye, places, time, occluded)
