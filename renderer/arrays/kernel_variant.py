@@ -37,6 +37,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "motion": camera_moves or _moves(scene),
         "media": "media" in parts or bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
         "targets": len(scene.target) > 0,
+        "pivots": len(scene.pivot) > 0,
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
@@ -53,6 +54,8 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
         bvh = bvh._replace(ray_roots=_NOTHING)
     if has.targets is None:
         scene = scene._replace(target=_NOTHING)
+    if has.pivots is None:
+        scene = scene._replace(pivot=_NOTHING)
     if has.media is None:
         scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
     if has.motion is None:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH, PARALLELOGRAM, TARGET_COLUMNS
+from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH, PARALLELOGRAM, PIVOT_COLUMNS, TARGET_COLUMNS
 from renderer.arrays.rows import (
     ABOVE,
     COLUMNS,
@@ -85,6 +85,7 @@ class CompiledScene(NamedTuple):
     light_parallelogram: Array  # (L, PARALLELOGRAM) f32 (renderer/arrays/light_rows.py), or no rows if no light is one
     guide: Array  # (G,) i32: target primitives of `sampling: mixture`
     target: Array  # (a, TARGET_COLUMNS) f32 (renderer/arrays/light_rows.py): the bodies at which paths aim
+    pivot: Array  # (p, PIVOT_COLUMNS) f32 (renderer/arrays/light_rows.py): small lamps, if media scatter light
     sun: Array  # (U,) i32: the lights that are suns, which rays hit
     punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL, SUN
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
@@ -170,6 +171,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "light_parallelogram": ("<f4", ("L?", PARALLELOGRAM)),
     "guide": ("<i4", ("G",)),
     "target": ("<f4", ("a", TARGET_COLUMNS)),
+    "pivot": ("<f4", ("p", PIVOT_COLUMNS)),
     "sun": ("<i4", ("U",)),
     "punctual_kind": ("<i4", ("K",)),
     "punctual": ("<f4", ("K", 12)),

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from renderer.arrays.light_rows import PIVOT_COLUMNS
 from renderer.arrays.rows import LAMP, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES, SHADELESS, UNSEEN
 from renderer.arrays.scene import CompiledScene, seal
 from renderer.bvh.ray_masks import exclude_primitives
@@ -33,6 +34,7 @@ from renderer.scene.light_groups import names_of, tabulate_groups
 from renderer.scene.lights import emitters_with_area, list_lights
 from renderer.scene.object_ids import number_objects
 from renderer.scene.origin import origin_of, relative_to_origin
+from renderer.scene.pivots import list_pivots
 from renderer.scene.placed_bodies import PlacedGeometry, place_geometry
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.scene_bvh import build_scene_bvh
@@ -160,6 +162,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
             len(geometry.triangle),
         ),
         target=list_targets(description, packed, lights.power + environment_power(environment, subject)),
+        pivot=np.zeros((0, PIVOT_COLUMNS), np.float32),
         sun=_suns(lights.primitive, punctual.kind, len(joined.triangle) + len(sphere)),
         punctual_kind=punctual.kind,
         punctual=punctual.row,
@@ -183,6 +186,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         group_name=groups.name,
         origin=origin,
     )
+    arrays = arrays._replace(pivot=list_pivots(arrays))
     shot_cache.lights_power = lights.power
     shot_cache.cuts = _part_offsets(stood, laid, (environment, search), emission)
     scene = seal(arrays, _rows_to_check(stood, laid, arrays, shot_cache))

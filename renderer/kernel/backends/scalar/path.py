@@ -96,7 +96,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         rays += 1
         row, drifts, distance = path.number + passed, _NO, hit.t
         if scene.has.media is not None:
-            event = medium_event(scene, path, crossings, hit.t, stream, row)
+            event = medium_event(scene, ray, path, crossings, hit.t, stream, row)
             drifts, distance, path = event.scatters, event.distance, with_throughput(path, event.throughput)
         if hit.primitive == NO_PRIMITIVE and not drifts:
             record_miss(log, row, ray, path)

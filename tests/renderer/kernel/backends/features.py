@@ -357,6 +357,21 @@ FEATURES: dict[str, Feature] = {
     ),
     "skin": _of(Material(**PBR, **TEXTURED, **COATED, subsurface=0.7, subsurface_radius=(0.2, 0.1, 0.05), normal_texture=2)),
     "fog that moves": _feature(lambda: moving(Material(kind="interface", sigma_s=gray(2.0)))),
+    "fog in a room that the camera moves in": _of(
+        Material(kind="interface", sigma_s=gray(2.0)),
+        views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4)),
+    ),
+    # Distances in media sampled towards small lamps
+    "lamps in thick fog": _feature(
+        lambda: room(
+            GRAY,
+            materials=[Material(base_color=gray(0.0), emission=gray(90.0))],
+            spheres=[Sphere((0.9, 1.5, 0.9), 0.05, 3)],
+            lights=[Light("point", gray(4.0), (-1.0, 2.0, 1.0))],
+            medium=Medium(sigma_s=(0.2, 0.3, 0.5), sigma_a=gray(0.05), g=0.3),
+        ),
+        max_depth=12,
+    ),
     # Directions aimed at targets
     "lamps in glass": _feature(lambda: bulb(GRAY)),
     "lamps in glass by metal and plastic": _feature(lambda: bulb(Material(**PBR, metallic=0.5, roughness=0.3))),
