@@ -324,7 +324,7 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
     if settings.integrator in ("whitted", "ao") or settings.sampling != "mis":  # which do not aim
         scene = scene._replace(target=scene.target[:0])
     if settings.integrator in ("whitted", "ao"):
-        scene = scene._replace(pivot=scene.pivot[:0])
+        scene = scene._replace(pivot=scene.pivot[:0], volume=scene.volume[:0])
     variant = variant_of(scene, len(settings.views) > 0)
     if settings.integrator in ("whitted", "ao"):  # which have no media
         variant = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(variant, variant)

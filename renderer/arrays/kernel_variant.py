@@ -17,6 +17,7 @@ _HIDDEN = rows.LAMP | rows.UNSEEN | rows.SHADELESS | rows.FACING
 _LAYERS = rows.DISPERSIVE | rows.ABSORBING | rows.BECKMANN
 _NOTHING: Any = None  # replaces an array of a feature that the variant lacks
 _MEDIA = ("medium", "material_medium")
+_GRIDS = ("volume", "volume_grid", "voxel", "majorant")
 _KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
 _PART_OF = {kind.number: kind.part for kind in rows.KINDS}
 
@@ -38,6 +39,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "media": "media" in parts or bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
         "targets": len(scene.target) > 0,
         "pivots": len(scene.pivot) > 0,
+        "grids": len(scene.volume) > 0,
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
@@ -54,6 +56,8 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
         bvh = bvh._replace(ray_roots=_NOTHING)
     if has.targets is None:
         scene = scene._replace(target=_NOTHING)
+    if has.grids is None:
+        scene = scene._replace(**dict.fromkeys(_GRIDS, _NOTHING))
     if has.pivots is None:
         scene = scene._replace(pivot=_NOTHING)
     if has.media is None:

@@ -19,6 +19,7 @@ from renderer.arrays.rows import (
     ENCODING,
     LINEAR_16,
     MEDIUM_COLUMNS,
+    MEDIUM_VOLUME,
     MOST_MEDIA,
     PART_MATERIAL,
     PART_SHINES,
@@ -26,6 +27,8 @@ from renderer.arrays.rows import (
     TEXTURE_COLUMNS,
     TEXTURED,
     TRANSFORM_COLUMNS,
+    VOLUME_COLUMNS,
+    VOLUME_GRID_COLUMNS,
 )
 from renderer.arrays.scene_features import EVERYTHING, SceneFeatures
 from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NEVER, NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
@@ -71,6 +74,12 @@ class CompiledScene(NamedTuple):
 
     medium: Array  # (m, MEDIUM_COLUMNS) f32: the media, the world's first
     material_medium: Array  # (M,) i32: the row of its interior's medium; -1 for surfaces without interior
+
+    # Grids of heterogeneous media (renderer/arrays/rows.py)
+    volume: Array  # (v, VOLUME_COLUMNS) f32
+    volume_grid: Array  # (v, VOLUME_GRID_COLUMNS) i32
+    voxel: Array  # (x,) f32: values of all grids, x the fastest axis, z the slowest
+    majorant: Array  # (y, 2) f32, a row for each cell: upper bound of its density; coefficient for emission, 0 where it has none
 
     # (X, 10) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), encoding, UV set, the row of the layer
     # above (-1: none), the operation by which it is a layer itself
@@ -162,6 +171,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "material_texture": ("<i4", ("M", SLOTS)),
     "medium": ("<f4", ("m", MEDIUM_COLUMNS)),
     "material_medium": ("<i4", ("M",)),
+    "volume": ("<f4", ("v", VOLUME_COLUMNS)),
+    "volume_grid": ("<i4", ("v", VOLUME_GRID_COLUMNS)),
     "texture": ("<i4", ("X", TEXTURE_COLUMNS)),
     "texture_transform": ("<f4", ("X", TRANSFORM_COLUMNS)),
     "light_primitive": ("<i4", ("L",)),
@@ -200,6 +211,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "material_group": ("<i4", ("M?",)),
     "environment_group": ("<i4", (1,)),
     "emission": ("<f4", ("e", 3)),
+    "voxel": ("<f4", ("x",)),
+    "majorant": ("<f4", ("y", 2)),
     "texel": ("|u1", ("Q", 4)),
     "group_name": ("|u1", ("g",)),
 }
@@ -315,6 +328,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         maps.min() >= 0 and maps[:, 1:3].min() > 0 and (maps[:, 0] + maps[:, 1] * maps[:, 2]).max() <= lengths["e"]
     ):
         raise SceneError("a light's map exceeds its texels")
+    _check_volumes(arrays, lengths)
     for name in ("emission_frame", "key_emission_frame"):
         _check_range(f"{name}'s map", arrays[name][:, 3].astype(np.int64), -1, lengths["E"])
     above = texture[:, ABOVE]
@@ -337,6 +351,25 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
         raise SceneError("the BVH refers to a missing primitive")
+
+
+def _check_volumes(arrays: dict[str, Array], lengths: dict[str, int]) -> None:
+    """Raises SceneError if a volume's grids exceed the voxels or cells, or a medium has a volume that is missing."""
+    number = arrays["medium"][:, MEDIUM_VOLUME]
+    if not ((number >= 0) & (number <= lengths["v"]) & (number == np.floor(number))).all():
+        raise SceneError("a medium refers to a missing volume")
+    grid = arrays["volume_grid"].astype(np.int64)
+    if not len(grid):
+        return
+    count, cells = grid[:, 0] * grid[:, 1] * grid[:, 2], grid[:, 5] * grid[:, 6] * grid[:, 7]
+    first = grid[:, 3:5]
+    if not (
+        grid[:, [0, 1, 2, 5, 6, 7]].min() > 0
+        and grid[:, [3, 8]].min() >= 0
+        and (first + count[:, None]).max() <= lengths["x"]
+        and (grid[:, 8] + cells).max() <= lengths["y"]
+    ):
+        raise SceneError("a volume exceeds its voxels or cells")
 
 
 def _check_motion(arrays: dict[str, Array], lengths: dict[str, int]) -> None:

@@ -40,6 +40,7 @@ from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.scene_bvh import build_scene_bvh
 from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
 from renderer.scene.targets import list_targets
+from renderer.scene.volumes import tabulate_volumes
 from renderer.sentences import Sentence
 from renderer.settings import View
 from renderer.threads import Team
@@ -83,6 +84,7 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
     geometry = joined.geometry
     say(Sentence("progress-packing-textures", "packing textures"), 0.25)
     packed = stood.packed
+    volumes = tabulate_volumes(description)
     say(Sentence("progress-listing-lights", "listing lights"), 0.4)
     maps = maps_of(description.lights)
     emission = shot_cache.get_or_make("emission", lambda: maps, lambda: tabulate_emission(maps))
@@ -146,6 +148,10 @@ def _compiled(description: SceneDescription, say: Progress, brute: bool, team: T
         material_texture=packed.material_texture,
         medium=packed.medium,
         material_medium=packed.material_medium,
+        volume=volumes.volume,
+        volume_grid=volumes.volume_grid,
+        voxel=volumes.voxel,
+        majorant=volumes.majorant,
         texture=packed.texture,
         texture_transform=packed.texture_transform,
         texel=packed.texel,

@@ -35,11 +35,14 @@ from renderer.kernel.backends.cpu.rows import (
     at,
     column,
     gather,
+    group_row,
     scatter,
     streams_of,
 )
+from renderer.kernel.light_groups import add_group_light, group_of_media
 from renderer.kernel.material.material import Parameters
 from renderer.kernel.steps.continue_or_end import is_last
+from renderer.kernel.steps.emitted_light import add_medium_light
 from renderer.kernel.steps.medium_event import medium_event, medium_surface
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_throughput
@@ -87,6 +90,10 @@ def sample_free_flights(scene, pool, lists, options):
         stream = streams_of(pool, rows, options)
         ray = gather(pool, rows, Ray)
         event = medium_event(scene, ray, path, crossings, met.t, stream, path.number + met.passed)
+        if scene.has.grids is not None:
+            path, light = add_medium_light(path, event.emitted, options)
+            if scene.has.groups is not None:
+                add_group_light(pool, group_row(rows, options) + group_of_media(scene), light, path.number == path.number)
         none = zero_like(path.number)
         if any_of(event.scatters):
             surface = medium_surface(ray, event.distance)

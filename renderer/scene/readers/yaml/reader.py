@@ -22,6 +22,7 @@ from renderer.scene.readers.yaml.materials import read_material
 from renderer.scene.readers.yaml.messages import schema_fault
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, schema
 from renderer.scene.readers.yaml.textures import Textures
+from renderer.scene.readers.yaml.volumes import read_scene_volume
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence, from_text
 from renderer.settings import View
@@ -60,6 +61,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     if "environment" in data:
         description.environment = read_environment(data["environment"], document, files, shelf)
         description.environment_group = data["environment"].get("light_group", "")
+    for name, volume in data.get("volumes", {}).items():
+        description.volumes[name] = read_scene_volume(volume, document, files, ("volumes", name))
     if "medium" in data:
         description.medium = read_medium(data["medium"])
     lights = Lights(document, files, shelf, description)
