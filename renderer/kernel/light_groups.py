@@ -26,8 +26,8 @@ __all__ = [
     "gather_group",
     "group_of_environment",
     "group_of_light",
-    "group_of_media",
     "group_of_material",
+    "group_of_media",
     "group_of_sample",
     "scatter_group",
 ]
