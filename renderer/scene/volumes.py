@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -131,7 +131,7 @@ def _check(name: str, volume: Volume) -> None:
             )
 
 
-def _to_unit(name: str, volume: Volume) -> npt.NDArray[np.float64]:
+def _to_unit(name: str, volume: Volume) -> npt.NDArray[Any]:
     """Returns the 4x4 matrix from the world to the volume's unit cube."""
     place = np.asarray(volume.to_world, np.float64)
     if not np.isfinite(place).all() or abs(np.linalg.det(place[:3, :3])) < 1e-30:

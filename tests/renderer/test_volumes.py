@@ -49,7 +49,7 @@ def in_grid(material: Material, density: np.ndarray, **more: Any) -> Any:
     """Returns a scene with a slab of the material, whose density is the grid in the cube from -1 to 1, under a white sky."""
     volume = Volume(density, cube(), more.pop("emission", None), more.pop("emission_color", gray(1.0)))
     walls = (slab(2.2, 1.1), *more.pop("meshes", ()))
-    lifted = replace(walls[0], positions=walls[0].positions + np.float32((0.0, 0.0, 1.1)))
+    lifted = replace(walls[0], positions=walls[0].positions + np.array((0.0, 0.0, 1.1), np.float32))
     return described([replace(material, volume="grid")], (), (lifted, *walls[1:]), volumes={"grid": volume}, **more)
 
 
@@ -110,11 +110,14 @@ def _mean(sums: Any) -> tuple[np.ndarray, np.ndarray]:
 
 @pytest.mark.parametrize("sigma_s", [(2.0, 4.0, 9.0), (6.0, 0.0, 1.0)])
 def test_what_only_scatters_shows_the_sky_as_it_is(sigma_s: tuple[float, float, float]) -> None:
-    """A white heterogeneous medium is invisible in a furnace."""
+    """A white heterogeneous medium is invisible in a furnace.
+
+    Each path has the sum of the channels by itself, up to rare events of roulette, which the slack is for.
+    """
     scene = described([interface(sigma_s=sigma_s, g=0.3, volume="grid")], BALL, volumes={"grid": Volume(noise(), cube())})
-    assert_mean(film(scene, spp=256), 1.0, most_error=0.02, tests=2)
+    assert_mean(film(scene, spp=256), 1.0, slack=3e-4, tests=2)
     around = View((0.1, 0.2, 0.3), (0.0, 0.0, -1.0), fov=70.0)
-    assert_mean(film(scene, around, spp=256), 1.0, most_error=0.02, tests=2)
+    assert_mean(film(scene, around, spp=256), 1.0, slack=3e-4, tests=2)
 
 
 @pytest.mark.parametrize("sigma_a", [0.0, 0.7])
@@ -125,7 +128,7 @@ def test_what_a_grid_emits_is_its_integral(sigma_a: float) -> None:
     scene = in_grid(interface(sigma_a=gray(sigma_a)), even, emission=emission, emission_color=color, environment=BLACK_SKY)
     expected = through(emission)
     if sigma_a:
-        slices = [through(emission * _slice(emission, k)) for k in range(emission.shape[0])]
+        slices = np.array([through(emission * _slice(emission, k)) for k in range(emission.shape[0])])
         places = (np.arange(len(slices)) + 0.5) / len(slices) * 2 - 1
         expected = float((slices * np.exp(-sigma_a * (1 - places))).sum())
     assert_colors(
@@ -140,23 +143,23 @@ def _slice(values: np.ndarray, k: int) -> np.ndarray:
     return found
 
 
-def test_emission_is_brighter_with_scattering_around_it() -> None:
-    """A white medium around an emitting one in a black sky sends out all that is emitted: power is conserved."""
-    emission = np.zeros((8, 8, 8), np.float32)
-    emission[3:5, 3:5, 3:5] = 1.0
+def test_what_scatters_around_emission_keeps_its_power() -> None:
+    """A white ball that emits in its middle sends out all that is emitted, evenly: power is conserved."""
+    axis = (np.arange(24) + 0.5) / 12 - 1
+    radius = np.sqrt(axis[:, None, None] ** 2 + axis[:, None] ** 2 + axis**2)
+    emission, density = ((radius < most).astype(np.float32) for most in (0.4, 0.8))
     place = cube()
     seen = []
     for sigma_s in (0.0, 3.0):
         scene = described(
             [interface(sigma_s=gray(sigma_s), volume="grid")],
             (Sphere((0.0, 0.0, 0.0), 1.8, 0),),
-            volumes={"grid": Volume(np.ones_like(emission), place, emission)},
+            volumes={"grid": Volume(density, place, emission)},
             environment=BLACK_SKY,
         )
-        far = View((3.0, 4.0, 50.0), (0.0, 0.0, 0.0), projection="orthographic", height=4.0)
-        pictures = [film(scene, view, 512) for view in (far, replace(far, eye=(50.0, 1.0, 2.0)))]
-        seen.append(np.mean([np.asarray(mean(each, 24)).mean() for each in pictures]))
-    assert seen[1] == pytest.approx(seen[0], rel=0.08)  # nearly the same into all directions
+        far = View((3.0, 4.0, 50.0), (0.0, 0.0, 0.0), projection="orthographic", height=2.0)
+        seen.append(float(np.asarray(mean(film(scene, far, 1024), 24)).mean()))
+    assert seen[1] == pytest.approx(seen[0], rel=0.03)
 
 
 def test_the_bits_do_not_depend_on_the_division_into_batches() -> None:

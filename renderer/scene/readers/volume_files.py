@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +14,7 @@ from renderer.scene.description import F32
 from renderer.scene.volumes import MOST_VOXELS
 from renderer.sentences import Sentence
 
-__all__ = ["read_volume"]
+__all__ = ["read_volume", "vol_bounds"]
 
 _NPY, _VOL = b"\x93NUMPY", b"VOL"
 _VOL_HEADER = 48  # bytes
@@ -37,7 +38,17 @@ def read_volume(data: bytes, name: str) -> F32:
     )
 
 
-def _as_grid(values: npt.NDArray[np.generic]) -> F32:
+def vol_bounds(data: bytes) -> npt.NDArray[Any]:
+    """Returns the transform from the unit cube to the bounds that a .vol file states, (4, 4); the identity for other files."""
+    place = np.eye(4)
+    if data.startswith(_VOL) and len(data) >= _VOL_HEADER:
+        corners = np.array(struct.unpack_from("<6f", data, 24), np.float64).reshape(2, 3)
+        place[[0, 1, 2], [0, 1, 2]] = corners[1] - corners[0]
+        place[:3, 3] = corners[0]
+    return place
+
+
+def _as_grid(values: npt.NDArray[Any]) -> F32:
     with np.errstate(over="ignore"):
         return np.ascontiguousarray(values, np.float32)
 
@@ -59,7 +70,7 @@ def _check_size(count: int, name: str) -> None:
         )
 
 
-def _read_npy(data: bytes, name: str) -> npt.NDArray[np.generic]:
+def _read_npy(data: bytes, name: str) -> npt.NDArray[Any]:
     stream = io.BytesIO(data)
     try:
         version = np.lib.format.read_magic(stream)
@@ -85,7 +96,7 @@ def _read_npy(data: bytes, name: str) -> npt.NDArray[np.generic]:
     return values.reshape(shape, order="F" if is_fortran else "C")
 
 
-def _read_vol(data: bytes, name: str) -> npt.NDArray[np.generic]:
+def _read_vol(data: bytes, name: str) -> npt.NDArray[Any]:
     if len(data) < _VOL_HEADER:
         raise _damaged(name)
     version, (encoding, nx, ny, nz, channels) = data[3], struct.unpack_from("<5i", data, 4)
@@ -105,5 +116,5 @@ def _read_vol(data: bytes, name: str) -> npt.NDArray[np.generic]:
     _check_size(count, name)
     if len(data) - _VOL_HEADER != count * dtype.itemsize:
         raise _damaged(name)
-    values: npt.NDArray[np.generic] = np.frombuffer(data, dtype, count, _VOL_HEADER).reshape(nz, ny, nx)
+    values: npt.NDArray[Any] = np.frombuffer(data, dtype, count, _VOL_HEADER).reshape(nz, ny, nx)
     return values / np.float32(255) if encoding == 3 else values
