@@ -197,7 +197,7 @@ class Media:
         place = source.matrix()
         if has_bounds:
             place = product(place, vol_bounds(data))
-        self._volumes[name := f"{found} {len(self._volumes)}"] = Volume(density, place)
+        self._volumes[name := f"grid {len(self._volumes)}"] = Volume(density, place)
         return name
 
     def _color(self, source: Element, name: str) -> Vec3 | None:

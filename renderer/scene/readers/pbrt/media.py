@@ -55,8 +55,8 @@ class Media:
             self._named[name] = self._homogeneous(source)
             return
         if kind == "uniformgrid" and (volume := self._grid(source, place)) is not None:
-            self._volumes[name] = volume
-            self._named[name] = replace(self._homogeneous(source), volume=name)
+            self._volumes[grid := f"grid {len(self._volumes)}"] = volume
+            self._named[name] = replace(self._homogeneous(source), volume=grid)
             return
         source.used.update(source.values)
         self._named[name] = NOTHING
