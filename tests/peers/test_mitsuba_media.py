@@ -65,7 +65,7 @@ BUMPS = """<shape type="rectangle"><bsdf type="bumpmap"><texture type="bitmap"><
 <boolean name="raw" value="true"/></texture><float name="scale" value="0.15"/><ref id="white"/></bsdf></shape>"""
 PLUME = """<medium type="heterogeneous" id="plume"><volume type="gridvolume" name="sigma_t">
 <string name="filename" value="plume.vol"/><transform name="to_world"><translate x="-0.5" y="-0.5" z="-0.5"/>
-<scale value="2.4 1.6 2"/><rotate y="1" angle="20"/><translate y="0.3"/></transform></volume>
+<scale value="2.4 1.6 2"/><translate y="0.3"/></transform></volume>
 <rgb name="albedo" value="0.95 0.8 0.6"/><float name="scale" value="12"/>
 <phase type="hg"><float name="g" value="0.4"/></phase></medium>"""
 MATT = '<ref id="white"/>'
