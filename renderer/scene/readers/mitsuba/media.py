@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import PurePosixPath
 
 from renderer.errors import SceneError
 from renderer.scene.description import Material, Medium, SceneDescription, Vec3, Volume
@@ -175,7 +176,12 @@ class Media:
         has_bounds = source.boolean("use_grid_bbox", False)
         if found is None:
             self._document.ignore(
-                Sentence("mitsuba-volume-missing", "{what}: its file is not among the files", what=source.description)
+                Sentence(
+                    "mitsuba-file-missing",
+                    "{file}: {name} is not among the files; add it",
+                    file=source.file,
+                    name=PurePosixPath(wanted).name[:120] or source.description,
+                )
             )
             return ""
         for key in ("raw", "accel"):
