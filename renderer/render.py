@@ -323,6 +323,8 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
     """Returns the name of the kernel variant that renders the scene with these settings."""
     if settings.integrator in ("whitted", "ao") or settings.sampling != "mis":  # which do not aim
         scene = scene._replace(target=scene.target[:0])
+    if settings.integrator in ("whitted", "ao"):
+        scene = scene._replace(pivot=scene.pivot[:0], volume=scene.volume[:0])
     if settings.integrator == "ao":  # which has no lights
         scene = scene._replace(object_links=scene.object_links[:0])
     variant = variant_of(scene, len(settings.views) > 0)

@@ -18,6 +18,7 @@ _LAYERS = rows.DISPERSIVE | rows.ABSORBING | rows.BECKMANN
 _NOTHING: Any = None  # replaces an array of a feature that the variant lacks
 _LINKS = ("light_link", "object_links")
 _MEDIA = ("medium", "material_medium")
+_GRIDS = ("volume", "volume_grid", "voxel", "majorant")
 _KEYS = ("key_position", "key_normal", "key_sphere", "key_punctual", "key_emission_frame", "key_texture")
 _PART_OF = {kind.number: kind.part for kind in rows.KINDS}
 
@@ -39,6 +40,8 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "media": "media" in parts or bool(flags & rows.SCATTERS_WITHIN) or len(scene.medium) > 1 or bool(scene.medium.any()),
         "targets": len(scene.target) > 0,
         "links": len(scene.object_links) > 0,
+        "pivots": len(scene.pivot) > 0,
+        "grids": len(scene.volume) > 0,
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
@@ -60,6 +63,10 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
     elif len(scene.light_link) == 0:  # a kernel looks up light 0 and object 0 where there is none
         objects = scene.object_links if len(scene.object_links) else _filled(1, 1)
         scene = scene._replace(light_link=_filled(max(len(scene.light_primitive), 1), 0), object_links=objects)
+    if has.grids is None:
+        scene = scene._replace(**dict.fromkeys(_GRIDS, _NOTHING))
+    if has.pivots is None:
+        scene = scene._replace(pivot=_NOTHING)
     if has.media is None:
         scene = scene._replace(**dict.fromkeys(_MEDIA, _NOTHING))
     if has.motion is None:

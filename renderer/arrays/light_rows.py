@@ -23,6 +23,10 @@ __all__ = [
     "NEAR",
     "NO_END",
     "PARALLELOGRAM",
+    "PIVOT_CDF",
+    "PIVOT_CENTER",
+    "PIVOT_COLUMNS",
+    "PIVOT_RADIUS",
     "PLACE",
     "RADIUS",
     "RECIPROCAL",
@@ -65,3 +69,9 @@ TARGET_RADIUS = 3
 TARGET_GUARD = 4  # three columns: the centre of the second sphere
 TARGET_GUARD2 = 7  # its squared radius
 TARGET_STRENGTH = 8  # relative, above 0: how often the target is chosen, before distance is taken into account
+
+# Columns of a pivot's row: a small lamp towards which distances in media are sampled.
+PIVOT_COLUMNS = 5
+PIVOT_CENTER = 0  # three columns
+PIVOT_RADIUS = 3
+PIVOT_CDF = 4  # probability of this lamp and of those before it; 1 in the last row

@@ -158,5 +158,13 @@ TRANSPARENT = MASKED | BLENDED
 SIGMA_A = 0  # three, per unit length
 SIGMA_S = 3
 PHASE_G = 6
+MEDIUM_VOLUME = 7  # number of the volume whose density multiplies the coefficients, plus 1; 0: homogeneous
 MEDIUM_COLUMNS = 8
 MOST_MEDIA = 1024  # one more than the number of media: a path stores three in a word (renderer/kernel/medium/medium_stack.py)
+
+# Columns of `volume`, float32: rows of the 3x4 matrix from the world to the volume, which extends from 0 to 1 on each axis, then
+VOLUME_EMISSION = 12  # the colour of its emission, three: radiance per unit length where the grid is 1
+VOLUME_COLUMNS = 15
+# Columns of `volume_grid`, int32: number of voxels along x, y, z; first number of the density and of the emission (-1: none) in
+# `voxel`; number of cells along x, y, z, and the first cell in `majorant`.
+VOLUME_GRID_COLUMNS = 9

@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH, PARALLELOGRAM, TARGET_COLUMNS
+from renderer.arrays.light_rows import CHILD, LIGHT_ROWS, LIGHT_WIDTH, PARALLELOGRAM, PIVOT_COLUMNS, TARGET_COLUMNS
 from renderer.arrays.rows import (
     ABOVE,
     COLUMNS,
     ENCODING,
     LINEAR_16,
     MEDIUM_COLUMNS,
+    MEDIUM_VOLUME,
     MOST_MEDIA,
     PART_MATERIAL,
     PART_OBJECT,
@@ -27,6 +28,8 @@ from renderer.arrays.rows import (
     TEXTURE_COLUMNS,
     TEXTURED,
     TRANSFORM_COLUMNS,
+    VOLUME_COLUMNS,
+    VOLUME_GRID_COLUMNS,
 )
 from renderer.arrays.scene_features import EVERYTHING, SceneFeatures
 from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NEVER, NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
@@ -73,6 +76,12 @@ class CompiledScene(NamedTuple):
     medium: Array  # (m, MEDIUM_COLUMNS) f32: the media, the world's first
     material_medium: Array  # (M,) i32: the row of its interior's medium; -1 for surfaces without interior
 
+    # Grids of heterogeneous media (renderer/arrays/rows.py)
+    volume: Array  # (v, VOLUME_COLUMNS) f32
+    volume_grid: Array  # (v, VOLUME_GRID_COLUMNS) i32
+    voxel: Array  # (x,) f32: values of all grids, x the fastest axis, z the slowest
+    majorant: Array  # (y, 2) f32, a row for each cell: upper bound of its density; coefficient for emission, 0 where it has none
+
     # (X, 10) i32: first texel, width, height, wrap s, wrap t (0 repeat 1 mirror 2 clamp), encoding, UV set, the row of the layer
     # above (-1: none), the operation by which it is a layer itself
     texture: Array
@@ -86,6 +95,7 @@ class CompiledScene(NamedTuple):
     light_parallelogram: Array  # (L, PARALLELOGRAM) f32 (renderer/arrays/light_rows.py), or no rows if no light is one
     guide: Array  # (G,) i32: target primitives of `sampling: mixture`
     target: Array  # (a, TARGET_COLUMNS) f32 (renderer/arrays/light_rows.py): the bodies at which paths aim
+    pivot: Array  # (p, PIVOT_COLUMNS) f32 (renderer/arrays/light_rows.py): small lamps, if media scatter light
     sun: Array  # (U,) i32: the lights that are suns, which rays hit
     punctual_kind: Array  # (K,) i32: renderer.kernel.light.punctual's POINT, SPOT, DIRECTIONAL, SUN
     punctual: Array  # (K, 12) f32: renderer/scene/punctual.py
@@ -166,6 +176,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "material_texture": ("<i4", ("M", SLOTS)),
     "medium": ("<f4", ("m", MEDIUM_COLUMNS)),
     "material_medium": ("<i4", ("M",)),
+    "volume": ("<f4", ("v", VOLUME_COLUMNS)),
+    "volume_grid": ("<i4", ("v", VOLUME_GRID_COLUMNS)),
     "texture": ("<i4", ("X", TEXTURE_COLUMNS)),
     "texture_transform": ("<f4", ("X", TRANSFORM_COLUMNS)),
     "light_primitive": ("<i4", ("L",)),
@@ -175,6 +187,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "light_parallelogram": ("<f4", ("L?", PARALLELOGRAM)),
     "guide": ("<i4", ("G",)),
     "target": ("<f4", ("a", TARGET_COLUMNS)),
+    "pivot": ("<f4", ("p", PIVOT_COLUMNS)),
     "sun": ("<i4", ("U",)),
     "punctual_kind": ("<i4", ("K",)),
     "punctual": ("<f4", ("K", 12)),
@@ -205,6 +218,8 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "light_link": ("<i4", ("L?",)),
     "object_links": ("<i4", ("o",)),
     "emission": ("<f4", ("e", 3)),
+    "voxel": ("<f4", ("x",)),
+    "majorant": ("<f4", ("y", 2)),
     "texel": ("|u1", ("Q", 4)),
     "group_name": ("|u1", ("g",)),
 }
@@ -327,6 +342,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         maps.min() >= 0 and maps[:, 1:3].min() > 0 and (maps[:, 0] + maps[:, 1] * maps[:, 2]).max() <= lengths["e"]
     ):
         raise SceneError("a light's map exceeds its texels")
+    _check_volumes(arrays, lengths)
     for name in ("emission_frame", "key_emission_frame"):
         _check_range(f"{name}'s map", arrays[name][:, 3].astype(np.int64), -1, lengths["E"])
     above = texture[:, ABOVE]
@@ -349,6 +365,25 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     numbers = arrays["bvh.packet"][:, PACKET_ROWS - 1].view("<i4")[~np.isnan(arrays["bvh.packet"][:, 0])]
     if numbers.size and not 0 <= int(numbers.min()) <= int(numbers.max()) < primitives:
         raise SceneError("the BVH refers to a missing primitive")
+
+
+def _check_volumes(arrays: dict[str, Array], lengths: dict[str, int]) -> None:
+    """Raises SceneError if a volume's grids exceed the voxels or cells, or a medium has a volume that is missing."""
+    number = arrays["medium"][:, MEDIUM_VOLUME]
+    if not ((number >= 0) & (number <= lengths["v"]) & (number == np.floor(number))).all():
+        raise SceneError("a medium refers to a missing volume")
+    grid = arrays["volume_grid"].astype(np.int64)
+    if not len(grid):
+        return
+    count, cells = grid[:, 0] * grid[:, 1] * grid[:, 2], grid[:, 5] * grid[:, 6] * grid[:, 7]
+    first = grid[:, 3:5]
+    if not (
+        grid[:, [0, 1, 2, 5, 6, 7]].min() > 0
+        and grid[:, [3, 8]].min() >= 0
+        and (first + count[:, None]).max() <= lengths["x"]
+        and (grid[:, 8] + cells).max() <= lengths["y"]
+    ):
+        raise SceneError("a volume exceeds its voxels or cells")
 
 
 def _check_motion(arrays: dict[str, Array], lengths: dict[str, int]) -> None:

@@ -27,6 +27,7 @@ __all__ = [
     "group_of_environment",
     "group_of_light",
     "group_of_material",
+    "group_of_media",
     "group_of_sample",
     "scatter_group",
 ]
@@ -78,6 +79,12 @@ def group_of_environment(scene, like):
     """Returns the number of the planes of the environment. like: a float or lanes, which determine the type."""
     group = u32(lookup(scene.environment_group, _ENVIRONMENT))
     return as_wide(u32(lookup(scene.group_plane, group)), like)
+
+
+@device
+def group_of_media(scene):
+    """Returns the number of the planes of media that emit, which are in no group."""
+    return u32(lookup(scene.group_plane, _FIRST))
 
 
 @device

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from renderer.arrays.light_rows import PIVOT_COLUMNS
 from renderer.arrays.rows import LAMP, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES, SHADELESS, UNSEEN
 from renderer.arrays.scene import CompiledScene, seal
 from renderer.bvh.ray_masks import exclude_primitives
@@ -34,11 +35,13 @@ from renderer.scene.light_links import tabulate_links
 from renderer.scene.lights import emitters_with_area, list_lights
 from renderer.scene.object_ids import number_objects
 from renderer.scene.origin import origin_of, relative_to_origin
+from renderer.scene.pivots import list_pivots
 from renderer.scene.placed_bodies import PlacedGeometry, place_geometry
 from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.scene_bvh import build_scene_bvh
 from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
 from renderer.scene.targets import list_targets
+from renderer.scene.volumes import tabulate_volumes
 from renderer.sentences import Sentence
 from renderer.settings import View
 from renderer.threads import Team
@@ -82,6 +85,7 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
     geometry = joined.geometry
     say(Sentence("progress-packing-textures", "packing textures"), 0.25)
     packed = stood.packed
+    volumes = tabulate_volumes(description)
     say(Sentence("progress-listing-lights", "listing lights"), 0.4)
     maps = maps_of(description.lights)
     emission = shot_cache.get_or_make("emission", lambda: maps, lambda: tabulate_emission(maps))
@@ -146,6 +150,10 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
         material_texture=packed.material_texture,
         medium=packed.medium,
         material_medium=packed.material_medium,
+        volume=volumes.volume,
+        volume_grid=volumes.volume_grid,
+        voxel=volumes.voxel,
+        majorant=volumes.majorant,
         texture=packed.texture,
         texture_transform=packed.texture_transform,
         texel=packed.texel,
@@ -162,6 +170,7 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
             len(geometry.triangle),
         ),
         target=list_targets(description, packed, lights.power + environment_power(environment, subject)),
+        pivot=np.zeros((0, PIVOT_COLUMNS), np.float32),
         sun=_suns(lights.primitive, punctual.kind, len(joined.triangle) + len(sphere)),
         punctual_kind=punctual.kind,
         punctual=punctual.row,
@@ -187,6 +196,7 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
         object_links=links.object,
         origin=origin,
     )
+    arrays = arrays._replace(pivot=list_pivots(arrays))
     shot_cache.lights_power = lights.power
     shot_cache.cuts = _part_offsets(stood, laid, (environment, search), emission)
     scene = seal(arrays, _rows_to_check(stood, laid, arrays, shot_cache))

@@ -192,6 +192,7 @@ def _slices(arrays: dict[str, Array], cuts: PartOffsets) -> dict[str, dict[str, 
     parts["lights of triangles"] = {"triangle_light": arrays["triangle_light"]}
     parts["materials"] = {n: arrays[n] for n in _MATERIALS}
     parts["textures"] = {"texel": arrays["texel"]}
+    parts["volumes"] = {n: arrays[n] for n in ("voxel", "majorant")}
     parts["emission"] = {"emission": arrays["emission"]}
     parts["environment"] = {n: arrays[n] for n in _ENVIRONMENT}
     elsewhere = {n for part in parts.values() for n in part}

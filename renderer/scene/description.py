@@ -44,6 +44,7 @@ __all__ = [
     "Texture",
     "TextureLayer",
     "UvTransform",
+    "Volume",
     "Wrap",
 ]
 
@@ -260,6 +261,21 @@ class Environment:
 
 
 @dataclass
+class Volume:
+    """A density grid that multiplies the coefficients of the media that name it, and a grid of what it emits. Outside it is 0.
+
+    density, emission: (nz, ny, nx) float32, from 0, with the values at the voxels' centres; in between they are interpolated
+    linearly, and constant beyond the outermost centres. emission_color: radiance per scene unit where the emission grid is 1.
+    to_world: of the volume, which extends from 0 to 1 along each axis.
+    """
+
+    density: F32
+    to_world: npt.NDArray[np.float64]  # (4, 4)
+    emission: F32 | None = None
+    emission_color: Vec3 = (1.0, 1.0, 1.0)
+
+
+@dataclass
 class Medium:
     """The medium that fills the world outside all objects: fog, haze, water. The insides of objects are given by their materials.
 
@@ -270,6 +286,7 @@ class Medium:
     sigma_a: Vec3 = (0.0, 0.0, 0.0)
     sigma_s: Vec3 = (0.0, 0.0, 0.0)
     g: float = 0.0
+    volume: str = ""  # the name of its density; empty if it is the same everywhere
 
 
 @dataclass
@@ -308,6 +325,7 @@ class SceneDescription:
     environment: Environment | None = None
     environment_group: str = ""  # the light group of the environment, also of one that replaces it
     light_links: dict[str, LightLink] = field(default_factory=dict)  # by name; lights and materials refer to them
+    volumes: dict[str, Volume] = field(default_factory=dict)  # by name: the densities of media
     medium: Medium | None = None  # of the world; the camera is in it unless inside an object
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)

@@ -175,6 +175,8 @@ class Material:
     """What the inside scatters, per scene unit."""
     g: float = number(0.0, None, -MOST_FORWARD, MOST_FORWARD, _BOUNDS)
     """The mean cosine by which the inside scatters: Henyey-Greenstein's; 0 evenly, above 0 onwards, below 0 back."""
+    volume: str = name_parameter(_BOUNDS)
+    """The name of a volume whose density multiplies sigma_a and sigma_s."""
     dispersion: float = number(0.0, rows.DISPERSION, high=20.0, kinds=_REFRACTS, gltf=_DISPERSION + "dispersion")
     """20 / Abbe number."""
     anisotropy: float = number(0.0, rows.ANISOTROPY, kinds=_BRUSHED, gltf=_BRUSH + "anisotropyStrength", mtl="aniso")

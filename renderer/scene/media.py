@@ -10,6 +10,7 @@ from renderer.arrays import rows
 from renderer.errors import SceneError
 from renderer.scene.description import F32, I32, Medium, SceneDescription
 from renderer.scene.material import MOST_DENSE, MOST_FORWARD, Material
+from renderer.scene.volumes import volume_numbers
 from renderer.sentences import Sentence
 
 __all__ = ["Media", "absorption", "list_media"]
@@ -34,15 +35,19 @@ def list_media(description: SceneDescription) -> Media:
     own[:, rows.SIGMA_A : rows.SIGMA_A + 3] = absorption(materials)
     own[:, rows.SIGMA_S : rows.SIGMA_S + 3] = np.array([m.sigma_s for m in materials]).reshape(-1, 3)
     own[:, rows.PHASE_G] = [m.g for m in materials]
+    volumes = volume_numbers(description)
+    own[:, rows.MEDIUM_VOLUME] = [volumes[m.volume] + 1 if m.volume else 0 for m in materials]
     world = np.zeros((1, rows.MEDIUM_COLUMNS), np.float32)
     around = description.medium
     if around is not None:
         _check(around)
         world[0, :7] = (*around.sigma_a, *around.sigma_s, around.g)
+        world[0, rows.MEDIUM_VOLUME] = volumes[around.volume] + 1 if around.volume else 0
     inside = np.array([_has_inside(m) for m in materials], bool)
     scatters = own[:, rows.SIGMA_S : rows.SIGMA_S + 3].any(axis=1)
     fills = np.array([m.kind == "interface" for m in materials], bool) & own[:, :6].any(axis=1)
-    if not world[0, :6].any() and not (inside & (scatters | fills)).any():
+    scatters |= own[:, rows.MEDIUM_VOLUME] > 0
+    if not (world[0, :6].any() or world[0, rows.MEDIUM_VOLUME]) and not (inside & (scatters | fills)).any():
         return Media(np.zeros_like(world), np.full(len(materials), -1, np.int32))
     known = {_key(world[0]): 0}
     found = [world[0]]
@@ -105,7 +110,8 @@ def _key(row: np.ndarray) -> bytes:
 
     row: of the media table.
     """
-    return (row if row[rows.SIGMA_S : rows.SIGMA_S + 3].any() else row[: rows.SIGMA_S]).tobytes()
+    volume = row[rows.MEDIUM_VOLUME :].tobytes()
+    return (row if row[rows.SIGMA_S : rows.SIGMA_S + 3].any() else row[: rows.SIGMA_S]).tobytes() + volume
 
 
 def _has_inside(m: Material) -> bool:
@@ -114,5 +120,5 @@ def _has_inside(m: Material) -> bool:
         return True
     if m.thin or m.kind not in ("glass", "metallic_roughness"):
         return False
-    filled = any(m.sigma_s) or any(m.sigma_a)
-    return m.kind == "glass" or m.transmission > 0 or (m.diffuse_transmission > 0 and filled)
+    filled = any(m.sigma_s) or any(m.sigma_a) or m.volume
+    return m.kind == "glass" or m.transmission > 0 or (m.diffuse_transmission > 0 and bool(filled))

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.description import F32, Instance, Light, SceneDescription, Sphere
+from renderer.scene.description import F32, Instance, Light, SceneDescription, Sphere, Volume
 from renderer.scene.frame_reuse import ShotCache
 from renderer.settings import RenderSettings, Vec3, View
 
@@ -148,6 +148,7 @@ def relative_to_origin(description: SceneDescription, origin: F64, shot_cache: S
         instances=[_instance(each, origin, offsets.get(each.mesh, _WORLD)) for each in description.instances],
         spheres=[_sphere(each, origin) for each in description.spheres],
         lights=[_light(each, origin) for each in description.lights],
+        volumes={name: _volume(each, origin) for name, each in description.volumes.items()},
         subject=None if description.subject is None else description.subject - origin,
     )
 
@@ -166,6 +167,12 @@ def _moved_transform(transform: F64, origin: F64, offset: F64) -> F64:
 def _sphere(sphere: Sphere, origin: F64) -> Sphere:
     keys = tuple((_moved_point(center, origin), radius) for center, radius in sphere.keys)
     return replace(sphere, center=_moved_point(sphere.center, origin), keys=keys)
+
+
+def _volume(volume: Volume, origin: F64) -> Volume:
+    place = np.array(volume.to_world, np.float64)
+    place[:3, 3] -= origin
+    return replace(volume, to_world=place)
 
 
 def _light(light: Light, origin: F64) -> Light:

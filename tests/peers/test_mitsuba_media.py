@@ -1,4 +1,4 @@
-"""Tests of Mitsuba's media and bump maps: our picture of a file against that of Mitsuba's `volpath`.
+"""Tests of Mitsuba's media and bump maps: our picture of a file against that of Mitsuba's `volpath`, or `volpathmis` for grids.
 
 Both pictures are noisy: each block mean has a standard error, estimated from batches, and differences must be explained by it.
 """
@@ -63,6 +63,11 @@ def cube(inside: str, size: str = "1.6 0.9 1.2") -> str:
 
 BUMPS = """<shape type="rectangle"><bsdf type="bumpmap"><texture type="bitmap"><string name="filename" value="waves.png"/>
 <boolean name="raw" value="true"/></texture><float name="scale" value="0.15"/><ref id="white"/></bsdf></shape>"""
+PLUME = """<medium type="heterogeneous" id="plume"><volume type="gridvolume" name="sigma_t">
+<string name="filename" value="plume.vol"/><transform name="to_world"><translate x="-0.5" y="-0.5" z="-0.5"/>
+<scale value="2.4 1.6 2"/><translate y="0.3"/></transform></volume>
+<rgb name="albedo" value="0.95 0.8 0.6"/><float name="scale" value="12"/>
+<phase type="hg"><float name="g" value="0.4"/></phase></medium>"""
 MATT = '<ref id="white"/>'
 SCENES = {
     "fog in a box with a lamp and a ball": cube(NULL + medium("fog")) + ball(MATT, 0.4) + LAMP,
@@ -72,6 +77,8 @@ SCENES = {
     "a glass ball in fog": cube(NULL + medium("fog")) + ball(GLASS + medium("fog", "exterior"), 0.4) + LAMP,
     "smoke in fog": cube(NULL + medium("fog")) + ball(NULL + medium("smoke") + medium("fog", "exterior"), 0.4) + SUN,
     "bumps": BUMPS + SUN,
+    "a plume": PLUME + cube(NULL + medium("plume"), "1.5 0.86 1.4") + LAMP,
+    "a plume about a ball, in the sun": PLUME + cube(NULL + medium("plume"), "1.5 0.86 1.4") + ball(MATT, 0.35) + SUN,
 }
 
 
@@ -90,7 +97,11 @@ def test_the_picture_of_volpath(name: str, tmp_path: Path) -> None:
     wave = 0.5 + 0.5 * np.sin(np.arange(64) / 64 * 4 * np.pi)
     Image.fromarray(np.rint(255 * np.outer(wave, np.roll(wave, 16)))).convert("L").save(tmp_path / "waves.png")
     sensor = '<ref id="fog"/>' if name == "fog around the sensor" else ""
-    (tmp_path / "scene.xml").write_text(HEAD.replace("SENSOR", sensor) + SCENES[name] + "</scene>")
+    grid_values = np.maximum(np.random.default_rng(2).random((9, 7, 11), np.float32) - 0.5, 0)
+    mi.VolumeGrid(grid_values[..., None]).write(str(tmp_path / "plume.vol"))
+    integrator = '"volpathmis"' if "plume" in name else '"volpath"'
+    head = HEAD.replace("SENSOR", sensor).replace('"volpath"', integrator)
+    (tmp_path / "scene.xml").write_text(head + SCENES[name] + "</scene>")
     described = read(tmp_path, "scene.xml")
     assert described.warnings == []
     scene = mi.load_file(str(tmp_path / "scene.xml"))

@@ -17,7 +17,7 @@ from renderer.settings import RenderSettings, View
 from tests.grids import grid
 from tests.renderer.builders import box, gray, square
 from tests.renderer.half_space import reflectance
-from tests.renderer.judge import assert_mean, limit
+from tests.renderer.judge import assert_mean, limit, mean_and_error
 
 AHEAD = View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), fov=20.0)
 # A view 1 mm wide, so that all rays are nearly the same.
@@ -264,3 +264,20 @@ def test_integrators_without_media_ignore_them(integrator: str) -> None:
     kinds = interface(sigma_s=gray(2.0)), interface()
     fog, nothing = (described([kind, Material(base_color=gray(0.5))], BALL, (floor,)) for kind in kinds)
     assert np.array_equal(film(fog, spp=4, integrator=integrator)[COLOR], film(nothing, spp=4, integrator=integrator)[COLOR])
+
+
+@pytest.mark.parametrize("thickness", [0.1, 0.6])
+def test_distances_by_the_angle_at_a_lamp_give_the_same_picture_with_less_noise(thickness: float) -> None:
+    """A lamp in fog: with and without equiangular sampling the means agree, and in thin fog its variance is lower."""
+    floor = square((0, -1, 0), (6, 0, 0), (0, 0, -6), 1)
+    lamp = Material(base_color=gray(0.0), emission=gray(60.0))
+    world = Medium(sigma_s=(0.5 * thickness, thickness, thickness), sigma_a=gray(0.1 * thickness), g=0.3)
+    scene = described(
+        [lamp, Material(base_color=gray(0.5))], (Sphere((0.0, 1.3, 0.0), 0.1, 0),), (floor,), medium=world, environment=BLACK_SKY
+    )
+    assert len(scene.pivot) == 1
+    with_it, without = film(scene, spp=512), film(scene._replace(pivot=scene.pivot[:0]), spp=512)
+    (a, of_a), (b, of_b) = mean_and_error(with_it), mean_and_error(without)
+    assert max(of_a / a, of_b / b) < 0.02
+    assert abs(a - b) <= 3 * np.hypot(of_a, of_b)
+    assert thickness > 0.5 or of_a < 0.6 * of_b

@@ -12,7 +12,7 @@ from renderer.jit import device
 from renderer.kernel.fetch import row
 from renderer.wide.values import lookup, u32, where
 
-__all__ = ["NO_MEDIUM", "beneath", "coefficients", "crossed", "entered", "holds", "left"]
+__all__ = ["NO_MEDIUM", "beneath", "coefficients", "crossed", "entered", "holds", "innermost", "left"]
 
 _DIGITS = np.uint32(MOST_MEDIA.bit_length() - 1)
 _TWICE = np.uint32(2 * _DIGITS)
@@ -68,6 +68,12 @@ def crossed(scene, medium_stack, material, front):
     inside = u32(lookup(scene.material_medium, material))
     beyond = where(front, entered(medium_stack, inside), left(medium_stack, inside))
     return where(inside == NO_MEDIUM, medium_stack, beyond)
+
+
+@device
+def innermost(medium_stack):
+    """Returns the row of the innermost medium."""
+    return u32(medium_stack & _ONE)
 
 
 @device

@@ -18,6 +18,7 @@ from renderer.wide.values import any_of, as_wide, where, where3, zero_like
 __all__ = [
     "Emission",
     "add_light",
+    "add_medium_light",
     "brought_light",
     "clamp_indirect",
     "emitted_by_environment",
@@ -117,3 +118,13 @@ def add_light(path, light, mask, options):
     """Returns the path with `light`, which its ray hits, added where `mask` is True; see `brought_light`."""
     brought = brought_light(path, light, options)
     return with_radiance(path, where3(mask, vec.add(path.radiance, brought), path.radiance))
+
+
+@device
+def add_medium_light(path, emitted, options):
+    """Returns (the path with the light that its medium emits on a flight added, that light).
+
+    emitted: from a MediumEvent. No light sample finds it, so it has no MIS weight.
+    """
+    light = clamp_indirect(emitted, path.depth + _ONE, options.clamp)
+    return with_radiance(path, vec.add(path.radiance, light)), light

@@ -15,7 +15,7 @@ def fill_world(description: SceneDescription, found: Medium) -> None:
 
     Does nothing if the camera is inside a shape filled with that medium. found: the medium around the first camera.
     """
-    if not any((*found.sigma_a, *found.sigma_s)):
+    if not any((*found.sigma_a, *found.sigma_s, found.volume)):
         return
     if description.cameras and _is_within(description, found, np.array(description.cameras[0].view.eye, np.float64)):
         return
@@ -42,4 +42,4 @@ def _is_within(description: SceneDescription, found: Medium, eye: np.ndarray) ->
 
 
 def _is_of(material: Material, found: Medium) -> bool:
-    return (material.sigma_a, material.sigma_s, material.g) == (found.sigma_a, found.sigma_s, found.g)
+    return Medium(material.sigma_a, material.sigma_s, material.g, material.volume) == found

@@ -41,7 +41,7 @@ def medium(sigma_a: Iterable[float], sigma_s: Iterable[float], g: float = 0.0, s
 
 def interior_fields(found: Medium) -> dict[str, Any]:
     """Returns the fields that fill a material's interior with a medium."""
-    return {"sigma_a": found.sigma_a, "sigma_s": found.sigma_s, "g": found.g}
+    return {"sigma_a": found.sigma_a, "sigma_s": found.sigma_s, "g": found.g, "volume": found.volume}
 
 
 def attenuating_medium(color: Vec3, depth: float, scatter: Vec3, g: float) -> Medium:

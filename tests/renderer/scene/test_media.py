@@ -11,7 +11,7 @@ from renderer.arrays import rows
 from renderer.arrays.kernel_variant import variant_of
 from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Environment, Material, Medium, SceneDescription, Sphere
+from renderer.scene.description import Environment, Light, Material, Medium, SceneDescription, Sphere
 from renderer.scene.material_packing import pack
 from renderer.scene.media import list_media
 
@@ -127,3 +127,26 @@ def test_interface_rejects_surface_fields(scene, field: str) -> None:
 def test_medium_errors_name_the_line(scene, wrong) -> None:
     with pytest.raises(SceneError, match=r"s\.yaml, line 1"):
         scene("s.yaml", json.dumps({"medium": wrong, "shapes": [{"type": "quad"}]}))
+
+
+LAMP = Material(base_color=(0.0, 0.0, 0.0), emission=(9.0, 9.0, 9.0))
+THIN, WHITE = Medium(sigma_s=(0.1, 0.1, 0.1)), Material()
+LAMPS = {
+    "a point and a ball": (THIN, 0.1, [Light("point", (5.0, 5.0, 5.0), (0.0, 2.0, 0.0))], 2),
+    "a sun": (THIN, 0.1, [Light("directional", (5.0, 5.0, 5.0), direction=(0.0, -1.0, 0.0))], 1),
+    "a large ball": (THIN, 4.0, [], 0),
+    "a medium that absorbs": (Medium(sigma_a=(0.1, 0.1, 0.1)), 0.1, [], 0),
+    "no medium": (None, 0.1, [], 0),
+}
+
+
+@pytest.mark.parametrize("name", LAMPS)
+def test_small_lamps_are_listed_where_media_scatter(name: str) -> None:
+    medium, radius, lights, expected = LAMPS[name]
+    spheres = [Sphere((3.0, 0.0, 0.0), radius, 0), Sphere((-9.0, 0.0, 0.0), 2.0, 1)]
+    compiled = compile_scene(SceneDescription(materials=[LAMP, WHITE], medium=medium, spheres=spheres, lights=lights))
+    assert len(compiled.pivot) == expected
+    assert (variant_of(compiled) == "lit-media") == (expected > 0)
+    if expected:
+        assert compiled.pivot[-1, 4] == 1
+        assert (np.diff(compiled.pivot[:, 4]) > 0).all()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import struct
 from pathlib import Path
 
 import numpy as np
@@ -166,3 +167,28 @@ def test_bump_map_slopes(tmp_path: Path) -> None:
     assert pixels[0] / pixels[2] * made.normal_scale == pytest.approx(-0.5 * 2 / 255 * 64 / 2, rel=0.02)
     assert found.materials[found.meshes[found.instances[1].mesh].material].normal_scale < made.normal_scale
     assert not named(found, "bumpmap|scale")
+
+
+GRID = np.arange(24, dtype=np.float32).reshape(4, 3, 2)
+HETEROGENEOUS = """<medium type="heterogeneous" name="interior"><volume type="gridvolume" name="sigma_t">
+<string name="filename" value="grid.vol"/><boolean name="use_grid_bbox" value="true"/>
+<transform name="to_world"><translate y="1"/></transform></volume>
+<rgb name="albedo" value="0.5 0.8 0.25"/><float name="scale" value="3"/></medium>"""
+
+
+def test_a_gridvolume_is_the_density_of_its_medium(tmp_path: Path) -> None:
+    header = b"VOL\x03" + struct.pack("<5i6f", 1, 2, 3, 4, 1, -1, -2, -3, 1, 2, 3)
+    (tmp_path / "grid.vol").write_bytes(header + GRID.tobytes())
+    found = scene_of(tmp_path, BALL.format(NULL + HETEROGENEOUS))
+    assert not named(found, "medium|volume|property")
+    made, held = of(found)
+    assert close(held, Medium((1.5, 0.6, 2.25), (1.5, 2.4, 0.75)))
+    volume = found.volumes[made.volume]
+    np.testing.assert_array_equal(volume.density, GRID)
+    np.testing.assert_allclose(volume.to_world, [[2, 0, 0, -1], [0, 4, 0, -1], [0, 0, 6, -3], [0, 0, 0, 1]])
+
+
+def test_a_gridvolume_whose_file_is_missing_is_named(tmp_path: Path) -> None:
+    found = scene_of(tmp_path, BALL.format(NULL + HETEROGENEOUS))
+    assert named(found, r"grid\.vol is not among the files")
+    assert not found.volumes

@@ -218,3 +218,19 @@ def test_named_subsurface_uses_reduced_scattering(pbrt):
 def test_g_with_reflectance_causes_a_warning(pbrt):
     found = pbrt('Material "subsurface" "rgb reflectance" [0.8 0.5 0.2] "float g" 0.5' + BALL)
     assert any("'g' of material 'subsurface' is ignored, since its reflectance is given" in warning for warning in found.warnings)
+
+
+def test_a_uniform_grid_is_the_density_of_its_medium(pbrt):
+    values = " ".join(map(str, range(24)))
+    grid = (
+        'Translate 0 1 0 MakeNamedMedium "fog" "string type" "uniformgrid" "integer nx" 2 "integer ny" 3 "integer nz" 4 '
+        f'"float density" [{values}] "point3 p0" [-1 -2 -3] "point3 p1" [1 2 3] "rgb sigma_s" [1 2 3] "rgb sigma_a" [0 0 1] '
+        '"float scale" 2 Identity '
+    )
+    found = pbrt(grid + INTO + GLASS + BALL)
+    made = found.materials[0]
+    np.testing.assert_allclose((*made.sigma_a, *made.sigma_s), (0, 0, 2, 2, 4, 6))
+    volume = found.volumes[made.volume]
+    np.testing.assert_array_equal(volume.density, np.arange(24).reshape(4, 3, 2))
+    corners = volume.to_world @ np.array([[0, 0, 0, 1], [1, 1, 1, 1]]).T
+    assert sorted(np.abs(corners[:3]).max(axis=1).tolist()) == [1, 3, 3]

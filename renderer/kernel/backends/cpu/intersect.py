@@ -39,18 +39,18 @@ from renderer.kernel.backends.cpu.rows import (
     gather,
     group_row,
     scatter,
+    streams_of,
     time_of,
 )
 from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, load_vector, start_traversal
 from renderer.kernel.backends.cpu.walk import CLOSEST, traverse_rays
-from renderer.kernel.backends.scalar.visibility import transmittance_rgb
+from renderer.kernel.backends.scalar.visibility import media_transmittance, transmittance_rgb
 from renderer.kernel.light_groups import ChosenGroup, add_group_light, gather_group
-from renderer.kernel.medium.flight import left_after
-from renderer.kernel.medium.medium_stack import coefficients
+from renderer.kernel.medium.volume import shadow_block
 from renderer.kernel.steps.depths import layers_left
 from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_light
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_radiance
-from renderer.wide.values import as_wide, not_, where, where3, zero_like
+from renderer.wide.values import as_wide, not_, to_int, u32, where, where3, zero_like
 
 __all__ = ["intersect_closest", "resolve_shadow_rays", "trace_shadow_rays"]
 
@@ -170,7 +170,9 @@ def _light_through(scene, alone, pool, lists, options):
         if options.has_depths:
             counts = gather(pool, path, Crossings).counts
         layers = layers_left(counts, options)
-        left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time)
+        stream, number = streams_of(pool, path, options), gather(pool, path, PathState).number - _ONE
+        random = u32(stream.seed), u32(stream.pixel), u32(stream.sample), shadow_block(to_int(number))
+        left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time, random)
         if vec.maximum(left) > _ZERO:
             if scene.has.groups is not None:
                 brought = direct_light(light.brought, left, light.segments, options)
@@ -208,8 +210,8 @@ def _light(scene, alone, stack, pool, lists, options):
         left = one, one, one
         if scene.has.media is not None:
             ray = gather(pool, rows, Outcome)
-            sigma_t, _, _ = coefficients(scene, light.medium_stack)
-            left = left_after(sigma_t, vec.length(vec.sub(ray.end, ray.start)))
+            stream = streams_of(pool, rows, options)
+            left = media_transmittance(scene, light.medium_stack, ray.start, ray.end, stream, path.number - one)
         lit = add_direct_light(path.radiance, light.brought, left, light.segments, options)
         occluded = gather(pool, rows, Traversal).best != _ZERO
         if scene.has.groups is not None:

@@ -35,11 +35,14 @@ from renderer.kernel.backends.cpu.rows import (
     at,
     column,
     gather,
+    group_row,
     scatter,
     streams_of,
 )
+from renderer.kernel.light_groups import add_group_light, group_of_media
 from renderer.kernel.material.material import Parameters
 from renderer.kernel.steps.continue_or_end import is_last
+from renderer.kernel.steps.emitted_light import add_medium_light
 from renderer.kernel.steps.medium_event import medium_event, medium_surface
 from renderer.kernel.steps.record_first_hit import record_first_hit
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_throughput
@@ -85,17 +88,22 @@ def sample_free_flights(scene, pool, lists, options):
         rows = eight_rows(lists, ACTIVE, k)
         met, path, crossings = gather(pool, rows, RowHit), gather(pool, rows, PathState), gather(pool, rows, Crossings)
         stream = streams_of(pool, rows, options)
-        event = medium_event(scene, path, crossings, met.t, stream, path.number + met.passed)
+        ray = gather(pool, rows, Ray)
+        event = medium_event(scene, ray, path, crossings, met.t, stream, path.number + met.passed)
+        if scene.has.grids is not None:
+            path, light = add_medium_light(path, event.emitted, options)
+            if scene.has.groups is not None:
+                add_group_light(pool, group_row(rows, options) + group_of_media(scene), light, path.number == path.number)
         none = zero_like(path.number)
         if any_of(event.scatters):
-            surface = medium_surface(gather(pool, rows, Ray), event.distance)
+            surface = medium_surface(ray, event.distance)
             first = event.scatters & (path.number == _ZERO)
             if any_of(first):
                 start, black = gather(pool, rows, Sample).start, (none, none, none)
                 material = Parameters(event.albedo, none, none + _ONE, none + _ONE)
                 seen = record_first_hit(surface, material, black, event.distance, start)
                 scatter(pool, where(first, rows, SPARE), seen)
-            last = is_last(path, crossings.counts, none != none, options)
+            last = is_last(path, crossings.counts, none != none, options) | (vec.maximum(event.throughput) <= _ZERO)
             which = where(last, _OVER, as_wide(_IN_MEDIUM, none))
             _store_vertices(pool, where(event.scatters, rows, SPARE), surface, event.g, which)
         number = where(event.scatters, as_wide(NO_OBJECT, none), _SURFACE)

@@ -25,7 +25,8 @@ _INTRINSICS = re.compile(
     r"llvm\.(fma|fabs|sqrt|rint|copysign|minnum|maxnum|floor|ceil|trunc"
     r"|bitreverse|bswap|ctpop|cttz|ctlz|fshl|fshr|abs|umin|umax|smin|smax|usub\.sat|uadd\.sat|vector\.reduce\.\w+"
     r"|is\.fpclass|masked\.load|masked\.store|scmp|ucmp|umul\.with\.overflow|smul\.with\.overflow"
-    r"|memset|memcpy|memmove|lifetime\.start|lifetime\.end|assume|nvvm\.read\.ptx\.sreg\.\w+|nvvm\.internal\.addrspace\.wrap)\.[\w.]+"
+    r"|memset|memcpy|memmove|lifetime\.start|lifetime\.end|nvvm\.read\.ptx\.sreg\.\w+|nvvm\.internal\.addrspace\.wrap)\.[\w.]+"
+    r"|llvm\.assume"  # which generates no code
 )
 _PREFETCH = re.compile(r"^.*@llvm\.prefetch\b.*\n", re.MULTILINE)
 # Roots of the C library, which LLVM expects to be correctly rounded.

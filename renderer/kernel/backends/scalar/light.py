@@ -104,7 +104,8 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
     rays = 0
     count = options.light_samples if path.number == _ZERO else 1
     for k in range(count):
-        numbers = draw_light(substream(stream, k, count) if count > 1 else stream, path.number)
+        own = substream(stream, k, count) if count > 1 else stream
+        numbers = draw_light(own, path.number)
         which, chance = choose_sampled(scene, surface.point, vertex.normal, numbers[2])
         light = sample_chosen(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), which, chance, time)
         if scene.has.links is not None:
@@ -121,7 +122,7 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
             shadow = sample_direct_light(scene, surface, path, light, wi, f, weight, crossings.medium_stack, is_surface)
             if shadow.is_cast:
                 rays += 1
-                left = shadow_transmittance(scene, stack, shadow, crossings.counts, options, time)
+                left = shadow_transmittance(scene, stack, shadow, crossings.counts, options, time, own, path.number)
                 if vec.maximum(left) > _ZERO:
                     if scene.has.groups is not None:
                         group = groups + group_of_sample(scene, numbers[2], which)

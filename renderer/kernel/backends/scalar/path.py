@@ -16,7 +16,7 @@ from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import FIRST_GROUP, store_first_hit
 from renderer.kernel.backends.scalar.light import add_caustic, add_direct, add_emission, add_environment
 from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, reach_surface, subsurface_vertex, surface_vertex
-from renderer.kernel.light_groups import add_group_light, group_of_material
+from renderer.kernel.light_groups import add_group_light, group_of_material, group_of_media
 from renderer.kernel.manifold.chain import NO_CHAIN, begin_chain, continue_chain, is_joined
 from renderer.kernel.material.material import eval_material, is_specular
 from renderer.kernel.path_trace import (
@@ -30,7 +30,7 @@ from renderer.kernel.path_trace import (
 )
 from renderer.kernel.steps.aim import aim, aimed_sample, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end, is_last
-from renderer.kernel.steps.emitted_light import add_light, brought_light
+from renderer.kernel.steps.emitted_light import add_light, add_medium_light, brought_light
 from renderer.kernel.steps.medium_event import medium_event
 from renderer.kernel.steps.pass_through import pass_through
 from renderer.kernel.steps.random_blocks import draw_scattering
@@ -97,7 +97,11 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         rays += 1
         row, drifts, distance = path.number + passed, _NO, hit.t
         if scene.has.media is not None:
-            event = medium_event(scene, path, crossings, hit.t, stream, row)
+            event = medium_event(scene, ray, path, crossings, hit.t, stream, row)
+            if scene.has.grids is not None:
+                path, light = add_medium_light(path, event.emitted, options)
+                if scene.has.groups is not None:
+                    add_group_light(first, groups + group_of_media(scene), light, _YES)
             drifts, distance, path = event.scatters, event.distance, with_throughput(path, event.throughput)
         if hit.primitive == NO_PRIMITIVE and not drifts:
             record_miss(log, row, ray, path)

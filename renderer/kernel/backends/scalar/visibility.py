@@ -9,36 +9,53 @@ from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.material import opacity
 from renderer.kernel.medium.flight import left_after
-from renderer.kernel.medium.medium_stack import coefficients, crossed
+from renderer.kernel.medium.medium_stack import coefficients, crossed, innermost
+from renderer.kernel.medium.volume import shadow_block, volume_of, volume_transmittance
 from renderer.kernel.steps.depths import is_layer, layers_left
 from renderer.kernel.surface.surface import surface_at
+from renderer.wide.lanes import each_lane
+from renderer.wide.values import any_of, to_int, u32, where3, zero_like
 
-__all__ = ["shadow_transmittance", "transmittance", "transmittance_rgb"]
+__all__ = ["media_transmittance", "shadow_transmittance", "transmittance", "transmittance_rgb"]
 
 _ONE = np.float32(1.0)
 _ZERO = np.float32(0.0)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _WORLD = np.uint32(0)
+_NO_RANDOM = (np.uint32(0), np.uint32(0), np.uint32(0), np.uint32(0))
 
 
 @subroutine
-def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time):
+def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, random):
     """Returns the transmittance, rgb 0 ... 1, between two points, through transparent surfaces and media.
 
     Hits have the distances of `any_hit`: with those biased towards the origin (`intersect_triangles` in renderer/bvh/packet.py) a
     light would occlude itself from far away. medium_stack: the media that contain the first point
-    (kernel/medium/medium_stack.py); ignored in scenes without media. layers, time: as for `transmittance`.
+    (kernel/medium/medium_stack.py); ignored in scenes without media. layers, time: as for `transmittance`. random: seed, pixel,
+    sample and first block of the numbers for heterogeneous media.
     """
     never_inline()
     left = (_ONE, _ONE, _ONE)
     way = vec.sub(end, start)
     length = vec.length(way)
+    seed, pixel, sample, block = random
     after = FROM_ORIGIN
     while True:
         hit = closest_hit(scene.bvh, stack, start, way, SHADOW_REACH, time, shadow_root(scene.bvh), after, None)
         if scene.has.media is not None:
-            sigma_t, _, _ = coefficients(scene, medium_stack)
-            left = vec.mul(left, left_after(sigma_t, (hit.t - after[0]) * length))
+            homogeneous = True
+            if scene.has.grids is not None:
+                medium = innermost(medium_stack)
+                homogeneous = not volume_of(scene, medium) > _ZERO
+                if not homogeneous:
+                    d = vec.scale(way, _ONE / length)
+                    part, block = volume_transmittance(
+                        scene, medium, start, d, after[0] * length, hit.t * length, seed, pixel, sample, block
+                    )
+                    left = vec.mul(left, part)
+            if homogeneous:
+                sigma_t, _, _ = coefficients(scene, medium_stack)
+                left = vec.mul(left, left_after(sigma_t, (hit.t - after[0]) * length))
         if hit.primitive == NO_PRIMITIVE:
             return left
         surface = surface_at(scene, start, way, hit)
@@ -60,23 +77,44 @@ def transmittance(scene, stack, start, end, transparent, layers, time=None):
     maximum number of such surfaces that light passes, float32; infinite: no limit. time: as for `closest_hit`.
     """
     if scene.has.textures is not None and transparent:
-        return transmittance_rgb(scene, stack, start, end, _WORLD, layers, time)[0]
+        return transmittance_rgb(scene, stack, start, end, _WORLD, layers, time, _NO_RANDOM)[0]
     way = vec.sub(end, start)
     return _ZERO if any_hit(scene.bvh, stack, start, way, SHADOW_REACH, time, shadow_root(scene.bvh)) else _ONE
 
 
 @device
-def shadow_transmittance(scene, stack, shadow, counts, options, time):
+def media_transmittance(scene, medium_stack, start, end, stream, number):
+    """Returns the transmittance, rgb, of the innermost medium between two points, for one path or for eight lanes.
+
+    stream, number: the path's Stream and the count of vertices before the one that the shadow ray leaves.
+    """
+    way = vec.sub(end, start)
+    length = vec.length(way)
+    sigma_t, _, _ = coefficients(scene, medium_stack)
+    left = left_after(sigma_t, length)
+    if scene.has.grids is not None:
+        medium = innermost(medium_stack)
+        is_grid = volume_of(scene, medium) > _ZERO
+        if any_of(is_grid):
+            ray = medium, start, vec.scale(way, _ONE / length), zero_like(length), length
+            random = u32(stream.seed), stream.pixel, stream.sample, shadow_block(to_int(number))
+            part, _ = each_lane(volume_transmittance, is_grid, (scene, *ray, *random))
+            left = where3(is_grid, part, left)
+    return left
+
+
+@device
+def shadow_transmittance(scene, stack, shadow, counts, options, time, stream, number):
     """Returns the transmittance, rgb, along a ShadowRay. counts: the path's depth counts, from its Crossings.
 
-    time: shutter time.
+    time: shutter time. stream, number: as for `media_transmittance`.
     """
     layers = layers_left(counts, options)
     if scene.has.media is not None and options.transparent:
-        return transmittance_rgb(scene, stack, shadow.start, shadow.end, shadow.medium_stack, layers, time)
+        random = u32(stream.seed), u32(stream.pixel), u32(stream.sample), shadow_block(to_int(number))
+        return transmittance_rgb(scene, stack, shadow.start, shadow.end, shadow.medium_stack, layers, time, random)
     share = transmittance(scene, stack, shadow.start, shadow.end, options.transparent, layers, time)
     left = share, share, share
     if scene.has.media is not None:
-        sigma_t, _, _ = coefficients(scene, shadow.medium_stack)
-        left = vec.scale(left_after(sigma_t, vec.length(vec.sub(shadow.end, shadow.start))), share)
+        left = vec.scale(media_transmittance(scene, shadow.medium_stack, shadow.start, shadow.end, stream, number), share)
     return left

@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import PurePosixPath
 
-from renderer.scene.description import Material, Medium, SceneDescription, Vec3
+from renderer.errors import SceneError
+from renderer.scene.description import Material, Medium, SceneDescription, Vec3, Volume
+from renderer.scene.matrices import product
 from renderer.scene.readers.camera_medium import fill_world
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.textures import constant_of
 from renderer.scene.readers.mitsuba.values import rgb
 from renderer.scene.readers.scattering import interior_fields, medium
 from renderer.scene.readers.substances import substance
+from renderer.scene.readers.volume_files import read_volume, vol_bounds
 from renderer.sentences import Sentence
 
 __all__ = ["Media"]
@@ -26,9 +30,10 @@ class Media:
     def __init__(self, document: Document) -> None:
         self._document = document
         self._known: dict[int, Medium] = {}  # by the identity of their values
-        self._inside: set[tuple[Vec3, Vec3, float]] = set()
-        self._outside: dict[tuple[Vec3, Vec3, float], str] = {}
+        self._inside: set[tuple[Vec3, Vec3, float, str]] = set()
+        self._outside: dict[tuple[Vec3, Vec3, float, str], str] = {}
         self._unsaid = False  # whether any glass names no medium
+        self._volumes: dict[str, Volume] = {}
 
     def inside(self, shape: Element, is_inside_out: bool) -> Medium | None:
         """Returns the medium that fills a shape; None if the shape has no medium.
@@ -80,6 +85,7 @@ class Media:
         sensor = next(iter(self._document.scene.children_of("sensor")), None)
         around = None if sensor is None else next(iter(sensor.children_of("medium")), None)
         found = NOTHING if around is None else self._get_or_read(around)
+        description.volumes |= self._volumes
         fill_world(description, found)
         if self._unsaid and any(key != _key(NOTHING) for key in (*self._inside, *self._outside, _key(found))):
             self._document.ignore(
@@ -148,13 +154,57 @@ class Media:
         absorbed, scattered = (self._color(source, name) for name in ("sigma_a", "sigma_s"))
         if absorbed is not None or scattered is not None:
             return medium(absorbed or (0.0,) * 3, scattered or (0.0,) * 3, g, scale)
-        whole, albedo = self._color(source, "sigma_t"), self._color(source, "albedo")
+        grid = next((each for each in source.children if each.name == "sigma_t" and each.type == "gridvolume"), None)
+        name = "" if grid is None or source.type != "heterogeneous" else self._read_grid(grid)
+        if name:
+            source.used.add("sigma_t")
+        whole, albedo = None if name else self._color(source, "sigma_t"), self._color(source, "albedo")
         if source.children and any(
-            each.name in ("sigma_t", "albedo") and constant_volume(each) is None for each in source.children
+            each.name in ("sigma_t", "albedo") and constant_volume(each) is None and not (name and each is grid)
+            for each in source.children
         ):
             return NOTHING
         r, s = albedo or (0.75,) * 3, whole or (1.0,) * 3
-        return medium((t * (1 - a) for t, a in zip(s, r, strict=True)), (t * a for t, a in zip(s, r, strict=True)), g, scale)
+        taken, turned = [t * (1 - a) for t, a in zip(s, r, strict=True)], [t * a for t, a in zip(s, r, strict=True)]
+        return replace(medium(taken, turned, g, scale), volume=name)
+
+    def _read_grid(self, source: Element) -> str:
+        """Returns the name of the volume of a gridvolume, read from its file; empty, with a note, if it cannot be read."""
+        source.mark_used()
+        wanted, files = str(source.get("filename", "")), self._document.files
+        found = files.find(wanted, source.file)
+        has_bounds = source.boolean("use_grid_bbox", False)
+        if found is None:
+            self._document.ignore(
+                Sentence(
+                    "mitsuba-file-missing",
+                    "{file}: {name} is not among the files; add it",
+                    file=source.file,
+                    name=PurePosixPath(wanted).name[:120] or source.description,
+                )
+            )
+            return ""
+        for key in ("raw", "accel"):
+            source.used.add(key)  # without effect on grids of one channel
+        if source.get("filter_type", "trilinear") != "trilinear" or source.get("wrap_mode", "clamp") != "clamp":
+            self._document.ignore(
+                Sentence(
+                    "mitsuba-volume-interpolation",
+                    "{what}: its values are interpolated linearly, and clamped at its ends",
+                    what=source.description,
+                )
+            )
+        try:
+            data = files.read(found)
+            density = read_volume(data, found)
+        except SceneError as error:
+            self._document.ignore(error.args[0])
+            return ""
+        place = source.matrix()
+        if has_bounds:
+            place = product(place, vol_bounds(data))
+        self._volumes[name := f"grid {len(self._volumes)}"] = Volume(density, place)
+        return name
 
     def _color(self, source: Element, name: str) -> Vec3 | None:
         child = source.child(name)
@@ -210,5 +260,5 @@ def _declares_coefficients(source: Element) -> bool:
     )
 
 
-def _key(found: Medium) -> tuple[Vec3, Vec3, float]:
-    return found.sigma_a, found.sigma_s, found.g
+def _key(found: Medium) -> tuple[Vec3, Vec3, float, str]:
+    return found.sigma_a, found.sigma_s, found.g, found.volume

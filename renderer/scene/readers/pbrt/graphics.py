@@ -442,7 +442,7 @@ class Graphics:
         found.type = found.text("type")
         found.defaults = self._state.attributes.get("medium", {})
         self._all.append((found, len(found.used)))
-        self._media.define(name, found)
+        self._media.define(name, found, product(self._outer, self._state.ctm[0]))
 
     def _on_medium_interface(self, statement: Statement) -> None:
         names = [each for each in statement.arguments if isinstance(each, str)]

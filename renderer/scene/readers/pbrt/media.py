@@ -8,7 +8,10 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from renderer.scene.description import Material, Medium, SceneDescription, Vec3
+import numpy as np
+
+from renderer.scene.description import Material, Medium, SceneDescription, Vec3, Volume
+from renderer.scene.matrices import Matrix, product
 from renderer.scene.readers.camera_medium import fill_world
 from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.readers.pbrt.notes import Notes, Place
@@ -35,9 +38,13 @@ class Media:
         self._inside: set[str] = set()  # names of media inside shapes
         self._outside: dict[str, Place] = {}  # media named as exteriors
         self._unsaid = False  # whether any glass names no medium
+        self._volumes: dict[str, Volume] = {}
 
-    def define(self, name: str, source: Parameters) -> None:
-        """Adds a named medium; one of an unsupported kind becomes an empty medium, with a note."""
+    def define(self, name: str, source: Parameters, place: Matrix) -> None:
+        """Adds a named medium; one of an unsupported kind becomes an empty medium, with a note.
+
+        place: the transformation from the medium's space to the world.
+        """
         kind = source.type
         if name in self._named:
             self._notes.add(
@@ -46,6 +53,10 @@ class Media:
             )
         if kind == "homogeneous":
             self._named[name] = self._homogeneous(source)
+            return
+        if kind == "uniformgrid" and (volume := self._grid(source, place)) is not None:
+            self._volumes[grid := f"grid {len(self._volumes)}"] = volume
+            self._named[name] = replace(self._homogeneous(source), volume=grid)
             return
         source.used.update(source.values)
         self._named[name] = NOTHING
@@ -102,6 +113,7 @@ class Media:
 
     def surround(self, description: SceneDescription, camera: str, place: Place) -> None:
         """Sets the world's medium to the one that contains the camera. Must be called after all shapes are added."""
+        description.volumes |= self._volumes
         fill_world(description, self.find(camera, place))
         if self._unsaid and any(each != NOTHING for each in self._named.values()):
             self._notes.add(
@@ -121,6 +133,17 @@ class Media:
                         name=repr(name[:60]),
                     ),
                 )
+
+    def _grid(self, source: Parameters, place: Matrix) -> Volume | None:
+        """Returns the density grid of a medium; None if it has none, or a wrong number of values."""
+        counts = [source.integer(axis, 1) for axis in ("nx", "ny", "nz")]
+        values = source.numbers("density")
+        if values is None or min(counts) < 1 or len(values) != counts[0] * counts[1] * counts[2]:
+            return None
+        low, high = (np.array(source.vector(*each)) for each in (("p0", (0.0, 0.0, 0.0)), ("p1", (1.0, 1.0, 1.0))))
+        unit = np.diag((*(high - low), 1.0))
+        unit[:3, 3] = low
+        return Volume(np.maximum(values, 0).astype(np.float32).reshape(counts[::-1]), product(place, unit))
 
     def _homogeneous(self, source: Parameters) -> Medium:
         known = SUBSTANCES.get(source.text("preset")) if source.get("preset") is not None else None

@@ -233,4 +233,9 @@ def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, 
 
 def read_medium(source: dict[str, Any]) -> Medium:
     """Returns the medium described by the file's `medium`."""
-    return Medium(radiance(source.get("sigma_a", 0)), radiance(source.get("sigma_s", 0)), float(source.get("g", 0)))
+    return Medium(
+        radiance(source.get("sigma_a", 0)),
+        radiance(source.get("sigma_s", 0)),
+        float(source.get("g", 0)),
+        source.get("volume", ""),
+    )

@@ -22,6 +22,7 @@ from renderer.scene.readers.yaml.materials import read_material
 from renderer.scene.readers.yaml.messages import schema_fault
 from renderer.scene.readers.yaml.schema import SCENE_SETTINGS, schema
 from renderer.scene.readers.yaml.textures import Textures
+from renderer.scene.readers.yaml.volumes import read_scene_volume
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence, from_text
 from renderer.settings import View
@@ -64,6 +65,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         name: LightLink(None if "include" not in link else tuple(link["include"]), tuple(link.get("exclude", ())))
         for name, link in data.get("light_links", {}).items()
     }
+    for name, volume in data.get("volumes", {}).items():
+        description.volumes[name] = read_scene_volume(volume, document, files, ("volumes", name))
     if "medium" in data:
         description.medium = read_medium(data["medium"])
     lights = Lights(document, files, shelf, description)

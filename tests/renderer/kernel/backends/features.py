@@ -24,6 +24,7 @@ from renderer.scene.description import (
     SceneDescription,
     Sphere,
     Texture,
+    Volume,
 )
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
@@ -274,9 +275,20 @@ def _half_clear(**more: Any) -> Material:
     return Material(opacity=0.6, **BLEND, **more)
 
 
+def _volumes() -> dict[str, Volume]:
+    """Returns the grids `smoke` and `fire`, which fill the room; the second emits."""
+    place = np.diag((6.0, 3.0, 5.0, 1.0))
+    place[:3, 3] = -3.0, 0.0, -2.0
+    random = np.random.default_rng(4)
+    density, emission = (random.random((9, 14, 21)).astype(np.float32) ** 3 for _ in range(2))
+    return {"smoke": Volume(density, place), "fire": Volume(density, place, np.maximum(emission - 0.3, 0), (3.0, 2.0, 1.0))}
+
+
 GRAY = Material(base_color=gray(0.6))
 TEXTURED = {"base_color_texture": 0, "metallic_roughness_texture": 1}
 COATED = {"clearcoat": 0.8, "clearcoat_roughness": 0.1, "sheen_color": gray(0.4), "sheen_roughness": 0.5}
+
+SMOKE = {"sigma_a": (0.5, 1.0, 2.0), "sigma_s": (2.0, 4.0, 6.0), "g": 0.4, "volume": "smoke"}
 
 FEATURES: dict[str, Feature] = {
     # Features of the plain variant
@@ -375,6 +387,33 @@ FEATURES: dict[str, Feature] = {
     ),
     "skin": _of(Material(**PBR, **TEXTURED, **COATED, subsurface=0.7, subsurface_radius=(0.2, 0.1, 0.05), normal_texture=2)),
     "fog that moves": _feature(lambda: moving(Material(kind="interface", sigma_s=gray(2.0)))),
+    "fog in a room that the camera moves in": _of(
+        Material(kind="interface", sigma_s=gray(2.0)),
+        views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4)),
+    ),
+    # Distances in media sampled towards small lamps
+    "lamps in thick fog": _feature(
+        lambda: room(
+            GRAY,
+            materials=[Material(base_color=gray(0.0), emission=gray(90.0))],
+            spheres=[Sphere((0.9, 1.5, 0.9), 0.05, 3)],
+            lights=[Light("point", gray(4.0), (-1.0, 2.0, 1.0))],
+            medium=Medium(sigma_s=(0.2, 0.3, 0.5), sigma_a=gray(0.05), g=0.3),
+        ),
+        max_depth=12,
+    ),
+    # Heterogeneous media
+    "smoke in a grid": _feature(lambda: room(Material(kind="interface", **SMOKE), volumes=_volumes()), max_depth=12),
+    "fire in a grid behind cards": _feature(
+        lambda: room(
+            Material(kind="glass", roughness=0.0, sigma_a=(0.5, 1.0, 2.0), volume="fire"),
+            cards(4),
+            materials=[_half_clear()],
+            volumes=_volumes(),
+            lights=[Light("point", gray(4.0), (-1.0, 2.0, 1.0))],
+            medium=Medium(sigma_s=(0.3, 0.4, 0.5), g=0.3, volume="smoke"),
+        ),
+    ),
     # Directions aimed at targets
     "lamps in glass": _feature(lambda: bulb(GRAY)),
     "lamps in glass by metal and plastic": _feature(lambda: bulb(Material(**PBR, metallic=0.5, roughness=0.3))),

@@ -18,11 +18,15 @@ SPP = 4
 # the pool are compared with closed forms and averages over time in tests/renderer/test_motion_blur.py, and with closed forms in
 # tests/renderer/test_media.py.
 MOVING = ("what moves", "textures that slide", "lights that turn with their pictures", "a camera that moves")
-MOVING_MEDIA = "fog that moves"
+MOVING_MEDIA = "fog in a room that the camera moves in"
+EVERYTHING = "fog that moves"
 MEDIA = (
     *("fog", "smoke around the camera", "cards in fog", "few of anything in smoke", "milk in glass", "rough glass in haze"),
-    *("wax", "skin", MOVING_MEDIA),
+    *("wax", "skin", MOVING_MEDIA, EVERYTHING, "lamps in thick fog", "smoke in a grid", "fire in a grid behind cards"),
 )
+# For these distances are sampled towards small lamps.
+LIT_MEDIA = ("cards in fog", "rough glass in haze", "lamps in thick fog")
+GRIDS = ("smoke in a grid", "fire in a grid behind cards")
 # For these the kernels of targets are compiled.
 AIMED = (
     *("lamps in glass", "lamps in glass by metal and plastic", "lamps in glass by a coat on bumps"),
@@ -64,8 +68,9 @@ def test_the_features_ask_for_all_variants() -> None:
     for k, name in enumerate(names):
         scene, settings = made(name)
         variant = "media" if k >= media else "moving" if k >= moving else "full" if k >= full else "plain"
-        variant = "moving-media" if name == MOVING_MEDIA else variant
-        variant = "aimed" if name in AIMED else "complete" if name in AIMED_IN_MEDIA else variant
+        variant = "moving-media" if name == MOVING_MEDIA else "lit-media" if name in LIT_MEDIA else variant
+        variant = "grids" if name in GRIDS else variant
+        variant = "aimed" if name in AIMED else "complete" if name in (EVERYTHING, *AIMED_IN_MEDIA) else variant
         variant = "linked" if name in LINKED else variant
         assert variant_of(scene, len(settings.views) > 0) == variant, name
 
