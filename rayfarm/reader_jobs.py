@@ -26,9 +26,11 @@ IDLE_S = 86400.0  # long: if the caller ends, so does this process
 def serve_requests(
     folder: bytes, main: bytes, inside: bytes | None, out: bytes, options: dict[str, Any], link: Link
 ) -> dict[str, Any]:
-    """Answers requests for moments of a scene: writes each compiled scene to `out` as a manifest and its parts.
+    """Compiles a scene at each requested time of its animation, and writes it to `out` as a manifest and its parts.
 
-    An error at a moment is sent as `failed`; further requests remain possible.
+    folder: of the scene's files. main: the scene file's name in it. inside: a folder above it that references may lead to; None
+    for none. options: of `Shot` and of `OpenScene`. link: receives the requests, and sends the answers. An error at one time is
+    sent as `failed`; further requests remain possible.
     """
     reading = [options.pop(name) for name in ("variant", "up", "floor")]
     shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), None if inside is None else os.fsdecode(inside), *reading)

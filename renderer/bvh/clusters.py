@@ -84,9 +84,11 @@ def gathered(box: F32, source: Integers, spread: F32, solids: int, team: Team) -
 
 
 def _grid(spread: F32) -> tuple[F32, tuple[int, int], int]:
-    """Returns a grid of nearly cubical cells over the box `spread`: (origin and scale, bit shifts, number of cells).
+    """Returns a grid of nearly cubical cells over a box: (grid, bit shifts, number of cells).
 
-    Origin, cells per length and last cell: (3, 8), in lanes 4 ... 6. Bit shifts: those of a cell's y and z index in its number.
+    spread: the box, (8,): the negated lower corner in elements 0 to 2, the upper corner in 4 to 6. grid: (3, 8) with x, y and z
+    in columns 4 to 6; its rows are the origin, the cells per unit of length, and the index of the last cell. bit shifts: of the y
+    and of the z index of a cell in the cell's number.
     """
     extent = (spread[4:7] + spread[:3]).astype(np.float64)
     bits = [0, 0, 0]

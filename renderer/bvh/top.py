@@ -102,7 +102,7 @@ def _split_top(box: F32, solids: int, part: int, binary: BinaryTree, team: Team)
 
 
 def _primitives_of_part(clusters: Clusters, part: Integers) -> Integers:
-    """Returns the primitives of a part, as indices of boxes."""
+    """Returns the numbers of the primitives in a part's clusters. part: (JOB,) row of the part, from `split_clusters`."""
     number = numbers_of(clusters.box[part[5] : part[6]])
     return np.concatenate([clusters.source[clusters.first[c] : clusters.first[c] + clusters.count[c]] for c in number])
 

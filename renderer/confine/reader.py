@@ -153,7 +153,11 @@ def is_reader() -> bool:
 
 
 def run_reader(request_fd: int, reply_fd: int, parent: int, system: Iterable[str]) -> NoReturn:
-    """Runs the job in a forked child, and exits. system: paths of the interpreter, its libraries and the kernels."""
+    """Runs the job in a forked child, and exits.
+
+    request_fd, reply_fd: the ends of the pipes to the caller. parent: id of the calling process; the child dies with it. system:
+    paths that the job may read: the interpreter, its libraries and the kernels.
+    """
     global _link
     code = 1
     _link = link = Link(request_fd, reply_fd)

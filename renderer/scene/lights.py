@@ -197,7 +197,11 @@ def _corners_over_shutter(geometry: Geometry, triangles: np.ndarray) -> np.ndarr
 
 
 def _spheres_over_shutter(sphere: F32, spheres: np.ndarray, keys: F32) -> np.ndarray:
-    """Returns centres and radii (K, n, 4) of these spheres at all keys of the shutter; K = 1 if none moves."""
+    """Returns the centres and radii, (K, n, 4), of selected spheres at the K keys of the shutter; K = 1 if nothing moves.
+
+    sphere: (S, 4), all spheres; the moving ones are the last. spheres: (n,), the numbers of the selected ones. keys: (K, M, 4):
+    the moving ones at each key.
+    """
     found = np.repeat(sphere[None, spheres].astype(np.float64), max(len(keys), 1), axis=0)
     if len(keys):
         number = spheres - (len(sphere) - keys.shape[1])

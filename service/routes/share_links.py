@@ -128,7 +128,9 @@ async def get_shared_image(
     """Returns the picture, as rendered so far, of the job that a link shows. The link's secret is sent as the bearer token."""
     job = await run_in_threadpool(_shared_job, share, farm)
     number = frame if frame in job.frames else job.frames[0]
-    answer = await frames.image(share.job, number, extension, request, farm, visit, "color", False, 0.0, "neutral", None)
+    answer = await frames.image(
+        share.job, number, extension, request, farm, visit, "color", False, 0.0, "neutral", None, mix="", visible=False
+    )
     answer.headers["Cache-Control"] = "no-store"
     return answer
 

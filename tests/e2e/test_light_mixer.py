@@ -14,7 +14,7 @@ from playwright.sync_api import Page, expect
 
 from renderer.image import rgbe9995, tonemap
 from tests.e2e.conftest import Watched
-from tests.e2e.screen import assert_screen, read_exr, rendered, shown
+from tests.e2e.screen import assert_screen, expected_pixels, read_exr, render_job
 from tests.helpers import Farm
 
 SIZE = {"width": 96, "height": 64}
@@ -38,7 +38,7 @@ def lit(farm: Farm) -> str:
     scene = httpx.post(f"{farm.url}/api/scenes", files=files).raise_for_status().json()["id"]
     with farm.client() as client:
         client.wait_for_scene(scene)
-    return rendered(farm, scene, **SIZE, spp=16, light_groups="key,fill")
+    return render_job(farm, scene, **SIZE, spp=16, light_groups="key,fill")
 
 
 def plane(image: str, group: str) -> np.ndarray:
@@ -63,7 +63,7 @@ def test_muted_groups_leave_the_others_and_the_mix_is_saved(farm: Farm, lit: str
     colour = read_exr(f"{image}.exr", tmp_path)
     planes = {group: plane(image, group) for group in ("key", "fill", "rest")}
     only_fill = planes["fill"] + planes["rest"]
-    wanted = {"all": shown(colour, 0, "srgb"), "fill": shown(only_fill, 0, "srgb")}
+    wanted = {"all": expected_pixels(colour, 0, "srgb"), "fill": expected_pixels(only_fill, 0, "srgb")}
     assert np.abs(wanted["all"] - wanted["fill"]).mean() > 5, "the key light is visible, or this test says nothing"
 
     page = watched.page
@@ -97,7 +97,7 @@ def test_muted_groups_leave_the_others_and_the_mix_is_saved(farm: Farm, lit: str
         page.keyboard.press("ArrowRight")
     page.keyboard.press("s")
     expect(page.get_by_role("button", name="Solo: fill")).to_have_attribute("aria-pressed", "true")
-    louder = shown(4 * planes["fill"], 0, "srgb")
+    louder = expected_pixels(4 * planes["fill"], 0, "srgb")
     louder[: int(tag["height"]) + 20, : int(tag["width"]) + 20] = -1
     assert_screen(page, louder, "the fill light alone, two stops up")
 

@@ -60,9 +60,9 @@ def move(each: Any, path: str, *keys: tuple[float, Any]) -> None:
 
 
 def libraries() -> None:
-    """Links a collection from another file, in which it instances a collection linked from a third file.
+    """Links a collection from a second file; that collection has an instance of a collection linked from a third file.
 
-    An object and a material are linked too.
+    An object and a material are linked from the second file too.
     """
     for name, below in (("leaf", None), ("tree", "leaf")):
         bpy.ops.wm.read_factory_settings(use_empty=True)

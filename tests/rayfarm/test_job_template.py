@@ -22,7 +22,7 @@ from rayfarm.job_template import is_template, range_expression, read_template, t
 from renderer.frames import parse_frames
 from tests.helpers import ROOT, Farm
 from tests.rayfarm.program import rayfarm
-from tests.rayfarm.test_sequence import turning
+from tests.rayfarm.test_sequence import animated_scene
 from tests.rayfarm.test_with_farm import pixels
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
@@ -31,7 +31,7 @@ Edit = Callable[[dict[str, Any]], Any]
 
 @pytest.fixture
 def shot(tmp_path: Path) -> Path:
-    (tmp_path / "shot.glb").write_bytes(turning().glb())
+    (tmp_path / "shot.glb").write_bytes(animated_scene().glb())
     return tmp_path
 
 

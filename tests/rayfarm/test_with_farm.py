@@ -73,7 +73,7 @@ def test_submit_equals_render(farm: Farm, tmp_path: Path) -> None:
     assert (shown["id"], shown["state"], shown["width"], shown["height"]) == (job, "finished", 48, 32)
 
 
-def test_studio_floor_is_equal_with_farm(farm: Farm, tmp_path: Path) -> None:
+def test_added_ground_is_equal_with_farm(farm: Farm, tmp_path: Path) -> None:
     scene = tmp_path / "pyramid.obj"
     scene.write_text("v -1 -1 0\nv 1 -1 0\nv 0 1 0\nv 0 0 3\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n")
     asked = [*SMALL, "--up-axis=z"]

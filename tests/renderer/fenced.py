@@ -105,6 +105,7 @@ def _by_path(scene: CompiledScene, settings: RenderSettings) -> None:
 
 
 def _by_whitted(scene: CompiledScene, settings: RenderSettings) -> None:
+    scene = scene._replace(object_links=scene.object_links[:0])  # which it refuses
     _by_pool(scene, RenderSettings.from_json({**settings.to_json(), "integrator": "whitted"}))
 
 

@@ -19,9 +19,10 @@ THROUGH = "KHR_materials_transmission"
 
 @dataclass(frozen=True)
 class Ids:
-    """Tables of Blender's pass indices by the farm's object and material numbers; 0 for unknown ones.
+    """Tables from the farm's object and material numbers to Blender's pass indices; 0 for unknown numbers.
 
-    only: by object number, the material index of objects that have a single material.
+    objects, materials: the pass index of each object and of each material. only: for each object that has a single material, the
+    pass index of that material, by the object's number.
     """
 
     objects: F32

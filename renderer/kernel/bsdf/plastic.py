@@ -90,7 +90,7 @@ def _passing(m, cosine):
 
 @device
 def _inner(m):
-    """Returns R of the module's equation: the fraction of diffuse light from inside that the coat's facets reflect back."""
+    """Returns the fraction of diffuse light from inside that the coat's facets reflect back. m: the parameters."""
     k, r, i, s = _place(m)
     return _at(k, r, i, s, _COSINES)
 

@@ -26,7 +26,10 @@ _LEAST = np.float32(1e-20)
 
 
 class RayDerivatives(NamedTuple):
-    """The unit direction of a ray, and the derivatives of its origin and direction by the two parameters."""
+    """The unit direction d of a ray, and the derivatives of its origin and direction by two parameters u and v.
+
+    u and v are components of a small change of the direction at the start of the chain of rays.
+    """
 
     d: Any
     o_u: Any

@@ -26,7 +26,7 @@ _HALF = np.float32(0.5)
 
 
 class Textures(NamedTuple):
-    """The inputs of a surface's texture lookups: the scene's arrays, the material's number, both uv coordinates, and the time."""
+    """The inputs of a surface's texture lookups: scene, material number, coordinates in both UV sets, and shutter time."""
 
     has: SceneFeatures  # the scene's, as are the arrays
     slots: Any  # material_texture

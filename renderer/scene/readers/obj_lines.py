@@ -271,9 +271,11 @@ def _integer(text: Bytes, i: int) -> tuple[int, int]:
 def _fill(
     text: Bytes, positions: F64, colors: F32, uvs: F32, normals: F32, corners: I32, starts: Offsets, names: Offsets
 ) -> tuple[int, int, int, int, bool]:
-    """Fills the arrays with the contents of a file, in a second pass over its text.
+    """Fills the arrays with the contents of an OBJ file, in a second pass over its text, for which they have the right sizes.
 
-    Returns (error code, index of the error in the text, value of the error, count, whether any vertex has a colour).
+    corners: indices of position, uv and normal of each corner. starts: first corner of each face. names: the kind, the next face,
+    and the begin and end in the text of each statement that names an object, group or material. Returns (error code, its place
+    in the text, the offending index, the expected count of numbers, whether any vertex has a colour).
     """
     row = np.zeros(6)
     known = np.zeros(3, np.int64)  # positions, uvs, normals so far

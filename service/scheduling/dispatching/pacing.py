@@ -123,9 +123,9 @@ class BatchSizing:
     def batch_s(self, slots: int, spent_s: float = 0.0) -> float:
         """Returns the target duration of a batch in seconds, for a job with this number of slots.
 
-        spent_s: slot-seconds per slot that the job has used. Batches get longer with it: a few more samples are invisible in a
-        picture of many, and half as many results cost the service half the time. They do not get longer if there are few slots,
-        whose results cost little and whose picture would be updated too rarely, nor while a live view waits for slots.
+        spent_s: slot-seconds per slot that the job has used so far. The longer a job has run, the longer its batches: its picture
+        then changes little from batch to batch, and fewer results save time of the service. Batches stay short if the job has
+        few slots, as its picture would be updated too rarely, and while a live view waits for slots.
         """
         most_s = min(MAX_GROWTH * self._shortest_s, slots * RESULT_EVERY_S)
         grown_s = 0.0 if self.is_pressed() else min(spent_s * BATCH_GROWTH, most_s)

@@ -13,7 +13,7 @@ __all__ = ["RunningMaximum", "Totals"]
 
 
 class RunningMaximum:
-    """Maximum of a set of changing values, some of which may be unknown."""
+    """Maximum of a set of values that change. It is unknown (None) while any of the values is unknown."""
 
     def __init__(self) -> None:
         self._known = LazyHeap[float]()  # negated values

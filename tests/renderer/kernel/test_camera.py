@@ -29,7 +29,7 @@ def _rays(camera, x, y, u, v, out):
 
 
 def rays(view, x, y, u=0.5, v=0.5, width=64, height=48):
-    """Returns the origins and directions of rays through film points."""
+    """Returns the origins and directions of rays through film points (x, y), in pixels, and lens samples (u, v) in [0, 1)."""
     columns = np.broadcast_arrays(*(np.atleast_1d(np.asarray(c, np.float32)) for c in (x, y, u, v)))
     out = np.empty((columns[0].size, 6), np.float32)
     _rays(camera_frame(RenderSettings(width, height, view)), *(np.ascontiguousarray(c) for c in columns), out)

@@ -110,7 +110,7 @@ def test_undefined_medium_is_rejected(pbrt):
 
 
 def test_subsurface_by_reflectance(pbrt):
-    """A subsurface material has the given reflectance, and the diffusion length of its medium below a boundary of index 1.33."""
+    """The walk below the surface reflects the given colour, and spreads light as far as pbrt's medium of that mean free path."""
     found = pbrt(
         'Material "subsurface" "rgb reflectance" [0.8 0.5 0.2] "rgb mfp" [1 2 3] "float scale" 0.5 "float roughness" 0' + BALL
     )

@@ -141,7 +141,7 @@ def test_long_url_is_not_echoed(service: Service) -> None:
         ({"seed": -1}, "seed", "greater"),
         ({"environment": {"sky": {"elevation": 91}}}, "environment.sky.elevation", "less"),
         ({"environment": {"sky": {"elevation": 9}, "color": [1, 1, 1]}}, "environment", "give only one of color, sky"),
-        ({"environment": {"preset": "candle"}}, "environment.preset", "known are studio"),
+        ({"environment": {"preset": "candle"}}, "environment.preset", "the presets are studio"),
         ({"environment": {"image": "x", "preset": "studio"}}, "environment", "give only one of image, preset"),
         ({"environment": {"rotation": 361}}, "environment.rotation", "less"),
         ({"environment": {"color": [1, 2]}}, "environment.color[2]", "required"),
