@@ -55,6 +55,7 @@ SUN = Light("directional", gray(1.0), direction=(0.2, -1.0, 0.1), angle=30.0, se
 SPOT = Light("spot", gray(9.0), (0.0, 3.0, 0.0), radius=0.2, outer_cone=60.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("light", [POINT, SUN, SPOT, None], ids=["point", "sun", "spot", "ball"])
 @pytest.mark.parametrize("link", ["left", "but left"])
 def test_linked_light_illuminates_its_objects_and_no_others(light: Light | None, link: str) -> None:
@@ -66,6 +67,7 @@ def test_linked_light_illuminates_its_objects_and_no_others(light: Light | None,
     assert not linked[dark].any()
 
 
+@pytest.mark.long
 def test_linked_light_is_visible_to_the_camera() -> None:
     view = View((0.0, 1.5, 6.0), (0.0, 1.5, 2.0), fov=20.0)
     every, linked = (_render(_pair(None, link), view=view) for link in ("", "left"))
@@ -73,6 +75,7 @@ def test_linked_light_is_visible_to_the_camera() -> None:
     assert (every == linked).all()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("sampling", ["light", "bsdf"])
 def test_links_do_not_depend_on_how_light_is_found(sampling: str) -> None:
     """Light sampling and BSDF sampling alone have the mean of their combination, with links and interreflection."""
@@ -90,6 +93,7 @@ def test_links_do_not_depend_on_how_light_is_found(sampling: str) -> None:
     assert abs(a - b) < limit(2) * np.hypot(a_error, b_error)
 
 
+@pytest.mark.long
 def test_light_behind_a_pane_of_glass_is_linked_to_the_pane() -> None:
     """Light that reaches an object through glass comes from the glass: the link of the glass counts."""
     pane = Material(kind="glass", thin=True)
@@ -152,6 +156,7 @@ def test_whitted_refuses_light_links() -> None:
         _render(_pair(POINT, "left"), 1, integrator="whitted")
 
 
+@pytest.mark.long
 def test_ambient_occlusion_ignores_light_links() -> None:
     every, linked = (_render(_pair(POINT, link), 4, integrator="ao") for link in ("", "left"))
     assert (every == linked).all()

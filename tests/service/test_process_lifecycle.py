@@ -38,7 +38,7 @@ def test_service_start_waits_for_database(tmp_path: Path, monkeypatch: pytest.Mo
         await life.begin()
         assert life.is_standby
         assert life.is_alive
-        assert life.standby_reason == "This service has not begun: The database does not answer."
+        assert life.standby_reason == "This service has not started: The database does not answer."
         await asyncio.wait_for(was_owned.wait(), 20)
         await life.stop()
 

@@ -1,6 +1,8 @@
 """Tests that docs/scene-format.md, docs/scene-schema.json and scenes/ agree with the reader and the renderer."""
 
+import io
 import json
+import re
 import runpy
 from pathlib import Path
 
@@ -94,6 +96,9 @@ def test_documented_examples_are_valid_scenes(scene, png, number):
         f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow", "bricks", "soot", "frost", "window")
     }
     profile = ies([0.0, 90.0], [0.0], [[100.0, 0.0]])
+    grid = io.BytesIO()
+    np.save(grid, np.ones((2, 3, 4), np.float32))
+    images |= {name: grid.getvalue() for name in re.findall(r"[\w-]+\.npy", example)}
     others = {"cup.glb": cup(), "downlight.ies": profile, "slide.jpg": png(1, 2, 3), **images}
     warnings = scene("s.yaml", example, others).warnings
     assert [w for w in warnings if "no light" not in w] == []
