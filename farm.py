@@ -265,8 +265,8 @@ def run_tests(python, arguments):
     beside = (
         [ParallelProcess("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(5))] if is_whole else []
     )
-    # One more than the number of processors, since a third of the tests mostly wait.
-    processes = min(max(os.cpu_count() or 1, 2), 8) + 1
+    # Two more than the number of processors, since a third of the tests mostly wait.
+    processes = min(max(os.cpu_count() or 1, 2), 8) + 2
     pytest = [*(nice(5) if is_whole else []), str(python), "-m", "pytest", *([] if is_long else ["-m", "not long"])]
     if is_whole:
         # One process writes the bytecode of all test modules. In a fresh clone each of pytest-xdist's would do so by itself.
@@ -397,10 +397,11 @@ def run_benchmarks(arguments):
 
 
 def need_programs():
-    """Ensures that the programs that tests start are installed: Chromium, PostgreSQL and Node.js."""
+    """Ensures that the programs that tests start are installed: Chromium, PostgreSQL, Node.js and TypeScript's compiler."""
     need_chromium()
     need_postgresql()
     need_npm()
+    need_typescript()
 
 
 def need_npm():
