@@ -71,7 +71,7 @@ class Sentence(str):
 
     @classmethod
     def from_text(cls, sentence: str) -> Self:
-        """Returns a text as a Sentence; a plain text gets an empty code."""
+        """Returns a text as a Sentence: the same one if it is a Sentence already, else one with an empty code."""
         if isinstance(sentence, Sentence):
             return cls._create(str.__str__(sentence), sentence.code, sentence.params)
         return cls._create(sentence, "", {})

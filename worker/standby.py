@@ -18,7 +18,7 @@ from worker.work.reader import begin_launcher
 
 
 def load() -> None:
-    """Loads the plain kernel and starts the launcher of confined readers, if the kernel is cached on this machine."""
+    """If the plain kernel (of scenes without textures) is cached: loads it, and starts the launcher of confined readers."""
     copy_shipped_kernels(jit.cache_folder())
     if jit.is_cached(kernel_name()):
         begin_launcher()

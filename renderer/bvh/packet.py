@@ -41,7 +41,8 @@ _CORNER_BYTES = np.uintp(3 * WIDTH * 4)
 def intersect_triangles(base, axes, shear, origin, margin, t_max):
     """Intersects a ray with the triangles of a packet; returns (mask8, f32x8 distance, barycentric of b, of c, determinant).
 
-    Distance and barycentrics must still be divided by the determinant. See `intersect_corners`.
+    Distance and barycentrics must still be divided by the determinant. The barycentrics are the weights of the corners b and c.
+    margin: as for `intersect_corners`, which does the test.
 
     axes: row offsets (kx, ky, kz), where kz is the axis of the direction's largest component. shear: (d[kx]/d[kz], d[ky]/d[kz],
     1/d[kz]). origin: in the order of these axes. base: the packet's address.

@@ -140,7 +140,8 @@ class TextureShelf:
     def calculated(self, what: str, sources: list[Image], make: Callable[[], Image]) -> int | None:
         """Returns the index of an image computed from others, cached between frames; None if it fails.
 
-        what: identifies the result.
+        what: names the computation. The result of an earlier frame is taken if `what` and `sources` are the same, else that of
+        `make`.
         """
         key = (f"\0{what}", False)
         if key not in self._images:

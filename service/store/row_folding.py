@@ -31,7 +31,7 @@ def rows_to_fold(rows: Sequence[RowHead], separates_senders: bool, is_contiguous
 
 
 def folded_head(heads: Collection[RowHead]) -> RowHead:
-    """Returns the head of the row into which rows with these heads are folded.
+    """Returns the head (sample range and counts) of the row into which the rows with these heads are merged.
 
     Raises FilmLost if their sample ranges are invalid.
     """

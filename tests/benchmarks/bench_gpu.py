@@ -146,7 +146,10 @@ def _mitsuba(options: argparse.Namespace, sizes: Sizes) -> int:
 
 
 def _print_speed(who: str, case: Case, width: int, height: int, spp: int, picture: Callable[[int], Any]) -> None:
-    """Prints the speed of the renderer named `who` in millions of samples per second: the fastest run after a warm-up."""
+    """Prints the speed of the renderer named `who` in millions of samples per second: the fastest run after a warm-up.
+
+    picture: renders the case with a given seed.
+    """
     seconds = []
     for seed in range(TRIES + 1):
         begin = time.perf_counter()

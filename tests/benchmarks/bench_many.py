@@ -53,7 +53,10 @@ def read(folder: Path, main: str) -> dict[str, Any]:
 
 
 def measured(files: dict[str, bytes], folder: Path, memory: int, seconds: float) -> dict[str, Any]:
-    """Writes these files to the folder, and returns the result of `read` from a new child process."""
+    """Writes files to a folder, reads the scene there in a new child process, and returns what `read` measured.
+
+    memory, seconds: limits of the child process, in bytes and seconds.
+    """
     main = pick_main(list(files))[0]
     write_files(folder, files)
     try:

@@ -178,7 +178,7 @@ def turning_lamps(t: float) -> SceneDescription:
 
 
 def one_lamp(t: float) -> SceneDescription:
-    """Returns two emitting triangles of changing area, too few for a light tree."""
+    """Returns a scene with one lamp of two triangles, which moves and grows with the shutter time t; no light tree is built."""
     scene = lamps(t)
     scene.instances[1].transform = turned(0.4 * t, (1.6 * t, 1.0, 0.2)) @ np.diag([1.0, 1.0 + t, 1.0, 1.0])
     return replace(scene, instances=scene.instances[:2], spheres=[])

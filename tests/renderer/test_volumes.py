@@ -61,7 +61,7 @@ def test_what_is_absorbed_is_what_lies_on_the_line() -> None:
 
 
 def test_a_shadow_ray_loses_what_lies_on_the_line() -> None:
-    """Ratio tracking of shadow rays: a floor lit through the volume by a distant lamp, in the eight-lane and scalar loops."""
+    """A floor lit through a volume by a distant lamp has the radiance by Beer's law, in both backends (ratio tracking)."""
     density, sigma = noise(2), np.array((0.5, 1.0, 2.0))
     floor = square((0, 0, -2), (9, 0, 0), (0, 9, 0), 1)
     view = View((9.0, 0.0, 0.0), (0.0, 0.0, -2.0), fov=0.01)

@@ -6,7 +6,7 @@ Pieces are files in a folder, which needs no server process and outlives any slo
 which only one slot can do. If a slot is killed while it renders a piece, the claim is deleted, and the service dispatches the
 piece again. Sums that a killed slot was about to send are sent by another slot; if both send them, the film accepts them once.
 
-SINCE.HOLD.MESSAGE/about        the message, as JSON
+SINCE.HOLD.MESSAGE/about        the message, as JSON; SINCE: when it arrived, ns; HOLD: hold_s of `add_message`, ms
                    todo-I       a free piece
                    doing-I-PID  a piece that a slot renders
                    done-I       its result, as protocol/result_bytes.py packs it

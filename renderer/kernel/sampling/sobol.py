@@ -80,9 +80,10 @@ _COLUMNS[:, _BITS:] = 0
 
 
 def _digit_table(bits: int, digits: int) -> np.ndarray:
-    """Returns the contribution to a point of each value of each digit of a bit-reversed index: (digits, 2**bits, 4) uint32.
+    """Returns what each value of each digit of a sample index contributes to the point's four dimensions.
 
-    The first digit consists of the lowest bits of the index, which are uppermost after the reversal, lowest bit first.
+    Shape (digits, 2**bits, 4), uint32. A digit is a group of `bits` bits of the index, read in reverse order: digit 0 has the
+    lowest bits of the index, with the lowest one uppermost.
     """
     table = np.zeros((digits, 2**bits, _DIMENSIONS), np.uint32)
     for digit in range(digits):

@@ -101,7 +101,7 @@ def point_of_hit(scene, hit, p, w):
 def tangent_to_world(scene, hit, tangent):
     """Transforms a tangent (xyz and the bitangent's sign) to world space; returns a unit tangent, or zeros if it vanishes.
 
-    Mirroring transforms flip the sign, since the normal stays on its side.
+    The bitangent's sign is flipped by mirroring transforms, as normals are not mirrored.
     """
     number = hit.instance
     d = point_of_hit(scene, hit, (tangent[0], tangent[1], tangent[2]), _ZERO)

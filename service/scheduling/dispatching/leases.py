@@ -86,9 +86,9 @@ class Lease:
         stream_end: returns the position of the latest result in the stream. max_unseen: number of successive polls that may
         miss the lease.
 
-        A lease that is missed for the first time may be with a worker that has not reported it yet, and be answered before the
-        next poll. So the end of the stream is stored, up to the last allowed poll; all results before it must be read before
-        the lease is considered lost.
+        A lease that a poll misses may be with a worker that has not reported it yet, and its result may already be in the stream.
+        So each missing poll that is allowed stores the end of the stream; all results before it must be read before the lease
+        is considered lost.
         """
         if is_seen:
             self.unseen, self.answered_by = 0, None

@@ -188,9 +188,9 @@ class BatchSizing:
 
     @staticmethod
     def site_hold_s(batch_s: float) -> float:
-        """Returns how long, in seconds, the sums of a batch may wait at a site for the sums to which they are added.
+        """Returns how long, in seconds, a site may hold back the sums of a batch in order to add those of later batches to them.
 
-        The last batches sent to the site wait for free slots. batch_s: expected duration of each batch in seconds.
+        The time allows for batches that still wait for a free slot at the site. batch_s: expected duration of a batch in seconds.
         """
         return MIN_HOLD_S + 2 * batch_s
 

@@ -116,8 +116,8 @@ class WorkerSnapshot:
     def environment_kind(self) -> str | None:
         """Returns the largest worker kind that can make thumbnails of environment images; None if there is none.
 
-        This is the kind with the most slots all of whose ready workers report the feature `views`, which was introduced by the
-        same release as these thumbnails.
+        Only kinds count whose ready workers all report the feature `views`, which came with the same release as these thumbnails;
+        the largest is the one with the most slots.
         """
         ready = self.ready_reports()
         unable = {report.kind for report in ready if not report.views}

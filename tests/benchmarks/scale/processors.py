@@ -43,7 +43,7 @@ class Processors:
         self._before = {name: _times(pid) for name, pid in processes.items()}
 
     def shares(self) -> dict[str, Share]:
-        """Returns the share of each process since the creation of this object, without threads that have ended."""
+        """Returns each process's Share since the creation of this object, by name; threads that have ended are left out."""
         seconds = time.monotonic() - self._begun
         found = {}
         for name, pid in self._processes.items():

@@ -184,7 +184,10 @@ def _transmission(read: Read, inputs: SurfaceInputs, weight: str) -> bool:
 
 
 def _coat(read: Read, coat: Input, rough: Input, roughness: float, normal: Input) -> bool:
-    """Fills the material's clear coat parameters; returns True if the surface has a coat."""
+    """Fills the material's clear coat parameters; returns True if the surface has a coat.
+
+    rough: the roughness input. roughness: its value if it is not given.
+    """
     fill_data(read, "clearcoat", coat, 0.0)
     if read.material.clearcoat <= 0:
         return False
