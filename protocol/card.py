@@ -32,7 +32,7 @@ def card_queue(worker: str) -> str:
 
 @dataclass(frozen=True)
 class CardBatches:
-    """Batches of one message to a worker, which one graphics card renders in any order."""
+    """The batches in one message to a worker; one graphics card renders them, in any order."""
 
     batches: tuple[RenderBatch, ...]
 

@@ -62,7 +62,9 @@ class ConfinedScene:
         return self._request_scene("at", moment, say)
 
     def between_neighbours(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
-        """Returns the scene from the previous to the next frame, for motion vectors; otherwise like `scene_at`."""
+        """Returns the scene with a shutter that is open from the previous to the next frame, for motion vectors.
+
+        moment: the frame between them. Otherwise like `scene_at`."""
         return self._request_scene("between", moment, lambda step: None)
 
     def _request_scene(self, method: str, moment: Moment, say: Say) -> tuple[CompiledScene, dict[str, Any]]:

@@ -48,7 +48,7 @@ def plane(image: str, group: str) -> np.ndarray:
 
 
 def saved(page: Page, name: str) -> Path:
-    """Saves the picture in a format by the panel Save, and returns its file."""
+    """Saves the picture by the Save tab, and returns the file. name: of the format's button."""
     page.get_by_role("tab", name="Save").click()
     with page.expect_download() as download:
         page.get_by_role("link", name=name, exact=True).click()

@@ -32,7 +32,7 @@ def noise(seed: int = 1, shape: tuple[int, int, int] = (13, 9, 17)) -> np.ndarra
 
 
 def through(density: np.ndarray, x: float = 0.0, y: float = 0.0, half: float = 1.0) -> float:
-    """Returns the integral of a grid's trilinear interpolation over z, along the line at x, y. The grid is a `cube`."""
+    """Returns the integral over z of a grid's trilinear interpolation at x and y. The grid fills a cube from -half to half."""
     n = 40_000
     points = np.stack([np.full(n, x), np.full(n, y), (np.arange(n) + 0.5) / n * 2 * half - half], axis=1)
     shape = np.array(density.shape)

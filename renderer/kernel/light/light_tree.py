@@ -81,12 +81,12 @@ def _importances(node, base, p, n):
     n: in world space; zero for light from all sides. An importance is 0 only if the child's lights contribute nothing.
 
     The lights of a child are in a sphere of radius r, whose centre is at distance d and at height h above the tangent plane at p.
-    The paper divides by d**2, or by r**2 if d is less, and uses the cosine of the sphere's highest point, an upper bound that
-    overestimates near and large children. This function assumes the lights at about 0.3 r from the centre and weights those below
-    the horizon by 0.3, which halves the variance in a room with a thousand lamps. The only root needed is that of d**2, which may
-    be approximate.
+    Conty Estevez and Kulla divide by d**2, or by r**2 if d is less, and use the cosine of the sphere's highest point, an upper
+    bound that overestimates near and large children. This function assumes the lights at about 0.3 r from the centre and weights
+    those below the horizon by 0.3, which halves the variance in a room with a thousand lamps. The only root needed is that of
+    d**2, which may be approximate.
 
-    If the emitters are directional, the paper's bound of the cosine is used, with sines and cosines multiplied by d.
+    If the emitters are directional, their bound of the cosine is used, with sines and cosines multiplied by d.
     """
     zero, one, inner = splat(_ZERO), splat(_ONE), splat(_INNER)
     near, radius = _row(node, base, NEAR), _row(node, base, RADIUS)

@@ -60,8 +60,8 @@ def _multiply(m, column, color):
 def resolve(kind, material, textures, base, metallic, roughness, pane, m):
     """Fills m (LAYER_SLOTS,) with the material's parameters, textures looked up.
 
-    base, metallic, roughness: already looked up. pane: whether the material's glass is thin, without refraction. COAT_NORMAL is
-    set to the shading normal. For a conductor only the parameters from ANISOTROPY on, and its alphas, are filled.
+    base, metallic, roughness: already looked up. pane: whether its glass is thin, so that it does not refract. COAT_NORMAL is
+    set to the shading normal. For a conductor only the slots from ANISOTROPY on, and its roughness alphas, are filled.
     """
     never_inline()
     for column in range(rows.ANISOTROPY if kind == CONDUCTOR else 0, rows.COLUMNS):

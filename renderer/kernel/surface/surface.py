@@ -131,7 +131,7 @@ def _inward(scene, hit, error, curvature):
 
 @device
 def triangle_uv(uv, triangle, number, u, v):
-    """Returns the texture coordinates of a triangle at barycentric (u, v)."""
+    """Returns the texture coordinates of triangle number `number` at barycentric (u, v). uv, triangle: tables of the scene."""
     i, j, k, _ = row(triangle, number, 4)
     a, b, c = row(uv, i, 2), row(uv, j, 2), row(uv, k, 2)
     w = _ONE - u - v

@@ -48,8 +48,9 @@ def read_data(
 ) -> None:
     """Adds the surface or points of a PLY file, given as bytes, to the description. Raises SceneError if the file is damaged.
 
-    has_pictures: whether to read textures; without them the file becomes one mesh. attribute: a mesh attribute as named by
-    Mitsuba, vertex_NAME or face_NAME, used as colour in place of the file's colours; a mesh without the attribute has no colours.
+    main: the file's name. has_pictures: whether to read textures; if not, faces are not divided by their texture. attribute: a
+    mesh attribute as named by Mitsuba, vertex_NAME or face_NAME, used as colour in place of the file's colours; a mesh without
+    the attribute has no colours.
     """
     shelf = TextureShelf(description, files)
     found = elements(data, main, shelf.warn)

@@ -62,7 +62,8 @@ Job = TypeVar("Job", bound=ShareableJob)
 def share_of(user: str | None, project: str = "", terms: Container[str] = ()) -> str:
     """Returns the name of the share of the farm's slot time that a job uses.
 
-    This is the share of its project if `terms` contains the name of that share, else the share of its user.
+    terms: the names of shares with settings of their own. The job uses its project's share if `terms` contains it, else its
+    user's.
     """
     if project and f"project:{project}" in terms:
         return f"project:{project}"

@@ -1,7 +1,7 @@
 """KHR_materials_pbrSpecularGlossiness, which Khronos has archived, but many models use.
 
-It becomes a dielectric whose reflectance at normal incidence is the specular colour: an index of refraction that reflects
-all light, tinted by the colour of KHR_materials_specular. Khronos recommends the same for converting models.
+It becomes a dielectric whose reflectance at normal incidence is the specular colour: its index of refraction is so high that it
+reflects all light, and the colour of KHR_materials_specular scales that. Khronos recommends this for converting models.
 """
 
 from __future__ import annotations
