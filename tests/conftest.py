@@ -45,6 +45,8 @@ SHARE_A_FARM = (
     "tests/rayfarm/test_with_farm.py",
     "tests/rayfarm/library/test_farm_render.py",
     "tests/rayfarm/datasets/test_dataset_of_farm.py",
+    "tests/rayfarm/test_job_template.py",
+    "tests/rayfarm/test_mcp_server.py",
     "tests/chaos/test_kernels",
     "tests/chaos/test_digest",
 )

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import pytest
 
-from tests.conftest import hand_out, has_only_long, rotated
+from tests.conftest import SHARE_A_FARM, hand_out, has_only_long, rotated
 
 FILES = [
     "tests/e2e/test_page.py",
@@ -28,6 +29,15 @@ def test_farm_files_come_first_and_waiting_ones_are_spread() -> None:
         "tests/rayfarm/test_cli.py",
         "tests/renderer/test_film.py",
     ]
+
+
+def test_files_that_use_the_shared_farm_are_run_by_one_process() -> None:
+    """The last file of that process ends the farm, so that a test of another file would not find it."""
+    root = Path(__file__).parents[1]
+    for path in Path(__file__).parent.rglob("test_*.py"):
+        source = path.read_text(encoding="utf-8")
+        if re.search(r"^def test_\w+\([^)]*\bfarm: Farm", source, re.MULTILINE) and "\ndef farm(" not in source:
+            assert path.relative_to(root).as_posix().startswith(SHARE_A_FARM), path
 
 
 def test_order_does_not_depend_on_collection() -> None:
