@@ -41,7 +41,7 @@ _LAYERS = 8  # at first; a picture with deeper pixels is traced again
 
 
 class Annotation(NamedTuple):
-    """What the rays through the pixel centres of a picture (h, w) meet."""
+    """The first hits of the rays through the pixel centres of a picture of h rows and w columns."""
 
     places: F64  # (h, w, 3, 4): the point at BEFORE, NOW, AFTER, relative to the scene's origin, and 1; directions and 0
     normal: F32  # (h, w, 3): unit, world space, on the viewer's side; 0 without a surface

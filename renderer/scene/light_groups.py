@@ -11,7 +11,7 @@ from renderer.arrays.rows import PART_MATERIAL
 from renderer.arrays.scene import CompiledScene
 from renderer.scene.description import I32, SceneDescription
 
-__all__ = ["LightGroups", "names_of", "tabulate_groups", "with_group_planes"]
+__all__ = ["LightGroups", "by_light", "names_of", "tabulate_groups", "with_group_planes"]
 
 
 class LightGroups(NamedTuple):
@@ -37,14 +37,24 @@ def tabulate_groups(description: SceneDescription, primitive: I32, triangle: I32
     number = {name: k for k, name in enumerate(["", *names])}
     material = np.array([number[name] for name in of_materials], np.int32)
     punctual = np.array([number[name] for name in of_lights], np.int32)
+    light = by_light(material, punctual, primitive, triangle, part, sphere_material)
+    text = np.frombuffer("\0".join(names).encode(), np.uint8)
+    return LightGroups(light, material, np.array([number[description.environment_group]], np.int32), text)
+
+
+def by_light(material: I32, punctual: I32, primitive: I32, triangle: I32, part: I32, sphere_material: I32) -> I32:
+    """Returns a number for each light, (L,): that of its material if it has a surface, else its own.
+
+    material: a number for each material. punctual: a number for each light without a surface. primitive: the primitive of each
+    light. triangle, part, sphere_material: as in CompiledScene.
+    """
     on_sphere, alone = len(triangle), len(triangle) + len(sphere_material)
     light = np.zeros(len(primitive), np.int32)
     of_triangles, of_spheres = primitive < on_sphere, (primitive >= on_sphere) & (primitive < alone)
     light[of_triangles] = material[part[triangle[primitive[of_triangles], 3], PART_MATERIAL]]
     light[of_spheres] = material[sphere_material[primitive[of_spheres] - on_sphere]]
     light[primitive >= alone] = punctual[primitive[primitive >= alone] - alone]
-    text = np.frombuffer("\0".join(names).encode(), np.uint8)
-    return LightGroups(light, material, np.array([number[description.environment_group]], np.int32), text)
+    return light
 
 
 def names_of(scene: CompiledScene) -> list[str]:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arrays.rows import PART_MATERIAL
 from renderer.errors import SceneError
 from renderer.scene.description import I32, LightLink, SceneDescription
+from renderer.scene.light_groups import by_light
 from renderer.scene.object_ids import number_objects
 from renderer.sentences import Sentence
 
@@ -55,14 +55,9 @@ def tabulate_links(description: SceneDescription, primitive: I32, triangle: I32,
             )
         )
     number = {name: k for k, name in enumerate(["", *names])}
-    light = np.zeros(len(primitive), np.int32)
     material = np.array([number[name] for name in of_materials], np.int32)
     punctual = np.array([number[name] for name in of_lights], np.int32)
-    on_sphere, alone = len(triangle), len(triangle) + len(sphere_material)
-    of_triangles, of_spheres = primitive < on_sphere, (primitive >= on_sphere) & (primitive < alone)
-    light[of_triangles] = material[part[triangle[primitive[of_triangles], 3], PART_MATERIAL]]
-    light[of_spheres] = material[sphere_material[primitive[of_spheres] - on_sphere]]
-    light[primitive >= alone] = punctual[primitive[primitive >= alone] - alone]
+    light = by_light(material, punctual, primitive, triangle, part, sphere_material)
     objects = number_objects(description).names
     links = np.full(len(objects), _EVERYTHING, np.uint32)
     for name in names:

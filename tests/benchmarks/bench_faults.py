@@ -200,7 +200,7 @@ class Campaign:
                     found = client.digest(job)
             return bool(found)
 
-        ground.wait(has_digest, "the digest is told")
+        ground.wait(has_digest, "the frame has a digest")
         return found
 
 

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-import re
 from typing import Any
 
+from .light_groups import valid_name
 from .sentences import Sentence
 
 __all__ = ["LinkSets", "has_shadow_links"]
 
-UNUSABLE = re.compile(r"[^\w -]")  # such as the dot of "Collection.001"
-MOST_NAME = 40  # characters; renderer/setting_declaration.py
 MOST = 31  # renderer/scene/light_links.py
 
 
@@ -42,11 +40,11 @@ class LinkSets:
 
     def _free_name(self, name: str) -> str:
         """Returns a name for a link set that no other one has. name: of Blender's collection."""
-        usable = UNUSABLE.sub("_", name).strip()[: MOST_NAME - 3].strip() or "links"
+        usable = valid_name(name) or "links"
         found, count = usable, 1
         while found in self.sets:
             count += 1
-            found = f"{usable} {count}"
+            found = valid_name(f"{count} {usable}")
         return found
 
     def _members(self, collection: Any) -> dict[str, list[str]]:

@@ -88,7 +88,7 @@ def test_faults_of_folder_are_reported(data_folder: Path, break_it: Callable[[Pa
     (said,) = faults(data_folder, deep)
     assert re.match(sentence, said), said
     if deep:
-        assert faults(data_folder) == [], "without reading nobody knows"
+        assert faults(data_folder) == [], "found only by reading the files"
 
 
 @pytest.mark.long

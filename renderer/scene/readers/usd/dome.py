@@ -11,6 +11,7 @@ from pxr import UsdLux
 from renderer.scene.description import Environment, SceneDescription
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.turned_sky import FROM_PLUS_Z, rotate_environment
+from renderer.scene.readers.usd.light_links import has_targets
 from renderer.scene.readers.usd.lights import radiance_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.textures import Images
@@ -41,8 +42,7 @@ def add_dome(
         return
     light = UsdLux.LightAPI(prim)
     color = radiance_of(light, time)
-    links = light.GetLightLinkCollectionAPI()
-    if links and (links.GetExcludesRel().HasAuthoredTargets() or links.GetIncludesRel().HasAuthoredTargets()):
+    if has_targets(light.GetLightLinkCollectionAPI()):
         notes.add(Sentence("usd-dome-linking-ignored", "Light linking of domes is ignored: they illuminate all objects"), name)
     turned = world[:3, :3] / np.maximum(np.linalg.norm(world[:3, :3], axis=0), 1e-300)
     if prim.IsA(UsdLux.DomeLight_1):

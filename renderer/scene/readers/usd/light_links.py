@@ -12,7 +12,14 @@ from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.prims import PlacedPrim
 from renderer.sentences import Sentence
 
-__all__ = ["LinkSets"]
+__all__ = ["LinkSets", "has_targets"]
+
+
+def has_targets(collection: Any) -> bool:
+    """Returns True if a collection of a light lists prims to include or to exclude. collection: may be invalid."""
+    return bool(collection) and any(
+        relation.HasAuthoredTargets() for relation in (collection.GetExcludesRel(), collection.GetIncludesRel())
+    )
 
 
 class LinkSets:
@@ -27,11 +34,7 @@ class LinkSets:
     def name_for(self, prim: Any) -> str:
         """Returns the name of a light's link set; empty if the light illuminates everything."""
         collection = UsdLux.LightAPI(prim).GetLightLinkCollectionAPI()
-        if not collection or not (
-            collection.GetExcludesRel().HasAuthoredTargets()
-            or collection.GetIncludesRel().HasAuthoredTargets()
-            or collection.GetIncludeRootAttr().Get() is False
-        ):
+        if not collection or not (has_targets(collection) or collection.GetIncludeRootAttr().Get() is False):
             return ""
         query = collection.ComputeMembershipQuery()
         dark = tuple(each.name for each in self._objects if not query.IsPathIncluded(each.prim.GetPath()))
