@@ -181,7 +181,7 @@ export function listenForPalette(nav) {
   addEventListener("keydown", (event) => {
     if (!(event.ctrlKey || event.metaKey) || event.altKey || event.shiftKey || event.key.toLowerCase() !== "k") return;
     event.preventDefault(); // the browser's search field
-    const open = /** @type {HTMLDialogElement | null} */ (document.querySelector("dialog.palette"));
+    const open = /** @type {HTMLDialogElement | null} */ (document.querySelector("dialog.palette[open]"));
     if (open) open.close();
     else showPalette(nav);
   });
