@@ -36,6 +36,7 @@ __all__ = [
     "BadSample",
     "BatchSums",
     "Gain",
+    "alpha_plane",
     "bytes_of_hits",
     "digest",
     "error",
@@ -63,6 +64,7 @@ MATERIAL = 19  # 1 + the number of the object's material, likewise
 CHANNELS = 20
 
 # Behind these, in films with light groups: three planes for each group, radiance as in COLOR. The groups add up to COLOR.
+# The last plane of films with a transparent background is the alpha (`alpha_plane`).
 _MOST_GROUPS = 17  # RenderSettings.group_names
 
 # The planes of each field of a sample's FirstHit (renderer/kernel/steps/record_first_hit.py). Both backends fill them from this
@@ -107,15 +109,23 @@ def group_planes(group: int) -> slice:
     return slice(CHANNELS + 3 * group, CHANNELS + 3 * group + 3)
 
 
-def plane_count(groups: int) -> int:
-    """Returns the number of planes of a film with this many light groups (RenderSettings.group_names)."""
+def alpha_plane(groups: int) -> int:
+    """Returns the alpha's plane in a film with a transparent background and this many light groups: sums of 0 ... 1 a sample."""
     return CHANNELS + 3 * groups
+
+
+def plane_count(groups: int, is_transparent: bool = False) -> int:
+    """Returns the number of planes of a film with this many light groups (RenderSettings.group_names).
+
+    is_transparent: whether its background is (RenderSettings.is_transparent).
+    """
+    return alpha_plane(groups) + is_transparent
 
 
 def is_plane_count(planes: int) -> bool:
     """Returns True if a film can have this number of planes."""
     groups, further = divmod(planes - CHANNELS, 3)
-    return further == 0 and 0 <= groups <= _MOST_GROUPS
+    return further < 2 and 0 <= groups <= _MOST_GROUPS
 
 
 def mean(sums: Sums, film_exponent: int, channel: slice | int = COLOR) -> npt.NDArray[np.float32]:

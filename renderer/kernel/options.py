@@ -68,6 +68,7 @@ class Options(NamedTuple):
     ambient: tuple[np.float32, np.float32, np.float32]
     transparent: bool  # whether any material in the scene transmits light by its alpha
     groups: np.uint32  # number of light groups with planes in the film; 0: none
+    transparent_background: bool  # whether camera rays see no background, and the film's last plane is alpha
 
 
 def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
@@ -100,6 +101,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         ambient=(np.float32(red), np.float32(green), np.float32(blue)),
         transparent=bool((scene.material_flags & TRANSPARENT).any()),
         groups=np.uint32(len(settings.group_names)),
+        transparent_background=settings.is_transparent,
     )
 
 

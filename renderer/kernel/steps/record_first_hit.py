@@ -1,7 +1,7 @@
 """The AOVs (auxiliary film values) of a path's first vertex: their fields and values.
 
 A new AOV needs a field of `FirstHit` and its value here, its planes in `FIRST_HIT` of renderer/film.py, and its entry in
-renderer/aovs.py.
+renderer/aovs.py. `uncovered` has no entry there: films have its plane only behind a transparent background.
 """
 
 from __future__ import annotations
@@ -16,9 +16,10 @@ from renderer.jit import device
 from renderer.wide.fields import Float, Int, Vector, columns_of, is_integer
 from renderer.wide.values import as_wide, u32, zero_like
 
-__all__ = ["IDS", "MEANS", "FirstHit", "no_hit", "record_first_hit"]
+__all__ = ["IDS", "MEANS", "FirstHit", "no_hit", "record_background", "record_first_hit"]
 
 _NEXT, _NONE = np.uint32(1), np.uint32(0)
+_THREE = np.float32(3.0)
 
 
 class FirstHit(NamedTuple):
@@ -30,6 +31,7 @@ class FirstHit(NamedTuple):
     object: Int  # 1 + its number
     point: Vector
     material: Int  # 1 + its number
+    uncovered: Float  # 1 - alpha; 0 unless the background is transparent
 
 
 @device
@@ -47,6 +49,7 @@ def record_first_hit(surface, material, normal, distance, start):
         object=u32(surface.object + _NEXT),
         point=surface.point,
         material=u32(surface.material + _NEXT),
+        uncovered=zero_like(distance),
     )
 
 
@@ -55,7 +58,19 @@ def no_hit(like):
     """Returns the FirstHit of a path that hits nothing. like: a float or lanes."""
     none, nothing = zero_like(like), as_wide(_NONE, like)
     black = none, none, none
-    return FirstHit(albedo=black, distance=none, normal=black, object=nothing, point=black, material=nothing)
+    return FirstHit(black, none, black, nothing, black, nothing, uncovered=none)
+
+
+@device
+def record_background(throughput):
+    """Returns the FirstHit of a path that leaves the scene without a vertex, before a transparent background.
+
+    throughput: of the path, less than 1 behind absorbing media. The mean of its channels is what the sample lacks in alpha.
+    """
+    hit = no_hit(throughput[0])
+    red, green, blue = throughput
+    uncovered = (red + green + blue) / _THREE
+    return FirstHit(hit.albedo, hit.distance, hit.normal, hit.object, hit.point, hit.material, uncovered)
 
 
 def _planes(integers: bool) -> npt.NDArray[np.uintp]:

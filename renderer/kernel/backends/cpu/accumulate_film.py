@@ -9,7 +9,7 @@ from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.backends.cpu.lists import DONE, length, put, row, truncate
 from renderer.kernel.backends.cpu.rows import FIRST_GROUP, PATHS, Sample, at, column
-from renderer.kernel.fixed_point import add_fixed8, in_half, sample_contribution
+from renderer.kernel.fixed_point import add_fixed8, fixed, in_half, sample_contribution
 from renderer.kernel.light_groups import add_sample_by_group, forget_groups
 from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit
 from renderer.kernel.steps.state import PathState
@@ -29,6 +29,7 @@ _COLUMNS.update({SAMPLES: 3, SAMPLES_HALF: 7})
 for _first, _planes in ((0, COLOR), (4, COLOR_HALF)):
     _COLUMNS.update({plane: _first + k for k, plane in enumerate(range(_planes.start, _planes.stop))})
 _COLUMN_OF = np.array([_COLUMNS[channel] for channel in range(CHANNELS)], np.int64)
+_COUNT, _UNCOVERED = np.uintp(_COLUMNS[SAMPLES]), np.uintp(8 + columns_of(FirstHit, "uncovered")[0])
 _POINT = np.uintp(8 + columns_of(FirstHit, "point")[0])
 _RADIANCE, _FIRST, _DISTANCE = column(PathState, "radiance"), column(FirstHit, "albedo"), column(FirstHit, "distance")
 _SAMPLE, _PIXEL, _BRANCHES = (column(Sample, field) for field in ("number", "place", "branches"))
@@ -117,14 +118,32 @@ def _add_groups(pool, path, film, place, scale, by_group):
     _forget(pool, path, groups)
 
 
+@device
+def _flush_alpha(film, sums, one):
+    """Adds the pixels' alpha to the film's last plane: `one`, 1 in fixed point, a sample, less what is uncovered."""
+    last, height, width = sums.shape[0] - 1, sums.shape[1], sums.shape[2]
+    for y in range(height):
+        base = np.uintp(y * width) * _SUMS
+        for x in range(width):
+            sums[last, y, x] += film[base + _COUNT] * one - film[base + _UNCOVERED]
+            film[base + _UNCOVERED] = 0
+            base += _SUMS
+
+
 @subroutine
-def flush_film(film, sums):
+def flush_film(film, sums, scale, is_transparent):
     """Moves the pixels' sums to the film's planes, (planes, h, w), and resets them to 0.
+
+    scale: 2**film_exponent. is_transparent: whether the last plane is the alpha.
 
     Works row by row, one plane at a time, since one pixel's entries in all planes map to the same cache sets.
     """
     never_inline()
     height, width = sums.shape[1], sums.shape[2]
+    further = sums.shape[0] - CHANNELS
+    if is_transparent:
+        _flush_alpha(film, sums, fixed(_ONE, scale))
+        further -= 1
     for y in range(height):
         for channel in range(CHANNELS):
             at_pixel = np.uintp(y * width) * _SUMS + np.uintp(_COLUMN_OF[channel])
@@ -132,9 +151,8 @@ def flush_film(film, sums):
                 sums[channel, y, x] += film[at_pixel]
                 film[at_pixel] = 0
                 at_pixel += _SUMS
-    further = sums.shape[0] - CHANNELS  # planes by light group
     begin = np.uintp(height * width) * _SUMS
-    for k in range(further):
+    for k in range(further):  # planes by light group
         for y in range(height):
             at_pixel = begin + np.uintp(y * width) * np.uintp(further) + np.uintp(k)
             for x in range(width):

@@ -57,10 +57,17 @@ from renderer.kernel.material.material import has_flag, parameters_at, relative_
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.steps.continue_or_end import is_last
 from renderer.kernel.steps.disperse import disperse
-from renderer.kernel.steps.emitted_light import add_light, brought_light, emitted_by_environment, emitted_by_sun, emitted_light
+from renderer.kernel.steps.emitted_light import (
+    add_light,
+    background_counts,
+    brought_light,
+    emitted_by_environment,
+    emitted_by_sun,
+    emitted_light,
+)
 from renderer.kernel.steps.mis import hit_weight
 from renderer.kernel.steps.pass_through import absorb, counts_emission, is_passed, pass_through
-from renderer.kernel.steps.record_first_hit import record_first_hit
+from renderer.kernel.steps.record_first_hit import record_background, record_first_hit
 from renderer.kernel.steps.state import Crossings, PathState, Ray, no_crossings, with_throughput
 from renderer.kernel.surface.surface import is_emissive, sphere_at
 from renderer.wide.values import any_of, as_wide, lookup, not_, u32, where, where3, zero_like
@@ -92,7 +99,10 @@ def shade_misses(scene, pool, lists, options, is_recorded):
     for k in range(0, count, 8):
         rows = eight_rows(lists, MISSED, k)
         ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
-        seen, counts = emitted_by_environment(scene, ray), ray.pdf >= _ZERO
+        seen, counts = emitted_by_environment(scene, ray), background_counts(ray, path, options)
+        if options.transparent_background:
+            first = where(path.number == _ZERO, rows, SPARE)
+            scatter(pool, first, record_background(path.throughput))
         weight = hit_weight(ray.pdf, seen.light_pdf)
         if is_recorded:
             met = gather(pool, rows, RowHit)

@@ -16,6 +16,7 @@ __all__ = [
     "FIRST_GROUP",
     "FIRST_HIT_SLOTS",
     "add_first_hit",
+    "alpha_of",
     "forget_first_hit",
     "is_finite_first_hit",
     "store_first_hit",
@@ -28,8 +29,8 @@ FIRST_GROUP = np.uint32(FIRST_HIT_SLOTS // GROUP_ROW)  # in the array of a first
 assert FIRST_HIT_SLOTS % GROUP_ROW == 0
 _, _scatter = accessors(_LAYOUT)
 _ONLY = np.uintp(0)
-_ZERO = np.float32(0.0)
-_DISTANCE = _LAYOUT.column(FirstHit, "distance")
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_DISTANCE, _UNCOVERED = _LAYOUT.column(FirstHit, "distance"), _LAYOUT.column(FirstHit, "uncovered")
 _X, _Y, _Z = range(POSITION.start, POSITION.stop)
 
 
@@ -55,10 +56,16 @@ def store_ids(ids, number, first):
 @device
 def is_finite_first_hit(first):
     """Returns True if no real number of the FirstHit stored in `first` is NaN or infinite."""
-    zero = _ZERO
+    zero = first[_UNCOVERED] * _ZERO
     for k in range(len(MEANS)):
         zero += first[MEANS[k, 0]] * _ZERO
     return zero == _ZERO
+
+
+@device
+def alpha_of(first, scale):
+    """Returns the sample's alpha in the film's fixed point, by the FirstHit stored in `first`."""
+    return fixed(_ONE, scale) - fixed(first[_UNCOVERED], scale)
 
 
 @device

@@ -11,6 +11,7 @@ from renderer.kernel.backends.scalar.first_hit import (
     FIRST_GROUP,
     FIRST_HIT_SLOTS,
     add_first_hit,
+    alpha_of,
     forget_first_hit,
     is_finite_first_hit,
     store_ids,
@@ -76,6 +77,8 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                 if in_half(sample):
                     _add_radiance(sums, _COLOR_HALF, SAMPLES_HALF, y, x, radiance, scale)
                 add_first_hit(sums, y, x, hit, sample, scale, batch.origin)
+                if options.transparent_background:
+                    sums[sums.shape[0] - 1, y, x] += alpha_of(hit, scale)
                 if len(output.ids) > 0:
                     store_ids(output.ids, (y * sums.shape[2] + x) * count + sample - first, hit)
     return bad_count, rays
