@@ -205,8 +205,8 @@ def values(sums: Sums, film_exponent: int, name: str, groups: Sequence[str] = ()
     """Returns the values of an AOV of the film: (h, w, 3) float32 for albedo, normal, position and light groups, else (h, w).
 
     albedo: 0 ... 1. normal, position, depth: in world space. object, material: 1 + the number, 0 where nothing is hit. samples:
-    the number of samples in the film. alpha: 0 ... 1. error: the standard error of the pixel's luminance (film.error). groups: the names of the
-    film's light groups.
+    the number of samples in the film. alpha: 0 ... 1. error: the standard error of the pixel's luminance (film.error). groups:
+    the names of the film's light groups.
     """
     if is_light(name):
         return film.mean(sums, film_exponent, film.group_planes(groups.index(name.removeprefix(LIGHT))))
@@ -240,8 +240,8 @@ def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8
     """Returns an AOV as a displayable image, (h, w, 3) uint8.
 
     albedo: as colour. normal: from -1 ... 1. position, depth: over their range, near points bright and nothing black. object,
-    material: in one constant colour per number. samples, error: as heat maps. alpha: 0 black, 1 white. motion: the offset to the next frame around grey,
-    red to the right, green upwards. between: `span` of the whole plane, if `plane` is a part of it.
+    material: in one constant colour per number. samples, error: as heat maps. alpha: 0 black, 1 white. motion: the offset to the
+    next frame around grey, red to the right, green upwards. between: `span` of the whole plane, if `plane` is a part of it.
     """
     low, high = between or span(name, plane) or (np.float32(0), np.float32(1))
     shown = _encoded if is_light(name) else _declaration(name).shown

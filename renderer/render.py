@@ -146,7 +146,7 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings: paths by the default strategy, no groups, mattes or alpha."""
+    """Returns True if a graphics card can render with these settings: default strategy, no groups, mattes or alpha."""
     return has_variants(settings) and not (settings.light_groups or settings.cryptomatte or settings.is_transparent)
 
 

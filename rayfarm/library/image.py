@@ -87,7 +87,7 @@ class Image(Mapping[str, F32]):
         color = self["denoised"] if "denoised" in self else self["color"]
         if "denoised" in self:
             channels |= {f"Noisy Image.{c}": self["color"][..., i] for i, c in enumerate("RGB")}
-        alpha = self[aovs.ALPHA] if aovs.ALPHA in self else None
+        alpha = self.get(aovs.ALPHA)
         encode.write(path, color, exposure=exposure, curve=tonemap_curve, channels=channels, alpha=alpha)
 
     def _repr_png_(self) -> bytes:

@@ -145,7 +145,7 @@ def apply(rgb: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArra
 def apply_straight(rgb: F32, alpha: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArray[np.uint8]:
     """Returns display values with straight alpha, (h, w, 4) uint8, of premultiplied scene-linear (h, w, 3) radiance.
 
-    The curve applies to the colour of what covers the pixel, radiance / alpha, so that edges have the brightness of what is beside
+    The curve applies to the colour of what covers the pixel, radiance / alpha, so that edges are as bright as what is beside
     them; what is not covered is black. alpha: (h, w), 0 ... 1, stored linearly. exposure, curve: as for `apply`.
     """
     coverage = np.clip(np.nan_to_num(alpha), 0, 1)[..., None]
