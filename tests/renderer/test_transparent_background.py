@@ -109,7 +109,7 @@ def test_both_backends_have_the_same_bits(name: str, monkeypatch: pytest.MonkeyP
 def test_alpha_of_a_half_clear_ball() -> None:
     """Both sides let half of the light through: a quarter is uncovered. Glass covers all."""
     settings = transparent(RenderSettings(9, 9, replace(BALL, fov=10.0)))
-    clear = ball(Material(base_color=gray(0.5), alpha=0.5, alpha_mode="blend"))
+    clear = ball(Material(base_color=gray(0.5), opacity=0.5, alpha_mode="blend"))
     alpha = means(render_frame(clear, settings, 1024), ALPHA)
     assert abs(alpha.mean() - 0.75) < 4 * np.sqrt(0.75 * 0.25 / (1024 * 81))
     glass = ball(Material(kind="glass", base_color=gray(1.0), roughness=0.0))
