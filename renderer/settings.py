@@ -332,6 +332,17 @@ class RenderSettings:
             phrase="mistake: {}",
         ),
     ] = ""
+    background: Annotated[
+        str,
+        Setting(choices=BACKGROUNDS),
+        SettingTexts(
+            "Background",
+            "What is seen where no object is.",
+            integrators=_estimating,
+            section="Samples",
+            phrase="background {}",
+        ),
+    ] = "visible"
     filter: Annotated[
         str, Setting(choices=FILTERS), SettingTexts("Pixel filter", "How wide a pixel looks.", section="Samples")
     ] = "blackman-harris"
@@ -380,17 +391,6 @@ class RenderSettings:
             phrase="light groups {}",
         ),
     ] = ""
-    background: Annotated[
-        str,
-        Setting(choices=BACKGROUNDS),
-        SettingTexts(
-            "Background",
-            "What is seen where no object is.",
-            integrators=_estimating,
-            section="Samples",
-            phrase="background {}",
-        ),
-    ] = "visible"
     cryptomatte: Annotated[
         int,
         Setting(1, MOST_RANKS, off=0),

@@ -18,10 +18,14 @@ export class AlphaPlane {
     this.layer = layer;
     /** Number of samples in the fetched plane. */
     this.madeOf = 0;
+    this.waiting = false;
     this.fetching = new AbortController();
     const renew = () => live.film.total > this.madeOf && void this.fetch();
     this.timer = setInterval(renew, EVERY_MS);
     const unfill = live.onFill(renew);
+    const unlisten = live.onTile(() => {
+      if (!this.madeOf && !this.waiting) void this.fetch(); // at once with the first samples
+    });
     const unturn = live.onTurn(() => {
       this.madeOf = 0;
       this.fetching.abort();
@@ -30,6 +34,7 @@ export class AlphaPlane {
     });
     this.unlisten = () => {
       unfill();
+      unlisten();
       unturn();
     };
     renew();
@@ -39,6 +44,7 @@ export class AlphaPlane {
   async fetch() {
     this.fetching.abort();
     const { signal } = (this.fetching = new AbortController());
+    this.waiting = true;
     try {
       const { image, samples } = await fetchImage(this.live, { aov: "alpha" }, signal);
       if (signal.aborted) return image.close();
@@ -46,6 +52,8 @@ export class AlphaPlane {
       this.layer.setAlpha(image);
     } catch {
       // Without samples there is no plane yet, and a lost connection is shown by the banner.
+    } finally {
+      if (!signal.aborted) this.waiting = false;
     }
   }
 
