@@ -13,7 +13,7 @@ SHUTTERS = {"START": "leading", "CENTER": "centred", "END": "trailing"}
 
 
 def settings_of(scene: Any, layer: Any, addon_module: Any) -> dict[str, Any]:
-    """Returns the render settings: size, background, depths, shutter, and clamping and pixel filter if they equal Cycles' settings.
+    """Returns the render settings: size, background, depths, shutter, and clamping and pixel filter that equal Cycles'.
 
     addon_module: the add-on's module of Cycles' settings, or None.
     """
