@@ -178,7 +178,8 @@ def planes(name: str, groups: Sequence[str] = ()) -> tuple[int, ...]:
     if is_matte(name):
         return (film.SAMPLES,)
     if name == ALPHA:
-        return (film.alpha_plane(len(groups)), film.SAMPLES)
+        first = film.alpha_plane(len(groups))
+        return (*range(first, first + film.ALPHA_PLANES), film.SAMPLES)
     aov = _ALL[name]
     return _channel_numbers(*aov.planes, film.SAMPLES) if aov.mean else _channel_numbers(*aov.planes)
 
@@ -213,7 +214,7 @@ def values(sums: Sums, film_exponent: int, name: str, groups: Sequence[str] = ()
     if name == "error":
         return film.error(sums, film_exponent)
     if name == ALPHA:
-        return film.mean(sums, film_exponent, film.alpha_plane(len(groups)))
+        return film.alpha(sums, film_exponent, len(groups))
     (plane,) = _ALL[name].planes
     return film.mean(sums, film_exponent, plane) if _ALL[name].mean else sums[plane].astype(np.float32)
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from renderer import jit
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
+from renderer.arrays.rows import CATCHER
 from renderer.arrays.scene import example
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cryptomatte import NOT_FINITE, Hits, count_samples, merged, moved
@@ -95,7 +96,8 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     scene = with_light_choice(scene, settings.light_choice)
     if samples_caustics(settings):
         scene = with_caustics(scene)
-    if settings.sampling == "light" or settings.integrator == "whitted":
+    catches = settings.is_transparent and bool((scene.material_flags & CATCHER).any())  # whose light only samples of it find
+    if settings.sampling == "light" or settings.integrator == "whitted" or catches:
         scene = environment_sampled_fully(scene)
     else:
         scene = without_environment_sampling(scene)

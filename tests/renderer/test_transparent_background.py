@@ -83,12 +83,12 @@ def test_settings_with_a_transparent_background() -> None:
         replace(settings, background="none")
 
 
-@pytest.mark.parametrize(("groups", "planes"), [(0, 21), (2, 27), (17, 72)])
-def test_alpha_is_the_last_plane(groups: int, planes: int) -> None:
-    assert plane_count(groups, True) == planes == alpha_plane(groups) + 1
+@pytest.mark.parametrize(("groups", "planes"), [(0, 24), (2, 30), (17, 75)])
+def test_planes_of_the_alpha_are_the_last(groups: int, planes: int) -> None:
+    assert plane_count(groups, True) == planes == alpha_plane(groups) + film.ALPHA_PLANES
     assert film.is_plane_count(planes)
-    assert film.is_plane_count(planes - 1)
-    assert not film.is_plane_count(planes + 1)
+    assert film.is_plane_count(planes - film.ALPHA_PLANES)
+    assert not film.is_plane_count(planes - 2)
 
 
 @pytest.mark.long
@@ -122,9 +122,9 @@ def test_light_groups_add_up_to_the_colour_before_alpha() -> None:
     settings = replace(transparent(settings), light_groups="key")
     with_groups, without = render_frame(scene, settings, 4), render_frame(scene, replace(settings, light_groups=""), 4)
     np.testing.assert_array_equal(
-        with_groups[film.CHANNELS : -1].reshape(2, 3, *with_groups.shape[1:]).sum(axis=0), without[COLOR]
+        with_groups[film.CHANNELS : alpha_plane(2)].reshape(2, 3, *with_groups.shape[1:]).sum(axis=0), without[COLOR]
     )
-    np.testing.assert_array_equal(with_groups[-1], without[ALPHA])
+    np.testing.assert_array_equal(with_groups[-film.ALPHA_PLANES :], without[ALPHA:])
 
 
 @pytest.mark.long

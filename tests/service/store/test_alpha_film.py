@@ -31,6 +31,9 @@ def batch(w: int, h: int, seed: int) -> Sums:
     random = np.random.default_rng(seed)
     sums = np.zeros((plane_count(2, True), h, w), np.int64)
     sums[ALPHA] = random.integers(0, COUNT + 1, (h, w)) * ONE
+    sums[ALPHA + 1] = (COUNT * ONE - sums[ALPHA]) * random.integers(0, 2, (h, w))  # on a shadow catcher
+    sums[ALPHA + 2] = random.integers(0, 1 << 20, (h, w)) * (sums[ALPHA + 1] > 0)
+    sums[ALPHA + 3] = sums[ALPHA + 2] * random.random((h, w))
     for k in range(2):
         sums[group_planes(k)] = random.integers(0, 1 << 20, (3, h, w)) * (sums[ALPHA] // ONE)
     sums[COLOR] = sums[group_planes(0)] + sums[group_planes(1)]
@@ -67,7 +70,7 @@ def exr_channels(data: bytes, folder: Path) -> dict[str, np.ndarray]:
 def test_pictures_have_the_alpha_of_the_film(made: tuple[Film, Sums], tmp_path: Path) -> None:
     found, whole = made
     assert digest(found, 0, tmp_path) == film.digest(whole)
-    color, alpha = film.mean(whole, 24), film.mean(whole, 24, ALPHA)
+    color, alpha = film.mean(whole, 24), film.alpha(whole, 24, len(GROUPS))
     assert not color[alpha == 0].any()
     assert color[alpha > 0].any()
     for wish, others in (
@@ -96,7 +99,7 @@ def test_denoised_pictures_have_the_alpha_of_the_film(made: tuple[Film, Sums], t
     wish = PictureRequest("exr", denoised=lambda: io.BytesIO(clean.tobytes()))
     channels = exr_channels(picture(found, tmp_path, wish), tmp_path)
     np.testing.assert_array_equal(np.stack([channels[c] for c in "RGB"], axis=-1), clean)
-    np.testing.assert_array_equal(channels["A"], film.mean(whole, 24, ALPHA))
+    np.testing.assert_array_equal(channels["A"], film.alpha(whole, 24, len(GROUPS)))
 
 
 def test_snapshots_of_films_know_the_alpha(made: tuple[Film, Sums]) -> None:
@@ -107,4 +110,5 @@ def test_snapshots_of_films_know_the_alpha(made: tuple[Film, Sums]) -> None:
         planes = aovs.planes("alpha", GROUPS)
         sums = snapshot.tile_planes(0, 1, planes)
         assert sums is not None
-        np.testing.assert_array_equal(sums[ALPHA], whole[ALPHA, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w])
+        part = slice(tile.y, tile.y + tile.h), slice(tile.x, tile.x + tile.w)
+        np.testing.assert_array_equal(sums[ALPHA:], whole[ALPHA:, *part])

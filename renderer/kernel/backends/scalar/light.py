@@ -9,7 +9,7 @@ import numpy as np
 
 from renderer.jit import device, template
 from renderer.kernel import vec
-from renderer.kernel.backends.scalar.first_hit import store_first_hit
+from renderer.kernel.backends.scalar.first_hit import store_direct_light, store_first_hit
 from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.lights import choose_sampled, sample_chosen
 from renderer.kernel.light.links import linked_sample
@@ -39,7 +39,7 @@ from renderer.wide.values import u32
 
 __all__ = ["add_caustic", "add_direct", "add_emission", "add_environment", "has_lights"]
 
-_ZERO = np.float32(0.0)
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _YES, _NO = np.bool_(True), np.bool_(False)
 
 
@@ -100,10 +100,10 @@ def add_emission(scene, surface, through, ray, path, last, chain, options, time,
 
 
 @template
-def add_direct(scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, found, groups):
+def add_direct(scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, found, groups, caught):
     """Samples the direct light at a path's vertex; returns (the path with that light added, number of shadow rays).
 
-    found, groups: as for `add_environment`.
+    found, groups: as for `add_environment`. caught: whether the vertex is on a shadow catcher, where the path ends.
     """
     surface = vertex.surface
     s, t, n = vertex.frame
@@ -124,9 +124,14 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
                 targets = targets_in_view(scene, here, surface.material, _NO, is_surface, options)
                 scatter_pdf = mixture_pdf(scene, here, targets, light.direction, scatter_pdf, NOT_AIMED)
             branches = branches_to_light(light.alone, path.number, options)
-            weight = weigh_light(options, light, scatter_pdf, branches, surface.point) / np.float32(count)
+            weight = weigh_light(options, light, scatter_pdf, branches, surface.point)
+            if caught:
+                weight = _ONE
+            weight = weight / np.float32(count)
             shadow = sample_direct_light(scene, surface, path, light, wi, f, weight, crossings.medium_stack, is_surface)
             if shadow.is_cast:
+                if caught:
+                    store_direct_light(found, shadow.brought)
                 rays += 1
                 left = shadow_transmittance(scene, stack, shadow, crossings.counts, options, time, own, path.number)
                 if vec.maximum(left) > _ZERO:

@@ -19,6 +19,7 @@ from renderer.film import (
     SAMPLES,
     SAMPLES_HALF,
     alpha_plane,
+    plane_count,
 )
 from renderer.film import in_half as in_half_of_film
 from renderer.jit import entry
@@ -28,6 +29,7 @@ from renderer.kernel.backends.cpu.lists import DONE, LIST_SIZE, LISTS, append, c
 from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, Sample, column
 from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.state import PathState
+from renderer.luminance import REC_709
 
 WIDTH, HEIGHT = 3, 2
 NO_IDS = np.zeros((0, 2), np.uint32)
@@ -106,7 +108,7 @@ def test_alpha_is_the_count_of_samples_less_what_is_uncovered(exponent: int) -> 
     rows[:, FIRST + 12] = uncovered
     rows[40:50, RADIANCE] = np.nan
     rows[50:60, FIRST + 12] = np.nan
-    sums = film_after(rows, exponent, alpha_plane(0) + 1)[0]
+    sums = film_after(rows, exponent, plane_count(0, True))[0]
     expected = np.zeros((HEIGHT, WIDTH), np.int64)
     one = 1 << exponent
     for k in [*range(40), *range(60, 100)]:
@@ -114,6 +116,22 @@ def test_alpha_is_the_count_of_samples_less_what_is_uncovered(exponent: int) -> 
         expected[y, x] += one - int(np.rint(np.float64(uncovered[k]) * one))
     np.testing.assert_array_equal(sums[alpha_plane(0)], expected)
     assert sums[SAMPLES].sum() == 80
+
+
+def test_a_sample_on_a_shadow_catcher_is_black_and_has_its_light_in_planes_of_its_own() -> None:
+    rows = paths(30, np.arange(30) % 9)
+    on_catcher = np.arange(30) % 3 == 0
+    rows[on_catcher, FIRST + 12] = rows[on_catcher, FIRST + 13] = 0.5
+    rows[on_catcher, FIRST + 14] = 7.0
+    rows[:, RADIANCE : RADIANCE + 3] = np.abs(rows[:, RADIANCE : RADIANCE + 3])
+    sums = film_after(rows, 10, plane_count(0, True))[0]
+    others = film_after(rows[~on_catcher], 10, plane_count(0, True))[0]
+    np.testing.assert_array_equal(sums[COLOR], others[COLOR])
+    assert (sums[SAMPLES].sum(), others[SAMPLES].sum()) == (30, 20)
+    covered, caught, unshadowed, shadowed = sums[alpha_plane(0) :].sum(axis=(1, 2)) / 1024
+    assert (covered, caught, unshadowed) == (25, 5, 70)
+    light = rows[on_catcher, RADIANCE : RADIANCE + 3] @ REC_709
+    assert abs(shadowed - light.sum()) < 10 / 1024
 
 
 @pytest.mark.parametrize("column", [group + k for group in (RADIANCE, FIRST, FIRST + 4, FIRST + 8) for k in range(3)])
