@@ -10,13 +10,13 @@ import pytest
 from renderer import film, render
 from renderer.arrays.scene import CompiledScene
 from renderer.errors import SettingsError
-from renderer.film import COLOR, DEPTH, SAMPLES, Sums, alpha_plane, plane_count
+from renderer.film import COLOR, DEPTH, OBJECT, SAMPLES, Sums, alpha_plane, plane_count
 from renderer.kernel import accumulate
 from renderer.render import is_for_cards, pixel_samples, render_batch, render_frame
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Environment, Instance, Material, SceneDescription
+from renderer.scene.description import Environment, Instance, Light, Material, SceneDescription
 from renderer.settings import RenderSettings, View, tiles_of
-from tests.renderer.builders import gray, icosphere
+from tests.renderer.builders import gray, icosphere, square
 from tests.renderer.kernel.backends.features import made
 
 ALPHA = alpha_plane(0)
@@ -133,3 +133,72 @@ def test_pixel_samples_are_those_of_the_film() -> None:
     settings = transparent(settings)
     values, _ = pixel_samples(scene, settings, 3, 3, 4)
     np.testing.assert_array_equal(values.sum(axis=0), render_frame(scene, settings, 4)[COLOR, 3, 3])
+
+
+FLOOR = View((0.0, 3.0, 4.0), (0.0, 0.0, 0.0), fov=40.0)
+
+
+def over_a_floor(floor: Material, ball: Material, has_ball: bool = True) -> CompiledScene:
+    """Returns a ball above a floor, under a sun and a dim sky."""
+    meshes = [square((0, 0, 0), (0, 0, 4), (4, 0, 0), 0), icosphere(3, material=1, scale=0.6, center=(0.0, 0.9, 0.0))]
+    return compile_scene(
+        SceneDescription(
+            meshes=meshes,
+            instances=[Instance(k) for k in range(1 + has_ball)],
+            materials=[floor, ball],
+            lights=[Light("directional", (3.0, 3.0, 3.0), direction=(0.6, -1.0, -0.3))],
+            environment=Environment(gray(0.3)),
+        )
+    )
+
+
+def test_a_holdout_cuts_a_hole_into_the_picture() -> None:
+    """Sample by sample: black and uncovered where it is met first; everything else, its shadow included, has the same bits."""
+    settings, grey = transparent(RenderSettings(24, 16, FLOOR)), Material(base_color=gray(0.5))
+    (tile,) = tiles_of(24, 16, 32)
+    held = render_batch(over_a_floor(grey, Material(base_color=gray(0.5), holdout=True)), settings, tile, 0, 1).sums
+    whole = render_batch(over_a_floor(grey, grey), settings, tile, 0, 1).sums
+    hole = whole[OBJECT] == 2
+    assert 0.02 < hole.mean() < 0.5
+    assert not held[ALPHA, hole].any()
+    assert not held[:, hole][[*range(3), DEPTH, OBJECT]].any()
+    np.testing.assert_array_equal(held[:, ~hole], whole[:, ~hole])
+
+
+def test_a_shadow_catcher_covers_as_much_as_its_light_is_blocked() -> None:
+    """Against two renders of the direct light on an ordinary floor, with and without the ball."""
+    settings = RenderSettings(12, 12, replace(FLOOR, target=(0.9, 0.0, -0.4), fov=12.0), filter="box", integrator="direct")
+    white, ball = Material(base_color=gray(0.8)), Material(base_color=gray(0.8), unseen=True)
+    spp = 1024
+    catcher = render_frame(over_a_floor(replace(white, shadow_catcher=True), ball), transparent(settings), spp)
+    assert not catcher[COLOR].any()
+    alpha = film.alpha(catcher, 24, 0).astype(np.float64)
+    lit = means(render_frame(over_a_floor(white, ball, has_ball=False), settings, spp)).mean(axis=-1)
+    shaded = means(render_frame(over_a_floor(white, ball), settings, spp)).mean(axis=-1)
+    assert alpha.max() - alpha.min() > 0.5
+    assert np.abs(alpha - (1 - shaded / lit)).max() < 0.04
+    assert abs((alpha - (1 - shaded / lit)).mean()) < 0.003
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("kind", ["diffuse", "metallic_roughness", "mirror", "glass", "unlit"])
+def test_both_backends_have_the_same_bits_of_holdouts_and_catchers(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = transparent(RenderSettings(24, 16, FLOOR))
+    floor = Material(kind=kind, base_color=gray(0.7), emission=gray(0.1), shadow_catcher=True)
+    scene = over_a_floor(floor, Material(kind=kind, base_color=(0.9, 0.5, 0.2), emission=gray(0.1), holdout=True))
+    pool = render_frame(scene, settings, 16)
+    monkeypatch.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
+    monkeypatch.setattr(render, "has_variants", lambda _: False)
+    np.testing.assert_array_equal(render_frame(scene, settings, 16), pool)
+    assert pool[ALPHA + 1].any()
+    assert not pool[COLOR].any()
+
+
+@pytest.mark.long
+def test_light_groups_of_a_shadow_catcher_are_black() -> None:
+    settings = replace(transparent(RenderSettings(24, 16, FLOOR)), light_groups="key")
+    grey = Material(base_color=gray(0.5), light_group="key")
+    sums = render_frame(over_a_floor(replace(grey, shadow_catcher=True), grey), settings, 4)
+    groups = sums[film.CHANNELS : alpha_plane(2)].reshape(2, 3, *sums.shape[1:])
+    np.testing.assert_array_equal(groups.sum(axis=0), sums[COLOR])
+    assert sums[alpha_plane(2) + 1].any()
