@@ -298,7 +298,8 @@ def _put_primitive(source, plan, target, row, leaf, which):
         for key in range(source.keys):
             _put_corners(source, target, first_key + key, number + key, lane)
     _put_corners(source, target, row, number, lane)
-    target.bits[row, 3], target.bits[row, 7], target.bits[row, 11] = source.packet_bits[number, ROW_PRIMITIVE, lane], kind, first_key
+    primitive = source.packet_bits[number, ROW_PRIMITIVE, lane]
+    target.bits[row, 3], target.bits[row, 7], target.bits[row, 11] = primitive, kind, first_key
 
 
 @device
