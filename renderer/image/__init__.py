@@ -1,6 +1,7 @@
 """Image files and tone curves. Plain numpy: the service uses this package without the kernel.
 
 tonemap.py      scene-linear radiance -> display values: exposure, tone curves, sRGB
+ocio.py         views of an OpenColorIO config, in place of a tone curve
 encode.py       an image -> png, jpg, exr or hdr bytes
 read.py         the bytes of any texture or HDR image -> pixels, with size limits
 kinds.py        detects the format of an image from its bytes

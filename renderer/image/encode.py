@@ -19,6 +19,7 @@ from PIL import Image
 
 from renderer.errors import SettingsError
 from renderer.image import tonemap
+from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence
 
 __all__ = ["FORMATS", "RGB", "encode", "encode_channels", "encode_shown", "format_of", "write", "write_bands"]
@@ -51,13 +52,13 @@ def encode(
     rgb: F32,
     format: str,
     exposure: float = 0.0,
-    curve: str = "neutral",
+    curve: Curve = "neutral",
     channels: Mapping[str, F32] | None = None,
     header: Mapping[str, str] | None = None,
 ) -> bytes:
     """Returns an image file of scene-linear (h, w, 3) float32 radiance, as bytes.
 
-    format: one of FORMATS. exposure (stops) and curve (tonemap.CURVES) apply to png and jpg only.
+    format: one of FORMATS. exposure (stops) and curve (a name of tonemap.CURVES, or a transform) apply to png and jpg only.
     channels: for exr, further (h, w) planes by channel name. header: for exr, further attributes. Raises SettingsError for an
     unknown format or curve.
     """
@@ -101,7 +102,7 @@ def write(
     rgb: F32,
     format: str | None = None,
     exposure: float = 0.0,
-    curve: str = "neutral",
+    curve: Curve = "neutral",
     channels: Mapping[str, F32] | None = None,
     header: Mapping[str, str] | None = None,
 ) -> None:

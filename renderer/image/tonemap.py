@@ -2,12 +2,13 @@
 
 Every curve converts scene-linear Rec.709 radiance, (..., 3) float32, not negative, to display-linear Rec.709 in 0..1.
 The live view's shader (web/) has the same formulas: change both, so that the view matches the downloaded picture.
+Views of an OpenColorIO config (ocio.py) take the place of a curve and of the encoding.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +17,38 @@ from renderer.errors import SettingsError
 from renderer.luminance import REC_709
 from renderer.sentences import Sentence
 
-__all__ = ["CURVES", "agx", "apply", "decode_srgb", "encode_srgb", "filmic", "hue", "neutral", "reinhard", "srgb"]
+__all__ = [
+    "CURVES",
+    "Curve",
+    "DisplayTransform",
+    "agx",
+    "apply",
+    "decode_srgb",
+    "encode_srgb",
+    "filmic",
+    "hue",
+    "neutral",
+    "reinhard",
+    "srgb",
+]
 
 F32 = npt.NDArray[np.float32]
+
+
+class DisplayTransform(Protocol):
+    """A transform to a display's encoded values, in place of a curve and the sRGB encoding. key: identifies it, for caches."""
+
+    @property
+    def key(self) -> str:
+        """Text that differs for transforms with different results."""
+        ...
+
+    def encode(self, rgb: F32) -> F32:
+        """Returns display-encoded values of scene-linear Rec.709 radiance, (..., 3) float32, not negative."""
+        ...
+
+
+Curve = str | DisplayTransform  # the name of a curve, or a transform
 
 _LUMINANCE = REC_709.astype(np.float32)
 
@@ -115,16 +145,22 @@ def decode_srgb(encoded: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def apply(rgb: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArray[np.uint8]:
-    """Returns display values, (h, w, 3) uint8 sRGB, of scene-linear (h, w, 3) float32 radiance.
+def apply(rgb: F32, exposure: float = 0.0, curve: Curve = "neutral") -> npt.NDArray[np.uint8]:
+    """Returns display values, (h, w, 3) uint8, of scene-linear (h, w, 3) float32 radiance.
+
+    They are sRGB, or what the transform's display shows.
 
     exposure: stops; +1 doubles the radiance. NaN and negative values become black. Raises SettingsError for an unknown curve.
     """
-    if curve not in _FUNCTIONS:
+    if isinstance(curve, str) and curve not in _FUNCTIONS:
         raise SettingsError(
             Sentence("tone-curve-unknown", "tone curve is {curve}; known are {curves}", curve=repr(curve), curves=[*CURVES])
         )
     scaled = np.asarray(rgb, np.float32) * np.float32(2.0 ** max(min(exposure, 60.0), -60.0))
     clean = np.nan_to_num(np.maximum(scaled, 0), nan=0.0, posinf=1e18).astype(np.float32, copy=False)
-    display = _FUNCTIONS[curve](np.minimum(clean, np.float32(1e18)))
-    return (encode_srgb(np.clip(display, 0, 1)) * 255 + 0.5).astype(np.uint8)
+    clean = np.minimum(clean, np.float32(1e18))
+    if isinstance(curve, str):
+        encoded = encode_srgb(np.clip(_FUNCTIONS[curve](clean), 0, 1))
+    else:
+        encoded = np.clip(curve.encode(clean), 0, 1)
+    return (encoded * 255 + 0.5).astype(np.uint8)
