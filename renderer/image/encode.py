@@ -139,6 +139,7 @@ def write_bands(
     spec.channelnames = tuple(names)
     spec.attribute("compression", "zip")
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+    spec.attribute("colorInteropID", "lin_rec709_scene")  # of the Color Interop Forum
     spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), _REC709)
     spec.attribute("Software", "Rayfarm")
     for key, value in (header or {}).items():

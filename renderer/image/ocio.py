@@ -29,6 +29,7 @@ BUILTIN = {
     "cg": "ocio://cg-config-v4.0.0_aces-v2.0_ocio-v2.5",
     "studio": "ocio://studio-config-v4.0.0_aces-v2.0_ocio-v2.5",
 }
+PREFIX = "ocio"  # of the names of views
 LARGEST = np.float32(65504)  # of half floats, which the transforms are made for
 WORKING_SPACE = "lin_rec709_srgb"  # the renderer's, as OpenColorIO's built-in configs call it
 
@@ -49,10 +50,10 @@ class View:
 
 
 class ViewTransform:
-    """The transform of one view. key: identifies the transform and its config, for caches."""
+    """The transform of one view. view: without its look. key: identifies the transform and its config, for caches."""
 
-    def __init__(self, name: str, key: str, processor: Any) -> None:
-        self.name, self.key = name, key
+    def __init__(self, view: View, key: str, processor: Any) -> None:
+        self.view, self.key = view, key
         self._processor = processor
 
     def encode(self, rgb: F32) -> F32:
@@ -127,7 +128,7 @@ class ColorConfig:
 
     def _make(self, name: str) -> ViewTransform:
         ocio = self._ocio
-        display, view, look = self._parts(name)
+        view, look = self._parts(name)
         try:
             steps = ocio.Config.GetProcessorFromBuiltinColorSpace(
                 WORKING_SPACE, self._config, "scene_linear"
@@ -143,10 +144,10 @@ class ColorConfig:
             ) from error
         if look:
             steps.appendTransform(ocio.LookTransform(src="scene_linear", dst="scene_linear", looks=look))
-        steps.appendTransform(ocio.DisplayViewTransform(src="scene_linear", display=display, view=view))
+        steps.appendTransform(ocio.DisplayViewTransform(src="scene_linear", display=view.display, view=view.view))
         try:
             processor = self._config.getProcessor(steps)
-            return ViewTransform(name, f"{name} {self.key}", processor.getDefaultCPUProcessor())
+            return ViewTransform(view, f"{name} {self.key}", processor.getDefaultCPUProcessor())
         except (ocio.Exception, ocio.ExceptionMissingFile) as error:
             raise SettingsError(
                 Sentence(
@@ -157,18 +158,19 @@ class ColorConfig:
                 )
             ) from error
 
-    def _parts(self, name: str) -> tuple[str, str, str]:
-        """Returns display, view and look ("" for none) of a name. Names may contain slashes, so the known ones are compared."""
-        _, _, rest = name.partition(":")
-        if not rest:
-            return self.default_display, str(self._config.getDefaultView(self.default_display)), ""
-        for look in ("", *self.looks):
+    def _parts(self, name: str) -> tuple[View, str]:
+        """Returns the view and the look ("" for none) of a name. Names may contain slashes, so the known ones are compared."""
+        prefix, _, rest = name.partition(":")
+        if prefix == PREFIX and not rest:
+            first = str(self._config.getDefaultView(self.default_display))
+            return next(each for each in self.views if each.is_default and each.view == first), ""
+        for look in ("", *self.looks) if prefix == PREFIX else ():
             if not rest.endswith(f"/{look}" if look else ""):
                 continue
             place = rest.removesuffix(f"/{look}") if look else rest
             for each in self.views:
                 if place == f"{each.display}/{each.view}" or (each.is_default and place == each.view):
-                    return each.display, each.view, look
+                    return each, look
         raise SettingsError(
             Sentence(
                 "ocio-view-unknown",
@@ -186,7 +188,7 @@ def is_installed() -> bool:
 
 def is_view(name: str) -> bool:
     """Returns whether a tone curve's name is one of a view, known or not."""
-    return name.partition(":")[0] == "ocio"
+    return name.partition(":")[0] == PREFIX
 
 
 @functools.cache

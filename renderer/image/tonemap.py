@@ -27,6 +27,7 @@ __all__ = [
     "encode_srgb",
     "filmic",
     "hue",
+    "key_of",
     "neutral",
     "reinhard",
     "srgb",
@@ -49,6 +50,12 @@ class DisplayTransform(Protocol):
 
 
 Curve = str | DisplayTransform  # the name of a curve, or a transform
+
+
+def key_of(curve: Curve) -> str:
+    """Returns text that differs for curves with different results."""
+    return curve if isinstance(curve, str) else curve.key
+
 
 _LUMINANCE = REC_709.astype(np.float32)
 

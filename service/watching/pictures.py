@@ -18,6 +18,7 @@ from renderer import aovs, cryptomatte
 from renderer.film import Gain, plane_count
 from renderer.image import rgbe9995, tonemap
 from renderer.image.darkness import darkness
+from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence
 from service.errors import Invalid
 from service.store.bands import bands
@@ -44,7 +45,7 @@ class PictureRequest:
     """The picture file that a client requests.
 
     extension: the file format, such as exr. planes: names of AOVs; empty for colour. in_layers: write the planes as layers in
-    addition to the colour, instead of one plane without the colour. exposure: in stops. curve: name of the tone curve. width:
+    addition to the colour, instead of one plane without the colour. exposure: in stops. curve: the tone curve. width:
     minimum width of a downscaled copy. denoised: function that opens the denoised colour, used in place of the film's; None:
     not denoised. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
     names_of_ids: names of objects and materials, for Cryptomatte. visible: a colour that would look black is
@@ -55,7 +56,7 @@ class PictureRequest:
     planes: tuple[str, ...] = ()
     in_layers: bool = False
     exposure: float = 0.0
-    curve: str = "neutral"
+    curve: Curve = "neutral"
     width: int | None = None
     denoised: Callable[[], BinaryIO] | None = None
     motion: Callable[[], BinaryIO] | None = None
