@@ -16,6 +16,7 @@ from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
 from renderer import aovs, cryptomatte
 from renderer.frames import frame_text
+from renderer.image.tonemap import Curve
 from renderer.scene.animation import BETWEEN, Moment, Shutter
 from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.settings import RenderSettings, Tile, check_light_groups
@@ -47,7 +48,7 @@ class PictureOrder:
     planes: list[str]  # further layers
     denoise: bool
     exposure: float
-    curve: str
+    curve: Curve
     tile: Tile | None  # only this rectangle
     first: int  # sample number
     turntable: float | None  # seconds in which the camera goes around once

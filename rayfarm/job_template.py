@@ -34,6 +34,7 @@ MISSING_MODEL = 'Job templates are read by the package openjd-model: pip install
 LOCAL_ONLY = (
     "exposure",
     "tonemap",
+    "ocio",
     "stats",
     "tile",
     "first",
