@@ -393,6 +393,13 @@ export async function fetchPacket(url, signal) {
   return decodeFilm(await response.arrayBuffer());
 }
 
+/** Fetches the table of an OpenColorIO view. @param {string} name @returns {Promise<ArrayBuffer>} */
+export async function fetchViewTable(name) {
+  const response = await fetchWithRetries(`api/view-table${queryText({ tonemap: name })}`, {});
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return await response.arrayBuffer();
+}
+
 /** Fetches a scene's preview mesh. @param {string} scene @returns {Promise<import("./mesh-packet.js").MeshPacket>} */
 export async function fetchMesh(scene) {
   const response = await fetchWithRetries(`api/scenes/${scene}/preview`, {});
