@@ -59,8 +59,8 @@ def render(
         typer.Option(
             "--output",
             "-o",
-            help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear); of several frames also .mp4 .webm .webp. "
-            "By default SCENE.png, of several frames SCENE.####.png.",
+            help="The picture: .png .jpg (tone mapped) .avif .jxl (HDR) .exr .hdr (scene-linear); of several frames also "
+            ".mp4 .webm .webp. By default SCENE.png, of several frames SCENE.####.png.",
             rich_help_panel=OUTPUT_PANEL,
         ),
     ] = None,
@@ -76,7 +76,9 @@ def render(
     turntable: options.Turntable = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
-    exposure: Annotated[float, typer.Option(help="Exposure in stops; .png and .jpg only.", rich_help_panel=OUTPUT_PANEL)] = 0.0,
+    exposure: Annotated[
+        float, typer.Option(help="Exposure in stops; not for .exr and .hdr.", rich_help_panel=OUTPUT_PANEL)
+    ] = 0.0,
     tonemap: Annotated[
         str,
         typer.Option(

@@ -2,7 +2,8 @@
 
 tonemap.py      scene-linear radiance -> display values: exposure, tone curves, sRGB
 ocio.py         views of an OpenColorIO config, in place of a tone curve
-encode.py       an image -> png, jpg, exr or hdr bytes
+encode.py       an image -> png, jpg, avif, jxl, exr or hdr bytes
+hdr_still.py    AVIF and JPEG XL of high dynamic range
 read.py         the bytes of any texture or HDR image -> pixels, with size limits
 kinds.py        detects the format of an image from its bytes
 channels.py     finds the colour channels of an image by their names

@@ -1,7 +1,7 @@
 """Encodes a rendered image as an image file.
 
-png, jpg: display values, after exposure and tone curve. exr, hdr: scene-linear Rec.709, without either. EXR stores float32 and
-may contain further channels.
+png, jpg: display values, after exposure and tone curve. avif, jxl: high dynamic range (hdr_still.py). exr, hdr: scene-linear
+Rec.709, without exposure and tone curve. EXR stores float32 and may contain further channels.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 from PIL import Image
 
 from renderer.errors import SettingsError
-from renderer.image import tonemap
+from renderer.image import hdr_still, tonemap
 from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence
 
 __all__ = ["FORMATS", "RGB", "encode", "encode_channels", "encode_shown", "format_of", "write", "write_bands"]
 
 F32 = npt.NDArray[np.float32]
-FORMATS = ("png", "jpg", "exr", "hdr")
+FORMATS = ("png", "jpg", *hdr_still.FORMATS, "exr", "hdr")
 RGB = ("R", "G", "B")
 
 # Rec.709 primaries and the D65 white point, written to the file so that readers need not guess.
@@ -58,12 +58,14 @@ def encode(
 ) -> bytes:
     """Returns an image file of scene-linear (h, w, 3) float32 radiance, as bytes.
 
-    format: one of FORMATS. exposure (stops) and curve (a name of tonemap.CURVES, or a transform) apply to png and jpg only.
+    format: one of FORMATS. exposure (stops) and curve (a name of tonemap.CURVES, or a transform) do not apply to exr and hdr.
     channels: for exr, further (h, w) planes by channel name. header: for exr, further attributes. Raises SettingsError for an
     unknown format or curve.
     """
     if format in ("png", "jpg"):
         return encode_shown(tonemap.apply(rgb, exposure, curve), format)
+    if format in hdr_still.FORMATS:
+        return hdr_still.encode_still(hdr_still.pq_picture(rgb, exposure, curve), format)
     if format == "exr":
         names, planes = [*RGB], [np.asarray(rgb, np.float32)]
         for name, values in (channels or {}).items():

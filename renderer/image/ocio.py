@@ -29,6 +29,7 @@ BUILTIN = {
     "cg": "ocio://cg-config-v4.0.0_aces-v2.0_ocio-v2.5",
     "studio": "ocio://studio-config-v4.0.0_aces-v2.0_ocio-v2.5",
 }
+PQ = {"Rec.2100-PQ - Display", "rec2100_pq_display", "pq_rec2020_display"}  # names of the display space
 PREFIX = "ocio"  # of the names of views
 LARGEST = np.float32(65504)  # of half floats, which the transforms are made for
 WORKING_SPACE = "lin_rec709_srgb"  # the renderer's, as OpenColorIO's built-in configs call it
@@ -50,10 +51,14 @@ class View:
 
 
 class ViewTransform:
-    """The transform of one view. view: without its look. key: identifies the transform and its config, for caches."""
+    """The transform of one view.
 
-    def __init__(self, view: View, key: str, processor: Any) -> None:
-        self.view, self.key = view, key
+    view: without its look. key: identifies the transform and its config, for caches. is_pq: whether its values are the PQ signal
+    of BT.2100.
+    """
+
+    def __init__(self, view: View, key: str, is_pq: bool, processor: Any) -> None:
+        self.view, self.key, self.is_pq = view, key, is_pq
         self._processor = processor
 
     def encode(self, rgb: F32) -> F32:
@@ -147,7 +152,7 @@ class ColorConfig:
         steps.appendTransform(ocio.DisplayViewTransform(src="scene_linear", display=view.display, view=view.view))
         try:
             processor = self._config.getProcessor(steps)
-            return ViewTransform(view, f"{name} {self.key}", processor.getDefaultCPUProcessor())
+            return ViewTransform(view, f"{name} {self.key}", self._is_pq(view), processor.getDefaultCPUProcessor())
         except (ocio.Exception, ocio.ExceptionMissingFile) as error:
             raise SettingsError(
                 Sentence(
@@ -157,6 +162,11 @@ class ColorConfig:
                     error=_one_line(error),
                 )
             ) from error
+
+    def _is_pq(self, view: View) -> bool:
+        space = self._config.getDisplayViewColorSpaceName(view.display, view.view)
+        found = self._config.getColorSpace(view.display if space == "<USE_DISPLAY_NAME>" else space)
+        return found is not None and not PQ.isdisjoint([found.getName(), *found.getAliases()])
 
     def _parts(self, name: str) -> tuple[View, str]:
         """Returns the view and the look ("" for none) of a name. Names may contain slashes, so the known ones are compared."""

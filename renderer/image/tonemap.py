@@ -25,6 +25,7 @@ __all__ = [
     "apply",
     "decode_srgb",
     "encode_srgb",
+    "exposed",
     "filmic",
     "hue",
     "key_of",
@@ -42,6 +43,11 @@ class DisplayTransform(Protocol):
     @property
     def key(self) -> str:
         """Text that differs for transforms with different results."""
+        ...
+
+    @property
+    def is_pq(self) -> bool:
+        """Whether the display takes the PQ signal of BT.2100."""
         ...
 
     def encode(self, rgb: F32) -> F32:
@@ -152,6 +158,13 @@ def decode_srgb(encoded: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
+def exposed(rgb: F32, exposure: float) -> F32:
+    """Returns radiance times 2 ** exposure, from 0 to 1e18. NaN and negative values become 0."""
+    scaled = np.asarray(rgb, np.float32) * np.float32(2.0 ** max(min(exposure, 60.0), -60.0))
+    clean = np.nan_to_num(np.maximum(scaled, 0), nan=0.0, posinf=1e18).astype(np.float32, copy=False)
+    return np.minimum(clean, np.float32(1e18))
+
+
 def apply(rgb: F32, exposure: float = 0.0, curve: Curve = "neutral") -> npt.NDArray[np.uint8]:
     """Returns display values, (h, w, 3) uint8, of scene-linear (h, w, 3) float32 radiance.
 
@@ -163,9 +176,7 @@ def apply(rgb: F32, exposure: float = 0.0, curve: Curve = "neutral") -> npt.NDAr
         raise SettingsError(
             Sentence("tone-curve-unknown", "tone curve is {curve}; known are {curves}", curve=repr(curve), curves=[*CURVES])
         )
-    scaled = np.asarray(rgb, np.float32) * np.float32(2.0 ** max(min(exposure, 60.0), -60.0))
-    clean = np.nan_to_num(np.maximum(scaled, 0), nan=0.0, posinf=1e18).astype(np.float32, copy=False)
-    clean = np.minimum(clean, np.float32(1e18))
+    clean = exposed(rgb, exposure)
     if isinstance(curve, str):
         encoded = encode_srgb(np.clip(_FUNCTIONS[curve](clean), 0, 1))
     else:

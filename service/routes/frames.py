@@ -123,7 +123,7 @@ def get_frame(id: str, n: Number, farm: FarmDependency) -> FrameOut:
 async def image(
     id: str,
     n: Number,
-    extension: Literal["png", "exr", "jpg", "hdr", "rgb9e5"],
+    extension: Literal["png", "exr", "jpg", "avif", "jxl", "hdr", "rgb9e5"],
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
@@ -137,6 +137,7 @@ async def image(
 ) -> Response:
     """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
 
+    AVIF and JPEG XL have a high dynamic range (PQ): exposure applies, and a `tonemap` that is a view of a PQ display.
     The words of RGB9E5 are those of live tiles. The header X-Samples contains the number of its samples over all pixels; for a
     heat map, X-Span contains the range of values.
     """

@@ -15,12 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs, cryptomatte
+from renderer.errors import SettingsError
 from renderer.film import Gain, plane_count
 from renderer.image import rgbe9995, tonemap
 from renderer.image.darkness import darkness
 from renderer.image.tonemap import Curve
-from renderer.sentences import Sentence
-from service.errors import Invalid
+from renderer.sentences import Sentence, with_full_stop
+from service.errors import Conflict, Invalid
 from service.store.bands import bands
 from service.store.films import Film
 from service.watching.downscale import reduced_bands, square_side
@@ -30,10 +31,14 @@ __all__ = ["MEDIA", "PictureRequest", "display_picture", "picture_file", "pictur
 
 F32 = npt.NDArray[np.float32]
 HEAT_MAP_PLANES = ("samples", "error")  # planes drawn as heat maps
+HDR_STILLS = ("avif", "jxl")
+HDR_STILL_BYTES = 140  # bytes per pixel: the signal, its planes, the encoder
 ROWS = 64  # rows of a denoised picture per band
 MEDIA = {
     "png": "image/png",
     "jpg": "image/jpeg",
+    "avif": "image/avif",
+    "jxl": "image/jxl",
     "exr": "image/x-exr",
     "hdr": "image/vnd.radiance",
     "rgb9e5": "application/octet-stream",
@@ -81,6 +86,14 @@ class PictureRequest:
                     format=self.extension,
                 )
             )
+        if not all(map(aovs.is_light, self.planes)) and self.extension in HDR_STILLS:
+            raise Invalid(
+                Sentence(
+                    "aov-still-colour-only",
+                    "aov: a .{format} holds colour only; ask for image.exr or image.png.",
+                    format=self.extension,
+                )
+            )
         if not all(map(aovs.is_light, self.planes)) and self.extension == "rgb9e5":
             raise Invalid(Sentence("aov-rgb9e5-colour-only", "aov: rgb9e5 holds colour only; ask for image.exr or image.png."))
         if aovs.MOTION in self.planes and self.width is not None:
@@ -118,6 +131,8 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
         return PictureBody.from_writer(
             lambda path: write_bands(path, parts, width, height, names, header), folder, f".{request.extension}"
         )
+    if request.extension in HDR_STILLS:
+        return PictureBody.from_bytes(_hdr_still(film, frame, request, side), folder)
     if request.extension == "rgb9e5":
         words = _filled_from_top(
             np.empty((height, width), "<u4"), map(rgbe9995.pack, reduced_bands(_values(film, frame, request), side))
@@ -154,10 +169,23 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
         return of_bands
     if request.extension == "rgb9e5":
         return of_bands + 8 * film.width * film.height // side**2
+    if request.extension in HDR_STILLS:
+        return of_bands + HDR_STILL_BYTES * film.width * film.height // side**2
     of_shown = (
         (64 if request.visible else 10) * film.width * film.height // side**2
     )  # rows, the encoder's copy, the file; its light
     return of_bands + of_shown + (8 * channels * film.width * film.height if request.planes else 0)
+
+
+def _hdr_still(film: Film, frame: int, request: PictureRequest, side: int) -> bytes:
+    from renderer.image.hdr_still import encode_still, pq_picture  # imported only if needed: OpenImageIO is large
+
+    parts = (pq_picture(band, request.exposure, request.curve) for band in reduced_bands(_values(film, frame, request), side))
+    signal = _filled_from_top(np.empty((film.height // side, film.width // side, 3), np.float32), parts)
+    try:
+        return encode_still(signal, request.extension)
+    except SettingsError as error:
+        raise Conflict(with_full_stop(error)) from None
 
 
 def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:

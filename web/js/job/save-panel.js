@@ -2,6 +2,7 @@
 
 import { imageUrl } from "../news/api.js";
 import { h } from "../base/dom.js";
+import { lightGroupOf } from "../film/channels.js";
 import { isMixed, mixQuery } from "../film/light-mix.js";
 import { t } from "../base/words.js";
 import { downloadLink } from "./download-link.js";
@@ -11,6 +12,7 @@ import { downloadLink } from "./download-link.js";
 const FORMATS = /** @type {const} */ ([
   ["png", t("As it looks now, exposure and tone curve included")],
   ["exr", t("Scene-linear floats, untouched by exposure and curve")],
+  ["avif", t("High dynamic range, for HDR displays; exposure included, without the tone curve")],
   ["jpg", t("As it looks now, small")],
 ]);
 
@@ -28,7 +30,11 @@ export function savePanel(display, place) {
   const show = () => {
     // Planes and mixes are not denoised; the switch keeps its space, so that nothing below moves.
     denoised.style.visibility = canBeClean() ? "" : "hidden";
-    for (const { format, element } of links) element.setAttribute("aria-label", format.toUpperCase() + (isClean() ? t(", denoised") : ""));
+    const { channel } = display.value;
+    for (const { format, element } of links) {
+      element.hidden = format === "avif" && channel !== "" && lightGroupOf(channel) === null; // planes have no range to keep
+      element.setAttribute("aria-label", format.toUpperCase() + (isClean() ? t(", denoised") : ""));
+    }
   };
   denoised.hidden = true;
   display.subscribe(show);
@@ -70,7 +76,7 @@ export function row(text, links) {
 /**
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place
- * @param {"png" | "exr" | "jpg"} format
+ * @param {"png" | "exr" | "avif" | "jpg"} format
  * @param {string} hint
  * @param {() => boolean} isClean whether the denoised picture is saved
  */
@@ -78,7 +84,9 @@ function link(display, place, format, hint, isClean) {
   const address = () => {
     const { exposure, curve, channel, mix } = display.value;
     /** @type {Record<string, string | number>} */
-    const query = channel ? { aov: channel } : format === "exr" ? mixQuery(mix) : { exposure, tonemap: curve, ...mixQuery(mix) };
+    const query = { ...(channel ? { aov: channel } : mixQuery(mix)) };
+    if (format === "avif" || (!channel && format !== "exr")) query.exposure = exposure;
+    if (!channel && (format === "png" || format === "jpg")) query.tonemap = curve;
     if (isClean()) query.denoise = "true";
     return imageUrl(place(), format, query);
   };
