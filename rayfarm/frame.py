@@ -55,6 +55,7 @@ class PictureOrder:
     threads: int | None
     strict: bool = False  # whether a scene's warnings are errors
     card: CardRenderer | None = None  # renders instead of the CPU
+    gain_map: bool = False  # of a .jpg
 
     def settings(self, summary: dict[str, Any], moment: Moment, shutter: Shutter | None = None) -> RenderSettings:
         """Returns the render settings at a moment. summary: of the scene. shutter: replaces the requested one.
@@ -134,6 +135,7 @@ def render_to(
         channels |= {name: mattes[..., k] for k, name in enumerate(cryptomatte.channel_names(settings.cryptomatte))}
         header = cryptomatte.header(known_names)
     looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels, "header": header}
+    looks["gain_map"] = order.gain_map
     raw = mean(sums, settings.film_exponent)
     on_picture(raw)
     if writes:

@@ -35,6 +35,7 @@ LOCAL_ONLY = (
     "exposure",
     "tonemap",
     "ocio",
+    "gain_map",
     "stats",
     "tile",
     "first",

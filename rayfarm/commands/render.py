@@ -88,6 +88,14 @@ def render(
         ),
     ] = "neutral",
     ocio: options.Ocio = None,
+    gain_map: Annotated[
+        bool,
+        typer.Option(
+            "--gain-map",
+            help="Add a gain map to a .jpg (Ultra HDR): HDR displays show brighter highlights, others the same picture.",
+            rich_help_panel=OUTPUT_PANEL,
+        ),
+    ] = False,
     stats: Annotated[
         Path | None,
         typer.Option(metavar="FILE.json", help="Write times and counts there; `-` for the screen.", rich_help_panel=OUTPUT_PANEL),
@@ -144,7 +152,7 @@ def render(
     moment = Moment(frame or 0.0, fps, clip)
     rectangle = options.parse_tile(tile) if tile else None
     curve = curve_of(tonemap, ocio or "")
-    order = PictureOrder(picture, [], denoise, exposure, curve, rectangle, first, turntable, threads, strict)
+    order = PictureOrder(picture, [], denoise, exposure, curve, rectangle, first, turntable, threads, strict, gain_map=gain_map)
     if pixel is not None:
         if gpu:
             raise CommandError("--pixel traces a path on the processor: omit --gpu")
@@ -236,6 +244,8 @@ def _check_output_files(output: Path, shot: Sequence | None, order: PictureOrder
             check_writable(path)
     if order.denoise and not is_available():
         raise CommandError("--denoise needs Open Image Denoise. Install it: pip install 'pyoidn>=2.5,<3'")
+    if order.gain_map and (is_movie(output) or encode.format_of(output) != "jpg"):
+        raise CommandError("--gain-map is for .jpg; .avif and .jxl have a high dynamic range themselves")
     if shot is None or not is_movie(output):
         encode.format_of(output)
     elif order.denoise:

@@ -4,6 +4,7 @@ tonemap.py      scene-linear radiance -> display values: exposure, tone curves, 
 ocio.py         views of an OpenColorIO config, in place of a tone curve
 encode.py       an image -> png, jpg, avif, jxl, exr or hdr bytes
 hdr_still.py    AVIF and JPEG XL of high dynamic range
+gain_map.py     JPEG with a gain map (Ultra HDR)
 read.py         the bytes of any texture or HDR image -> pixels, with size limits
 kinds.py        detects the format of an image from its bytes
 channels.py     finds the colour channels of an image by their names

@@ -19,6 +19,7 @@ from PIL import Image
 
 from renderer.errors import SettingsError
 from renderer.image import hdr_still, tonemap
+from renderer.image.gain_map import encode_jpeg_with_gain_map
 from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence
 
@@ -55,13 +56,17 @@ def encode(
     curve: Curve = "neutral",
     channels: Mapping[str, F32] | None = None,
     header: Mapping[str, str] | None = None,
+    gain_map: bool = False,
 ) -> bytes:
     """Returns an image file of scene-linear (h, w, 3) float32 radiance, as bytes.
 
     format: one of FORMATS. exposure (stops) and curve (a name of tonemap.CURVES, or a transform) do not apply to exr and hdr.
-    channels: for exr, further (h, w) planes by channel name. header: for exr, further attributes. Raises SettingsError for an
+    channels: for exr, further (h, w) planes by channel name. header: for exr, further attributes. gain_map: whether a jpg has
+    one (gain_map.py). Raises SettingsError for an
     unknown format or curve.
     """
+    if gain_map and format == "jpg":
+        return encode_jpeg_with_gain_map(rgb, exposure, curve)
     if format in ("png", "jpg"):
         return encode_shown(tonemap.apply(rgb, exposure, curve), format)
     if format in hdr_still.FORMATS:
@@ -107,10 +112,11 @@ def write(
     curve: Curve = "neutral",
     channels: Mapping[str, F32] | None = None,
     header: Mapping[str, str] | None = None,
+    gain_map: bool = False,
 ) -> None:
     """Writes an image file, encoded as by `encode`, atomically. format: None: that of the name's suffix."""
     path = Path(path)
-    data = encode(rgb, format or format_of(path), exposure, curve, channels, header)
+    data = encode(rgb, format or format_of(path), exposure, curve, channels, header, gain_map)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:

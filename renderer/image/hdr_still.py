@@ -18,10 +18,10 @@ import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 
 from renderer.encoder_priority import restored_priorities
 from renderer.errors import SettingsError
-from renderer.image.tonemap import Curve, exposed
+from renderer.image.tonemap import Curve, check_pq, exposed
 from renderer.sentences import Sentence
 
-__all__ = ["FORMATS", "encode_still", "pq_of_nits", "pq_picture"]
+__all__ = ["FORMATS", "encode_still", "highlights_rolled", "pq_of_nits", "pq_picture"]
 
 F32 = npt.NDArray[np.float32]
 FORMATS = ("avif", "jxl")
@@ -51,19 +51,20 @@ def pq_picture(rgb: F32, exposure: float = 0.0, curve: Curve = "neutral") -> F32
     """
     linear = exposed(rgb, exposure)
     if not isinstance(curve, str):
-        if not curve.is_pq:
-            raise SettingsError(
-                Sentence(
-                    "still-view-not-pq",
-                    "files of high dynamic range take an OCIO view of a Rec.2100-PQ display, or none: leave the tone curve out",
-                )
-            )
+        check_pq(curve)
         return np.clip(curve.encode(linear), 0, 1)
+    return pq_of_nits(np.float32(WHITE) * (highlights_rolled(linear) @ REC_2020_FROM_REC_709.T))
+
+
+def highlights_rolled(linear: F32) -> F32:
+    """Returns linear values, (h, w, 3), relative to the reference white, with those above 1 compressed to PEAK / WHITE.
+
+    A pixel keeps the ratios of its channels.
+    """
     brightest = linear.max(axis=-1, keepdims=True)
     room = np.float32(PEAK / WHITE - 1)
     rolled = 1 + room * (1 - np.exp((1 - np.maximum(brightest, 1)) / room))
-    linear = linear * np.where(brightest > 1, rolled / np.maximum(brightest, 1), 1)
-    return pq_of_nits(np.float32(WHITE) * (linear @ REC_2020_FROM_REC_709.T))
+    return linear * np.where(brightest > 1, rolled / np.maximum(brightest, 1), 1)
 
 
 def encode_still(signal: F32, format: str) -> bytes:

@@ -23,6 +23,7 @@ __all__ = [
     "DisplayTransform",
     "agx",
     "apply",
+    "check_pq",
     "decode_srgb",
     "encode_srgb",
     "exposed",
@@ -56,6 +57,17 @@ class DisplayTransform(Protocol):
 
 
 Curve = str | DisplayTransform  # the name of a curve, or a transform
+
+
+def check_pq(curve: Curve) -> None:
+    """Raises SettingsError for a transform whose display does not take the PQ signal of BT.2100."""
+    if not isinstance(curve, str) and not curve.is_pq:
+        raise SettingsError(
+            Sentence(
+                "still-view-not-pq",
+                "files of high dynamic range take an OCIO view of a Rec.2100-PQ display, or none: leave the tone curve out",
+            )
+        )
 
 
 def key_of(curve: Curve) -> str:

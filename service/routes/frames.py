@@ -133,6 +133,7 @@ async def image(
     tonemap_curve: CurveName = "neutral",
     width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
     mix: str = Query("", max_length=4000, description=MIX_HELP),
+    gain_map: bool = Query(False, description="jpg with a gain map (Ultra HDR), by which HDR displays show brighter highlights"),
     visible: bool = Query(False, description="png and jpg that would look black are exposed by what they show: for lists"),
 ) -> Response:
     """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
@@ -151,13 +152,13 @@ async def image(
         raise Invalid(
             Sentence("mix-only-colour", "mix: only the colour can be mixed, without denoise; leave aov and denoise out.")
         )
-    PictureRequest(extension, planes, in_layers, width=width).check()
+    PictureRequest(extension, planes, in_layers, curve=curve, width=width, gain_map=gain_map).check()
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
     denoised = await _denoised_artifact(id, n, film, farm) if denoise and not asks_head else None
     if denoised is not None:
         version, samples = denoised.version, denoised.samples
-    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains}"
+    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains} {gain_map}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
     known = request.headers.get("if-none-match", "")
@@ -184,6 +185,7 @@ async def image(
         names_of_ids=names,
         visible=visible,
         gains=gains,
+        gain_map=gain_map,
     )
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.run(

@@ -55,6 +55,7 @@ class PictureRequest:
     not denoised. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
     names_of_ids: names of objects and materials, for Cryptomatte. visible: a colour that would look black is
     exposed by what it shows, in addition to `exposure`. gains: of the light groups, for a colour mixed from them (film.mixed).
+    gain_map: whether a jpg has one, for displays of high dynamic range.
     """
 
     extension: str
@@ -67,6 +68,7 @@ class PictureRequest:
     motion: Callable[[], BinaryIO] | None = None
     visible: bool = False
     gains: tuple[Gain, ...] = ()
+    gain_map: bool = False
     names_of_ids: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False)
 
     def check(self) -> None:
@@ -78,6 +80,13 @@ class PictureRequest:
                     "aov: cryptomatte is layers beside the colour; ask for image.exr with aov=color,cryptomatte, without width.",
                 )
             )
+        if self.extension in HDR_STILLS:
+            try:
+                tonemap.check_pq(self.curve)
+            except SettingsError as error:
+                raise Invalid(with_full_stop(error)) from None
+        if self.gain_map and (self.extension != "jpg" or not all(map(aovs.is_light, self.planes))):
+            raise Invalid(Sentence("gain-map-jpg-only", "gain_map: only the colour as image.jpg can have one; leave it out."))
         if self.in_layers and self.extension != "exr":
             raise Invalid(
                 Sentence(
@@ -131,7 +140,7 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
         return PictureBody.from_writer(
             lambda path: write_bands(path, parts, width, height, names, header), folder, f".{request.extension}"
         )
-    if request.extension in HDR_STILLS:
+    if request.extension in HDR_STILLS or request.gain_map:
         return PictureBody.from_bytes(_hdr_still(film, frame, request, side), folder)
     if request.extension == "rgb9e5":
         words = _filled_from_top(
@@ -169,7 +178,7 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
         return of_bands
     if request.extension == "rgb9e5":
         return of_bands + 8 * film.width * film.height // side**2
-    if request.extension in HDR_STILLS:
+    if request.extension in HDR_STILLS or request.gain_map:
         return of_bands + HDR_STILL_BYTES * film.width * film.height // side**2
     of_shown = (
         (64 if request.visible else 10) * film.width * film.height // side**2
@@ -178,10 +187,16 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
 
 
 def _hdr_still(film: Film, frame: int, request: PictureRequest, side: int) -> bytes:
-    from renderer.image.hdr_still import encode_still, pq_picture  # imported only if needed: OpenImageIO is large
+    """Returns an avif, jxl, or jpg with a gain map."""
+    from renderer.image.gain_map import encode_jpeg_with_gain_map  # imported only if needed: OpenImageIO is large
+    from renderer.image.hdr_still import encode_still, pq_picture
 
+    empty = np.empty((film.height // side, film.width // side, 3), np.float32)
+    if request.gain_map:
+        radiance = _filled_from_top(empty, reduced_bands(_values(film, frame, request), side))
+        return encode_jpeg_with_gain_map(radiance, request.exposure, request.curve)
     parts = (pq_picture(band, request.exposure, request.curve) for band in reduced_bands(_values(film, frame, request), side))
-    signal = _filled_from_top(np.empty((film.height // side, film.width // side, 3), np.float32), parts)
+    signal = _filled_from_top(empty, parts)
     try:
         return encode_still(signal, request.extension)
     except SettingsError as error:
