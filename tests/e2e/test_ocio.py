@@ -1,4 +1,4 @@
-"""Tests of OpenColorIO views on the page: the menu, the shader's pixels against OpenColorIO's own, and saved files."""
+"""Tests of OpenColorIO views and HDR stills on the page: menu, pixels against OpenColorIO's own, saved files."""
 
 from __future__ import annotations
 
@@ -88,3 +88,26 @@ def test_picture_of_unknown_view_is_refused_with_a_sentence(farm: Farm, finished
         f"{farm.url}/api/view-table", params={"tonemap": ACES}, headers={"If-None-Match": tables[0].headers["ETag"]}
     )
     assert again.status_code == 304
+
+
+def test_stills_of_high_dynamic_range_are_saved(farm: Farm, finished: str, watched: Watched) -> None:
+    page = watched.page
+    page.goto(f"{farm.url}/#/jobs/{finished}?ev=1&tone={quote(ACES)}")
+    page.get_by_role("tab", name="Save").click()
+    page.get_by_role("switch", name="HDR").check()
+    found = {}
+    for name in ("AVIF", "JPG"):
+        with page.expect_download() as download:
+            page.get_by_role("link", name=name, exact=True).click()
+        found[name] = Path(download.value.path()).read_bytes()
+    assert found["AVIF"][4:12] == b"ftypavif"
+    assert b'hdrgm:Version="1.0"' in found["JPG"]
+    with Image.open(io.BytesIO(found["JPG"])) as shown:
+        assert shown.size == (SIZE["width"], SIZE["height"])
+    page.get_by_role("tab", name="View").click()
+    page.get_by_label("Channel").select_option("normal")
+    page.get_by_role("tab", name="Save").click()
+    expect(page.get_by_role("link", name="PNG", exact=True)).to_be_visible()
+    expect(page.get_by_role("link", name="AVIF", exact=True)).to_be_hidden()
+    expect(page.get_by_role("switch", name="HDR")).to_be_hidden()
+    assert watched.errors == []
