@@ -41,6 +41,7 @@ COMMANDS = (
     "quota",
     "token",
     "info",
+    "ocio",
     "compare",
     "blender_addon",
     "backup",

@@ -16,6 +16,7 @@ from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
 from renderer import aovs, cryptomatte
 from renderer.frames import frame_text
+from renderer.image.tonemap import Curve
 from renderer.scene.animation import BETWEEN, Moment, Shutter
 from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.settings import RenderSettings, Tile, check_light_groups
@@ -47,13 +48,14 @@ class PictureOrder:
     planes: list[str]  # further layers
     denoise: bool
     exposure: float
-    curve: str
+    curve: Curve
     tile: Tile | None  # only this rectangle
     first: int  # sample number
     turntable: float | None  # seconds in which the camera goes around once
     threads: int | None
     strict: bool = False  # whether a scene's warnings are errors
     card: CardRenderer | None = None  # renders instead of the CPU
+    gain_map: bool = False  # of a .jpg
 
     def settings(self, summary: dict[str, Any], moment: Moment, shutter: Shutter | None = None) -> RenderSettings:
         """Returns the render settings at a moment. summary: of the scene. shutter: replaces the requested one.
@@ -136,6 +138,7 @@ def render_to(
     looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels, "header": header}
     if settings.is_transparent:
         looks["alpha"] = aovs.values(sums, settings.film_exponent, aovs.ALPHA, groups)
+    looks["gain_map"] = order.gain_map
     raw = mean(sums, settings.film_exponent)
     on_picture(raw)
     if writes:

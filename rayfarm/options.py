@@ -27,6 +27,7 @@ __all__ = [
     "Fps",
     "Frame",
     "Frames",
+    "Ocio",
     "Order",
     "Overwrite",
     "Placement",
@@ -61,6 +62,15 @@ Denoise = Annotated[
         "--denoise",
         help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one. The page shows a farm's job "
         "denoised first.",
+        rich_help_panel="What is written",
+    ),
+]
+Ocio = Annotated[
+    str | None,
+    typer.Option(
+        "--ocio",
+        metavar="CONFIG",
+        help="OCIO config: cg or studio (ACES 2.0), ocio://NAME, or a file; by default $RAYFARM_OCIO, $OCIO, or cg.",
         rich_help_panel="What is written",
     ),
 ]

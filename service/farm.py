@@ -47,6 +47,7 @@ from service.store.reserve import Reserve
 from service.viewing.explaining import PixelExplainer
 from service.viewing.view_scheduler import ViewScheduler
 from service.watching.broadcast import Broadcast
+from service.watching.curves import Curves
 from service.watching.pool import Pool
 from service.watching.shared_results import SharedResults
 
@@ -68,6 +69,7 @@ class Farm:
         owning: the ownership of the farm; None: acquires it. Raises StartupError if that fails.
         """
         self.settings = settings
+        self.curves = Curves(settings.ocio)
         self.owning = owning or take_farm(settings, OWNERSHIP_TIMEOUT_S)
         self.database, self.sessions = self.owning.engine, self.owning.sessions
         self.instance = settings.instance_id()

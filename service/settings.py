@@ -79,6 +79,8 @@ class Settings(BaseSettings):
     max_blob_bytes: int = 64 * GIB  # of a blob stored by a worker: compiled scenes
     min_free_bytes: int = 256 * MIB  # disk space kept free
 
+    ocio: str = ""  # OpenColorIO config whose views are offered; empty: cg if opencolorio is installed; off: none
+
     max_pixels: int = 64 * MIB
     film_cache_bytes: int = 256 * MIB
     picture_bytes: int = 384 * MIB  # memory for all pictures in progress

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from renderer import aovs
 from renderer.image import encode, tonemap
+from renderer.image.ocio import curve_of
 
 __all__ = ["Image"]
 
@@ -67,14 +68,14 @@ class Image(Mapping[str, F32]):
     def shown(self, name: str = "color", exposure: float = 0.0, tonemap_curve: str = "neutral") -> npt.NDArray[np.uint8]:
         """Returns the image for display, (h, w, 3) uint8 sRGB. Raises KeyError, or SettingsError for an unknown curve.
 
-        Colours are exposed (in stops) and tone-mapped, with straight alpha as a fourth channel if the picture has "alpha"; other
-        AOVs are mapped as on the web page.
+        Colours are exposed (in stops) and tone-mapped, by a curve or by an OCIO view, as `ocio:VIEW` (renderer.image.ocio), with
+        straight alpha as a fourth channel if the picture has "alpha"; other AOVs are mapped as on the web page.
         """
         plane = self[name]
         if name in ("color", "denoised") and aovs.ALPHA in self:
-            return tonemap.apply_straight(plane, self[aovs.ALPHA], exposure, tonemap_curve)
+            return tonemap.apply_straight(plane, self[aovs.ALPHA], exposure, curve_of(tonemap_curve))
         if name in ("color", "denoised"):
-            return tonemap.apply(plane, exposure, tonemap_curve)
+            return tonemap.apply(plane, exposure, curve_of(tonemap_curve))
         return aovs.visible(name, plane)
 
     def save(self, path: str | Path, exposure: float = 0.0, tonemap_curve: str = "neutral") -> None:
@@ -87,8 +88,8 @@ class Image(Mapping[str, F32]):
         color = self["denoised"] if "denoised" in self else self["color"]
         if "denoised" in self:
             channels |= {f"Noisy Image.{c}": self["color"][..., i] for i, c in enumerate("RGB")}
-        alpha = self.get(aovs.ALPHA)
-        encode.write(path, color, exposure=exposure, curve=tonemap_curve, channels=channels, alpha=alpha)
+        alpha, curve = self.get(aovs.ALPHA), curve_of(tonemap_curve)
+        encode.write(path, color, exposure=exposure, curve=curve, channels=channels, alpha=alpha)
 
     def _repr_png_(self) -> bytes:
         return encode.encode_shown(self.shown("denoised" if "denoised" in self else "color"), "png")

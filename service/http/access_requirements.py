@@ -148,6 +148,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("POST", "/api/hooks/{number}/test"): ADMIN,
     ("GET", "/api/events"): VIEW,
     ("GET", "/api/info"): VIEW,
+    ("GET", "/api/view-table"): VIEW,
     ("GET", "/api/blender-addon.zip"): VIEW,
     ("GET", "/api/farm/join"): WORKER,
     ("GET", "/api/farm/scenes/{id}/manifest"): WORKER,

@@ -31,6 +31,7 @@ from service.routes import (
     sites,
     snapshots,
     tokens,
+    view_table,
     viewport,
     workers,
 )
@@ -59,6 +60,7 @@ ROUTES: list[BaseRoute] = [
         hooks,
         examples,
         info,
+        view_table,
         addon,
         farm,
         kernels,

@@ -17,11 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs, cryptomatte
+from renderer.errors import SettingsError
 from renderer.film import Gain, plane_count
 from renderer.image import rgbe9995, tonemap
 from renderer.image.darkness import darkness
-from renderer.sentences import Sentence
-from service.errors import Invalid
+from renderer.image.tonemap import Curve
+from renderer.sentences import Sentence, with_full_stop
+from service.errors import Conflict, Invalid
 from service.store.bands import bands
 from service.store.films import Film
 from service.watching.downscale import reduced_bands, square_side
@@ -31,10 +33,14 @@ __all__ = ["MEDIA", "PictureRequest", "display_picture", "picture_file", "pictur
 
 F32 = npt.NDArray[np.float32]
 HEAT_MAP_PLANES = ("samples", "error")  # planes drawn as heat maps
+HDR_STILLS = ("avif", "jxl")
+HDR_STILL_BYTES = 140  # bytes per pixel: the signal, its planes, the encoder
 ROWS = 64  # rows of a denoised picture per band
 MEDIA = {
     "png": "image/png",
     "jpg": "image/jpeg",
+    "avif": "image/avif",
+    "jxl": "image/jxl",
     "exr": "image/x-exr",
     "hdr": "image/vnd.radiance",
     "rgb9e5": "application/octet-stream",
@@ -46,23 +52,25 @@ class PictureRequest:
     """The picture file that a client requests.
 
     extension: the file format, such as exr. planes: names of AOVs; empty for colour. in_layers: write the planes as layers in
-    addition to the colour, instead of one plane without the colour. exposure: in stops. curve: name of the tone curve. width:
+    addition to the colour, instead of one plane without the colour. exposure: in stops. curve: the tone curve. width:
     minimum width of a downscaled copy. denoised: function that opens the denoised colour, used in place of the film's; None:
     not denoised. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
     names_of_ids: names of objects and materials, for Cryptomatte. visible: a colour that would look black is
     exposed by what it shows, in addition to `exposure`. gains: of the light groups, for a colour mixed from them (film.mixed).
+    gain_map: whether a jpg has one, for displays of high dynamic range.
     """
 
     extension: str
     planes: tuple[str, ...] = ()
     in_layers: bool = False
     exposure: float = 0.0
-    curve: str = "neutral"
+    curve: Curve = "neutral"
     width: int | None = None
     denoised: Callable[[], BinaryIO] | None = None
     motion: Callable[[], BinaryIO] | None = None
     visible: bool = False
     gains: tuple[Gain, ...] = ()
+    gain_map: bool = False
     names_of_ids: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False)
 
     def check(self) -> None:
@@ -74,11 +82,26 @@ class PictureRequest:
                     "aov: cryptomatte is layers beside the colour; ask for image.exr with aov=color,cryptomatte, without width.",
                 )
             )
+        if self.extension in HDR_STILLS:
+            try:
+                tonemap.check_pq(self.curve)
+            except SettingsError as error:
+                raise Invalid(with_full_stop(error)) from None
+        if self.gain_map and (self.extension != "jpg" or not all(map(aovs.is_light, self.planes))):
+            raise Invalid(Sentence("gain-map-jpg-only", "gain_map: only the colour as image.jpg can have one; leave it out."))
         if self.in_layers and self.extension != "exr":
             raise Invalid(
                 Sentence(
                     "aov-one-plane-only",
                     "aov: a .{format} holds one channel; ask for one, or for image.exr.",
+                    format=self.extension,
+                )
+            )
+        if not all(map(aovs.is_light, self.planes)) and self.extension in HDR_STILLS:
+            raise Invalid(
+                Sentence(
+                    "aov-still-colour-only",
+                    "aov: a .{format} holds colour only; ask for image.exr or image.png.",
                     format=self.extension,
                 )
             )
@@ -119,6 +142,8 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
         return PictureBody.from_writer(
             lambda path: write_bands(path, parts, width, height, names, header), folder, f".{request.extension}"
         )
+    if request.extension in HDR_STILLS or request.gain_map:
+        return PictureBody.from_bytes(_hdr_still(film, frame, request, side), folder)
     if request.extension == "rgb9e5":
         words = _filled_from_top(
             np.empty((height, width), "<u4"), map(rgbe9995.pack, reduced_bands(_values(film, frame, request), side))
@@ -170,6 +195,8 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
         return of_bands
     if request.extension == "rgb9e5":
         return of_bands + 8 * film.width * film.height // side**2
+    if request.extension in HDR_STILLS or request.gain_map:
+        return of_bands + HDR_STILL_BYTES * film.width * film.height // side**2
     of_shown = (
         (64 if request.visible else 10) * film.width * film.height // side**2
     )  # rows, the encoder's copy, the file; its light
@@ -178,6 +205,23 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
 
 def _planes(film: Film) -> int:
     return plane_count(len(film.groups), film.is_transparent)
+
+
+def _hdr_still(film: Film, frame: int, request: PictureRequest, side: int) -> bytes:
+    """Returns an avif, jxl, or jpg with a gain map."""
+    from renderer.image.gain_map import encode_jpeg_with_gain_map  # imported only if needed: OpenImageIO is large
+    from renderer.image.hdr_still import encode_still, pq_picture
+
+    empty = np.empty((film.height // side, film.width // side, 3), np.float32)
+    if request.gain_map:
+        radiance = _filled_from_top(empty, reduced_bands(_values(film, frame, request), side))
+        return encode_jpeg_with_gain_map(radiance, request.exposure, request.curve)
+    parts = (pq_picture(band, request.exposure, request.curve) for band in reduced_bands(_values(film, frame, request), side))
+    signal = _filled_from_top(empty, parts)
+    try:
+        return encode_still(signal, request.extension)
+    except SettingsError as error:
+        raise Conflict(with_full_stop(error)) from None
 
 
 def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:

@@ -264,7 +264,9 @@
  * @property {string} help
  * @property {string[]} values the names of a pixel's numbers
  *
- * @typedef {{defaults: {width: number, height: number, spp: number}, settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[], version?: string}} SettingsTable
+ * @typedef {{name: string, display: string, view: string, is_default: boolean}} DisplayView of an OpenColorIO config; is_default: its display is the config's default
+ *
+ * @typedef {{defaults: {width: number, height: number, spp: number}, settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[], version?: string, views?: DisplayView[]}} SettingsTable
  *
  * @typedef {{name: string, title: string, description: string, frames: string | null, fps: number | null}} Example
  *

@@ -2,6 +2,7 @@
 
 import { COLOUR_MAP_GLSL } from "./colour-map.js";
 import { CURVES, TONEMAP_GLSL } from "./tonemap.js";
+import { VIEW_TABLE_GLSL } from "./view-tables.js";
 import { t } from "../base/words.js";
 
 /** Displayable parts of the light, in the order of the shader's `part`. */
@@ -28,10 +29,14 @@ void main() {
   gl_Position = vec4(p, 0.0, 1.0);
 }`;
 
+/** The shader's number for the view in its table. */
+export const VIEW_CURVE = CURVES.length;
+
 export const FRAGMENT = `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
+precision highp sampler3D;
 
 uniform sampler2D film;      // linear RGB, row 0 at the top; or sRGB-coded display values where raw is set
 uniform vec2 canvasSize;     // device pixels
@@ -39,6 +44,7 @@ uniform vec2 origin;         // of the picture on the canvas, from the upper lef
 uniform float scale;         // device pixels per picture pixel
 uniform float gain;          // 2^exposure
 uniform int curve;
+uniform sampler3D viewTable; // of an OpenColorIO view, instead of a curve
 uniform bool raw;
 uniform int part;
 uniform sampler2D alpha;     // the film's coverage, as grey, where hasAlpha is set
@@ -50,12 +56,13 @@ out vec4 color;
 const int MAX_TAPS = 12;
 
 ${TONEMAP_GLSL}
+${VIEW_TABLE_GLSL}
 ${COLOUR_MAP_GLSL}
 vec3 shown(vec3 c) {
   float y = dot(c, vec3(0.2126, 0.7152, 0.0722));
   if (part == 5) return falseColour(y);
   if (part > 0) c = vec3(part == 1 ? c.r : part == 2 ? c.g : part == 3 ? c.b : y);
-  return displayed(c, curve);
+  return curve == ${VIEW_CURVE} ? viewed(c) : displayed(c, curve);
 }
 
 // Display values of premultiplied light before a checkerboard, as a PNG with straight alpha has them.

@@ -8,7 +8,8 @@ import { icon } from "../base/icons.js";
 import { CannotShow, FilmCanvas } from "../film/film-canvas.js";
 import { Film } from "../film/film.js";
 import { darkness } from "../film/darkness.js";
-import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
+import { curveOptions } from "../film/curves.js";
+import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { bookmarks } from "./bookmarks.js";
@@ -82,7 +83,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const curve = h(
     "select",
     { "aria-label": t("Tone curve") },
-    CURVES.map(({ name, label }) => h("option", { value: name, selected: name === DEFAULT_CURVE }, label)),
+    curveOptions(DEFAULT_CURVE),
   );
   const shown = h("span", { class: "small number quiet" }, "0 EV");
   const clear = clarityField(() => refresh());
