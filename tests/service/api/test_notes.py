@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from typing import Any
 
@@ -13,6 +14,7 @@ from service.access.rate_limit import RateLimit
 from service.access.roles import Role
 from service.jobs import notes
 from service.store.models import Key, ReviewNote
+from tests.rayfarm.program import rayfarm
 from tests.service.api.test_access import caller
 from tests.service.api.test_projects import People, checked_json, people  # noqa: F401 - `people` is a fixture
 from tests.service.api.test_share_links import new_link
@@ -198,3 +200,36 @@ def test_a_flood_of_notes_is_stopped(people: People, monkeypatch: pytest.MonkeyP
         assert mine[-1].json()["code"] == "notes-too-many"
     review = people.anna.get(f"/api/jobs/{job}").json()["review"]
     assert review["notes"] == review["open"] == notes.MAX_NOTES
+
+
+def test_command_lists_writes_resolves_and_judges(people: People) -> None:  # noqa: F811
+    job = second_job(people)
+    secret = people.anna.headers["authorization"].split()[1]
+
+    def run(*arguments: str) -> tuple[int, str]:
+        done = rayfarm("notes", job[:8], *arguments, RAYFARM_SERVER=people.service.url, RAYFARM_API_TOKEN=secret)
+        return done.returncode, done.stdout + done.stderr
+
+    assert run()[1].startswith("No notes yet")
+    code, listed = run("[bold]Too dark\x1b[31m", "--at", "4,2")
+    assert (code, "note: '[bold]Too dark" in listed) == (1, True), listed
+    code, listed = run("[bold]Too dark\nhere", "--at", "4,2")
+    assert (code, "  4,2  anna, 20" in listed, "\n  [bold]Too dark\n  here\n" in listed) == (0, True, True), listed
+    note = people.anna.get(f"/api/jobs/{job}/notes").json()[0]
+    assert (note["x"], note["y"]) == (4.5 / 8, 2.5 / 8)
+    code, listed = run("Softer now", "--reply", note["id"])
+    assert (code, "\n      Softer now\n" in listed) == (0, True), listed
+    code, listed = run("--resolve", note["id"], "--approve")
+    assert (code, "Approved by anna, 20" in listed, "resolved by anna" in listed) == (0, True, True), listed
+    code, text = run("--json")
+    assert (code, json.loads(text)["review"]["state"], len(json.loads(text)["notes"])) == (0, "approved", 2)
+    for wrong, words in (
+        (("--at", "1,1"), "Give the text"),
+        (("x", "--at", "8,0"), "8x8 pixels"),
+        (("--approve", "--ask-changes"), "cannot be combined"),
+        (("x", "--reply", note["id"], "--at", "1,1"), "cannot be combined"),
+        (("--resolve", "nothing"), "no note"),
+    ):
+        code, text = run(*wrong)
+        assert (code != 0, words in text) == (True, True), text
+    people.anna.delete(f"/api/jobs/{job}").raise_for_status()
