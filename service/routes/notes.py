@@ -4,19 +4,17 @@ from __future__ import annotations
 
 from fastapi import Response
 
-from renderer.sentences import Sentence
 from service.access.keys import Share
 from service.access.visit import Visit
-from service.errors import NotAllowed
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.pagination import Page, PageDependency
 from service.http.routers import api_router
+from service.http.share_links import ShareDependency, check_comments
 from service.http.visit import VisitDependency
 from service.jobs.lookup import find_job
 from service.jobs.notes import Writer, add_note, delete_note, note_out, resolve_note, select_notes, set_verdict
 from service.models.notes import NoteIn, NoteOut, NotePatch, ReviewIn, ReviewOut
-from service.routes.share_links import ShareDependency, may_comment
 
 __all__ = ["router"]
 
@@ -59,7 +57,7 @@ def review_job(id: str, body: ReviewIn, visit: VisitDependency, farm: FarmDepend
 @router.get("/shared/notes", response_model=list[NoteOut])
 def list_shared_notes(share: ShareDependency, farm: FarmDependency, page: PageDependency) -> list[NoteOut]:
     """Lists the notes on the job of a link that allows notes. The link's secret is sent as the bearer token."""
-    _check_comments(share, farm)
+    check_comments(share, farm)
     return _listed(share.job, farm, page)
 
 
@@ -100,16 +98,8 @@ def _user(visit: Visit, author: str | None) -> Writer:
 
 
 def _guest(share: Share, visit: Visit, author: str | None, farm: Farm) -> Writer:
-    _check_comments(share, farm)
+    check_comments(share, farm)
     return Writer(None, author, share.id, visit.address)
-
-
-def _check_comments(share: Share, farm: Farm) -> None:
-    """Raises NotAllowed unless a link allows notes, and its creator may still change the job."""
-    if not may_comment(share, farm):
-        raise NotAllowed(
-            Sentence("share-link-without-notes", "This link only shows the picture. Ask for a link that allows notes.")
-        )
 
 
 def _record(share: Share, visit: Visit, farm: Farm, what: str, about: str, status: int) -> None:

@@ -2,22 +2,21 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from fastapi import Depends, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from renderer.frames import parse_frames
-from renderer.sentences import Sentence
 from service.access.keys import Share
 from service.access.roles import OWNER, Role
-from service.errors import NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
-from service.http.visit import VisitDependency, bearer_token
+from service.http.share_links import ShareDependency, may_comment
+from service.http.visit import VisitDependency
 from service.jobs.describe import describe
 from service.jobs.lookup import find_job
 from service.models.jobs import JobState
@@ -25,14 +24,13 @@ from service.models.notes import ReviewOut
 from service.routes import frames
 from service.store.models import Key
 
-__all__ = ["ShareDependency", "may_comment", "router"]
+__all__ = ["router"]
 
 router = api_router(prefix="/api", tags=["jobs"])
 
 DAY_S = 86400.0
 MAX_DAYS = 365
 PAGE = "shared/"
-LINK_INVALID = Sentence("share-link-invalid", "This link has expired or was withdrawn. Ask for a new one.")
 
 
 Permission = Literal["view", "comment"]
@@ -103,30 +101,6 @@ def make_share_link(id: str, body: ShareLinkIn, visit: VisitDependency, farm: Fa
 def withdraw_share_link(id: str, link: str, farm: FarmDependency) -> None:
     """Revokes a link at once."""
     farm.access.keys.withdraw_share(id, link)
-
-
-def _share_of(request: Request, farm: FarmDependency) -> Share:
-    """Returns the share link of a request. Raises NotFound if the link is invalid, or its creator may no longer see the job."""
-    share = farm.access.keys.find_share(bearer_token(request.headers))
-    if share is None:
-        raise NotFound(LINK_INVALID)
-    projects = farm.access.projects
-    if not projects.visibility(share.creator).is_visible(projects.project_of("job", share.job)):
-        raise NotFound(LINK_INVALID)
-    return share
-
-
-ShareDependency = Annotated[Share, Depends(_share_of)]
-
-
-def may_comment(share: Share, farm: Farm) -> bool:
-    """Returns True if a link allows notes, and its creator may still change the job."""
-    projects = farm.access.projects
-    return (
-        share.comments
-        and share.creator.role >= Role.SUBMIT
-        and projects.visibility(share.creator).changes(projects.project_of("job", share.job))
-    )
 
 
 @router.get("/shared", response_model=SharedJob)
