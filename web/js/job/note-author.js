@@ -23,11 +23,11 @@ function stored() {
 export function noteAuthor() {
   const input = h("input", { type: "text", id: "note-author", maxLength: LONGEST, autocomplete: "name", value: stored() });
   const element = h("div", { class: "stack tight" }, h("label", { for: "note-author", class: "small" }, t("Your name")), input);
-  element.hidden = session.value.name !== null;
+  element.hidden = session.value.kind !== "open";
   return {
     element,
     author() {
-      if (session.value.name !== null) return {};
+      if (session.value.kind !== "open") return {};
       const name = input.value.trim();
       if (!name) {
         element.hidden = false;
