@@ -1,7 +1,8 @@
 """Encodes a rendered image as an image file.
 
 png, jpg: display values, after exposure and tone curve. exr, hdr: scene-linear Rec.709, without either. EXR stores float32 and
-may contain further channels.
+may contain further channels. Alpha: associated (premultiplied) in EXR, straight in PNG, left out of others, which show the
+picture before black.
 """
 
 from __future__ import annotations
@@ -21,11 +22,12 @@ from renderer.errors import SettingsError
 from renderer.image import tonemap
 from renderer.sentences import Sentence
 
-__all__ = ["FORMATS", "RGB", "encode", "encode_channels", "encode_shown", "format_of", "write", "write_bands"]
+__all__ = ["ALPHA", "FORMATS", "RGB", "encode", "encode_channels", "encode_shown", "format_of", "write", "write_bands"]
 
 F32 = npt.NDArray[np.float32]
 FORMATS = ("png", "jpg", "exr", "hdr")
 RGB = ("R", "G", "B")
+ALPHA = "A"
 
 # Rec.709 primaries and the D65 white point, written to the file so that readers need not guess.
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -54,18 +56,21 @@ def encode(
     curve: str = "neutral",
     channels: Mapping[str, F32] | None = None,
     header: Mapping[str, str] | None = None,
+    alpha: F32 | None = None,
 ) -> bytes:
     """Returns an image file of scene-linear (h, w, 3) float32 radiance, as bytes.
 
     format: one of FORMATS. exposure (stops) and curve (tonemap.CURVES) apply to png and jpg only.
-    channels: for exr, further (h, w) planes by channel name. header: for exr, further attributes. Raises SettingsError for an
-    unknown format or curve.
+    channels: for exr, further (h, w) planes by channel name. header: for exr, further attributes. alpha: (h, w), for exr and png,
+    with which the radiance is premultiplied. Raises SettingsError for an unknown format or curve.
     """
+    if format == "png" and alpha is not None:
+        return encode_shown(tonemap.apply_straight(rgb, alpha, exposure, curve), format)
     if format in ("png", "jpg"):
         return encode_shown(tonemap.apply(rgb, exposure, curve), format)
     if format == "exr":
         names, planes = [*RGB], [np.asarray(rgb, np.float32)]
-        for name, values in (channels or {}).items():
+        for name, values in (({} if alpha is None else {ALPHA: alpha}) | dict(channels or {})).items():
             if values.shape != rgb.shape[:2]:
                 raise ValueError(f"channel {name} is {values.shape}; the picture is {rgb.shape[:2]}")
             names.append(name)
@@ -86,7 +91,7 @@ def encode_channels(planes: F32, names: Sequence[str]) -> bytes:
 
 
 def encode_shown(pixels: npt.NDArray[np.uint8], format: str) -> bytes:
-    """Returns a png or jpg file of display values, (h, w, 3) uint8 sRGB, as bytes."""
+    """Returns a png or jpg file of display values, (h, w, 3) uint8 sRGB, as bytes; a png may have straight alpha, (h, w, 4)."""
     out = io.BytesIO()
     picture = Image.fromarray(np.ascontiguousarray(pixels))
     if format == "png":
@@ -104,10 +109,11 @@ def write(
     curve: str = "neutral",
     channels: Mapping[str, F32] | None = None,
     header: Mapping[str, str] | None = None,
+    alpha: F32 | None = None,
 ) -> None:
     """Writes an image file, encoded as by `encode`, atomically. format: None: that of the name's suffix."""
     path = Path(path)
-    data = encode(rgb, format or format_of(path), exposure, curve, channels, header)
+    data = encode(rgb, format or format_of(path), exposure, curve, channels, header, alpha)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:

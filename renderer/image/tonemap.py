@@ -16,7 +16,19 @@ from renderer.errors import SettingsError
 from renderer.luminance import REC_709
 from renderer.sentences import Sentence
 
-__all__ = ["CURVES", "agx", "apply", "decode_srgb", "encode_srgb", "filmic", "hue", "neutral", "reinhard", "srgb"]
+__all__ = [
+    "CURVES",
+    "agx",
+    "apply",
+    "apply_straight",
+    "decode_srgb",
+    "encode_srgb",
+    "filmic",
+    "hue",
+    "neutral",
+    "reinhard",
+    "srgb",
+]
 
 F32 = npt.NDArray[np.float32]
 
@@ -128,3 +140,14 @@ def apply(rgb: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArra
     clean = np.nan_to_num(np.maximum(scaled, 0), nan=0.0, posinf=1e18).astype(np.float32, copy=False)
     display = _FUNCTIONS[curve](np.minimum(clean, np.float32(1e18)))
     return (encode_srgb(np.clip(display, 0, 1)) * 255 + 0.5).astype(np.uint8)
+
+
+def apply_straight(rgb: F32, alpha: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArray[np.uint8]:
+    """Returns display values with straight alpha, (h, w, 4) uint8, of premultiplied scene-linear (h, w, 3) radiance.
+
+    The curve applies to the colour of what covers the pixel, radiance / alpha, so that edges are as bright as what is beside
+    them; what is not covered is black. alpha: (h, w), 0 ... 1, stored linearly. exposure, curve: as for `apply`.
+    """
+    coverage = np.clip(np.nan_to_num(alpha), 0, 1)[..., None]
+    color = np.divide(rgb, coverage, out=np.zeros_like(rgb, np.float32), where=coverage > 0)
+    return np.concatenate([apply(color, exposure, curve), (coverage * 255 + 0.5).astype(np.uint8)], axis=-1)
