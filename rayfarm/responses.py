@@ -182,6 +182,7 @@ class Job(ShownInNotebooks):
     warning: str | None = None  # a problem that the user may want to fix
     waits_for: list[Wait] = field(default_factory=list)  # its unfinished dependencies
     taken: dict[str, Any] | None = None  # the reused film: `job` and its `spp`
+    review: dict[str, Any] | None = None  # the verdict, and the numbers of notes
 
     @property
     def is_over(self) -> bool:

@@ -45,6 +45,7 @@ from service.store.kernels import KernelStore
 from service.store.models import FINAL_STATES, Job
 from service.store.reserve import Reserve
 from service.viewing.explaining import PixelExplainer
+from service.viewing.presence import SceneVisitors
 from service.viewing.view_scheduler import ViewScheduler
 from service.watching.broadcast import Broadcast
 from service.watching.curves import Curves
@@ -134,6 +135,7 @@ class Farm:
     def _assemble_delivery(self, settings: Settings) -> None:
         """Creates the notifications of pages and webhooks, and the limited thread pools that serve requests."""
         self.broadcast = Broadcast(self.events)
+        self.visitors = SceneVisitors()
         self.shared = SharedResults(self.broadcast, settings.live_bytes)
         self.pictures = Pool(settings.picture_bytes)
         self.outbox = Outbox(settings, self.sessions, self.events)

@@ -17,6 +17,7 @@ from service.errors import Invalid
 from service.intake.names import plain_note, plain_title
 from service.models.coded import Coded
 from service.models.declared import with_fields
+from service.models.notes import ReviewOut
 from service.models.queue import QueueOptionsIn, QueueOut, QueuePatch
 from service.models.strict import Strict
 
@@ -399,6 +400,7 @@ class JobOut(QueueOut):
     denoise: bool = Field(description="its pictures are shown and saved denoised first, once it is finished")
     pinned: bool = Field(description="kept, whatever its age")
     note: str | None = Field(description="what somebody wrote about it")
+    review: ReviewOut | None = Field(default=None, description="null: it has neither notes nor a verdict")
     taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")
     doubted: list[str] = Field(
         description="workers that were found out since to render something else than others, and whose samples it holds: "
