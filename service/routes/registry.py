@@ -4,6 +4,7 @@ from starlette.routing import BaseRoute
 
 from service.routes import (
     addon,
+    channel,
     environments,
     events,
     examples,
@@ -61,6 +62,7 @@ ROUTES: list[BaseRoute] = [
         info,
         addon,
         farm,
+        channel,
         kernels,
         retention,
         health,
