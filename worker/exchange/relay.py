@@ -12,6 +12,7 @@ import contextlib
 import json
 import logging
 import signal
+import socket
 import ssl
 import sys
 import time
@@ -35,6 +36,7 @@ __all__ = ["RelaySettings", "main"]
 
 OPEN_S = 10.0
 END_S = 2.0  # for which the rest of a refused connection is read
+BUFFER_BYTES = 32 << 10  # of what waits to be sent, at each place
 REPEAT_S = 60.0  # after which the same reason is logged again
 MAX_MESSAGE_BYTES = 1 << 20  # of a message from the service
 MAX_FIRST_BYTES = 1 << 16  # of the command that authenticates a connection
@@ -154,6 +156,7 @@ class _Relay:
             ) from None
         match message:
             case ChannelOpen():
+                _limit_unsent_bytes(channel)
                 return channel
             case ChannelRefused(detail):
                 await channel.close()
@@ -197,6 +200,16 @@ def _without_password(command: Command, password: str) -> bytes:
     raise CommandError(Sentence("relay-password-wrong", "Only the worker that started it may use its connection to the farm."))
 
 
+def _limit_unsent_bytes(channel: ClientConnection) -> None:
+    """Makes the system accept little that it cannot send yet, so that a sender waits as it would for Redis itself.
+
+    Otherwise megabytes would wait here on a slow line, and the reply would come too late for whoever sent them.
+    """
+    connected = channel.transport.get_extra_info("socket")
+    if connected is not None and (mark := getattr(socket, "TCP_NOTSENT_LOWAT", None)) is not None:
+        connected.setsockopt(socket.IPPROTO_TCP, mark, BUFFER_BYTES)
+
+
 async def _send_up(reader: asyncio.StreamReader, channel: ClientConnection) -> None:
     while data := await reader.read(CHUNK_BYTES):
         await channel.send(data)
@@ -227,7 +240,9 @@ async def _end_with_error(reader: asyncio.StreamReader, writer: asyncio.StreamWr
 
 async def _run(settings: RelaySettings) -> None:
     relay = _Relay(settings)
-    server = await asyncio.start_server(relay.serve, "127.0.0.1", 0)
+    listening = socket.create_server(("127.0.0.1", 0))
+    listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
+    server = await asyncio.start_server(relay.serve, sock=listening, limit=BUFFER_BYTES)
     print(server.sockets[0].getsockname()[1], flush=True)
     async with server:
         await asyncio.to_thread(sys.stdin.buffer.read)  # until the worker ends

@@ -22,7 +22,7 @@ from renderer.cuda.driver import Card
 from renderer.sentences import to_text
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import Link
-from worker.exchange.results import ResultStream
+from worker.exchange.results import PIECE_TIMEOUT_S, RELAYED_PIECE_TIMEOUT_S, ResultStream
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.apply_terms import TermsKeeper
@@ -87,7 +87,8 @@ class WorkerContext:
     def results(self) -> ResultStream:
         """The stream of results; each process opens its own connection."""
         if self._results is None:
-            self._results = ResultStream(self.redis_url)
+            timeout_s = RELAYED_PIECE_TIMEOUT_S if self.is_over_https else PIECE_TIMEOUT_S
+            self._results = ResultStream(self.redis_url, piece_timeout_s=timeout_s)
         return self._results
 
     @property

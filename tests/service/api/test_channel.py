@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import random
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,12 +16,14 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
 from protocol.channel import CHANNEL_MESSAGES, CHANNEL_PATH, ChannelOpen, ChannelRefused
-from protocol.contract import RESULTS, worker_key
+from protocol.contract import RESULTS, Result, worker_key
 from protocol.websocket import read_service
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest
+from tests.slow_line import held_up
 from worker.exchange.relay_process import RelayProcess
+from worker.exchange.results import ResultStream
 
 PING = b"*1\r\n$4\r\nPING\r\n"
 
@@ -184,6 +187,19 @@ def test_silent_redis_is_reported(service: Service, monkeypatch: pytest.MonkeyPa
     with channel(service) as opened:
         said = refusal(opened)
     assert said.passing and "Redis does not answer" in said.detail
+
+
+@pytest.mark.long  # half a minute of waiting
+def test_large_results_arrive_over_a_slow_line(service: Service) -> None:
+    with held_up(service.url, late_s=0.2, rate=100e3) as slow:
+        relay = RelayProcess(slow, TOKEN)
+        try:
+            stream = ResultStream(relay.redis_url, piece_timeout_s=10.0)
+            sums = random.Random(1).randbytes(2_000_000)  # takes twice the timeout
+            assert stream.send(Result({"type": "batch-failed", "worker": "home", "batch": "none"}, sums), timeout_s=0.0)
+            stream.redis.close()
+        finally:
+            relay.stop()
 
 
 def test_relay_reconnects_after_a_restart(service: Service, relay: RelayProcess) -> None:
