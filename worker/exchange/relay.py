@@ -41,7 +41,7 @@ REPEAT_S = 60.0  # after which the same reason is logged again
 MAX_MESSAGE_BYTES = 1 << 20  # of a message from the service
 MAX_FIRST_BYTES = 1 << 16  # of the command that authenticates a connection
 AUTHENTICATION_CLOSED = 4401  # close code after the token was revoked
-UNKNOWN_TOKEN = (401, 403)  # HTTP status
+UNKNOWN_TOKEN, HTTP_SERVER_ERROR = (401, 403), 500  # HTTP status
 log = logging.getLogger("worker")
 
 
@@ -124,6 +124,16 @@ class _Relay:
             status = error.response.status_code
             if status in UNKNOWN_TOKEN:
                 raise _UnavailableError(self._unknown_token()) from None
+            if status >= HTTP_SERVER_ERROR:
+                raise _UnavailableError(
+                    Sentence(
+                        "service-answered-status",
+                        "{service} answers {status} to {request}",
+                        service=self._settings.service,
+                        status=status,
+                        request=CHANNEL_PATH,
+                    )
+                ) from None
             raise _UnavailableError(
                 Sentence(
                     "channel-status",

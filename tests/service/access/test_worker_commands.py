@@ -39,6 +39,7 @@ def check(*arguments: str | bytes, rules: WorkerCommands | None = None) -> None:
         ("HELLO", "3"),
         ("CLIENT", "SETINFO", "LIB-NAME", "redis-py"),
         ("BRPOP", RENDER, f"{RENDER}.needs.12", f"rayfarm.help.{ME}", f"rayfarm.help.{ME}\x06\x163", "1"),
+        ("BRPOP", *(f"{RENDER}.needs.{n}\x06\x163" for n in range(400)), "1"),
         ("SADD", f"_kombu.binding.{RENDER}", f"{RENDER}\x06\x16\x06\x16{RENDER}"),
         ("LPUSH", f"rayfarm.help.{ME}", "{}"),
         ("SET", worker_key(ME), report(), "EX", "6"),
