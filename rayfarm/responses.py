@@ -7,7 +7,6 @@ that names it.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TypeVar, cast
 
@@ -35,7 +34,7 @@ class ShownInNotebooks:
     or None without anywidget; set when the package is imported.
     """
 
-    widget_of: ClassVar[Callable[[Any, Any], Any]] = staticmethod(lambda answer, farm: None)
+    widget_of: ClassVar[staticmethod[[Any, Any], Any]] = staticmethod(lambda answer, farm: None)
 
     def _repr_mimebundle_(self, **asked: Any) -> Any:
         farm = getattr(self, "_farm", None)
@@ -247,14 +246,14 @@ def read(cls: type[T], data: Any) -> T:
     try:
         answer: T = _adapter(cast("Any", cls)).validate_python(data)
     except ValidationError as error:
-        raise ValueError(_sentence(cls.__name__.lower(), error.errors())) from None
+        raise ValueError(_sentence(_noun(cls), error.errors())) from None
     return answer
 
 
 def read_list(cls: type[T], data: Any) -> list[T]:
     """Converts a list of responses, like `read`."""
     if not isinstance(data, list):
-        raise ValueError(f"it sends something else than a list of {cls.__name__.lower()}s")
+        raise ValueError(f"it sends something else than a list of {_noun(cls)}s")
     return [read(cls, item) for item in data]
 
 
@@ -262,7 +261,11 @@ def read_list(cls: type[T], data: Any) -> list[T]:
 def _adapter(cls: Any) -> Any:
     from pydantic import TypeAdapter  # takes 0.2 s to import, which --help avoids
 
-    return TypeAdapter(cls)
+    return TypeAdapter(cls)  # type: ignore[valid-type,unused-ignore]
+
+
+def _noun(cls: type[Any]) -> str:
+    return cls.__name__.lower()
 
 
 def _sentence(noun: str, errors: list[Any]) -> str:

@@ -40,7 +40,7 @@ def dataset_of_file(
     for name in ("scene", "folder", "cameras"):
         if name not in document:
             raise SettingsError(f"{path} has no {name}")
-    settings = document.get("settings") or {}
+    settings: Any = document.get("settings") or {}
     if not isinstance(settings, Mapping):
         raise SettingsError(f"{path}: settings is a mapping, such as {{spp: 64, seed: 1}}")
     base = path.expanduser().resolve().parent

@@ -103,11 +103,12 @@ def compressed(bvh: Bvh, team: Team) -> Bvh:
     index[plan.order[:listed]] = np.arange(listed, dtype=np.int32)
     team.each(lambda part: _copy_inner_children(plan, index, *part, target), parts)
     tree.node[: len(roots)] = target.content[index[roots]]
+    kept_roots: Any = None if bvh.ray_roots is None else ray_places
     return bvh._replace(
         node=_NOTHING,
         packet=_NOTHING,
         compressed=tree,
-        ray_roots=None if bvh.ray_roots is None else ray_places,
+        ray_roots=kept_roots,
         instance_root=instance_places,
     )
 

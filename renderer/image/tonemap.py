@@ -57,7 +57,7 @@ def reinhard(rgb: F32) -> F32:
 
 def filmic(rgb: F32) -> F32:
     """Fitted ACES reference tone curve. Source: K. Narkowicz, ACES Filmic Tone Mapping Curve, 2015."""
-    x = np.minimum(rgb, np.float32(1e6))
+    x: F32 = np.minimum(rgb, np.float32(1e6))
     return np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0, 1)
 
 

@@ -7,6 +7,7 @@ does (RFC 9112, 9.6). A client whose upload is rejected would then see a broken 
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from contextlib import suppress
 
 from starlette.datastructures import Headers
@@ -25,7 +26,7 @@ class LingeringClose:
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Calls the application. If it responds early, reads the rest of the body before the response ends."""
-        headers = Headers(scope=scope) if scope["type"] == "http" else {}
+        headers: Mapping[str, str] = Headers(scope=scope) if scope["type"] == "http" else {}
         if headers.get("content-length", "0") == "0" and "transfer-encoding" not in headers:
             await self._app(scope, receive, send)
             return

@@ -167,7 +167,9 @@ def _current_request(job: Job) -> JobIn:
     """
     now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
     if job.shot is not None and (shot := Shot.parse(job.shot)) is not None:
-        now |= {"order": shot.order} if job.request.get("views") else {"frames": shot.frames, "order": shot.order}
+        now["order"] = shot.order
+        if not job.request.get("views"):
+            now["frames"] = shot.frames
     given = {name: value for name, value in job.request.items() if name not in ("after", "deadline", "needs", "max_slots")}
     return JobIn.model_validate({**given, **now, "fresh": True})
 

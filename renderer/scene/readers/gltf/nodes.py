@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -389,7 +390,7 @@ def _linked(light: Light, source: Json) -> Light:
 def _link_sets(scene: Json) -> dict[str, LightLink]:
     """Returns the link sets in `light_links` of the extras of a glTF scene; unusable ones are counted as faults."""
     extras = scene.value.get("extras")
-    found = extras.get("light_links", {}) if isinstance(extras, dict) else {}
+    found: Any = extras.get("light_links", {}) if isinstance(extras, dict) else {}
     links = {}
     for name, link in found.items() if isinstance(found, dict) else ():
         lists = [link.get(key) for key in ("include", "exclude")] if isinstance(link, dict) else []
