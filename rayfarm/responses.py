@@ -236,6 +236,7 @@ class Worker:
     denoises: bool = False
     cards: list[Card] = field(default_factory=list)  # graphics cards with which its slots render
     cards_unused: list[str] = field(default_factory=list)  # why others are not used
+    transport: str = "redis"  # how it reaches the queue: redis, or https: through the service alone
     offer: Offer | None = None  # None for an older release, which can only be paused
 
 

@@ -20,6 +20,7 @@ from renderer.variables import VariableError
 from service.access.access import Access
 from service.access.quotas import Limits, Quotas
 from service.access.redis_users import RedisUsers
+from service.access.worker_channels import WorkerChannels
 from service.errors import Conflict, FarmError, StartupError
 from service.events import BlobsReleased, Events
 from service.hooks.outbox import Outbox
@@ -80,6 +81,7 @@ class Farm:
             self.owning.stop()
             raise
         self.redis_users = RedisUsers(_redis(settings), self.access.keys, settings.token, self.instance)
+        self.channels = WorkerChannels(settings.redis_url, self.redis_users.address_for)
         self.events = Events()
         self._assemble_store(settings)
         self._assemble_scheduling(settings)

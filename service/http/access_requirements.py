@@ -160,6 +160,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/view-table"): VIEW,
     ("GET", "/api/blender-addon.zip"): VIEW,
     ("GET", "/api/farm/join"): WORKER,
+    ("WS", "/api/farm/channel"): WORKER,
     ("GET", "/api/farm/scenes/{id}/manifest"): WORKER,
     ("GET", "/api/farm/blobs/{sha256}"): WORKER,
     ("POST", "/api/farm/blobs/{sha256}/keep"): WORKER,

@@ -4,6 +4,7 @@ from starlette.routing import BaseRoute
 
 from service.routes import (
     addon,
+    channel,
     environments,
     events,
     examples,
@@ -65,6 +66,7 @@ ROUTES: list[BaseRoute] = [
         view_table,
         addon,
         farm,
+        channel,
         kernels,
         retention,
         health,

@@ -237,6 +237,7 @@
  * @property {number} [failures] of batches
  * @property {Card[]} [cards] graphics cards with which its slots render
  * @property {string[]} [cards_unused] why other cards are not used
+ * @property {string} [transport] how it reaches the queue: redis or https
  * @property {Offer | null} [offer] null: of an older release, which can only be paused
  * @property {number[]} [speeds] samples a second of all its slots, a minute each
  *
