@@ -85,7 +85,7 @@ class OpenScene:
             self._auto = self._last.summary["cameras"][-1]
             read = read_at(moment)
         if self._last is not None and compiles_alike(read, self._last.read):
-            described = replace(self._last.described, cameras=read.cameras)
+            described = replace(self._last.described, cameras=read.cameras, variation=read.variation)
             self._last = self._last._replace(read=read, described=described)
         else:
             say("building")

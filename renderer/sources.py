@@ -54,6 +54,7 @@ ARRAYS = (
     "formats.py",
     "frames.py",
     "presets.py",
+    "variation.py",
     "zips.py",
     "blender",
     "scene",

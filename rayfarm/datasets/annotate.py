@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from rayfarm.reading import ConfinedScene
     from renderer.annotation import Annotation, Body, Flow
 
-__all__ = ["OUTPUTS", "Annotator", "ViewAnnotation", "rle"]
+__all__ = ["FLOWS", "OUTPUTS", "Annotator", "ViewAnnotation", "rle"]
 
 Array = npt.NDArray[Any]
 
@@ -81,10 +81,14 @@ OUTPUTS = ("color", *_PLANES, *FLOWS, "boxes", "masks")
 
 @dataclass(frozen=True)
 class ViewAnnotation:
-    """The annotation of one view: planes by name, and the bodies in the picture as JSON; None if not requested."""
+    """The annotation of one view: planes by name, and the bodies in the picture as JSON; None if not requested.
+
+    variation: the values drawn for the view, if the scene varies.
+    """
 
     planes: dict[str, Array]
     bodies: list[dict[str, Any]] | None
+    variation: dict[str, Any]
 
 
 class Annotator:
@@ -100,14 +104,16 @@ class Annotator:
         fps: float | None,
         clip: str | None,
         threads: int | None,
+        every: int = 0,
     ) -> None:
         """Stores the parameters. settings: returns the render settings, given the scene's summary; their size is used.
 
         categories: category by a pattern of object names; None: each object's name without its number is its category.
+        every: number of views that share a variation of the scene, between which there is flow; 0: all.
         """
         self._stage, self._settings, self._views, self._outputs = stage, settings, views, outputs
         self._fps, self._clip, self._threads = fps, clip, threads
-        self._given = categories
+        self._given, self._every = categories, every
         _, summary = stage.scene_at(Moment(0.0, fps, clip))
         self.objects: list[str] = list(summary["objects"])
         self.materials: list[str] = list(summary["materials"])
@@ -142,14 +148,15 @@ class Annotator:
         for name in FLOWS:
             if name in self._outputs and (flow := self._flow(name, number, compiled, settings, seen)) is not None:
                 planes |= {name: flow.offset, f"{name}{OCCLUDED}": flow.occluded.astype(np.uint8)}
-        return ViewAnnotation(planes, self._described(seen, instance, bodies) if is_listed else None)
+        described = self._described(seen, instance, bodies) if is_listed else None
+        return ViewAnnotation(planes, described, summary.get("variation", {}))
 
     def _flow(self, name: str, number: int, compiled: Any, settings: RenderSettings, seen: Annotation) -> Flow | None:
         """Returns the flow to the next or the previous view; None for the last or first view."""
         from renderer.annotation import AFTER, BEFORE, flow_to
 
         other = number + (1 if name == "flow_forward" else -1)
-        if not 0 <= other < len(self._views):
+        if not 0 <= other < len(self._views) or (self._every and other // self._every != number // self._every):
             return None
         return flow_to(compiled, settings, seen, self._views[other], AFTER if other > number else BEFORE, self._threads)
 

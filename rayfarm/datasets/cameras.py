@@ -12,13 +12,18 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SettingsError
+from renderer.frames import MAX_FRAMES
+from renderer.scene.matrices import product
 from renderer.settings import View
+from renderer.trigonometry import sin_cos
+from renderer.variation import Distribution, Form, Variation
 
 __all__ = ["CONVENTIONS", "Cameras", "intrinsics_of", "opencv", "view_of"]
 
@@ -97,6 +102,57 @@ class Cameras:
         return cls(poses)
 
     @classmethod
+    def sample(
+        cls,
+        count: int,
+        seed: int = 0,
+        target: Any = (0.0, 0.0, 0.0),
+        position: Any = None,
+        radius: Any = 3.0,
+        azimuth: Any = MappingProxyType({"uniform": [0.0, 360.0]}),
+        elevation: Any = MappingProxyType({"uniform": [0.0, 60.0]}),
+        roll: Any = 0.0,
+        up: Sequence[float] = (0.0, 1.0, 0.0),
+    ) -> Cameras:
+        """Returns cameras drawn from distributions by seed; the same on every machine. Each looks at its target.
+
+        Values are constants or distributions (docs/datasets.md). position: from the target, as {"shell": [2, 3]}; in its place
+        radius, azimuth about `up` and elevation above the target's horizon, degrees. roll: about the line of sight, degrees.
+        """
+        if not 1 <= count <= MAX_FRAMES:
+            raise SettingsError(f"sample has {count} cameras; give 1 to {MAX_FRAMES}")
+        axis = np.array(up, np.float64)
+        if axis.shape != (3,) or not axis.any():
+            raise SettingsError("sample's up is a direction of three numbers, not all 0")
+        axis = axis / math.sqrt(float((axis * axis).sum()))
+        side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        side = side / math.sqrt(float((side * side).sum()))
+        frame = np.stack([np.cross(side, axis), side, axis])
+        forms: dict[str, Form] = {"target": "triple", "roll": "number"}
+        forms |= {"position": "triple"} if position is not None else dict.fromkeys(("radius", "azimuth", "elevation"), "number")
+        given = {
+            "target": target,
+            "position": position,
+            "radius": radius,
+            "azimuth": azimuth,
+            "elevation": elevation,
+            "roll": roll,
+        }
+        drawn = {name: Distribution.parse(given[name], f"sample.{name}", form) for name, form in forms.items()}
+        draws = Variation(seed).draws
+        poses = np.zeros((count, 4, 4))
+        for n in range(count):
+            values: dict[str, Any] = {name: each.draw(draws(n, "camera", name)) for name, each in drawn.items()}
+            if position is not None:
+                away = np.array(values["position"])
+            else:
+                flat, rise = _sin_cos(values["azimuth"]), _sin_cos(values["elevation"])
+                along = np.array([rise[1] * flat[1], rise[1] * flat[0], rise[0]])
+                away = values["radius"] * product(along[None], frame)[0]
+            poses[n] = _looking_back(away, np.array(values["target"]), axis, values["roll"], f"sample: camera {n}")
+        return cls(poses)
+
+    @classmethod
     def from_transforms(cls, path: str | Path) -> Cameras:
         """Returns the cameras of a transforms.json, of NeRF's, Instant-NGP's or nerfstudio's kind, without lens distortion."""
         data = _json(Path(path))
@@ -140,6 +196,28 @@ class Cameras:
             poses.append(np.linalg.inv(to_camera))
         found = cls.of(np.array(poses).reshape(-1, 4, 4), "opencv")
         return cls(found.poses, np.array([[x, 0, cx], [0, y, cy], [0, 0, 1.0]]), (int(width), int(height)))
+
+
+def _sin_cos(degrees: float) -> tuple[float, float]:
+    return sin_cos(math.radians(math.fmod(degrees, 360.0)))
+
+
+def _looking_back(away: F64, target: F64, up: F64, roll: float, name: str) -> F64:
+    """Returns the pose (4, 4) of a camera at target + away that looks at the target. roll: counter-clockwise, degrees."""
+    distance = math.sqrt(float((away * away).sum()))
+    if not distance > 0:
+        raise SettingsError(f"{name} is at its target; give a radius or position away from it")
+    back = away / distance
+    right = np.cross(up, back)
+    if not (right * right).sum() > 1e-12:  # straight above or below: any direction is as good
+        right = np.cross(np.eye(3)[np.argmin(np.abs(back))], back)
+    right = right / math.sqrt(float((right * right).sum()))
+    above = np.cross(back, right)
+    sine, cosine = _sin_cos(roll)
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1] = cosine * right + sine * above, cosine * above - sine * right
+    pose[:3, 2], pose[:3, 3] = back, target + away
+    return pose
 
 
 def opencv(pose: F64) -> F64:

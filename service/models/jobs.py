@@ -12,6 +12,7 @@ from renderer.frames import MAX_FRAME, MAX_FRAMES, parse_frames
 from renderer.presets import PRESETS
 from renderer.sentences import Sentence
 from renderer.settings import ENVIRONMENT, MAX_SPP, OPTIONAL, SETTINGS, VIEW, Vec3, View
+from renderer.variation import Variation
 from renderer.work import ORDERS, SHOT, WORK
 from service.errors import Invalid
 from service.intake.names import plain_note, plain_title
@@ -140,6 +141,12 @@ class JobIn(QueueOptionsIn):
         description="a camera of your own for each frame, in the frames' order, instead of `camera`; `frames` is then 0 to n - 1 "
         "unless told",
     )
+    vary: dict[str, Any] | None = Field(
+        None,
+        max_length=6,
+        description="how the scene varies from frame to frame, by seed: distributions of `objects`, `materials`, `lights` and "
+        "`environment`; with `seed` and `every`",
+    )
     spp: int | None = None
     noise: float | None = None
     seconds: float | None = None
@@ -186,6 +193,16 @@ class JobIn(QueueOptionsIn):
     @classmethod
     def _is_plain_name(cls, value: str | None) -> str | None:
         return None if value is None else _plain_text(value, "name")
+
+    @field_validator("vary")
+    @classmethod
+    def _is_variation(cls, value: dict[str, Any] | None) -> dict[str, Any] | None:
+        if value is not None:
+            try:
+                Variation.parse(value)
+            except SettingsError as error:
+                raise ValueError(str(error)) from None
+        return value
 
     @field_validator("frames")
     @classmethod
@@ -248,7 +265,7 @@ class JobIn(QueueOptionsIn):
     @property
     def is_shot(self) -> bool:
         """Returns True if the request is for a shot: for anything other than one still image of the scene's beginning."""
-        if self.views is not None:
+        if self.views is not None or self.vary is not None:
             return True
         return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 
