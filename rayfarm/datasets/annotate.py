@@ -148,7 +148,7 @@ class Annotator:
         for name in FLOWS:
             if name in self._outputs and (flow := self._flow(name, number, compiled, settings, seen)) is not None:
                 planes |= {name: flow.offset, f"{name}{OCCLUDED}": flow.occluded.astype(np.uint8)}
-        described = self._described(seen, instance, bodies) if is_listed else None
+        described = self._described(seen, instance, bodies, summary.get("poses", {})) if is_listed else None
         return ViewAnnotation(planes, described, summary.get("variation", {}))
 
     def _flow(self, name: str, number: int, compiled: Any, settings: RenderSettings, seen: Annotation) -> Flow | None:
@@ -179,8 +179,11 @@ class Annotator:
         found = np.where(instance < 0, of_world[np.maximum(number, 0)], of_instance[np.maximum(instance, 0)])
         return np.where(number >= 0, found, 0).astype(np.int32)
 
-    def _described(self, seen: Annotation, visible: Array, bodies: list[Body]) -> list[dict[str, Any]]:
-        """Returns the bodies that are in the picture, whether occluded or not, as JSON."""
+    def _described(self, seen: Annotation, visible: Array, bodies: list[Body], poses: dict[str, Any]) -> list[dict[str, Any]]:
+        """Returns the bodies that are in the picture, whether occluded or not, as JSON.
+
+        poses: of moving objects, by number as text, for those whose geometry is in world space.
+        """
         layers = self._instance_ids(seen.layers[..., 0], seen.layers[..., 1], bodies)
         described = []
         for number in np.unique(layers[layers > 0]).tolist():
@@ -201,6 +204,7 @@ class Annotator:
                 "box": _box(part),
                 "amodal_box": _box(whole),
                 "box_3d": body.corners.tolist(),
+                "pose": poses.get(str(body.object), body.pose.tolist()) if body.instance < 0 else body.pose.tolist(),
             }
             if "masks" in self._outputs:
                 found |= {"mask": rle(part), "amodal_mask": rle(whole)}

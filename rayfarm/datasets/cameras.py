@@ -117,7 +117,8 @@ class Cameras:
         """Returns cameras drawn from distributions by seed; the same on every machine. Each looks at its target.
 
         Values are constants or distributions (docs/datasets.md). position: from the target, as {"shell": [2, 3]}; in its place
-        radius, azimuth about `up` and elevation above the target's horizon, degrees. roll: about the line of sight, degrees.
+        radius, azimuth about `up` (counter-clockwise from above; for up +Y, 0 is +X and -90 is +Z) and elevation above the
+        target's horizon, in degrees. roll: about the line of sight, degrees.
         """
         if not 1 <= count <= MAX_FRAMES:
             raise SettingsError(f"sample has {count} cameras; give 1 to {MAX_FRAMES}")

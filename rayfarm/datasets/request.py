@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import importlib.util
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -24,7 +25,8 @@ __all__ = ["SINKS", "Request", "check_names", "parse_request", "scene_files"]
 
 PICTURE_FORMATS = ("png", "exr", "jpg")
 PLANE_FORMATS = ("npy", "exr")
-SINKS = ("transforms", "coco", "webdataset")
+SINKS = ("transforms", "coco", "webdataset", "hdf5", "bop", "parquet")
+_PACKAGES = {"hdf5": "h5py", "parquet": "pyarrow"}  # of sinks, in the extra `datasets`
 _OF_DATASET = ("camera", "frame", "aovs", "denoise")  # settings of a picture that a data set decides itself
 _SIZE = (512, 512)
 
@@ -73,6 +75,11 @@ def parse_request(
         raise SettingsError(f"outputs is empty; known are {', '.join(OUTPUTS)}")
     if "coco" in forms and not {"boxes", "masks"} & {*wanted}:
         raise SettingsError("the sink coco needs boxes or masks among outputs")
+    if "bop" in forms and "masks" not in wanted:
+        raise SettingsError("the sink bop needs masks among outputs")
+    for sink, package in _PACKAGES.items():
+        if sink in forms and importlib.util.find_spec(package) is None:
+            raise SettingsError(f'the sink {sink} needs the package {package}: pip install "rayfarm[datasets]"')
     if "transforms" in forms and "color" not in wanted:
         raise SettingsError("the sink transforms needs color among outputs")
     check_names("picture_format", [picture_format], PICTURE_FORMATS)

@@ -1,4 +1,4 @@
-"""Other forms of a finished data set, made from its folder: COCO, transforms.json and WebDataset."""
+"""Other forms of a finished data set, made from its folder: COCO, transforms.json and WebDataset; those of packages beside it."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rayfarm.datasets.folder import view_name
+from rayfarm.datasets.bop import write_bop
+from rayfarm.datasets.folder import Description, Views, view_name
+from rayfarm.datasets.hdf5 import write_hdf5
+from rayfarm.datasets.parquet import write_parquet
 from rayfarm.output_files import write
 
 __all__ = ["SINK_WRITERS"]
-
-Views = list[dict[str, Any]]
-Description = dict[str, Any]
 
 _SHARD = 1000  # views a shard
 
@@ -121,4 +121,7 @@ SINK_WRITERS: dict[str, Callable[[Path, Description, Views], None]] = {
     "transforms": write_transforms,
     "coco": write_coco,
     "webdataset": write_webdataset,
+    "hdf5": write_hdf5,
+    "bop": write_bop,
+    "parquet": write_parquet,
 }

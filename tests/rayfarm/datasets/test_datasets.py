@@ -180,7 +180,7 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "both": ({"fov": 40}, "give one of them"),
     "output": ({"outputs": ["dept"]}, "outputs has 'dept', .*did you mean 'depth'"),
     "nothing": ({"outputs": []}, "outputs is empty"),
-    "sink": ({"sinks": ["hdf5"]}, "sinks has 'hdf5'"),
+    "sink": ({"sinks": ["tfrecord"]}, "sinks has 'tfrecord'"),
     "coco": ({"sinks": ["coco"]}, "needs boxes or masks"),
     "camera": ({"camera": "front"}, "for a single picture"),
     "categories": ({"categories": {"cat*": "cat"}}, "match no object"),
