@@ -17,13 +17,14 @@ from renderer.settings import RenderSettings, View
 
 if TYPE_CHECKING:
     from rayfarm.reading import ConfinedScene
-    from renderer.annotation import Annotation, Body, Flow
+    from renderer.annotation import Annotation, Body
 
 __all__ = ["FLOWS", "OUTPUTS", "Annotator", "ViewAnnotation", "rle"]
 
 Array = npt.NDArray[Any]
 
-FLOWS = ("flow_forward", "flow_backward")
+FLOWS = ("flow_forward", "flow_backward", "scene_flow_forward", "scene_flow_backward")
+_IN_SPACE = "scene_"  # prefix of flow in space, not in the picture
 OCCLUDED = "_occluded"  # suffix of a flow's mask
 _NUMBERED = re.compile(r"(?<=\w)[._ -]?\d+$")
 
@@ -37,6 +38,7 @@ class _Found(NamedTuple):
     view: View
     instance: Array  # (h, w) int32: 1 + index of the body, 0 for none
     category: Array  # (h, w) int32: 1 + number of the category, 0 for none
+    part: Array  # (h, w) int32: 1 + object * number of materials + material, 0 for none
 
 
 def _axes(view: View) -> Array:
@@ -64,6 +66,14 @@ def _camera_normal(found: _Found) -> Array:
     return (found.annotation.normal @ _axes(found.view).T).astype(np.float32)
 
 
+def _scene_flow(seen: Annotation, surface: Array, when: int) -> Array:
+    """Returns how far each point moves in world space (h, w, 3) until another view. when: as of `Annotation.places`."""
+    from renderer.annotation import NOW
+
+    moved = seen.places[:, :, when, :3] - seen.places[:, :, NOW, :3]
+    return np.where(surface[..., None], moved, np.nan).astype(np.float32)
+
+
 # Each plane by its name: how it is computed. Numbers of objects and materials are those of the film's planes: 0 is none.
 _PLANES: dict[str, Callable[[_Found], Array]] = {
     "depth": _depth,
@@ -74,6 +84,7 @@ _PLANES: dict[str, Callable[[_Found], Array]] = {
     "object": lambda found: found.annotation.object + 1,
     "instance": lambda found: found.instance,
     "material": lambda found: found.annotation.material + 1,
+    "part": lambda found: found.part,
     "category": lambda found: found.category,
 }
 OUTPUTS = ("color", *_PLANES, *FLOWS, "boxes", "masks")
@@ -128,7 +139,7 @@ class Annotator:
 
     def annotate(self, number: int) -> ViewAnnotation:
         """Returns the annotation of a view. Raises SceneError."""
-        from renderer.annotation import NOW, annotate
+        from renderer.annotation import AFTER, BEFORE, NOW, annotate, flow_to
 
         moment = Moment(float(number), self._fps, self._clip)
         compiled, summary = self._stage.scene_at(moment)
@@ -143,22 +154,27 @@ class Annotator:
         places = seen.places[:, :, NOW, :3] + compiled.origin
         instance = self._instance_ids(seen.object, seen.instance, bodies)
         category = np.where(seen.object >= 0, self._category[np.maximum(seen.object, 0)] if self.objects else 0, 0)
-        found = _Found(seen, places, surface, view, instance, category.astype(np.int32))
+        part = np.where(seen.object >= 0, 1 + seen.object * len(self.materials) + seen.material, 0)
+        found = _Found(seen, places, surface, view, instance, category.astype(np.int32), part.astype(np.int32))
         planes = {name: _PLANES[name](found) for name in self._outputs if name in _PLANES}
         for name in FLOWS:
-            if name in self._outputs and (flow := self._flow(name, number, compiled, settings, seen)) is not None:
+            if name not in self._outputs or (other := self._neighbour(name, number)) is None:
+                continue
+            when = AFTER if other > number else BEFORE
+            if name.startswith(_IN_SPACE):
+                planes[name] = _scene_flow(seen, surface, when)
+            else:
+                flow = flow_to(compiled, settings, seen, self._views[other], when, self._threads)
                 planes |= {name: flow.offset, f"{name}{OCCLUDED}": flow.occluded.astype(np.uint8)}
         described = self._described(seen, instance, bodies, summary.get("poses", {})) if is_listed else None
         return ViewAnnotation(planes, described, summary.get("variation", {}))
 
-    def _flow(self, name: str, number: int, compiled: Any, settings: RenderSettings, seen: Annotation) -> Flow | None:
-        """Returns the flow to the next or the previous view; None for the last or first view."""
-        from renderer.annotation import AFTER, BEFORE, flow_to
-
-        other = number + (1 if name == "flow_forward" else -1)
+    def _neighbour(self, name: str, number: int) -> int | None:
+        """Returns the number of the view that a flow leads to; None if there is none, or if it shows another variation."""
+        other = number + (1 if name.endswith("forward") else -1)
         if not 0 <= other < len(self._views) or (self._every and other // self._every != number // self._every):
             return None
-        return flow_to(compiled, settings, seen, self._views[other], AFTER if other > number else BEFORE, self._threads)
+        return other
 
     def _bodies_of(self, compiled: Any) -> list[Body]:
         from renderer.annotation import bodies_of

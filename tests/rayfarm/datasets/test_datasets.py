@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from pycocotools.coco import COCO
 
 import rayfarm
@@ -144,17 +145,23 @@ def test_view_n_shows_frame_n_and_flow_has_the_motion_of_things(tmp_path: Path) 
     }
     pose = np.eye(4)
     pose[2, 3] = 4.0
-    outputs = ["object", "flow_forward", "flow_backward", "boxes"]
+    outputs = ["object", "part", "flow_forward", "flow_backward", "scene_flow_forward", "scene_flow_backward", "boxes"]
     found = rayfarm.dataset(scene, [pose] * 3, folder=tmp_path / "a", intrinsics=K, outputs=outputs, fps=24, width=64, height=48)
     assert found.description["objects"] == ["wall", "sign"]
     step = 70 * 0.2 / 4
     for view in range(3):
         sign = plane(tmp_path / "a", "object", view) == 2
+        materials = len(found.description["materials"])
+        part = plane(tmp_path / "a", "part", view)
+        np.testing.assert_array_equal((part - 1) // materials + 1, plane(tmp_path / "a", "object", view))
         left = 30.5 + step * view - 70 * 0.45 / 4
         assert np.flatnonzero(sign.any(axis=0))[0] == np.ceil(left - 0.5)
         for name, way, other in (("flow_forward", step, view + 1), ("flow_backward", -step, view - 1)):
             if not 0 <= other < 3:
                 continue
+            moved = plane(tmp_path / "a", f"scene_{name}", view)
+            np.testing.assert_allclose(moved[sign], np.broadcast_to([0.2 * np.sign(way), 0, 0], (sign.sum(), 3)), atol=1e-6)
+            np.testing.assert_allclose(moved[~sign], 0, atol=1e-6)
             flow, hidden = (plane(tmp_path / "a", each, view) for each in (name, f"{name}_occluded"))
             np.testing.assert_allclose(flow[sign], np.broadcast_to([way, 0], (sign.sum(), 2)), atol=1e-4)
             np.testing.assert_allclose(flow[~sign], 0, atol=1e-4)
@@ -163,6 +170,24 @@ def test_view_n_shows_frame_n_and_flow_has_the_motion_of_things(tmp_path: Path) 
             assert not hidden[sign].any() and hidden.sum() > 20
         (body,) = (b for b in json.loads((tmp_path / "a" / "boxes" / f"{view:06}.json").read_text()) if b["name"] == "sign")
         assert body["box"] == body["amodal_box"] and np.mean(body["box_3d"], axis=0)[0] == pytest.approx(0.2 * view, abs=1e-5)
+
+
+def test_an_amodal_mask_is_what_the_object_alone_would_show(tmp_path: Path) -> None:
+    whole = yaml.safe_load(CORNELL.read_text())
+    made(tmp_path / "whole", ["masks"])
+    found = {}
+    for view in range(3):
+        for body in json.loads((tmp_path / "whole" / "boxes" / f"{view:06}.json").read_text()):
+            found[body["name"], view] = body["amodal_mask"], body["occlusion"]
+    hidden, _ = max(found, key=lambda each: found[each][1])
+    assert max(occlusion for _, occlusion in found.values()) > 0.05
+    for name in {hidden, "large-box"}:
+        alone = {**whole, "shapes": [each for each in whole["shapes"] if each["name"] == name], "environment": {"color": 1}}
+        given = {"intrinsics": K, **SMALL}
+        rayfarm.dataset(alone, CAMERAS, folder=tmp_path / name, outputs=["masks"], **given)
+        for view in range(3):
+            bodies = json.loads((tmp_path / name / "boxes" / f"{view:06}.json").read_text())
+            assert [body["mask"] for body in bodies] == ([found[name, view][0]] if (name, view) in found else [])
 
 
 REFLECTED = np.diag([-1.0, 1.0, 1.0, 1.0])
