@@ -33,6 +33,7 @@ MACHINE_CODE = (
     "reference.py",
     "settings.py",
     "view.py",
+    "lens_distortion.py",
     "setting_declaration.py",
     "errors.py",
     "cryptomatte.py",

@@ -55,6 +55,7 @@ def dataset(
     picture_format: str = "png",
     plane_format: str = "npy",
     vary: Mapping[str, Any] | None = None,
+    distortion: Any = None,
     farm: str | Client | None = None,
     base: str | Path = ".",
     watch: Callable[[int, int], None] = lambda done, total: None,
@@ -66,11 +67,12 @@ def dataset(
                         outputs=["color", "depth", "instance", "boxes", "masks"], sinks=["coco"], farm="http://studio:8000")
 
     scene, base: as for `render`. cameras: poses (N, 4, 4) from camera to world space, or Cameras. convention: of an array's
-    cameras, opengl or opencv. intrinsics: 3 x 3, in pixels; or fov, vertical, in degrees (default 50). outputs: of OUTPUTS.
-    sinks: further forms, transforms, coco and webdataset. categories: names by patterns of object names. picture_format: png, jpg
-    or exr; plane_format: npy or exr. vary: how the scene varies from view to view, by seed:
-    docs/datasets.md. farm: a URL or Client; None: rendered in this process. watch: called with the number of complete views, and
-    of all. settings: those of `render`: width, height, spp, seed ...
+    cameras, opengl or opencv. intrinsics: 3 x 3, in pixels; or fov, vertical, in degrees (default 50). distortion: of the lens, a
+    mapping with `model` (brown, fisheye) and `coefficients` in OpenCV's order. outputs: of OUTPUTS. sinks: further forms: coco,
+    transforms, webdataset, hdf5, bop, parquet. categories: names by patterns of object names. picture_format: png, jpg or exr;
+    plane_format: npy or exr. vary: how the scene varies from view to view, by seed (docs/datasets.md). farm: a URL or Client;
+    None: rendered in this process. watch: called with the number of complete views, and of all. settings: those of `render`:
+    width, height, spp, seed ...
 
     A run that was interrupted continues when it is called again: complete views are kept. View n is frame n of the scene's time.
     Raises RayfarmError, or TypeError for an unknown keyword.
@@ -78,7 +80,7 @@ def dataset(
     begun = time.perf_counter()
     with ExitStack() as stack:
         path = stack.enter_context(as_files(scene, base))
-        names = (outputs, sinks, categories, picture_format, plane_format, vary)
+        names = (outputs, sinks, categories, picture_format, plane_format, vary, distortion)
         request = parse_request(path, cameras, intrinsics, fov, convention, *names, settings)
         place = Folder(Path(folder).expanduser(), request.identity)
         missing = [number for number in range(len(request.views)) if number not in place.views]
@@ -182,6 +184,7 @@ def _description(request: Request, path: Path, annotator: Annotator) -> dict[str
         "width": request.width,
         "height": request.height,
         "intrinsics": request.intrinsics.tolist(),
+        **({"distortion": request.distortion.to_json()} if request.distortion is not None else {}),
         "outputs": list(request.outputs),
         "settings": request.settings,
         **({"vary": request.vary} if request.vary is not None else {}),

@@ -20,7 +20,18 @@ if TYPE_CHECKING:
 __all__ = ["dataset_of_file"]
 
 _CAMERAS = ("orbit", "sample", "matrices", "file", "transforms", "colmap")
-_PASSED = ("intrinsics", "fov", "convention", "outputs", "sinks", "categories", "picture_format", "plane_format", "vary")
+_PASSED = (
+    "intrinsics",
+    "fov",
+    "convention",
+    "outputs",
+    "sinks",
+    "categories",
+    "picture_format",
+    "plane_format",
+    "vary",
+    "distortion",
+)
 _KEYS = ("scene", "folder", "cameras", "settings", *_PASSED)
 
 

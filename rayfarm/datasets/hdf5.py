@@ -58,7 +58,9 @@ def write_hdf5(folder: Path, description: Description, views: Views) -> None:
                 else:
                     name, convert = _DATASETS.get(output, (output, _unchanged))
                     _add(file, name, convert(read_plane(path)))
-            camera = {"cam2world_matrix": view["camera_to_world_opengl"], "cam_K": description["intrinsics"]}
+            camera: dict[str, Any] = {"cam2world_matrix": view["camera_to_world_opengl"], "cam_K": description["intrinsics"]}
+            if "distortion" in description:
+                camera["distortion"] = description["distortion"]
             _add_text(file, "campose", [camera])
         write(folder / "hdf5" / f"{view['view']}.hdf5", out.getvalue())
 

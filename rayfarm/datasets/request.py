@@ -18,6 +18,7 @@ from rayfarm.datasets.cameras import F64, Cameras, intrinsics_of, view_of
 from rayfarm.library.arguments import RenderArguments, parse_arguments
 from rayfarm.scene_files import files_to_upload
 from renderer.errors import SettingsError
+from renderer.lens_distortion import LensDistortion
 from renderer.settings import View
 from renderer.variation import Variation
 
@@ -40,6 +41,7 @@ class Request:
 
     poses: F64  # (N, 4, 4), camera to world in OpenGL's convention
     intrinsics: F64  # (3, 3)
+    distortion: LensDistortion | None
     width: int
     height: int
     views: list[View]
@@ -66,6 +68,7 @@ def parse_request(
     picture_format: str,
     plane_format: str,
     vary: Mapping[str, Any] | None,
+    distortion: Any,
     settings: Mapping[str, Any],
 ) -> Request:
     """Returns the checked request. scene: its main file. Raises SettingsError with one sentence, or TypeError for a keyword."""
@@ -100,17 +103,33 @@ def parse_request(
     if found.intrinsics is not None and found.size not in (None, (int(width), int(height))) and intrinsics is found.intrinsics:
         raise SettingsError(f"the cameras are of pictures of {found.size}; give intrinsics or fov for another size")
     matrix = intrinsics_of(intrinsics, fov, int(width), int(height))
-    views = [view_of(pose, matrix, int(width), int(height)) for pose in found.poses]
+    lens = LensDistortion.parse(distortion) or found.distortion
+    views = [view_of(pose, matrix, int(width), int(height), lens) for pose in found.poses]
+    if lens is not None:
+        _check_lens(views[0], int(width), int(height), forms)
     plain = {name: _plain(value) for name, value in sorted(given.items()) if value is not None}
     named = dict(categories) if categories is not None else None
     of: list[Any] = [found.poses.tolist(), matrix.tolist(), wanted, named, picture_format, plane_format]
     of += [{name: value for name, value in plain.items() if name not in ("threads", "device")}, _hashes(scene, varying)]
     of += [varying] if varying is not None else []
+    of += [lens.to_json()] if lens is not None else []
     identity = hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()
     return Request(
-        *(found.poses, matrix, int(width), int(height), views, wanted, forms, named, picture_format, plane_format),
+        *(found.poses, matrix, lens, int(width), int(height), views, wanted, forms, named, picture_format, plane_format),
         *(arguments, varying, plain, identity),
     )
+
+
+def _check_lens(view: View, width: int, height: int, sinks: Sequence[str]) -> None:
+    """Raises SettingsError if a distorted picture's border shows no direction, or a sink cannot say the distortion."""
+    from renderer.vectors import border_angles
+
+    if "bop" in sinks:
+        raise SettingsError("the sink bop has no lens distortion; leave out one of them")
+    if None in border_angles(view, width, height):
+        raise SettingsError(
+            "distortion: parts of the picture show nothing, as the coefficients fold back there; reduce the picture or them"
+        )
 
 
 def _vary(given: Mapping[str, Any] | None, outputs: Sequence[str]) -> dict[str, Any] | None:

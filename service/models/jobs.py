@@ -68,14 +68,23 @@ def _frames_text(value: str | int | float) -> str:
     return text
 
 
+class DistortionIn(Strict):
+    """A lens distortion, with OpenCV's coefficients in OpenCV's order: k1, k2, p1, p2, k3 ... k6, or of a fisheye k1 ... k4."""
+
+    model: Literal["brown", "fisheye"]
+    coefficients: list[float] = Field([], max_length=8)
+
+
 @with_fields(VIEW)
 class ViewModel(Strict):
     """A camera in world space; lengths in the scene's unit."""
 
+    distortion: DistortionIn | None = Field(None, description="of a perspective camera without an aperture")
+
     @model_validator(mode="after")
     def _is_valid_view(self) -> ViewModel:
         try:
-            View(**dict(self))
+            View(**self.model_dump())
         except SettingsError as error:
             raise ValueError(str(error)) from None
         return self

@@ -53,6 +53,7 @@ def test_a_varied_scene_has_the_same_bits_on_a_farm(farm: Farm, tmp_path: Path) 
         "environment": {"light": {"choice": ["sky:20,10", "hall.hdr"]}, "rotation": {"uniform": [0, 360]}},
     }
     request = {**REQUEST, "outputs": ["color", "instance", "boxes"], "vary": vary}
+    request["distortion"] = {"model": "fisheye", "coefficients": [0.02, -0.01]}
     cameras = Cameras.sample(5, seed=2, radius=3.5, elevation={"uniform": [0, 20]}, azimuth={"uniform": [-110, -70]})
     scene = tmp_path / "box.yaml"
     scene.write_bytes(CORNELL.read_bytes())

@@ -16,8 +16,11 @@ import rayfarm
 from rayfarm import Cameras
 from rayfarm.datasets.cameras import opencv
 from rayfarm.datasets.document import dataset_of_file
+from rayfarm.datasets.sinks import write_transforms
 from renderer.errors import RayfarmError, SettingsError
+from renderer.lens_distortion import LensDistortion
 from tests.helpers import ROOT
+from tests.renderer.kernel.test_distortion import opencv as opencv_pixels
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 CAMERAS = Cameras.orbit(3, radius=3.1, target=(0.0, 1.0, 0.0), elevation=12.0, turns=0.12, start=-105.0)
@@ -181,13 +184,11 @@ def test_an_amodal_mask_is_what_the_object_alone_would_show(tmp_path: Path) -> N
             found[body["name"], view] = body["amodal_mask"], body["occlusion"]
     hidden, _ = max(found, key=lambda each: found[each][1])
     assert max(occlusion for _, occlusion in found.values()) > 0.05
-    for name in {hidden, "large-box"}:
-        alone = {**whole, "shapes": [each for each in whole["shapes"] if each["name"] == name], "environment": {"color": 1}}
-        given = {"intrinsics": K, **SMALL}
-        rayfarm.dataset(alone, CAMERAS, folder=tmp_path / name, outputs=["masks"], **given)
-        for view in range(3):
-            bodies = json.loads((tmp_path / name / "boxes" / f"{view:06}.json").read_text())
-            assert [body["mask"] for body in bodies] == ([found[name, view][0]] if (name, view) in found else [])
+    alone = {**whole, "shapes": [each for each in whole["shapes"] if each["name"] == hidden], "environment": {"color": 1}}
+    rayfarm.dataset(alone, CAMERAS, folder=tmp_path / "alone", outputs=["masks"], intrinsics=K, **SMALL)
+    for view in range(3):
+        bodies = json.loads((tmp_path / "alone" / "boxes" / f"{view:06}.json").read_text())
+        assert [body["mask"] for body in bodies] == ([found[hidden, view][0]] if (hidden, view) in found else [])
 
 
 REFLECTED = np.diag([-1.0, 1.0, 1.0, 1.0])
@@ -210,6 +211,8 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "camera": ({"camera": "front"}, "for a single picture"),
     "categories": ({"categories": {"cat*": "cat"}}, "match no object"),
     "convention": ({"convention": "vulkan"}, "opengl or opencv"),
+    "lens": ({"distortion": {"model": "brown", "coefficients": [-0.9]}}, "parts of the picture show nothing"),
+    "model of the lens": ({"distortion": {"model": "panini"}}, "distortion has the model 'panini'"),
     "format": ({"plane_format": "tiff"}, "plane_format has 'tiff'"),
 }
 
@@ -249,3 +252,54 @@ def test_a_file_describes_a_data_set(tmp_path: Path) -> None:
         path.write_text(json.dumps({**document, "folder": "other", **change}))
         with pytest.raises(RayfarmError, match=message):
             dataset_of_file(path)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        {"model": "brown", "coefficients": [-0.15, 0.03, 0.001, -0.002]},
+        {"model": "fisheye", "coefficients": [-0.01, 0.002]},
+    ],
+)
+def test_flow_of_a_distorted_lens_is_depth_and_pose_by_opencvs_formulas(lens: dict[str, Any], tmp_path: Path) -> None:
+    outputs = ["depth", "position", "flow_forward"]
+    found = made(tmp_path / "a", outputs, distortion=lens)
+    assert found.description["distortion"] == lens
+    distortion = LensDistortion(lens["model"], tuple(lens["coefficients"]))
+    y, x = np.mgrid[0:48, 0:64] + 0.5
+    for view, other in ((0, 0), (0, 1), (1, 2)):
+        there = plane(tmp_path / "a", "position", view).astype(np.float64)
+        met = np.isfinite(there[..., 0])
+        pose = np.array(found.views[other]["world_to_camera_opencv"])
+        inside = there[met] @ pose[:3, :3].T + pose[:3, 3]
+        seen = opencv_pixels(distortion, inside, K[0, 0], (K[0, 2], K[1, 2]))
+        way = seen - np.stack([x, y], -1)[met]
+        if other == view:  # each point is seen in its pixel's centre, and its depth is that along the line of sight
+            np.testing.assert_allclose(way, 0, atol=1e-3)
+            np.testing.assert_allclose(inside[:, 2], plane(tmp_path / "a", "depth", view)[met], rtol=1e-5)
+        else:
+            flow = plane(tmp_path / "a", "flow_forward", view)[met]
+            known = np.isfinite(flow[:, 0])
+            assert known.mean() > 0.5
+            np.testing.assert_allclose(flow[known], way[known], atol=1e-3)
+
+
+def test_a_distortion_comes_back_from_transforms_and_colmap(tmp_path: Path) -> None:
+    lens = {"model": "brown", "coefficients": [-0.1, 0.02, 0.001, 0.002]}
+    view = {"files": {"color": {"path": "color/000000.png"}}, "camera_to_world_opengl": np.eye(4).tolist()}
+    for name, given in (("brown", lens), ("fisheye", {"model": "fisheye", "coefficients": [0.01, 0.0, 0.0, 0.001]})):
+        (tmp_path / name).mkdir()
+        write_transforms(tmp_path / name, {"intrinsics": K.tolist(), "width": 64, "height": 48, "distortion": given}, [view])
+        read = Cameras.from_transforms(tmp_path / name / "transforms.json").distortion
+        assert read is not None and read.model == name
+        assert [*read.coefficients[:4]] == given["coefficients"] and not any(read.coefficients[4:])
+    (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 4 1 000.png\n\n")
+    for model, numbers, expected in (
+        ("OPENCV", "70 70 30.5 25.25 -0.1 0.02 0.001 0.002", lens),
+        ("SIMPLE_RADIAL", "70 30.5 25.25 -0.1", {"model": "brown", "coefficients": [-0.1]}),
+        ("OPENCV_FISHEYE", "70 70 30.5 25.25 0.1 0 0 0", {"model": "fisheye", "coefficients": [0.1, 0.0, 0.0, 0.0]}),
+    ):
+        (tmp_path / "cameras.txt").write_text(f"1 {model} 64 48 {numbers}\n")
+        camera = Cameras.from_colmap(tmp_path)
+        assert camera.distortion is not None and camera.distortion.to_json() == expected
+        assert camera.intrinsics is not None and np.array_equal(camera.intrinsics, K)
