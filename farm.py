@@ -260,6 +260,7 @@ def run_tests(python, arguments):
     is_long = "--long" in arguments
     arguments = [a for a in arguments if a != "--long"]
     is_whole = not arguments
+    is_fresh = not (ROOT / "tests" / "__pycache__").is_dir()
     # Kernels first, since tests wait for them. Checks have the priority of tests: mypy takes longest of all that runs on one
     # processor, and would otherwise run on alone when the tests have ended.
     beside = (
@@ -268,7 +269,7 @@ def run_tests(python, arguments):
     # Two more than the number of processors, since a third of the tests mostly wait.
     processes = min(max(os.cpu_count() or 1, 2), 8) + 2
     pytest = [*(nice(5) if is_whole else []), str(python), "-m", "pytest", *([] if is_long else ["-m", "not long"])]
-    if is_whole:
+    if is_whole and is_fresh:
         # One process writes the bytecode of all test modules. In a fresh clone each of pytest-xdist's would do so by itself.
         quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
         subprocess.call([*pytest, "--collect-only", "-qq"], cwd=str(ROOT), **quiet)
