@@ -11,7 +11,7 @@ import pytest
 from renderer.errors import SettingsError
 from renderer.variation import Distribution, Draws, Variation
 
-N = 2000
+N = 1000
 
 
 def drawn(given: Any, count: int = N) -> np.ndarray:
@@ -48,7 +48,7 @@ def test_distributions_have_their_moments() -> None:
     assert radius.min() >= 1 and radius.max() <= 2 + 1e-12 and abs(radius.mean() - 1.5) < 5 / math.sqrt(12 * N)
     assert np.abs((shell / radius[:, None]).mean(axis=0)).max() < 5 / math.sqrt(3 * N)
     color = drawn({"uniform": [[0, 0.5, 1], [1, 0.5, 2]]})
-    assert color.shape == (N, 3) and (color[:, 1] == 0.5).all() and abs(np.corrcoef(color[:, 0], color[:, 2])[0, 1]) < 0.12
+    assert color.shape == (N, 3) and (color[:, 1] == 0.5).all() and abs(np.corrcoef(color[:, 0], color[:, 2])[0, 1]) < 0.16
 
 
 def test_rotations_are_uniform() -> None:

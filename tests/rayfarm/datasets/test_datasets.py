@@ -257,7 +257,7 @@ def test_a_file_describes_a_data_set(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "lens",
     [
-        {"model": "brown", "coefficients": [-0.15, 0.03, 0.001, -0.002]},
+        pytest.param({"model": "brown", "coefficients": [-0.15, 0.03, 0.001, -0.002]}, marks=pytest.mark.long),
         {"model": "fisheye", "coefficients": [-0.01, 0.002]},
     ],
 )

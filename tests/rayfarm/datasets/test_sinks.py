@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,6 @@ from rayfarm import Cameras, Dataset
 from renderer.errors import SettingsError
 from tests.rayfarm.datasets.test_datasets import CORNELL, SMALL, K, plane
 
-h5py = pytest.importorskip("h5py")
-parquet = pytest.importorskip("pyarrow.parquet")
-
 CAMERAS = Cameras.sample(3, seed=4, radius=3.6, azimuth={"uniform": [-110, -70]}, elevation={"uniform": [-5, 20]})
 VARY = {"seed": 2, "objects": {"*-box": {"move": {"uniform": [[-0.2, 0, 0], [0.2, 0, 0.3]]}, "turn": {"uniform": [0, 360]}}}}
 OUTPUTS = ["depth", "normal_camera", "instance", "category", "masks"]
@@ -25,11 +23,14 @@ OUTPUTS = ["depth", "normal_camera", "instance", "category", "masks"]
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
-    given: dict[str, Any] = {"intrinsics": K, "outputs": OUTPUTS, "sinks": ["hdf5", "bop", "parquet"], "vary": VARY, **SMALL}
+    packages = {"hdf5": "h5py", "parquet": "pyarrow"}
+    sinks = ["bop", *(name for name, package in packages.items() if importlib.util.find_spec(package) is not None)]
+    given: dict[str, Any] = {"intrinsics": K, "outputs": OUTPUTS, "sinks": sinks, "vary": VARY, **SMALL}
     return rayfarm.dataset(CORNELL, CAMERAS, folder=tmp_path_factory.mktemp("sinks"), **given)
 
 
 def test_hdf5_has_the_planes_under_the_names_of_blenderproc(made: Dataset) -> None:
+    h5py = pytest.importorskip("h5py")
     for view in range(3):
         with h5py.File(made.folder / "hdf5" / f"{view}.hdf5") as file:
             np.testing.assert_array_equal(file["depth"], plane(made.folder, "depth", view))
@@ -71,6 +72,7 @@ def test_bop_poses_place_an_objects_model_on_its_depth(made: Dataset) -> None:
 
 
 def test_parquet_has_the_manifest(made: Dataset) -> None:
+    parquet = pytest.importorskip("pyarrow.parquet")
     table = parquet.read_table(made.folder / "manifest.parquet")
     assert table.column("view").to_pylist() == [0, 1, 2]
     assert table.column("digest").to_pylist() == made.digests
