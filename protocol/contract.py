@@ -249,11 +249,16 @@ class PrepareFrames:
     view: dict[str, Any] | None = None  # one of the request's own, instead
     turntable: float | None = None  # seconds in which it goes around
     shutter: dict[str, Any] = field(default_factory=dict)  # requested shutter settings; the file's apply for missing ones
+    vary: dict[str, Any] | None = None  # how the scene varies from frame to frame: renderer/variation.py
 
     @classmethod
     def from_json(cls, data: Any) -> PrepareFrames:
-        """Parses the request from the JSON of `dataclasses.asdict`. Raises ValueError."""
+        """Parses the request from the JSON of `to_json`. Raises ValueError."""
         return cls(**_fields(cls, data))
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the request as JSON data. Omits `vary` if it is None, as in earlier releases."""
+        return {name: value for name, value in asdict(self).items() if value is not None or name != "vary"}
 
 
 @dataclass(frozen=True)
@@ -344,11 +349,16 @@ class FrameVectors:
     camera: str | int | None = None  # by name or number
     view: dict[str, Any] | None = None  # one of the request's own, instead
     turntable: float | None = None  # seconds in which it goes around
+    vary: dict[str, Any] | None = None  # as in PrepareFrames
 
     @classmethod
     def from_json(cls, data: Any) -> FrameVectors:
-        """Parses the request from the JSON of `dataclasses.asdict`. Raises ValueError."""
+        """Parses the request from the JSON of `to_json`. Raises ValueError."""
         return cls(**_fields(cls, data))
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the request as JSON data. Omits `vary` if it is None, as in earlier releases."""
+        return {name: value for name, value in asdict(self).items() if value is not None or name != "vary"}
 
 
 @dataclass(frozen=True)

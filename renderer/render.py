@@ -329,7 +329,7 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
         scene = scene._replace(pivot=scene.pivot[:0], volume=scene.volume[:0])
     if settings.integrator == "ao":  # which has no lights
         scene = scene._replace(object_links=scene.object_links[:0])
-    variant = variant_of(scene, len(settings.views) > 0)
+    variant = variant_of(scene, len(settings.views) > 0 or settings.view.distortion is not None)
     if variant == LINKED and settings.integrator == "whitted":
         raise SettingsError(
             Sentence(
