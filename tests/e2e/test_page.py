@@ -151,7 +151,7 @@ def test_invalid_scene_shows_error_of_service(farm: Farm, watched: Watched) -> N
     page.route("**/api/info", lambda route: route.abort("connectionrefused"))
     drop(page, "broken.glb", b"glTF, but not really")
     expect(alert).to_contain_text("broken.glb was not taken")
-    expect(alert).to_contain_text("The service is not allowed to answer")
+    expect(alert).to_contain_text("The service does not answer")
     page.unroute("**/api/info")
     page.route(
         "**/api/scenes", lambda route: route.abort("connectionreset") if route.request.method == "POST" else route.continue_()
