@@ -53,7 +53,7 @@ def test_dropped_file_is_rendered_and_pixels_equal_film(farm: Farm, watched: Wat
     page.goto(farm.url)
     expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
 
-    drop(page, "small.glb", small_glb())
+    drop(page, "small.glb", small_glb("page"))
     render = page.get_by_role("button", name="Render")
     expect(render).to_be_visible()
     mesh = page.locator(".live-view canvas.mesh")
