@@ -122,8 +122,22 @@ async def get_shared_image(
     """Returns the picture, as rendered so far, of the job that a link shows. The link's secret is sent as the bearer token."""
     job = await run_in_threadpool(_shared_job, share, farm)
     number = frame if frame in job.frames else job.frames[0]
+    # Every parameter, as the defaults of a route are FastAPI's descriptions of them.
     answer = await frames.image(
-        share.job, number, extension, request, farm, visit, "color", False, 0.0, "neutral", None, mix="", visible=False
+        id=share.job,
+        n=number,
+        extension=extension,
+        request=request,
+        farm=farm,
+        visit=visit,
+        aov="color",
+        denoise=False,
+        exposure=0.0,
+        tonemap_curve="neutral",
+        width=None,
+        mix="",
+        gain_map=False,
+        visible=False,
     )
     answer.headers["Cache-Control"] = "no-store"
     return answer
