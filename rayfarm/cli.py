@@ -35,6 +35,7 @@ COMMANDS = (
     "workers",
     "shares",
     "watch",
+    "notes",
     "mcp",
     "user",
     "project",

@@ -124,7 +124,8 @@ def render_to(
         sums = part_of_frame(compiled, settings, tile, order.first, count, done, order.card)
     clock.end_step("render_s")
     groups = settings.group_names
-    names = [name for name in aovs.parse_names(order.planes, groups, settings.cryptomatte) if name != aovs.MOTION]
+    asked = aovs.parse_names(order.planes, groups, settings.cryptomatte, settings.is_transparent)
+    names = [name for name in asked if name not in (aovs.MOTION, aovs.ALPHA)]
     planes = {name: aovs.values(sums, settings.film_exponent, name, groups) for name in names if not aovs.is_matte(name)}
     if motion is not None and aovs.MOTION in order.planes:
         planes[aovs.MOTION] = motion
@@ -135,6 +136,8 @@ def render_to(
         channels |= {name: mattes[..., k] for k, name in enumerate(cryptomatte.channel_names(settings.cryptomatte))}
         header = cryptomatte.header(known_names)
     looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels, "header": header}
+    if settings.is_transparent:
+        looks["alpha"] = aovs.values(sums, settings.film_exponent, aovs.ALPHA, groups)
     looks["gain_map"] = order.gain_map
     raw = mean(sums, settings.film_exponent)
     on_picture(raw)

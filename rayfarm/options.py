@@ -180,14 +180,14 @@ def parse_tile(text: str) -> Tile:
     return Tile(x, y, w, h)
 
 
-def parse_pixel(text: str) -> tuple[int, int]:
+def parse_pixel(text: str, option: str = "--pixel") -> tuple[int, int]:
     """Parses a pixel from `X,Y`, with the origin at the upper left."""
     try:
         x, y = (int(part) for part in text.split(","))
     except ValueError:
         x = y = -1
     if min(x, y) < 0:
-        raise CommandError(f"--pixel is {text!r}; it takes X,Y, counted from the upper left, as --pixel 480,270")
+        raise CommandError(f"{option} is {text!r}; it takes X,Y, counted from the upper left, as {option} 480,270")
     return x, y
 
 

@@ -182,6 +182,7 @@ class Job(ShownInNotebooks):
     warning: str | None = None  # a problem that the user may want to fix
     waits_for: list[Wait] = field(default_factory=list)  # its unfinished dependencies
     taken: dict[str, Any] | None = None  # the reused film: `job` and its `spp`
+    review: dict[str, Any] | None = None  # the verdict, and the numbers of notes
 
     @property
     def is_over(self) -> bool:
@@ -235,6 +236,7 @@ class Worker:
     denoises: bool = False
     cards: list[Card] = field(default_factory=list)  # graphics cards with which its slots render
     cards_unused: list[str] = field(default_factory=list)  # why others are not used
+    transport: str = "redis"  # how it reaches the queue: redis, or https: through the service alone
     offer: Offer | None = None  # None for an older release, which can only be paused
 
 

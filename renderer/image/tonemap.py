@@ -23,6 +23,7 @@ __all__ = [
     "DisplayTransform",
     "agx",
     "apply",
+    "apply_straight",
     "check_pq",
     "decode_srgb",
     "encode_srgb",
@@ -194,3 +195,14 @@ def apply(rgb: F32, exposure: float = 0.0, curve: Curve = "neutral") -> npt.NDAr
     else:
         encoded = np.clip(curve.encode(clean), 0, 1)
     return (encoded * 255 + 0.5).astype(np.uint8)
+
+
+def apply_straight(rgb: F32, alpha: F32, exposure: float = 0.0, curve: Curve = "neutral") -> npt.NDArray[np.uint8]:
+    """Returns display values with straight alpha, (h, w, 4) uint8, of premultiplied scene-linear (h, w, 3) radiance.
+
+    The curve applies to the colour of what covers the pixel, radiance / alpha, so that edges are as bright as what is beside
+    them; what is not covered is black. alpha: (h, w), 0 ... 1, stored linearly. exposure, curve: as for `apply`.
+    """
+    coverage = np.clip(np.nan_to_num(alpha), 0, 1)[..., None]
+    color = np.divide(rgb, coverage, out=np.zeros_like(rgb, np.float32), where=coverage > 0)
+    return np.concatenate([apply(color, exposure, curve), (coverage * 255 + 0.5).astype(np.uint8)], axis=-1)

@@ -119,6 +119,15 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("DELETE", "/api/jobs/{id}/links/{link}"): SUBMIT,
     ("GET", "/api/shared"): ANYONE,  # needs a share link's secret
     ("GET", "/api/shared/image.{extension}"): ANYONE,
+    ("GET", "/api/shared/notes"): ANYONE,  # these need the secret of a link that allows notes
+    ("POST", "/api/shared/notes"): ANYONE,
+    ("PATCH", "/api/shared/notes/{note}"): ANYONE,
+    ("PUT", "/api/shared/review"): ANYONE,
+    ("GET", "/api/jobs/{id}/notes"): VIEW,
+    ("POST", "/api/jobs/{id}/notes"): SUBMIT,
+    ("PATCH", "/api/jobs/{id}/notes/{note}"): SUBMIT,
+    ("DELETE", "/api/jobs/{id}/notes/{note}"): SUBMIT,
+    ("PUT", "/api/jobs/{id}/review"): SUBMIT,
     ("GET", "/api/jobs/{id}/history"): VIEW,
     ("GET", "/api/jobs/{id}/explain"): VIEW,
     ("GET", "/api/jobs/{id}/log"): VIEW,
@@ -151,6 +160,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/view-table"): VIEW,
     ("GET", "/api/blender-addon.zip"): VIEW,
     ("GET", "/api/farm/join"): WORKER,
+    ("WS", "/api/farm/channel"): WORKER,
     ("GET", "/api/farm/scenes/{id}/manifest"): WORKER,
     ("GET", "/api/farm/blobs/{sha256}"): WORKER,
     ("POST", "/api/farm/blobs/{sha256}/keep"): WORKER,

@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 # Columns of a job's row, read by one call in C, since a list has a thousand rows.
 _COPIED_COLUMNS = (
     *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-    *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "note"),
+    *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "note", "review"),
     *("user", "max_slots", "deadline", "late"),
 )
 _copied_values = attrgetter(*_COPIED_COLUMNS)

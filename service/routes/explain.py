@@ -254,6 +254,7 @@ def _explain_request(
                 view=requested_view(job.request, frame_number(row.number)),
                 turntable=shot.turntable,
                 shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
+                vary=job.request.get("vary"),
             )
     try:
         asked = RenderSettings.from_json(settings or {})

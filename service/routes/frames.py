@@ -59,7 +59,7 @@ FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
 AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
     "beside the colour. motion waits until a worker has made it. light:NAME is the light of a light group of the job, lights "
-    "that of all of them; cryptomatte is the mattes of a job with that setting"
+    "that of all of them; cryptomatte is the mattes of a job with that setting, alpha the coverage with background transparent"
 )
 MIX_HELP = (
     "the colour as a weighted sum of the job's light groups: NAME:GAIN or NAME:RED/GREEN/BLUE, separated by commas, as "
@@ -83,6 +83,7 @@ class Pixel(BaseModel):
     material: int | None
     object_name: str | None
     material_name: str | None
+    alpha: float | None = Field(None, description="share of the pixel that is covered; null before a visible background")
     lights: dict[str, list[float]] | None = Field(None, description="the light of each light group, by name; null without groups")
 
 
@@ -247,13 +248,15 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
     at, tile = _tile_at(film, x, y)
     sums = film.tile_sums(frame_key(n), at)
     sums = (
-        np.zeros((film_math.plane_count(len(film.groups)), 1, 1), np.int64)
+        np.zeros((film_math.plane_count(len(film.groups), film.is_transparent), 1, 1), np.int64)
         if sums is None
         else sums[:, y - tile.y, x - tile.x, None, None]
     )
     values: dict[str, Any] = {name: aovs.values(sums, film.film_exponent, name)[0, 0].tolist() for name in aovs.AOVS}
     if not math.isfinite(values["error"]):
         values["error"] = None
+    if film.is_transparent:
+        values["alpha"] = float(aovs.values(sums, film.film_exponent, aovs.ALPHA, film.groups)[0, 0])
     if film.groups:
         values["lights"] = {
             name: film_math.mean(sums, film.film_exponent, film_math.group_planes(k))[0, 0].tolist()
@@ -307,8 +310,9 @@ def _requested_planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:
     asked = [name.strip() for name in text.split(",")]
     settings = job.settings or {}
     groups = group_names(settings.get("light_groups", ""))
+    wanted = (name for name in asked if name not in ("color", ""))
     try:
-        names = aovs.parse_names((name for name in asked if name not in ("color", "")), groups, settings.get("cryptomatte", 0))
+        names = aovs.parse_names(wanted, groups, settings.get("cryptomatte", 0), settings.get("background") == "transparent")
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
     return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (

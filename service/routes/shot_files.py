@@ -168,7 +168,7 @@ def _picture_request(format: str, aov: str, exposure: float, curve: Curve, job: 
     try:
         names = (name for name in map(str.strip, aov.split(",")) if name not in ("color", ""))
         groups = group_names(settings.get("light_groups", ""))
-        planes = aovs.parse_names(names, groups, settings.get("cryptomatte", 0))
+        planes = aovs.parse_names(names, groups, settings.get("cryptomatte", 0), settings.get("background") == "transparent")
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
     planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)

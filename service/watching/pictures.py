@@ -1,5 +1,7 @@
 """Picture files of a frame: colour, denoised colour, one AOV, or colour and AOVs as layers.
 
+With a transparent background, an EXR of the colour has associated alpha, a PNG straight alpha; others show it before black.
+
 Files are written in bands of rows from the top, so that only a few rows of tiles are in memory. Two kinds of pictures must be
 complete in memory first: display-encoded ones, and AOVs that are scaled to their range. `picture_memory` accounts for this.
 """
@@ -130,8 +132,8 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
     side = square_side(request.width, film.width, film.height)
     width, height = film.width // side, film.height // side
     if request.extension in ("exr", "hdr"):
-        if request.in_layers:
-            names = (*RGB, *(channel for name in request.planes for channel in aovs.channels(name)))
+        if request.in_layers or _has_alpha(film, request):
+            names = (*RGB, *(channel for name in _names(film, request)[1:] for channel in aovs.channels(name)))
         else:
             names = aovs.channels(aovs.MOTION) if request.planes == (aovs.MOTION,) else RGB
         parts = (_grey_to_rgb(band) for band in reduced_bands(_values(film, frame, request), side))
@@ -161,19 +163,34 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
 
 
 def display_picture(film: Film, frame: int, request: PictureRequest) -> npt.NDArray[np.uint8]:
-    """Returns the tone-mapped, display-encoded colour of a frame, or of one of its light groups, shape (h, w, 3) uint8."""
+    """Returns the tone-mapped, display-encoded colour of a frame, or of one of its light groups, shape (h, w, 3) uint8.
+
+    Of a PNG with a transparent background, it has straight alpha as a fourth channel.
+    """
     side = square_side(request.width, film.width, film.height)
-    return _filled_from_top(
-        np.empty((film.height // side, film.width // side, 3), np.uint8), _tone_mapped(film, frame, request, side)
-    )
+    shape = film.height // side, film.width // side, 4 if _has_alpha(film, request) else 3
+    return _filled_from_top(np.empty(shape, np.uint8), _tone_mapped(film, frame, request, side))
+
+
+def _has_alpha(film: Film, request: PictureRequest) -> bool:
+    """Returns True if the picture is of the film's colour, and has its alpha as a fourth channel."""
+    is_color = request.in_layers or not request.planes
+    return film.is_transparent and is_color and request.extension in ("exr", "png")
+
+
+def _names(film: Film, request: PictureRequest) -> tuple[str, ...]:
+    """Returns the names of the channels to write, in order; the alpha follows the colour."""
+    if not _has_alpha(film, request):
+        return request.names
+    return "color", aovs.ALPHA, *(name for name in request.planes if name != aovs.ALPHA)
 
 
 def picture_memory(film: Film, request: PictureRequest) -> int:
     """Returns the estimated peak memory of `picture_file`, in bytes."""
     side = square_side(request.width, film.width, film.height)
-    channels = sum(map(aovs.size, request.names))
+    channels = sum(map(aovs.size, _names(film, request)))
     tile = film.tiles[0]
-    of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * plane_count(len(film.groups)) * tile.w * tile.h * 8
+    of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * _planes(film) * tile.w * tile.h * 8
     if request.extension in ("exr", "hdr"):
         return of_bands
     if request.extension == "rgb9e5":
@@ -184,6 +201,10 @@ def picture_memory(film: Film, request: PictureRequest) -> int:
         (64 if request.visible else 10) * film.width * film.height // side**2
     )  # rows, the encoder's copy, the file; its light
     return of_bands + of_shown + (8 * channels * film.width * film.height if request.planes else 0)
+
+
+def _planes(film: Film) -> int:
+    return plane_count(len(film.groups), film.is_transparent)
 
 
 def _hdr_still(film: Film, frame: int, request: PictureRequest, side: int) -> bytes:
@@ -209,7 +230,10 @@ def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
         yield from _with_motion(film, frame, request)
         return
     if request.denoised is None:
-        yield from bands(film, frame, request.names, request.names_of_ids, request.gains)
+        yield from bands(film, frame, _names(film, request), request.names_of_ids, request.gains)
+        return
+    if _has_alpha(film, request):
+        yield from _denoised_with_alpha(film, frame, request)
         return
     with request.denoised() as file:
         for y in range(0, film.height, ROWS):
@@ -217,10 +241,19 @@ def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
             yield np.frombuffer(file.read(rows * film.width * 12), "<f4").reshape(rows, film.width, 3)
 
 
+def _denoised_with_alpha(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
+    """Yields bands of the denoised colour, with the film's alpha as a fourth channel."""
+    assert request.denoised is not None
+    with request.denoised() as file:
+        for alpha in bands(film, frame, [aovs.ALPHA]):
+            color = np.frombuffer(file.read(12 * alpha.shape[0] * film.width), "<f4").reshape(-1, film.width, 3)
+            yield np.concatenate([color, alpha], axis=2)
+
+
 def _with_motion(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
     """Yields bands of the film's channels with the motion vectors appended as channels."""
     assert request.motion is not None
-    names = [name for name in request.names if name != aovs.MOTION]
+    names = [name for name in _names(film, request) if name != aovs.MOTION]
     with request.motion() as file:
         for band in bands(film, frame, names or ["samples"], request.names_of_ids):
             size = aovs.size(aovs.MOTION)
@@ -233,10 +266,13 @@ def _tone_mapped(film: Film, frame: int, request: PictureRequest, side: int) -> 
     exposure = request.exposure
     if request.visible:
         parts = [*parts]
-        dark = darkness(np.concatenate(parts))
+        dark = darkness(np.concatenate(parts)[..., :3])
         exposure += dark.exposure if dark else 0.0
     for band in parts:
-        yield tonemap.apply(band, exposure, request.curve)
+        if _has_alpha(film, request):
+            yield tonemap.apply_straight(band[..., :3], band[..., 3], exposure, request.curve)
+        else:
+            yield tonemap.apply(band, exposure, request.curve)
 
 
 def _whole_plane(film: Film, frame: int, request: PictureRequest) -> F32:

@@ -13,7 +13,10 @@ import { t } from "../base/words.js";
 
 /** @typedef {{exposure: number, curve: string, part?: string}} Look */
 
-const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "viewTable", "raw", "part"]);
+/** Side of the squares behind a transparent picture, in CSS pixels. */
+const SQUARE = 8;
+
+const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "viewTable", "raw", "part", "alpha", "hasAlpha", "square"]);
 
 /** Error: the browser cannot show a film; the message is the reason. */
 export class CannotShow extends Error {}
@@ -217,6 +220,7 @@ export class FilmCanvas {
     gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
     gl.uniform1i(uniforms?.curve ?? null, this.curve());
     gl.uniform1i(uniforms?.part ?? null, 0);
+    gl.uniform1i(uniforms?.hasAlpha ?? null, 0);
     gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     const below = new Uint8Array(4 * width * height);
@@ -249,6 +253,14 @@ export class FilmCanvas {
     gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
     gl.uniform1i(uniforms?.curve ?? null, this.curve());
     gl.uniform1i(uniforms?.part ?? null, partIndex(look.part ?? ""));
+    gl.uniform1i(uniforms?.hasAlpha ?? null, layer.hasAlpha ? 1 : 0);
+    if (layer.hasAlpha) {
+      gl.activeTexture(gl.TEXTURE2);
+      gl.bindTexture(gl.TEXTURE_2D, layer.alphaTexture);
+      gl.activeTexture(gl.TEXTURE0);
+      gl.uniform1i(uniforms?.alpha ?? null, 2);
+      gl.uniform1f(uniforms?.square ?? null, SQUARE * devicePixelRatio);
+    }
     gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }
