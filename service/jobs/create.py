@@ -267,7 +267,7 @@ def _check_variation(job: Job, scene: Scene) -> None:
     if (given := job.request.get("vary")) is None:
         return
     variation = Variation.parse(given)
-    names: dict[str, list[str]] = (scene.info or {}).get("names") or {}
+    names: dict[str, Any] = (scene.info or {}).get("names") or {}
     for section in ("objects", "materials"):
         if section in names:
             variation.check_names(section, names[section])
