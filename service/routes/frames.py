@@ -11,7 +11,7 @@ import hashlib
 import math
 import re
 from functools import partial
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import anyio
 import anyio.to_thread
@@ -128,14 +128,18 @@ async def image(
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
-    aov: str = Query("color", max_length=200, description=AOV_HELP),
-    denoise: bool = Query(False, description="without most of the noise; waits until a worker has made it"),
-    exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
+    aov: Annotated[str, Query(max_length=200, description=AOV_HELP)] = "color",
+    denoise: Annotated[bool, Query(description="without most of the noise; waits until a worker has made it")] = False,
+    exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; not for exr, hdr and rgb9e5")] = 0.0,
     tonemap_curve: CurveName = "neutral",
-    width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
-    mix: str = Query("", max_length=4000, description=MIX_HELP),
-    gain_map: bool = Query(False, description="jpg with a gain map (Ultra HDR), by which HDR displays show brighter highlights"),
-    visible: bool = Query(False, description="png and jpg that would look black are exposed by what they show: for lists"),
+    width: Annotated[int | None, Query(ge=16, description="a smaller copy, at least this wide: for lists")] = None,
+    mix: Annotated[str, Query(max_length=4000, description=MIX_HELP)] = "",
+    gain_map: Annotated[
+        bool, Query(description="jpg with a gain map (Ultra HDR), by which HDR displays show brighter highlights")
+    ] = False,
+    visible: Annotated[
+        bool, Query(description="png and jpg that would look black are exposed by what they show: for lists")
+    ] = False,
 ) -> Response:
     """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
 
