@@ -82,11 +82,13 @@ class PictureRequest:
                     "aov: cryptomatte is layers beside the colour; ask for image.exr with aov=color,cryptomatte, without width.",
                 )
             )
-        if self.extension in HDR_STILLS:
-            try:
+        try:
+            if self.extension in HDR_STILLS:
                 tonemap.check_pq(self.curve)
-            except SettingsError as error:
-                raise Invalid(with_full_stop(error)) from None
+            if self.gain_map:
+                tonemap.check_standard_range(self.curve)
+        except SettingsError as error:
+            raise Invalid(with_full_stop(error)) from None
         if self.gain_map and (self.extension != "jpg" or not all(map(aovs.is_light, self.planes))):
             raise Invalid(Sentence("gain-map-jpg-only", "gain_map: only the colour as image.jpg can have one; leave it out."))
         if self.in_layers and self.extension != "exr":
