@@ -24,10 +24,9 @@ from starlette.concurrency import run_in_threadpool
 from protocol.contract import SAMPLES_HEADER
 from renderer import aovs
 from renderer import film as film_math
-from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAMES, frame_key, frame_text
 from renderer.image.tonemap import key_of
-from renderer.sentences import Sentence, with_full_stop
+from renderer.sentences import Sentence
 from renderer.settings import Tile, group_names
 from service.errors import Invalid
 from service.farm import Farm
@@ -48,7 +47,7 @@ from service.store.films import Film
 from service.store.models import FINAL_STATES, Job
 from service.watching import film_packet
 from service.watching.mix import gains_of_mix
-from service.watching.pictures import MEDIA, PictureRequest, picture_file, picture_memory
+from service.watching.pictures import MEDIA, PictureRequest, picture_file, picture_memory, plane_names
 
 __all__ = ["router"]
 
@@ -312,16 +311,8 @@ def _requested_planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:
     text: the query parameter `aov`.
     """
     asked = [name.strip() for name in text.split(",")]
-    settings = job.settings or {}
-    groups = group_names(settings.get("light_groups", ""))
-    wanted = (name for name in asked if name not in ("color", ""))
-    try:
-        names = aovs.parse_names(wanted, groups, settings.get("cryptomatte", 0), settings.get("background") == "transparent")
-    except SettingsError as error:
-        raise Invalid(with_full_stop(error)) from None
-    return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (
-        len(asked) > 1 or bool({"all", aovs.LIGHTS} & {*asked})
-    )
+    names = plane_names(asked, job.settings or {})
+    return names, bool(names) and (len(asked) > 1 or bool({"all", aovs.LIGHTS} & {*asked}))
 
 
 def _film_state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:
