@@ -68,6 +68,11 @@ class WorkerCommands:
             "INCRBY": (_first, (_is_counter,)),
         }
 
+    @property
+    def has_unconfirmed_name(self) -> bool:
+        """Whether the last command names the connection as a worker's, and the report that must follow has not been checked."""
+        return self._lifeline is not None
+
     def check(self, command: Command) -> None:
         """Raises CommandError with a sentence if a worker may not send this command."""
         name, arguments = command.name, command.arguments[1:]
