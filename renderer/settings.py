@@ -19,6 +19,7 @@ __all__ = [
     "CAUSTICS",
     "ENVIRONMENT",
     "FILTERS",
+    "GUIDING",
     "HEURISTICS",
     "INTEGRATORS",
     "LIGHT_CHOICES",
@@ -116,6 +117,12 @@ CAUSTICS = Choices(
     {
         "off": SettingTexts("Off", "Light through glass and water is found by chance."),
         "on": SettingTexts("On", "Small lamps and suns are sought through smooth glass, water and mirrors: sharp caustics."),
+    }
+)
+GUIDING = Choices(
+    {
+        "off": SettingTexts("Off", "Paths follow surfaces and lights alone."),
+        "on": SettingTexts("On", "Pilot paths learn first where light comes from: for light through water and glass."),
     }
 )
 MAX_CAUSTIC_TRIALS = 4096  # walks that estimate the probability of one: renderer/kernel/manifold/estimate.py
@@ -248,6 +255,16 @@ class RenderSettings:
             "Whether small lamps are sought through one or two smooth interfaces of glass, water and mirrors.",
             integrators=("path",),
             phrase="caustics {}",
+        ),
+    ] = "off"
+    guiding: Annotated[
+        str,
+        Setting(choices=GUIDING),
+        SettingTexts(
+            "Guiding",
+            "Whether paths follow a map of where light comes from, learned before the image is rendered.",
+            integrators=("path",),
+            phrase="guiding {}",
         ),
     ] = "off"
     splitting: Annotated[
@@ -454,6 +471,11 @@ class RenderSettings:
                 ),
                 field="light_groups",
             )
+        if self.guiding == "on" and self.caustics == "on":
+            raise SettingsError(
+                Sentence("guiding-caustics", "guiding cannot be combined with caustics 'on' yet; leave out one of them"),
+                field="guiding",
+            )
         if len(self.views) == 1 or len(self.views) > MOST_KEYS:
             raise SettingsError(
                 Sentence(
@@ -507,7 +529,7 @@ class RenderSettings:
 
 
 SETTINGS = table(RenderSettings)
-_LATER = ("caustics", "transparency_depth", "light_groups", "cryptomatte")
+_LATER = ("caustics", "guiding", "transparency_depth", "light_groups", "cryptomatte")
 
 # Settings with defaults in the scene file, and then in RenderSettings.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)
