@@ -177,8 +177,40 @@ def _shot(page: Page) -> None:
     page.wait_for_timeout(2 * SETTLE_MS)
 
 
+def _notes(page: Page) -> None:
+    """Writes notes on a job's picture through the page, once, asks for changes, and shows them."""
+    page.locator("canvas.film").wait_for()
+    page.wait_for_timeout(SETTLE_MS)
+    page.get_by_role("tab", name="Notes").click()
+    page.get_by_label("Your name").fill("Ben")
+    page.wait_for_timeout(SETTLE_MS)
+    box = page.locator(".stage-box").bounding_box()
+    assert box is not None
+    written = ((0.1, 0.75, "The gold is lovely, keep it."), (0.335, 0.42, "The highlight on the glass is too hard."))
+    for x, y, text in written if page.locator(".note-thread").count() == 0 else ():
+        page.get_by_role("button", name="Add note").click()
+        page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
+        page.get_by_label("New note", exact=True).fill(text)
+        page.get_by_role("button", name="Save note").click()
+        page.locator(".note-thread", has_text=text).wait_for()
+        page.wait_for_timeout(SETTLE_MS)
+    glass = page.locator(".note-thread", has_text="glass")
+    if not glass.get_by_text("softer").count():
+        page.get_by_label("Your name").fill("Anna")
+        glass.get_by_role("button", name="Reply").click()
+        glass.get_by_role("textbox").fill("The next one has a softer lamp.")
+        glass.get_by_role("button", name="Reply").click()
+        page.get_by_label("Your name").fill("Ben")
+        page.get_by_role("button", name="Ask for changes").click()
+    page.wait_for_timeout(SETTLE_MS)
+    page.get_by_role("button", name="Note 2 by").click()
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(SETTLE_MS)
+
+
 TAKEN = {
     "page-dark": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 0.25, _show_still),
+    "notes": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 1.0, _notes),
     "shot-page": (
         {"example": "caterpillar", "width": 640, "height": 360, "spp": 16, "frames": "0-95", "order": "breadth-first"},
         0.5,

@@ -11,6 +11,8 @@ worker ---- key worker_key(name) -----> service    WorkerReport, expires after H
 service --- key pause_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
 worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), with a token
 
+A worker that cannot reach Redis sends all of this through the service: channel.py.
+
 Queue names contain the worker kind: only a worker of the job's kind (same renderer sources, same machine code) takes its
 batches, so films of two kinds cannot mix. Imports no numba. For views see view_parts.py; for pixels, explained.py.
 """
@@ -70,7 +72,7 @@ WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
-_CARD_FIELDS = ("cards", "has_card_queue", "cards_unused")  # fields of reports
+_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport")  # fields of reports, omitted if they have the default
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
@@ -247,11 +249,16 @@ class PrepareFrames:
     view: dict[str, Any] | None = None  # one of the request's own, instead
     turntable: float | None = None  # seconds in which it goes around
     shutter: dict[str, Any] = field(default_factory=dict)  # requested shutter settings; the file's apply for missing ones
+    vary: dict[str, Any] | None = None  # how the scene varies from frame to frame: renderer/variation.py
 
     @classmethod
     def from_json(cls, data: Any) -> PrepareFrames:
-        """Parses the request from the JSON of `dataclasses.asdict`. Raises ValueError."""
+        """Parses the request from the JSON of `to_json`. Raises ValueError."""
         return cls(**_fields(cls, data))
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the request as JSON data. Omits `vary` if it is None, as in earlier releases."""
+        return {name: value for name, value in asdict(self).items() if value is not None or name != "vary"}
 
 
 @dataclass(frozen=True)
@@ -342,11 +349,16 @@ class FrameVectors:
     camera: str | int | None = None  # by name or number
     view: dict[str, Any] | None = None  # one of the request's own, instead
     turntable: float | None = None  # seconds in which it goes around
+    vary: dict[str, Any] | None = None  # as in PrepareFrames
 
     @classmethod
     def from_json(cls, data: Any) -> FrameVectors:
-        """Parses the request from the JSON of `dataclasses.asdict`. Raises ValueError."""
+        """Parses the request from the JSON of `to_json`. Raises ValueError."""
         return cls(**_fields(cls, data))
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the request as JSON data. Omits `vary` if it is None, as in earlier releases."""
+        return {name: value for name, value in asdict(self).items() if value is not None or name != "vary"}
 
 
 @dataclass(frozen=True)
@@ -396,13 +408,14 @@ class WorkerReport:
     cards: list[dict[str, Any]] = field(default_factory=list)
     has_card_queue: bool = False  # whether all its slots have cards: it takes batches from its own queue alone (protocol.card)
     cards_unused: list[str] = field(default_factory=list)  # why other cards are not used (renderer.sentences.to_text)
+    transport: Literal["", "https"] = ""  # how it reaches the queue: "": Redis; https: through the service (protocol/channel.py)
 
     def to_bytes(self) -> bytes:
         """Serializes the report as JSON for the worker's key.
 
-        For a worker without graphics cards, the JSON is as in earlier releases.
+        For a worker without graphics cards that uses Redis, the JSON is as in earlier releases.
         """
-        return json.dumps({name: value for name, value in asdict(self).items() if value or name not in _CARD_FIELDS}).encode()
+        return json.dumps({name: value for name, value in asdict(self).items() if value or name not in _LATER_FIELDS}).encode()
 
     @classmethod
     def from_bytes(cls, data: bytes) -> WorkerReport:

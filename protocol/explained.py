@@ -15,7 +15,7 @@ returned   the worker is at fault, so the request is sent again: error; unfit: m
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 from protocol.contract import PrepareFrames
@@ -52,7 +52,7 @@ class ExplainPixel:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the message as JSON data for Celery."""
-        return {**vars(self), "settings": self.settings.to_json(), "moment": asdict(self.moment) if self.moment else None}
+        return {**vars(self), "settings": self.settings.to_json(), "moment": self.moment.to_json() if self.moment else None}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ExplainPixel:

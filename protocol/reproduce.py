@@ -40,7 +40,9 @@ def _options(settings: RenderSettings) -> list[str]:
         del view["focus"]
     words = [f"--size={settings.width}x{settings.height}"]
     if not settings.views:  # a camera that moves while the shutter is open is not said by a view: whoever knows its name adds it
+        lens = view.pop("distortion")
         words += [_option_text(VIEW[name], value) for name, value in view.items()]
+        words += [f"--distortion={_text((lens.model, *lens.coefficients))}"] if lens is not None else []
     words += [_option_text(SETTINGS[name], getattr(settings, name)) for name in OPTIONAL]
     if settings.environment is not None:
         words.append(f"--env={_text(settings.environment)}")

@@ -50,8 +50,9 @@ class Terms:
         """Parses settings from `to_bytes` of this or another release. Raises ValueError if they are malformed."""
         try:
             found = json.loads(data)
-            known = {f.name: found[f.name] for f in fields(cls) if found.get(f.name) is not None}
-            terms = cls(**known | {"queues": tuple(map(str, known.get("queues", ())))})
+            known: dict[str, Any] = {f.name: found[f.name] for f in fields(cls) if found.get(f.name) is not None}
+            known["queues"] = tuple(map(str, known.get("queues", ())))
+            terms = cls(**known)
         except (TypeError, AttributeError, RecursionError) as error:
             raise ValueError(f"invalid terms: {error}") from None
         return terms.checked()

@@ -11,7 +11,7 @@ since a restarted service does not need them and they need not wait for results 
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from typing import Any
 
 from protocol import json_head
@@ -111,7 +111,7 @@ class ViewFrame:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the message as JSON data for Celery."""
-        return asdict(self)
+        return {**vars(self), "work": self.work.to_json()}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ViewFrame:

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 
 from protocol.websocket import Acknowledge, FromClient, FromService
 
-__all__ = ["FROM_CLIENT", "FROM_SERVICE", "Look", "Pause", "Pick", "Picked", "Refused", "ViewState"]
+__all__ = ["FROM_CLIENT", "FROM_SERVICE", "Look", "Pause", "People", "Pick", "Picked", "Presence", "Refused", "ViewState"]
 
 
 @dataclass(frozen=True)
@@ -65,6 +65,25 @@ class Pause(FromClient):
 
 
 @dataclass(frozen=True)
+class Presence(FromClient):
+    """Client message {"presence": {"name", "cursor", "view"}}: what others who view this scene see of the client.
+
+    name: without authentication, as typed. cursor: [x, y] from the picture's centre, in heights of the picture, right and down;
+    null: not on the picture. view: the camera.
+    """
+
+    KEY: ClassVar[str] = "presence"
+    presence: dict[str, Any]
+
+    @classmethod
+    def of(cls, message: Mapping[str, Any]) -> Presence:
+        """Returns the message without validating its fields, which the service does. Raises TypeError if it is malformed."""
+        if not isinstance(message[cls.KEY], dict):
+            raise TypeError("presence must be a JSON object")
+        return cls(message[cls.KEY])
+
+
+@dataclass(frozen=True)
 class ViewState(FromService):
     """Service message: progress of the current view."""
 
@@ -104,5 +123,13 @@ class Picked(FromService):
     normal: Any
 
 
-FROM_CLIENT: tuple[type[Acknowledge | Pick | Pause | Look], ...] = (Acknowledge, Pick, Pause, Look)
-FROM_SERVICE: tuple[type[ViewState | Refused | Picked], ...] = (ViewState, Refused, Picked)
+@dataclass(frozen=True)
+class People(FromService):
+    """Service message: the others who view this scene now, each with the fields of `Presence` and the `id` of the connection."""
+
+    TYPE: ClassVar[str] = "people"
+    people: list[dict[str, Any]]
+
+
+FROM_CLIENT: tuple[type[Acknowledge | Pick | Pause | Presence | Look], ...] = (Acknowledge, Pick, Pause, Presence, Look)
+FROM_SERVICE: tuple[type[ViewState | Refused | Picked | People], ...] = (ViewState, Refused, Picked, People)

@@ -16,6 +16,7 @@ from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
 from renderer import aovs, cryptomatte
 from renderer.frames import frame_text
+from renderer.image.tonemap import Curve
 from renderer.scene.animation import BETWEEN, Moment, Shutter
 from renderer.scene.animation.orbit import orbit, orbit_over
 from renderer.settings import RenderSettings, Tile, check_light_groups
@@ -47,13 +48,14 @@ class PictureOrder:
     planes: list[str]  # further layers
     denoise: bool
     exposure: float
-    curve: str
+    curve: Curve
     tile: Tile | None  # only this rectangle
     first: int  # sample number
     turntable: float | None  # seconds in which the camera goes around once
     threads: int | None
     strict: bool = False  # whether a scene's warnings are errors
     card: CardRenderer | None = None  # renders instead of the CPU
+    gain_map: bool = False  # of a .jpg
 
     def settings(self, summary: dict[str, Any], moment: Moment, shutter: Shutter | None = None) -> RenderSettings:
         """Returns the render settings at a moment. summary: of the scene. shutter: replaces the requested one.
@@ -122,7 +124,8 @@ def render_to(
         sums = part_of_frame(compiled, settings, tile, order.first, count, done, order.card)
     clock.end_step("render_s")
     groups = settings.group_names
-    names = [name for name in aovs.parse_names(order.planes, groups, settings.cryptomatte) if name != aovs.MOTION]
+    asked = aovs.parse_names(order.planes, groups, settings.cryptomatte, settings.is_transparent)
+    names = [name for name in asked if name not in (aovs.MOTION, aovs.ALPHA)]
     planes = {name: aovs.values(sums, settings.film_exponent, name, groups) for name in names if not aovs.is_matte(name)}
     if motion is not None and aovs.MOTION in order.planes:
         planes[aovs.MOTION] = motion
@@ -133,6 +136,9 @@ def render_to(
         channels |= {name: mattes[..., k] for k, name in enumerate(cryptomatte.channel_names(settings.cryptomatte))}
         header = cryptomatte.header(known_names)
     looks: dict[str, Any] = {"exposure": order.exposure, "curve": order.curve, "channels": channels, "header": header}
+    if settings.is_transparent:
+        looks["alpha"] = aovs.values(sums, settings.film_exponent, aovs.ALPHA, groups)
+    looks["gain_map"] = order.gain_map
     raw = mean(sums, settings.film_exponent)
     on_picture(raw)
     if writes:

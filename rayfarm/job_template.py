@@ -34,6 +34,8 @@ MISSING_MODEL = 'Job templates are read by the package openjd-model: pip install
 LOCAL_ONLY = (
     "exposure",
     "tonemap",
+    "ocio",
+    "gain_map",
     "stats",
     "tile",
     "first",

@@ -27,6 +27,7 @@ __all__ = [
     "Fps",
     "Frame",
     "Frames",
+    "Ocio",
     "Order",
     "Overwrite",
     "Placement",
@@ -61,6 +62,15 @@ Denoise = Annotated[
         "--denoise",
         help="Also write OUT-denoised.EXT: the picture after Open Image Denoise, beside the raw one. The page shows a farm's job "
         "denoised first.",
+        rich_help_panel="What is written",
+    ),
+]
+Ocio = Annotated[
+    str | None,
+    typer.Option(
+        "--ocio",
+        metavar="CONFIG",
+        help="OCIO config: cg or studio (ACES 2.0), ocio://NAME, or a file; by default $RAYFARM_OCIO, $OCIO, or cg.",
         rich_help_panel="What is written",
     ),
 ]
@@ -170,14 +180,14 @@ def parse_tile(text: str) -> Tile:
     return Tile(x, y, w, h)
 
 
-def parse_pixel(text: str) -> tuple[int, int]:
+def parse_pixel(text: str, option: str = "--pixel") -> tuple[int, int]:
     """Parses a pixel from `X,Y`, with the origin at the upper left."""
     try:
         x, y = (int(part) for part in text.split(","))
     except ValueError:
         x = y = -1
     if min(x, y) < 0:
-        raise CommandError(f"--pixel is {text!r}; it takes X,Y, counted from the upper left, as --pixel 480,270")
+        raise CommandError(f"{option} is {text!r}; it takes X,Y, counted from the upper left, as {option} 480,270")
     return x, y
 
 

@@ -18,6 +18,7 @@ from rayfarm.declared_options import parameter, typed_settings
 from rayfarm.errors import CommandError
 from renderer.errors import SettingsError
 from renderer.formats import UP_AXES
+from renderer.lens_distortion import LensDistortion
 from renderer.presets import PRESETS
 from renderer.scene.animation.shutter import SHUTTER
 from renderer.setting_declaration import DeclaredSetting
@@ -57,6 +58,12 @@ def _parameters() -> list[inspect.Parameter]:
         *map(parameter, LIMIT_OPTIONS.values()),
         _composite_option("camera", "A camera of the scene, by name or number from 0.", "View", "NAME|N"),
         *map(parameter, VIEW.values()),
+        _composite_option(
+            "distortion",
+            "The lens's distortion, with OpenCV's coefficients: brown,k1,k2,p1,p2,k3,k4,k5,k6 or fisheye,k1,k2,k3,k4.",
+            "View",
+            "MODEL,K1,...",
+        ),
         _composite_option(
             "up-axis",
             f"The axis of an OBJ, PLY, STL or OFF file that is up: {', '.join(UP_AXES)}; by default a guess.",
@@ -130,6 +137,7 @@ class Picture:
         self._size()
         self.environment()
         self.placement()
+        parse_distortion(self.given.get("distortion"))
         for options_of in (SETTINGS_OPTIONS, LIMIT_OPTIONS, ENVIRONMENT_OPTIONS, VIEW):
             typed_settings(options_of, self.given)
 
@@ -175,6 +183,7 @@ class Picture:
     def camera_options(self) -> dict[str, Any]:
         """Returns the given camera options by option name."""
         named = {each.option: self.given.get(each.option.replace("-", "_")) for each in VIEW.values()}
+        named["distortion"] = self.given.get("distortion")
         return {name: value for name, value in {"camera": self.given.get("camera"), **named}.items() if value is not None}
 
     def shutter(self) -> dict[str, Any]:
@@ -209,7 +218,18 @@ class Picture:
         return typed_settings(ENVIRONMENT_OPTIONS, self.given)
 
     def _view(self) -> dict[str, Any]:
-        return typed_settings(VIEW, self.given)
+        return {**typed_settings(VIEW, self.given), "distortion": parse_distortion(self.given.get("distortion"))}
+
+
+def parse_distortion(given: Any) -> LensDistortion | None:
+    """Returns the lens distortion of the option's text MODEL,K1,..., or of a mapping. Raises SettingsError."""
+    if not isinstance(given, str):
+        return LensDistortion.parse(given)
+    model, *numbers = given.split(",")
+    try:
+        return LensDistortion(model.strip(), tuple(map(float, numbers)))
+    except ValueError:
+        raise CommandError(f"--distortion is {given!r}; it takes a model and numbers, such as brown,-0.2,0.05.") from None
 
 
 def takes_picture(command: Callable[..., None]) -> Callable[..., None]:

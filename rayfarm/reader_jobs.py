@@ -17,6 +17,7 @@ from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled_parts import Saver
 from renderer.scene.files import SceneFiles
 from renderer.scene.load import Shot, read
+from renderer.variation import Variation
 
 __all__ = ["describe_scene", "explain_differences", "picture", "serve_requests", "usd_names", "usd_render_settings"]
 
@@ -32,8 +33,10 @@ def serve_requests(
     for none. options: of `Shot` and of `OpenScene`. link: receives the requests, and sends the answers. An error at one time is
     sent as `failed`; further requests remain possible.
     """
-    reading = [options.pop(name) for name in ("variant", "up", "floor")]
-    shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), None if inside is None else os.fsdecode(inside), *reading)
+    variant, up, floor, vary = (options.pop(name) for name in ("variant", "up", "floor", "vary"))
+    variation = None if vary is None else Variation.parse(vary)
+    environment = None if inside is None else os.fsdecode(inside)
+    shot = Shot(Path(os.fsdecode(folder)), os.fsdecode(main), environment, variant, up, floor, variation)
     stage = OpenScene(shot, **options)
     saver, written = Saver(Path(os.fsdecode(out))), None
     for request in link.requests(IDLE_S):

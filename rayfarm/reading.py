@@ -47,7 +47,8 @@ class ConfinedScene:
     def __init__(self, scene: _SceneFiles, folder: Path, options: Mapping[str, Any]) -> None:
         """Stores the parameters.
 
-        folder: an empty folder for results and temporary files. options: the other arguments of Stage, `variant`, `up`, `floor`.
+        folder: an empty folder for results and temporary files. options: the other arguments of Stage, and `variant`, `up`,
+        `floor` and `vary`.
         """
         self._scene, self._room, self._options = scene, folder, options
         self._reader: Reader | None = None
@@ -120,11 +121,12 @@ def open_stage(
     shutter: Mapping[str, Any] = MappingProxyType({}),
     root: Path | None = None,
     placement: Placement = Placement(),
+    vary: Mapping[str, Any] | None = None,
 ) -> Iterator[ConfinedScene]:
     """Context manager that opens a scene for rendering its frames.
 
     brute: without a BVH. threads: None: all cores. shutter: the given shutter settings. camera: as in --camera. root: a folder
-    that contains the scene; the scene may refer to all files in it.
+    that contains the scene; the scene may refer to all files in it. vary: a variation, as Variation.parse takes it.
     """
     with (
         opened_scene(scene, environment.image, root) as (folder, main, inside),
@@ -132,8 +134,14 @@ def open_stage(
     ):
         if environment.sky is not None:
             inside = "sky:{:g},{:g}".format(*environment.sky)
-        options = {"variant": variant, "camera": camera, "brute": brute, "threads": threads, "shutter": dict(shutter)}
-        options |= placement._asdict()
+        options: dict[str, Any] = {
+            "variant": variant,
+            "camera": camera,
+            "brute": brute,
+            "threads": threads,
+            "shutter": dict(shutter),
+        }
+        options |= {**placement._asdict(), "vary": vary}
         stage = ConfinedScene(_SceneFiles(folder.resolve(), main, environment.preset or inside), room, options)
         try:
             yield stage

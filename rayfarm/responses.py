@@ -7,7 +7,6 @@ that names it.
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, ClassVar, TypeVar, cast
 
@@ -35,7 +34,7 @@ class ShownInNotebooks:
     or None without anywidget; set when the package is imported.
     """
 
-    widget_of: ClassVar[Callable[[Any, Any], Any]] = staticmethod(lambda answer, farm: None)
+    widget_of: ClassVar[staticmethod[[Any, Any], Any]] = staticmethod(lambda answer, farm: None)
 
     def _repr_mimebundle_(self, **asked: Any) -> Any:
         farm = getattr(self, "_farm", None)
@@ -183,6 +182,7 @@ class Job(ShownInNotebooks):
     warning: str | None = None  # a problem that the user may want to fix
     waits_for: list[Wait] = field(default_factory=list)  # its unfinished dependencies
     taken: dict[str, Any] | None = None  # the reused film: `job` and its `spp`
+    review: dict[str, Any] | None = None  # the verdict, and the numbers of notes
 
     @property
     def is_over(self) -> bool:
@@ -236,6 +236,7 @@ class Worker:
     denoises: bool = False
     cards: list[Card] = field(default_factory=list)  # graphics cards with which its slots render
     cards_unused: list[str] = field(default_factory=list)  # why others are not used
+    transport: str = "redis"  # how it reaches the queue: redis, or https: through the service alone
     offer: Offer | None = None  # None for an older release, which can only be paused
 
 
@@ -246,14 +247,14 @@ def read(cls: type[T], data: Any) -> T:
     try:
         answer: T = _adapter(cast("Any", cls)).validate_python(data)
     except ValidationError as error:
-        raise ValueError(_sentence(cls.__name__.lower(), error.errors())) from None
+        raise ValueError(_sentence(_noun(cls), error.errors())) from None
     return answer
 
 
 def read_list(cls: type[T], data: Any) -> list[T]:
     """Converts a list of responses, like `read`."""
     if not isinstance(data, list):
-        raise ValueError(f"it sends something else than a list of {cls.__name__.lower()}s")
+        raise ValueError(f"it sends something else than a list of {_noun(cls)}s")
     return [read(cls, item) for item in data]
 
 
@@ -261,7 +262,11 @@ def read_list(cls: type[T], data: Any) -> list[T]:
 def _adapter(cls: Any) -> Any:
     from pydantic import TypeAdapter  # takes 0.2 s to import, which --help avoids
 
-    return TypeAdapter(cls)
+    return TypeAdapter(cls)  # type: ignore[valid-type,unused-ignore]
+
+
+def _noun(cls: type[Any]) -> str:
+    return cls.__name__.lower()
 
 
 def _sentence(noun: str, errors: list[Any]) -> str:

@@ -207,7 +207,8 @@ def _contains_name(text: bytes, name: str) -> bool:
         if spelling.isascii():
             forms, encodings = {spelling}, _ENCODINGS[:3]
         else:
-            forms, encodings = {unicodedata.normalize(form, spelling) for form in ("NFC", "NFD")}, _ENCODINGS
+            forms = {unicodedata.normalize("NFC", spelling), unicodedata.normalize("NFD", spelling)}
+            encodings = _ENCODINGS
         for form in forms:
             for encoding in encodings:
                 with contextlib.suppress(UnicodeEncodeError):

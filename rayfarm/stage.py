@@ -53,8 +53,9 @@ class OpenScene:
     def scene_at(self, moment: Moment, say: Say = lambda step: None) -> tuple[CompiledScene, dict[str, Any]]:
         """Returns the compiled scene at a moment, and its summary. say: called with each step when it begins. Raises SceneError.
 
-        The result is valid until the next call, which modifies it in place. For a scene without a camera, the automatic camera
-        frames the scene as it is at its start, and does not move.
+        A scene that moves has `poses` in its summary, as of `moving_poses`. The result is valid until the next call, which
+        modifies it in place. For a scene without a camera, the automatic camera frames the scene as it is at its start, and does
+        not move.
         """
         return self._compile_moment(moment, say, lambda each: self._shot.over_shutter(each, self._shutter))
 
@@ -72,6 +73,7 @@ class OpenScene:
         self, moment: Moment, say: Say, read_at: Callable[[Moment], SceneDescription]
     ) -> tuple[CompiledScene, dict[str, Any]]:
         from renderer.scene.compile import summarise_again
+        from renderer.scene.object_ids import moving_poses
         from renderer.scene.scene_equality import compiles_alike
 
         if self._last is not None and not self._last.read.moves:
@@ -85,7 +87,7 @@ class OpenScene:
             self._auto = self._last.summary["cameras"][-1]
             read = read_at(moment)
         if self._last is not None and compiles_alike(read, self._last.read):
-            described = replace(self._last.described, cameras=read.cameras)
+            described = replace(self._last.described, cameras=read.cameras, variation=read.variation)
             self._last = self._last._replace(read=read, described=described)
         else:
             say("building")
@@ -94,6 +96,7 @@ class OpenScene:
             self._auto = self._last.summary["cameras"][-1]
         if read.moves:
             summary = summarise_again(self._last.described, self._last.compiled, self._last.summary)
+            summary["poses"] = moving_poses(read)
             if frames_itself:
                 summary["cameras"][-1] = self._auto
             self._last = self._last._replace(summary=summary)

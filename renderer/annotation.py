@@ -57,6 +57,7 @@ class Body(NamedTuple):
     object: int  # number, as in the OBJECT plane less 1
     instance: int  # number of the compiled instance; -1 for geometry that is in world space
     corners: F64  # (8, 3): of its bounding box, world space; aligned with the instance's axes, or the world's
+    pose: F64  # (4, 4): from its own space to world space; the identity for geometry that is in world space
 
 
 class Flow(NamedTuple):
@@ -147,14 +148,17 @@ def bodies_of(scene: CompiledScene) -> list[Body]:
     np.minimum.at(low, scene.sphere_object, center - radius)
     np.maximum.at(high, scene.sphere_object, center + radius)
     there = np.flatnonzero(np.isfinite(low).all(axis=1))
-    found = [Body(int(n), -1, _box_corners(low[n], high[n]) + scene.origin) for n in there]
+    found = [Body(int(n), -1, _box_corners(low[n], high[n]) + scene.origin, np.eye(4)) for n in there]
     boxes: dict[int, F64] = {}
     for n, root in enumerate(scene.bvh.instance_root.tolist()):
         if root not in boxes:
             points = scene.position[scene.triangle[_triangles_below(scene, root), :3]].reshape(-1, 3).astype(np.float64)
             boxes[root] = _box_corners(points.min(axis=0), points.max(axis=0))
         placed = boxes[root] @ scene.to_world[n, :, :3].T + scene.to_world[n, :, 3]
-        found.append(Body(int(scene.instance_object[n]), n, placed + scene.origin))
+        pose = np.eye(4)
+        pose[:3] = scene.to_world[n]
+        pose[:3, 3] += scene.origin
+        found.append(Body(int(scene.instance_object[n]), n, placed + scene.origin, pose))
     return found
 
 

@@ -20,6 +20,7 @@ from renderer.film import Sums
 from renderer.sentences import Sentence
 
 __all__ = [
+    "ALPHA",
     "AOVS",
     "CRYPTOMATTE",
     "LIGHTS",
@@ -42,6 +43,7 @@ F32 = npt.NDArray[np.float32]
 Span = tuple[F32 | np.float32, F32 | np.float32] | None
 
 MOTION = "motion"
+ALPHA = "alpha"  # only of films with a transparent background
 LIGHTS = "lights"  # all light groups; the AOV of one is LIGHT and its name
 LIGHT = "light:"
 CRYPTOMATTE = "cryptomatte"  # asked for; the AOV is this, a colon, and the number of ids per pixel (renderer/cryptomatte.py)
@@ -71,15 +73,28 @@ class _Aov(NamedTuple):
     span: Callable[[F32], Span] = lambda plane: None
 
 
-def parse_names(names: Iterable[str], groups: Sequence[str] | None = (), ranks: int = 0) -> list[str]:
+def parse_names(
+    names: Iterable[str], groups: Sequence[str] | None = (), ranks: int = 0, is_transparent: bool = False
+) -> list[str]:
     """Returns the AOVs in a list of names, in which `all` stands for all AOVs of the film, and `lights` for its light groups.
 
     groups: the names of the film's light groups (RenderSettings.group_names). None while they are unknown: names of light groups,
-    `lights`, `all` and `cryptomatte` are kept, and the result has to be parsed again. ranks: RenderSettings.cryptomatte. Raises
-    SettingsError for an unknown name.
+    `lights`, `all`, `cryptomatte` and `alpha` are kept, and the result has to be parsed again. ranks: RenderSettings.cryptomatte.
+    is_transparent: RenderSettings.is_transparent. Raises SettingsError for an unknown name.
     """
     wanted = list(names)
     for name in wanted:
+        if name == ALPHA:
+            if groups is not None and not is_transparent:
+                raise SettingsError(
+                    Sentence(
+                        "aov-without-alpha",
+                        "aov {name}: the picture has an opaque background; set background to transparent when it is rendered",
+                        name=name,
+                    ),
+                    field="aov",
+                )
+            continue
         if name == CRYPTOMATTE or is_matte(name):
             if groups is not None and (not ranks or is_matte(name)):
                 raise SettingsError(
@@ -100,14 +115,15 @@ def parse_names(names: Iterable[str], groups: Sequence[str] | None = (), ranks: 
                     "aov-unknown",
                     "aov {name} is not known; known are {names}, or all (but motion)",
                     name=repr(name),
-                    names=[*NAMES, LIGHTS, CRYPTOMATTE],
+                    names=[*NAMES, ALPHA, LIGHTS, CRYPTOMATTE],
                 ),
                 field="aov",
             )
     of_groups = [f"{LIGHT}{group}" for group in groups or ()]
     mattes = [f"{MATTE}{ranks}"] if ranks else []
     if "all" in wanted:
-        return [*AOVS, *({MOTION} & {*wanted}), *((*of_groups, *mattes) if groups is not None else ("all",))]
+        alpha = [ALPHA] if is_transparent else []
+        return [*AOVS, *({MOTION} & {*wanted}), *((*alpha, *of_groups, *mattes) if groups is not None else ("all",))]
     if groups is None:
         return wanted
     expanded = {LIGHTS: of_groups, CRYPTOMATTE: mattes}
@@ -161,6 +177,9 @@ def planes(name: str, groups: Sequence[str] = ()) -> tuple[int, ...]:
         return (*range(of_group.start, of_group.stop), film.SAMPLES)
     if is_matte(name):
         return (film.SAMPLES,)
+    if name == ALPHA:
+        first = film.alpha_plane(len(groups))
+        return (*range(first, first + film.ALPHA_PLANES), film.SAMPLES)
     aov = _ALL[name]
     return _channel_numbers(*aov.planes, film.SAMPLES) if aov.mean else _channel_numbers(*aov.planes)
 
@@ -180,20 +199,22 @@ def channels(name: str) -> tuple[str, ...]:
         return tuple(f"Combined_{name.removeprefix(LIGHT)}.{channel}" for channel in "RGB")
     if is_matte(name):
         return channel_names(int(name.removeprefix(MATTE)))
-    return _ALL[name].channels
+    return _declaration(name).channels
 
 
 def values(sums: Sums, film_exponent: int, name: str, groups: Sequence[str] = ()) -> F32:
     """Returns the values of an AOV of the film: (h, w, 3) float32 for albedo, normal, position and light groups, else (h, w).
 
     albedo: 0 ... 1. normal, position, depth: in world space. object, material: 1 + the number, 0 where nothing is hit. samples:
-    the number of samples in the film. error: the standard error of the pixel's luminance (film.error). groups: the names of the
-    film's light groups.
+    the number of samples in the film. alpha: 0 ... 1. error: the standard error of the pixel's luminance (film.error). groups:
+    the names of the film's light groups.
     """
     if is_light(name):
         return film.mean(sums, film_exponent, film.group_planes(groups.index(name.removeprefix(LIGHT))))
     if name == "error":
         return film.error(sums, film_exponent)
+    if name == ALPHA:
+        return film.alpha(sums, film_exponent, len(groups))
     (plane,) = _ALL[name].planes
     return film.mean(sums, film_exponent, plane) if _ALL[name].mean else sums[plane].astype(np.float32)
 
@@ -213,18 +234,18 @@ def span(name: str, plane: F32) -> Span:
     Positions and depths: minimum and maximum. Samples: 0 and the maximum. Error: 0 and the 99th percentile. None for AOVs that
     need no range.
     """
-    return None if is_light(name) else _ALL[name].span(plane)
+    return None if is_light(name) else _declaration(name).span(plane)
 
 
 def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8]:
     """Returns an AOV as a displayable image, (h, w, 3) uint8.
 
     albedo: as colour. normal: from -1 ... 1. position, depth: over their range, near points bright and nothing black. object,
-    material: in one constant colour per number. samples, error: as heat maps. motion: the offset to the next frame around grey,
-    red to the right, green upwards. between: `span` of the whole plane, if `plane` is a part of it.
+    material: in one constant colour per number. samples, error: as heat maps. alpha: 0 black, 1 white. motion: the offset to the
+    next frame around grey, red to the right, green upwards. between: `span` of the whole plane, if `plane` is a part of it.
     """
     low, high = between or span(name, plane) or (np.float32(0), np.float32(1))
-    shown = _encoded if is_light(name) else _ALL[name].shown
+    shown = _encoded if is_light(name) else _declaration(name).shown
     return (np.clip(np.nan_to_num(shown(plane, low, high)), 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
@@ -265,6 +286,10 @@ def _normalized(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
     return np.asarray((plane - low) / np.maximum(high - low, 1e-30), np.float32)
 
 
+def _greys(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
+    return np.repeat(plane[..., None], 3, axis=2)
+
+
 def _depth_shades(plane: F32, low: Any, high: Any) -> npt.NDArray[Any]:
     near = 1 - 0.9 * (plane - low) / max(high - low, 1e-30)
     return np.repeat(np.where(plane > 0, near, 0)[..., None], 3, axis=2)
@@ -289,6 +314,10 @@ def _heat(plane: F32, low: Any, high: Any) -> F32:
     level = np.where(np.isfinite(plane), plane, high).astype(np.float32) / np.float32(max(float(high), 1e-30))
     at = np.clip(level, 0, 1) * (len(_HEAT) - 1)
     return np.stack([np.interp(at, np.arange(len(_HEAT)), _HEAT[:, i]) for i in range(3)], axis=-1).astype(np.float32)
+
+
+def _declaration(name: str) -> _Aov:
+    return _ALPHA if name == ALPHA else _ALL[name]
 
 
 _XYZ = ("X", "Y", "Z")
@@ -360,5 +389,6 @@ _ALL = {
         span=_span_of_motion,
     ),
 }
+_ALPHA = _Aov("Alpha", "How much of the pixel is covered", ("A",), ("Alpha",), _greys)
 NAMES = tuple(_ALL)
 AOVS = tuple(name for name in NAMES if name != MOTION)  # without the separate motion pass

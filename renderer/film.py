@@ -21,6 +21,7 @@ from renderer.luminance import REC_709
 
 __all__ = [
     "ALBEDO",
+    "ALPHA_PLANES",
     "CHANNELS",
     "COLOR",
     "COLOR_HALF",
@@ -36,6 +37,8 @@ __all__ = [
     "BadSample",
     "BatchSums",
     "Gain",
+    "alpha",
+    "alpha_plane",
     "bytes_of_hits",
     "digest",
     "error",
@@ -63,7 +66,9 @@ MATERIAL = 19  # 1 + the number of the object's material, likewise
 CHANNELS = 20
 
 # Behind these, in films with light groups: three planes for each group, radiance as in COLOR. The groups add up to COLOR.
+# The last planes of films with a transparent background are those of the alpha (`alpha_plane`).
 _MOST_GROUPS = 17  # RenderSettings.group_names
+ALPHA_PLANES = 4
 
 # The planes of each field of a sample's FirstHit (renderer/kernel/steps/record_first_hit.py). Both backends fill them from this
 # table: real numbers are averaged over the samples, integers are those of sample 0.
@@ -107,15 +112,40 @@ def group_planes(group: int) -> slice:
     return slice(CHANNELS + 3 * group, CHANNELS + 3 * group + 3)
 
 
-def plane_count(groups: int) -> int:
-    """Returns the number of planes of a film with this many light groups (RenderSettings.group_names)."""
+def alpha_plane(groups: int) -> int:
+    """Returns the first of the ALPHA_PLANES of a film with a transparent background and this many light groups.
+
+    They are the coverage, 0 ... 1 a sample, without shadow catchers; the weight of the samples on shadow catchers; the luminance
+    of the direct light that reaches these, without occlusion, and with it. `alpha` is computed from them.
+    """
     return CHANNELS + 3 * groups
+
+
+def alpha(sums: Sums, film_exponent: int, groups: int) -> npt.NDArray[np.float32]:
+    """Returns the alpha of a film with a transparent background, (h, w) float32, 0 ... 1; 0 without samples.
+
+    A shadow catcher covers as much as its direct light is blocked: 1 - (light with occlusion) / (light without), each summed over
+    the pixel's samples. groups: number of light groups.
+    """
+    first = alpha_plane(groups)
+    covered, caught, unshadowed, shadowed = sums[first : first + ALPHA_PLANES].astype(np.float64)
+    light = np.divide(shadowed, unshadowed, out=np.ones_like(shadowed), where=unshadowed > 0)
+    found = (covered + caught * (1 - np.clip(light, 0, 1))) * 2.0**-film_exponent
+    return (found / np.maximum(sums[SAMPLES], 1)).astype(np.float32)
+
+
+def plane_count(groups: int, is_transparent: bool = False) -> int:
+    """Returns the number of planes of a film with this many light groups (RenderSettings.group_names).
+
+    is_transparent: whether its background is (RenderSettings.is_transparent).
+    """
+    return alpha_plane(groups) + (ALPHA_PLANES if is_transparent else 0)
 
 
 def is_plane_count(planes: int) -> bool:
     """Returns True if a film can have this number of planes."""
-    groups, further = divmod(planes - CHANNELS, 3)
-    return further == 0 and 0 <= groups <= _MOST_GROUPS
+    found = (divmod(planes - plane_count(0, is_transparent), 3) for is_transparent in (False, True))
+    return any(further == 0 and 0 <= groups <= _MOST_GROUPS for groups, further in found)
 
 
 def mean(sums: Sums, film_exponent: int, channel: slice | int = COLOR) -> npt.NDArray[np.float32]:

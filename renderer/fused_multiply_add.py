@@ -24,7 +24,12 @@ __all__ = ["FuseProducts"]
 
 _FLOATS = (types.float32, types.float64)
 _ELEMENTS = {f32x8: types.float32, f64x8: types.float64}
-_PLAIN = {operator.add: operator.add, operator.sub: operator.sub, operator.iadd: operator.add, operator.isub: operator.sub}
+_PLAIN: dict[Callable[..., Any], Callable[..., Any]] = {
+    operator.add: operator.add,
+    operator.sub: operator.sub,
+    operator.iadd: operator.add,
+    operator.isub: operator.sub,
+}
 
 
 def _is_fused(operands: tuple[Any, ...], product: Any, result: Any) -> bool:

@@ -138,8 +138,9 @@ class InlinedLibrary(_Kernel):
 
     def serialize_using_object_code(self) -> tuple[str, str, Any]:
         """Returns the bitcode and attributes of the library, which Numba writes to the cache."""
-        self.beneath = {name: each if isinstance(each, bytes) else each.as_bitcode() for name, each in self.beneath.items()}
-        return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), self.beneath, self.is_inlinable)
+        codes = {name: each if isinstance(each, bytes) else each.as_bitcode() for name, each in self.beneath.items()}
+        self.beneath = codes
+        return self.name, _PART, (self.own_name, self._final_module.as_bitcode(), codes, self.is_inlinable)
 
     @classmethod
     def restored(cls, codegen: Any, name: str, code: Any) -> Self:

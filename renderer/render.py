@@ -14,6 +14,7 @@ import numpy.typing as npt
 from renderer import jit
 from renderer.arrays.guide import empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
+from renderer.arrays.rows import CATCHER
 from renderer.arrays.scene import example
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cryptomatte import NOT_FINITE, Hits, count_samples, merged, moved
@@ -99,7 +100,8 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     scene = with_light_choice(scene, settings.light_choice)
     if samples_caustics(settings):
         scene = with_caustics(scene)
-    if settings.sampling == "light" or settings.integrator == "whitted":
+    catches = settings.is_transparent and bool((scene.material_flags & CATCHER).any())  # whose light only samples of it find
+    if settings.sampling == "light" or settings.integrator == "whitted" or catches:
         scene = environment_sampled_fully(scene)
     else:
         scene = without_environment_sampling(scene)
@@ -124,7 +126,7 @@ def _render(
     log: rows in which the kernel records the path of the last sample.
     """
     groups = len(settings.group_names)
-    sums = np.zeros((plane_count(groups), tile.h, tile.w), np.int64)
+    sums = np.zeros((plane_count(groups, settings.is_transparent), tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
     ids = np.full((tile.w * tile.h * count if settings.cryptomatte else 0, 2), NOT_FINITE, np.uint32)
     if scene.caustics is None and samples_caustics(settings):  # nothing to sample
@@ -159,12 +161,10 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings.
-
-    It renders paths by the default strategy, without a guide, light groups or mattes.
-    """
-    is_plain = has_variants(settings) and not samples_guide(settings)
-    return is_plain and not settings.light_groups and not settings.cryptomatte
+    """Returns True if a graphics card can render with these settings: default strategy, no guide, groups, mattes or alpha."""
+    if not has_variants(settings) or samples_guide(settings):
+        return False
+    return not (settings.light_groups or settings.cryptomatte or settings.is_transparent)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -174,7 +174,8 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, guiding off, no light groups, no Cryptomatte and no mistake; leave out the card",
+                "sample, caustics off, guiding off, background visible, no light groups, no Cryptomatte and no mistake; leave "
+                "out the card",
             )
         )
 
@@ -220,7 +221,7 @@ def render_frame(
         check_for_cards(settings)
     threads = 1 if card is not None else threads or cores()
     prepared = _prepared(scene, settings)
-    sums = np.zeros((plane_count(len(settings.group_names)), settings.height, settings.width), np.int64)
+    sums = np.zeros((plane_count(len(settings.group_names), settings.is_transparent), settings.height, settings.width), np.int64)
     tiles = tiles_of(settings.width, settings.height, _TILE if card is None else max(settings.width, settings.height))
     total = spp * settings.width * settings.height
     begin = time.perf_counter()
@@ -344,7 +345,7 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
         scene = scene._replace(pivot=scene.pivot[:0], volume=scene.volume[:0])
     if settings.integrator == "ao":  # which has no lights
         scene = scene._replace(object_links=scene.object_links[:0])
-    variant = variant_of(scene, len(settings.views) > 0)
+    variant = variant_of(scene, len(settings.views) > 0 or settings.view.distortion is not None)
     if variant == LINKED and settings.integrator == "whitted":
         raise SettingsError(
             Sentence(

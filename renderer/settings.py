@@ -16,6 +16,7 @@ from renderer.setting_declaration import Choices, Setting, SettingTexts, checked
 from renderer.view import MAX_DISTANCE, PROJECTIONS, VIEW, Vec3, View
 
 __all__ = [
+    "BACKGROUNDS",
     "CAUSTICS",
     "ENVIRONMENT",
     "FILTERS",
@@ -111,6 +112,12 @@ MISTAKES = Choices(
         "attenuation": SettingTexts(
             "Attenuation twice", "Radiance falls by the squared distance once more: the picture darkens."
         ),
+    }
+)
+BACKGROUNDS = Choices(
+    {
+        "visible": SettingTexts("Visible", "The environment and suns are seen behind the scene."),
+        "transparent": SettingTexts("Transparent", "The picture has an alpha channel; the environment still lights the scene."),
     }
 )
 CAUSTICS = Choices(
@@ -342,6 +349,17 @@ class RenderSettings:
             phrase="mistake: {}",
         ),
     ] = ""
+    background: Annotated[
+        str,
+        Setting(choices=BACKGROUNDS),
+        SettingTexts(
+            "Background",
+            "What is seen where no object is.",
+            integrators=_estimating,
+            section="Samples",
+            phrase="background {}",
+        ),
+    ] = "visible"
     filter: Annotated[
         str, Setting(choices=FILTERS), SettingTexts("Pixel filter", "How wide a pixel looks.", section="Samples")
     ] = "blackman-harris"
@@ -464,6 +482,15 @@ class RenderSettings:
                 ),
                 field="light_groups",
             )
+        if self.is_transparent and self.integrator not in _estimating:
+            raise SettingsError(
+                Sentence(
+                    "background-integrator",
+                    "background 'transparent' needs the integrator path or direct; {integrator} has no alpha",
+                    integrator=self.integrator,
+                ),
+                field="background",
+            )
         if self.light_groups and self.caustics == "on":
             raise SettingsError(
                 Sentence(
@@ -494,6 +521,11 @@ class RenderSettings:
     def group_names(self) -> tuple[str, ...]:
         """Returns the names of the film's light groups; the last is REST_GROUP, of all other lights. Empty without groups."""
         return group_names(self.light_groups)
+
+    @property
+    def is_transparent(self) -> bool:
+        """Returns True if the background is transparent, so that the film has an alpha plane."""
+        return self.background == "transparent"
 
     def to_json(self) -> dict[str, Any]:
         """Returns a JSON-ready dict, from which `from_json` restores settings with the same bits.
@@ -529,7 +561,7 @@ class RenderSettings:
 
 
 SETTINGS = table(RenderSettings)
-_LATER = ("caustics", "guiding", "transparency_depth", "light_groups", "cryptomatte")
+_LATER = ("caustics", "guiding", "transparency_depth", "light_groups", "background", "cryptomatte")
 
 # Settings with defaults in the scene file, and then in RenderSettings.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)

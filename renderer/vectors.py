@@ -9,6 +9,7 @@ includes all motion that motion blur includes, and is rendered at the middle.
 
 from __future__ import annotations
 
+import functools
 import math
 from dataclasses import replace
 
@@ -19,14 +20,15 @@ from renderer import jit
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
-from renderer.kernel.camera import axes_of, camera_frame, extent_at_one
+from renderer.kernel.camera import axes_of, camera_frame, distortion_row, extent_at_one
+from renderer.kernel.distortion import FISHEYE, brown_formula, fisheye_formula, undistort_points
 from renderer.kernel.vectors import trace_motion_points
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings, View
 from renderer.threads import Team, parts_of
 
-__all__ = ["load_kernel", "motion_vectors", "projected"]
+__all__ = ["border_angles", "load_kernel", "motion_vectors", "projected"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -35,6 +37,7 @@ _MOVING = "moving"
 _KERNEL = "vectors"
 _ROWS = 16  # rows of pixels per part
 _MAX_OFFSET = 1e7  # pixels
+_BORDER = 65  # points on a side of a picture's border
 
 
 def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int | None = None) -> F32:
@@ -106,12 +109,51 @@ def projected(view: View, settings: RenderSettings, places: F64) -> F64:
         elif view.projection == "orthographic":
             pixel = view.height / height
             across, down = near * x / pixel, near * -y / pixel  # infinitely distant points do not move
+        elif view.distortion is not None:
+            across, down = _distorted(view, settings, x, -y, z)
         else:
             pixel = extent_at_one(view) / height
             behind = z <= 0
             z = np.where(behind, np.nan, z)
             across, down = x / z / pixel, -y / z / pixel
     return np.stack([middle[0] + across, middle[1] + down], axis=2)
+
+
+def _distorted(view: View, settings: RenderSettings, x: F64, y: F64, z: F64) -> tuple[F64, F64]:
+    """Projects points of the camera's space, y down and z along the line of sight, through a lens with distortion.
+
+    Returns the offsets from the middle in pixels; NaN beyond the angles that the picture shows, where polynomials may fold back.
+    """
+    row = distortion_row(view, settings.width, settings.height)
+    around = np.sqrt(x * x + y * y)
+    angle = _angle(around, z)
+    shown = angle <= _widest_angle(view, settings.width, settings.height)
+    if row[0, 0] == FISHEYE:
+        distance, _ = fisheye_formula(row, 0, angle)
+        share = np.where(around > 0, distance / around, 0.0)
+        across, down = x * share, y * share
+    else:
+        z = np.where(z > 0, z, np.nan)
+        across, down = brown_formula(row, 0, x / z, y / z)[:2]
+    focal = row[0, 1]
+    return np.where(shown, across * focal, np.nan), np.where(shown, down * focal, np.nan)
+
+
+@functools.lru_cache(16)
+def _widest_angle(view: View, width: int, height: int) -> float:
+    """Returns the greatest angle from the line of sight, in radians, on a distorted picture's border, and 1 % more."""
+    found = border_angles(view, width, height)
+    return 1.01 * max((each for each in found if each is not None), default=math.pi)
+
+
+def border_angles(view: View, width: int, height: int) -> list[float | None]:
+    """Returns the angles from the line of sight of points on a distorted picture's border; None where nothing is seen."""
+    row = distortion_row(view, width, height)
+    ends = [(x, y) for x in np.linspace(0, width, _BORDER) for y in (0, height)]
+    ends += [(x, y) for y in np.linspace(0, height, _BORDER) for x in (0, width)]
+    directions = np.empty((len(ends), 4))
+    undistort_points(row, np.array(ends, np.float64), directions)
+    return [math.atan2(math.hypot(a, b), c) if is_there else None for a, b, c, is_there in directions.tolist()]
 
 
 def _angle(y: F64, x: F64) -> F64:

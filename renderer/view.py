@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
 from renderer.errors import SettingsError
+from renderer.lens_distortion import LensDistortion
 from renderer.sentences import Sentence
 from renderer.setting_declaration import Choices, Setting, SettingTexts, checked, table
 
@@ -39,6 +40,7 @@ class View:
     near: distance along the line of sight where rays start (near clipping); not used by a panorama.
     shift_x, shift_y: offset of the image's centre to the right of the line of sight, and above it, in heights of the image
     (lens shift); not used by a panorama. Vertical lines stay vertical, unlike with a rotated camera.
+    distortion: of a perspective camera without an aperture; a mapping is converted.
     """
 
     eye: Annotated[
@@ -143,9 +145,19 @@ class View:
             usual=(-1.0, 1.0),
         ),
     ] = 0.0
+    distortion: LensDistortion | None = None
 
     def __post_init__(self) -> None:
         checked(self)
+        object.__setattr__(self, "distortion", LensDistortion.parse(self.distortion))
+        if self.distortion is not None and (self.projection != "perspective" or self.aperture > 0):
+            raise SettingsError(
+                Sentence(
+                    "distortion-projection-invalid",
+                    "distortion is of perspective cameras without an aperture; leave out the distortion or the aperture",
+                ),
+                field="distortion",
+            )
         if all(abs(e - t) < 1e-12 for e, t in zip(self.eye, self.target, strict=True)):
             raise SettingsError(Sentence("view-target-at-eye", "eye and target are the same point; move one of them"))
         d = [t - e for e, t in zip(self.eye, self.target, strict=True)]
@@ -165,9 +177,10 @@ class View:
     def to_json(self) -> dict[str, Any]:
         """Returns a JSON-ready dict, from which `from_json` restores the view.
 
-        Without a lens shift, the dict is the same as in older releases.
+        Without a lens shift or a distortion, the dict is the same as in older releases.
         """
-        return {name: value for name, value in asdict(self).items() if value or not name.startswith("shift_")}
+        found = {name: value for name, value in asdict(self).items() if value or not name.startswith(("shift_", "distortion"))}
+        return found if self.distortion is None else {**found, "distortion": self.distortion.to_json()}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> View:

@@ -95,7 +95,8 @@ def _encoding(names: list[bytes], archive: zipfile.ZipFile, entries: Sequence[zi
     for encoding, decoded in possible.items():
         bare = {PurePosixPath(name.replace("\\", "/")).name for name in decoded}
         bare = {name for name in bare if not name.isascii()}
-        spelled = [unicodedata.normalize(form, name).encode() for name in bare for form in ("NFC", "NFD")]
+        forms = {form for name in bare for form in (unicodedata.normalize("NFC", name), unicodedata.normalize("NFD", name))}
+        spelled = [form.encode() for form in forms]
         if any(name in text for text in texts for name in spelled):
             return encoding
     return next((encoding for encoding, decoded in possible.items() if _are_words(decoded, encoding)), _PLAIN)

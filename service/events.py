@@ -124,7 +124,7 @@ class Events:
         self._background.shutdown()
 
 
-def _call_handler(handler: Callable[[Event], object], event: Event) -> None:
+def _call_handler(handler: Callable[[Any], object], event: object) -> None:
     try:
         handler(event)
     except FarmError as error:

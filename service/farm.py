@@ -20,6 +20,7 @@ from renderer.variables import VariableError
 from service.access.access import Access
 from service.access.quotas import Limits, Quotas
 from service.access.redis_users import RedisUsers
+from service.access.worker_channels import WorkerChannels
 from service.errors import Conflict, FarmError, StartupError
 from service.events import BlobsReleased, Events
 from service.hooks.outbox import Outbox
@@ -45,8 +46,10 @@ from service.store.kernels import KernelStore
 from service.store.models import FINAL_STATES, Job
 from service.store.reserve import Reserve
 from service.viewing.explaining import PixelExplainer
+from service.viewing.presence import SceneVisitors
 from service.viewing.view_scheduler import ViewScheduler
 from service.watching.broadcast import Broadcast
+from service.watching.curves import Curves
 from service.watching.pool import Pool
 from service.watching.shared_results import SharedResults
 
@@ -68,6 +71,7 @@ class Farm:
         owning: the ownership of the farm; None: acquires it. Raises StartupError if that fails.
         """
         self.settings = settings
+        self.curves = Curves(settings.ocio)
         self.owning = owning or take_farm(settings, OWNERSHIP_TIMEOUT_S)
         self.database, self.sessions = self.owning.engine, self.owning.sessions
         self.instance = settings.instance_id()
@@ -77,6 +81,7 @@ class Farm:
             self.owning.stop()
             raise
         self.redis_users = RedisUsers(_redis(settings), self.access.keys, settings.token, self.instance)
+        self.channels = WorkerChannels(settings.redis_url, self.redis_users.address_for)
         self.events = Events()
         self._assemble_store(settings)
         self._assemble_scheduling(settings)
@@ -132,6 +137,7 @@ class Farm:
     def _assemble_delivery(self, settings: Settings) -> None:
         """Creates the notifications of pages and webhooks, and the limited thread pools that serve requests."""
         self.broadcast = Broadcast(self.events)
+        self.visitors = SceneVisitors()
         self.shared = SharedResults(self.broadcast, settings.live_bytes)
         self.pictures = Pool(settings.picture_bytes)
         self.outbox = Outbox(settings, self.sessions, self.events)

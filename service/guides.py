@@ -26,7 +26,18 @@ __all__ = ["GROUPS", "Guides"]
 # The guides in the order of the index: for people who render, for those who run a farm, and for those who are curious.
 GROUPS = {
     "Use": (
-        *("page", "animation", "compositing", "scene-format", "blend-files", "blender", "python", "datasets", "watching"),
+        *(
+            "page",
+            "animation",
+            "compositing",
+            "color",
+            "scene-format",
+            "blend-files",
+            "blender",
+            "python",
+            "datasets",
+            "watching",
+        ),
         *("pipelines", "api"),
     ),
     "Run a farm": ("deployment", "graphics-cards", "queue", "reliability", "scale"),

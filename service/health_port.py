@@ -98,5 +98,5 @@ class _Handler(BaseHTTPRequestHandler):
         self.end_headers()
         self.wfile.write(data)
 
-    def log_message(self, *_: Any) -> None:
+    def log_message(self, format: str, *arguments: Any) -> None:
         """Does nothing: probes come every second and are not logged."""

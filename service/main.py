@@ -26,6 +26,7 @@ from service.http import problems
 from service.http.client_address import ClientAddress
 from service.http.compression import CompressionMiddleware
 from service.http.gate import AuthorizationMiddleware
+from service.http.lingering_close import LingeringClose
 from service.http.security import SecurityMiddleware
 from service.http.standby_requests import StandbyMiddleware
 from service.locations import shipped_folder
@@ -106,7 +107,8 @@ def create_app(settings: Settings | None = None) -> FastAPI:
     app.add_middleware(AuthorizationMiddleware)
     app.add_middleware(StandbyMiddleware, settings=settings)
     app.add_middleware(SecurityMiddleware, settings=settings)  # checks host, origin and size of each request
-    app.add_middleware(ClientAddress, settings=settings)  # outermost: the others use the client's address and scheme
+    app.add_middleware(ClientAddress, settings=settings)  # before these: they use the client's address and scheme
+    app.add_middleware(LingeringClose)
     return app
 
 

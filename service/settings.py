@@ -79,6 +79,8 @@ class Settings(BaseSettings):
     max_blob_bytes: int = 64 * GIB  # of a blob stored by a worker: compiled scenes
     min_free_bytes: int = 256 * MIB  # disk space kept free
 
+    ocio: str = ""  # OpenColorIO config whose views are offered; empty: cg if opencolorio is installed; off: none
+
     max_pixels: int = 64 * MIB
     film_cache_bytes: int = 256 * MIB
     picture_bytes: int = 384 * MIB  # memory for all pictures in progress
@@ -97,6 +99,7 @@ class Settings(BaseSettings):
         default=7.0, ge=0
     )  # interval of full checks of idle films, whose missing samples are rendered again; 0: never
 
+    https_workers: bool = True  # whether workers may join over HTTPS alone, without access to Redis
     verify: float = Field(default=0.0, ge=0, le=1)  # share of batches that are rendered twice, by different workers
     batch_seconds: float = 0.5
     batch_seconds_most: float = 10.0  # upper limit with many slots, whose results must not outrun merging

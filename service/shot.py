@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, fields, replace
 from typing import Any, Self
 
 from renderer.frames import frame_key, frame_number, frames_text, parse_frames
@@ -42,7 +42,7 @@ class Shot:
         """
         if not data:
             return None
-        known = {name: data[name] for name in cls.__dataclass_fields__ if name in data}
+        known = {name: data[name] for name in (each.name for each in fields(cls)) if name in data}
         if isinstance(known.get("anew"), list):  # a list of keys, as earlier releases wrote it
             known["anew"] = frames_text([frame_number(key) for key in known["anew"]])
         return cls(**known)

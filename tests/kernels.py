@@ -63,12 +63,25 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
         render._prepared = prepared
 
 
+def _prepare_readers() -> None:
+    """Compiles the parser of OBJ files and the builder of light trees, which several processes would compile at the same time."""
+    from renderer.scene.compile import compile_scene
+    from renderer.scene.description import Light, Material, SceneDescription, Sphere
+    from renderer.scene.lights import TREE_FROM
+    from renderer.scene.readers.obj_lines import parse
+
+    parse(b"v 0 0 0\n", "one-vertex.obj")
+    lights = [Light("point", position=(0.0, 0.0, float(n))) for n in range(TREE_FROM)]
+    compile_scene(SceneDescription(spheres=[Sphere((0.0, 0.0, -9.0), 1.0, 0)], materials=[Material()], lights=lights))
+
+
 def main() -> None:
     """Compiles the kernels, those needed by farms first."""
     from renderer.render import FULL, PLAIN
 
     gc.disable()  # garbage collection takes 1/12 of the time, and compilation leaves almost no garbage
     get_ready(PLAIN)
+    _prepare_readers()
     get_ready(FULL)
     get_ready(FULL, sampling="light")  # the kernel for one path at a time
 

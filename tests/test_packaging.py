@@ -186,6 +186,8 @@ def test_default_data_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 
 # renderer/blender/inside runs in Blender's own Python, which has these modules.
 BLENDERS_OWN = {"bmesh", "bpy", "mathutils", "zstandard"}
+# Imported where files of pictures are made, which no worker does: HDR stills and OCIO views.
+NOT_USED = {"service": set[str](), "worker": {"av", "PyOpenColorIO"}}
 
 
 @pytest.fixture(scope="module")
@@ -197,13 +199,15 @@ def graph() -> grimp.ImportGraph:
 def test_slim_image_installs_its_imports(image: str, runs: list[str], graph: grimp.ImportGraph) -> None:
     lines = (ROOT / image / "requirements.txt").read_text().splitlines()
     wanted = [Requirement(line) for line in lines if line and not line.startswith("#")]
-    extras = [each for name in ("postgres", "s3", "otel", "oidc", "ktx2") for each in PROJECT["optional-dependencies"][name]]
+    extras = [
+        each for name in ("postgres", "s3", "otel", "oidc", "ktx2", "ocio") for each in PROJECT["optional-dependencies"][name]
+    ]
     known = {normal(Requirement(line).name) for line in PROJECT["dependencies"] + extras}
     assert {normal(each.name) for each in wanted} <= known, "the image wants what a whole farm does not have"
 
     installed = with_dependencies(wanted)
     imported = {name.partition(".")[0] for each in runs for name in graph.find_upstream_modules(each, as_package=True)}
-    foreign = imported - set(OURS) - sys.stdlib_module_names - BLENDERS_OWN
+    foreign = imported - set(OURS) - sys.stdlib_module_names - BLENDERS_OWN - NOT_USED[image]
     owners = importlib.metadata.packages_distributions()
     missing = {name for name in foreign if not installed & {normal(owner) for owner in owners.get(name, [name])}}
     assert not missing, f"{image}/requirements.txt lacks what its sources import"

@@ -48,6 +48,7 @@ from renderer.cuda.cards import (
 from renderer.cuda.driver import Card
 from renderer.printable import printable
 from renderer.render import helpers_for
+from renderer.sentences import Sentence
 from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.variables import VariableError, value_of
 from telemetry.log_lines import FORMAT_VARIABLE, FORMATS, uses_json
@@ -56,7 +57,7 @@ from worker.exchange.cache import BlobCache, default_cache_dir
 from worker.exchange.errors import RefusedError, WorkerError
 from worker.exchange.link import Link, check_redis_url
 from worker.exchange.ready import make_kernel_ready
-from worker.joining import FarmJoin
+from worker.joining import TRANSPORTS, FarmJoin
 from worker.machine import health_file
 from worker.machine.health_file import WorkerState
 from worker.machine.joint_pieces import Pieces
@@ -115,7 +116,7 @@ def _run_worker(options: argparse.Namespace) -> int:
 
     copy_shipped_kernels(jit.cache_folder())
     helpers = helpers_for()  # forked before the joining thread starts
-    joining = FarmJoin(link, options.redis, options.name or host, host, starting, log.info)
+    joining = FarmJoin(link, options.redis, options.name or host, host, starting, log.info, options.transport)
     joining.begin()
     begin_launcher()  # loads its modules while kernels are compiled, and then the kernels
     make_kernel_ready(link, helpers=helpers)
@@ -142,13 +143,19 @@ def _run_worker(options: argparse.Namespace) -> int:
         is_beside_cpu=options.paired,
         keeping=TermsKeeper(options.slots, _tags(options, host, kind), _command_line_terms(options)),
         pieces=_create_pieces(log),
+        is_over_https=joined.relay is not None,
     )
     for number, card in enumerate(cards):
         log.info("slot %d renders with card %s (%s)", number, described(card), NOT_YET_TRIED)
     if lines is not None:
         lines.always["worker"] = joined.name
-    log.info("%s: %d slots for %s", joined.name, options.slots, options.service)
-    return app.run(worker)
+    way = " over HTTPS" if joined.relay is not None else ""
+    log.info("%s: %d slots for %s%s", joined.name, options.slots, options.service, way)
+    try:
+        return app.run(worker)
+    finally:
+        if joined.relay is not None:
+            joined.relay.stop()
 
 
 def _create_pieces(log: logging.Logger) -> Pieces | None:
@@ -169,6 +176,12 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         "--paired",
         action="store_true",
         help="a second worker on this machine uses the cards, or with --gpu the cores",
+    )
+    parser.add_argument(
+        "--transport",
+        choices=TRANSPORTS,
+        default="auto",
+        help="how to reach the farm's queue: redis; https: through the service alone; auto: Redis if this machine reaches it",
     )
     parser.add_argument("--redis", help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL")
     parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
@@ -216,6 +229,16 @@ def _check_settings(options: argparse.Namespace) -> Blender | None:
             check_redis_url(options.redis)
     except ValueError as error:
         raise RefusedError(f"--redis or RAYFARM_REDIS_URL: {error}") from None
+    if options.transport == "https" and options.redis:
+        raise RefusedError(
+            Sentence("transport-redis-conflict", "--transport https uses no Redis; leave --redis and RAYFARM_REDIS_URL out.")
+        )
+    if options.transport == "https" and options.site:
+        raise RefusedError(
+            Sentence(
+                "transport-site-conflict", "--transport https sends results to the service, and not to a --site; leave one out."
+            )
+        )
     try:
         _command_line_terms(options)
     except (ValueError, OverflowError) as error:

@@ -35,10 +35,14 @@ SHUTDOWN_S = 600  # a warm shutdown waits for running tasks; after this the watc
 
 def make_app(worker: context.WorkerContext) -> Celery:
     """Creates the Celery application with the tasks and queues of this worker."""
-    skip_malformed_messages()
+    skip_malformed_messages(worker.queue_of_returned(""))
     app = Celery("rayfarm", set_as_current=False)
     app.conf.update(celery_config(worker.redis_url))
-    app.conf.broker_transport_options = {**app.conf.broker_transport_options, "queue_order_strategy": STRATEGY}
+    app.conf.broker_transport_options = {
+        **app.conf.broker_transport_options,
+        "queue_order_strategy": STRATEGY,
+        "ack_emulation": not worker.is_over_https,
+    }
     app.conf.update(
         # A task survives a lost connection: its result goes to the stream, and a redelivery is harmless.
         worker_cancel_long_running_tasks_on_connection_loss=False,

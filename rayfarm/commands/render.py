@@ -27,6 +27,8 @@ from renderer.cuda.cards import NOT_YET_TRIED
 from renderer.denoise import is_available
 from renderer.formats import SCENE_SUFFIXES
 from renderer.frames import parse_frames
+from renderer.image.ocio import curve_of
+from renderer.image.tonemap import CURVES, key_of
 from renderer.printable import printable
 from renderer.scene.animation import Moment
 from renderer.settings import RenderSettings
@@ -57,8 +59,8 @@ def render(
         typer.Option(
             "--output",
             "-o",
-            help="The picture: .png .jpg (tone mapped) .exr .hdr (scene-linear); of several frames also .mp4 .webm .webp. "
-            "By default SCENE.png, of several frames SCENE.####.png.",
+            help="The picture: .png .jpg (tone mapped) .avif .jxl (HDR) .exr .hdr (scene-linear); of several frames also "
+            ".mp4 .webm .webp. By default SCENE.png, of several frames SCENE.####.png.",
             rich_help_panel=OUTPUT_PANEL,
         ),
     ] = None,
@@ -74,10 +76,26 @@ def render(
     turntable: options.Turntable = None,
     aov: options.Aov = None,
     denoise: options.Denoise = False,
-    exposure: Annotated[float, typer.Option(help="Exposure in stops; .png and .jpg only.", rich_help_panel=OUTPUT_PANEL)] = 0.0,
+    exposure: Annotated[
+        float, typer.Option(help="Exposure in stops; not for .exr and .hdr.", rich_help_panel=OUTPUT_PANEL)
+    ] = 0.0,
     tonemap: Annotated[
-        str, typer.Option(metavar="CURVE", help="Tone curve; .png and .jpg only.", rich_help_panel=OUTPUT_PANEL)
+        str,
+        typer.Option(
+            metavar="CURVE",
+            help=f"Tone curve; .png and .jpg only: {', '.join(CURVES)}; or a view of an OCIO config, `ocio:VIEW` (rayfarm ocio).",
+            rich_help_panel=OUTPUT_PANEL,
+        ),
     ] = "neutral",
+    ocio: options.Ocio = None,
+    gain_map: Annotated[
+        bool,
+        typer.Option(
+            "--gain-map",
+            help="Add a gain map to a .jpg (Ultra HDR): HDR displays show brighter highlights, others the same picture.",
+            rich_help_panel=OUTPUT_PANEL,
+        ),
+    ] = False,
     stats: Annotated[
         Path | None,
         typer.Option(metavar="FILE.json", help="Write times and counts there; `-` for the screen.", rich_help_panel=OUTPUT_PANEL),
@@ -128,11 +146,13 @@ def render(
       rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35 --env sky.exr
       rayfarm render shot.glb -o shot.####.exr --frames 0-99 --spp 64
       rayfarm render shot.glb -o shot.mp4 --frames 0-99 --spp 64
+      rayfarm render truck.glb -o truck.png --tonemap "ocio:ACES 2.0 - SDR 100 nits (Rec.709)"
       rayfarm render scenes/cornell-box.yaml --pixel 480,270 --sample 3
     """
     moment = Moment(frame or 0.0, fps, clip)
     rectangle = options.parse_tile(tile) if tile else None
-    order = PictureOrder(picture, [], denoise, exposure, tonemap, rectangle, first, turntable, threads, strict)
+    curve = curve_of(tonemap, ocio or "")
+    order = PictureOrder(picture, [], denoise, exposure, curve, rectangle, first, turntable, threads, strict, gain_map=gain_map)
     if pixel is not None:
         if gpu:
             raise CommandError("--pixel traces a path on the processor: omit --gpu")
@@ -159,7 +179,7 @@ def render(
             placement=picture.placement(),
         ) as stage:
             if is_movie(output):
-                about = (picture, variant, turntable, exposure, tonemap, tile, first)
+                about = (picture, variant, turntable, exposure, key_of(curve), tile, first)
                 found = render_movie(shot, stage, order, about)
             else:
                 found = render_sequence(shot, stage, order)
@@ -216,7 +236,6 @@ def _print_darkness_note(picture: F32, output: Path, exposure: float) -> None:
 def _check_output_files(output: Path, shot: Sequence | None, order: PictureOrder, stats: Path | None) -> None:
     """Raises CommandError, before rendering, if the requested files cannot be written."""
     from renderer.image import encode
-    from renderer.image import tonemap as tonemaps
 
     if shot is not None:
         check_outputs(shot)
@@ -225,14 +244,14 @@ def _check_output_files(output: Path, shot: Sequence | None, order: PictureOrder
             check_writable(path)
     if order.denoise and not is_available():
         raise CommandError("--denoise needs Open Image Denoise. Install it: pip install 'pyoidn>=2.5,<3'")
+    if order.gain_map and (is_movie(output) or encode.format_of(output) != "jpg"):
+        raise CommandError("--gain-map is for .jpg; .avif and .jxl have a high dynamic range themselves")
     if shot is None or not is_movie(output):
         encode.format_of(output)
     elif order.denoise:
         raise CommandError(
             "--denoise writes a second picture per frame, which a movie cannot contain: write pictures with -o out.####.png"
         )
-    if order.curve not in tonemaps.CURVES:
-        raise CommandError(f"--tonemap is {order.curve!r}; known are {', '.join(tonemaps.CURVES)}")
 
 
 def _print_path(

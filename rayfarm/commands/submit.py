@@ -28,7 +28,7 @@ from service.watching.movie import MOVIES
 __all__ = ["register"]
 
 QUEUE = "Among other jobs"
-FORMATS = ("png", "exr", "jpg")
+FORMATS = ("png", "exr", "jpg", "avif", "jxl")
 TEMPLATE_OPTIONS = ("frame", "fps", "clip", "turntable", "variant", "aov", "denoise", "strict", "root")
 
 
@@ -49,7 +49,9 @@ def submit(
     output: Annotated[
         Path | None,
         typer.Option(
-            "--output", "-o", help="Wait, and write the picture: .png .exr or .jpg; of several frames also .mp4 .webm or .webp."
+            "--output",
+            "-o",
+            help="Wait, and write the picture: .png .jpg .avif .jxl or .exr; of several frames also .mp4 .webm or .webp.",
         ),
     ] = None,
     picture: Picture = Picture(),

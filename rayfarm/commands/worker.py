@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
 
@@ -20,6 +21,14 @@ from renderer.cuda.cards import NOT_YET_TRIED, CardsError, chosen_cards, find_ca
 __all__ = ["register"]
 
 
+class Transport(StrEnum):
+    """How a worker reaches the farm's queue: worker.joining.TRANSPORTS."""
+
+    AUTO = "auto"
+    REDIS = "redis"
+    HTTPS = "https"
+
+
 NIGHT = "When, and for what"
 
 
@@ -29,7 +38,10 @@ def register(app: typer.Typer) -> None:
 
 
 def worker(
-    join: Annotated[str, typer.Option(metavar="URL", help="The farm's address, such as http://host:8000.")],
+    farm: Annotated[
+        str | None, typer.Argument(metavar="URL", help="The farm's address, such as https://farm.example.", show_default=False)
+    ] = None,
+    join: Annotated[str | None, typer.Option(metavar="URL", help="The farm's address, if not given as the argument.")] = None,
     token: Annotated[
         str,
         typer.Option(help="The farm's token; everybody on this machine can see it, so --token-file or $RAYFARM_TOKEN is better."),
@@ -38,6 +50,13 @@ def worker(
         Path | None,
         typer.Option(dir_okay=False, help="A file with the farm's token, or with this worker's own. [dim]$RAYFARM_TOKEN[/dim]"),
     ] = None,
+    transport: Annotated[
+        Transport,
+        typer.Option(
+            help="How to reach the farm's queue: redis; https: through the farm's address alone; auto: Redis if this machine "
+            "reaches it."
+        ),
+    ] = Transport.AUTO,
     slots: Annotated[int | None, typer.Option(min=1, help="Batches rendered at a time; by default one per core.")] = None,
     gpu: Annotated[
         str,
@@ -90,8 +109,9 @@ def worker(
 ) -> None:
     """Join a farm: render its batches with this machine's cores until Ctrl-C.
 
-    The machine needs network access to the farm's page and its Redis, but no shared folder. It may join and leave at any time,
-    and waits while the farm is down. If there is no farm, or the token is wrong, it exits with 1 and a sentence.
+    The machine needs network access to the farm's page, but no shared folder. Where it does not reach the farm's Redis, all
+    goes over HTTPS through the farm's address. It may join and leave at any time, and waits while the farm is down. If there is
+    no farm, or the token is wrong, it exits with 1 and a sentence.
 
     [bold]Examples[/bold]
 
@@ -101,13 +121,16 @@ def worker(
       rayfarm worker --join studio.local:8000 --token-file T --idle 15 --tag bigmem
       rayfarm worker --join studio.local:8000 --token-file T --blender
       rayfarm worker --join studio.local:8000 --token-file T --gpu 0,1
+      rayfarm worker https://farm.example --token-file T       from home, or another company
     """
     use_log_format(log_format)
-    join = farm_address(join)
+    if (farm is None) == (join is None):
+        raise CommandError("Give the farm's address once: `rayfarm worker https://farm.example`, or with --join.")
+    join = farm_address(farm or join or "")
     token = token_to_send("A worker", token, token_file)
     count = _slots(gpu, slots or cores())
     arguments = ["--service", join, "--slots", str(slots or cores())]
-    said = {"hours": hours, "idle": idle or None, "nice": nice, "memory": memory or None}
+    said = {"transport": transport.value, "hours": hours, "idle": idle or None, "nice": nice, "memory": memory or None}
     arguments += [f"--{option}={value}" for option, value in said.items() if value is not None and value != ""]
     arguments += [f"--tag={each}" for each in tag or ()]
     arguments += [f"--site={site}"] if site else []

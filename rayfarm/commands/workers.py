@@ -72,7 +72,7 @@ def workers(
         rows = [row for row in farm.workers() if name in (None, row.name)]
     if not rows:
         raise CommandError(f"There is no worker {name!r}") if name else CommandError("No worker is connected")
-    table = Table("WORKER", "STATE", "SLOTS", "WORKS", "NICE", "MEMORY", "TAGS", box=None, pad_edge=False)
+    table = Table("WORKER", "STATE", "VIA", "SLOTS", "WORKS", "NICE", "MEMORY", "TAGS", box=None, pad_edge=False)
     for row in rows:
         table.add_row(*map(escape, _cells(row)))
     out.print(table)
@@ -93,12 +93,12 @@ def _card_line(card: Card) -> str:
 
 
 def _cells(row: Worker) -> list[str]:
-    offer = row.offer
+    offer, via = row.offer, "HTTPS" if row.transport == "https" else "Redis"
     if offer is None:
-        return [row.name, row.state, str(row.slots), "always", "", "", ""]
+        return [row.name, row.state, via, str(row.slots), "always", "", "", ""]
     works = offer.hours or "always"
     if offer.idle_minutes:
         works += f", idle {offer.idle_minutes:g} min"
     slots = str(row.slots) if row.slots == offer.slots_most else f"{row.slots} of {offer.slots_most}"
     tags = " ".join(tag for tag in offer.tags if not tag.startswith(("kind:", "host:")))
-    return [row.name, row.state, slots, works, str(offer.nice), f"{offer.memory / 1e9:.1f} GB", tags]
+    return [row.name, row.state, via, slots, works, str(offer.nice), f"{offer.memory / 1e9:.1f} GB", tags]

@@ -17,13 +17,14 @@ from renderer.settings import RenderSettings, View
 
 if TYPE_CHECKING:
     from rayfarm.reading import ConfinedScene
-    from renderer.annotation import Annotation, Body, Flow
+    from renderer.annotation import Annotation, Body
 
-__all__ = ["OUTPUTS", "Annotator", "ViewAnnotation", "rle"]
+__all__ = ["FLOWS", "OUTPUTS", "Annotator", "ViewAnnotation", "rle"]
 
 Array = npt.NDArray[Any]
 
-FLOWS = ("flow_forward", "flow_backward")
+FLOWS = ("flow_forward", "flow_backward", "scene_flow_forward", "scene_flow_backward")
+_IN_SPACE = "scene_"  # prefix of flow in space, not in the picture
 OCCLUDED = "_occluded"  # suffix of a flow's mask
 _NUMBERED = re.compile(r"(?<=\w)[._ -]?\d+$")
 
@@ -37,6 +38,7 @@ class _Found(NamedTuple):
     view: View
     instance: Array  # (h, w) int32: 1 + index of the body, 0 for none
     category: Array  # (h, w) int32: 1 + number of the category, 0 for none
+    part: Array  # (h, w) int32: 1 + object * number of materials + material, 0 for none
 
 
 def _axes(view: View) -> Array:
@@ -64,6 +66,14 @@ def _camera_normal(found: _Found) -> Array:
     return (found.annotation.normal @ _axes(found.view).T).astype(np.float32)
 
 
+def _scene_flow(seen: Annotation, surface: Array, when: int) -> Array:
+    """Returns how far each point moves in world space (h, w, 3) until another view. when: as of `Annotation.places`."""
+    from renderer.annotation import NOW
+
+    moved = seen.places[:, :, when, :3] - seen.places[:, :, NOW, :3]
+    return np.where(surface[..., None], moved, np.nan).astype(np.float32)
+
+
 # Each plane by its name: how it is computed. Numbers of objects and materials are those of the film's planes: 0 is none.
 _PLANES: dict[str, Callable[[_Found], Array]] = {
     "depth": _depth,
@@ -74,6 +84,7 @@ _PLANES: dict[str, Callable[[_Found], Array]] = {
     "object": lambda found: found.annotation.object + 1,
     "instance": lambda found: found.instance,
     "material": lambda found: found.annotation.material + 1,
+    "part": lambda found: found.part,
     "category": lambda found: found.category,
 }
 OUTPUTS = ("color", *_PLANES, *FLOWS, "boxes", "masks")
@@ -81,10 +92,14 @@ OUTPUTS = ("color", *_PLANES, *FLOWS, "boxes", "masks")
 
 @dataclass(frozen=True)
 class ViewAnnotation:
-    """The annotation of one view: planes by name, and the bodies in the picture as JSON; None if not requested."""
+    """The annotation of one view: planes by name, and the bodies in the picture as JSON; None if not requested.
+
+    variation: the values drawn for the view, if the scene varies.
+    """
 
     planes: dict[str, Array]
     bodies: list[dict[str, Any]] | None
+    variation: dict[str, Any]
 
 
 class Annotator:
@@ -100,14 +115,16 @@ class Annotator:
         fps: float | None,
         clip: str | None,
         threads: int | None,
+        every: int = 0,
     ) -> None:
         """Stores the parameters. settings: returns the render settings, given the scene's summary; their size is used.
 
         categories: category by a pattern of object names; None: each object's name without its number is its category.
+        every: number of views that share a variation of the scene, between which there is flow; 0: all.
         """
         self._stage, self._settings, self._views, self._outputs = stage, settings, views, outputs
         self._fps, self._clip, self._threads = fps, clip, threads
-        self._given = categories
+        self._given, self._every = categories, every
         _, summary = stage.scene_at(Moment(0.0, fps, clip))
         self.objects: list[str] = list(summary["objects"])
         self.materials: list[str] = list(summary["materials"])
@@ -122,7 +139,7 @@ class Annotator:
 
     def annotate(self, number: int) -> ViewAnnotation:
         """Returns the annotation of a view. Raises SceneError."""
-        from renderer.annotation import NOW, annotate
+        from renderer.annotation import AFTER, BEFORE, NOW, annotate, flow_to
 
         moment = Moment(float(number), self._fps, self._clip)
         compiled, summary = self._stage.scene_at(moment)
@@ -137,21 +154,27 @@ class Annotator:
         places = seen.places[:, :, NOW, :3] + compiled.origin
         instance = self._instance_ids(seen.object, seen.instance, bodies)
         category = np.where(seen.object >= 0, self._category[np.maximum(seen.object, 0)] if self.objects else 0, 0)
-        found = _Found(seen, places, surface, view, instance, category.astype(np.int32))
+        part = np.where(seen.object >= 0, 1 + seen.object * len(self.materials) + seen.material, 0)
+        found = _Found(seen, places, surface, view, instance, category.astype(np.int32), part.astype(np.int32))
         planes = {name: _PLANES[name](found) for name in self._outputs if name in _PLANES}
         for name in FLOWS:
-            if name in self._outputs and (flow := self._flow(name, number, compiled, settings, seen)) is not None:
+            if name not in self._outputs or (other := self._neighbour(name, number)) is None:
+                continue
+            when = AFTER if other > number else BEFORE
+            if name.startswith(_IN_SPACE):
+                planes[name] = _scene_flow(seen, surface, when)
+            else:
+                flow = flow_to(compiled, settings, seen, self._views[other], when, self._threads)
                 planes |= {name: flow.offset, f"{name}{OCCLUDED}": flow.occluded.astype(np.uint8)}
-        return ViewAnnotation(planes, self._described(seen, instance, bodies) if is_listed else None)
+        described = self._described(seen, instance, bodies, summary.get("poses", {})) if is_listed else None
+        return ViewAnnotation(planes, described, summary.get("variation", {}))
 
-    def _flow(self, name: str, number: int, compiled: Any, settings: RenderSettings, seen: Annotation) -> Flow | None:
-        """Returns the flow to the next or the previous view; None for the last or first view."""
-        from renderer.annotation import AFTER, BEFORE, flow_to
-
-        other = number + (1 if name == "flow_forward" else -1)
-        if not 0 <= other < len(self._views):
+    def _neighbour(self, name: str, number: int) -> int | None:
+        """Returns the number of the view that a flow leads to; None if there is none, or if it shows another variation."""
+        other = number + (1 if name.endswith("forward") else -1)
+        if not 0 <= other < len(self._views) or (self._every and other // self._every != number // self._every):
             return None
-        return flow_to(compiled, settings, seen, self._views[other], AFTER if other > number else BEFORE, self._threads)
+        return other
 
     def _bodies_of(self, compiled: Any) -> list[Body]:
         from renderer.annotation import bodies_of
@@ -172,8 +195,11 @@ class Annotator:
         found = np.where(instance < 0, of_world[np.maximum(number, 0)], of_instance[np.maximum(instance, 0)])
         return np.where(number >= 0, found, 0).astype(np.int32)
 
-    def _described(self, seen: Annotation, visible: Array, bodies: list[Body]) -> list[dict[str, Any]]:
-        """Returns the bodies that are in the picture, whether occluded or not, as JSON."""
+    def _described(self, seen: Annotation, visible: Array, bodies: list[Body], poses: dict[str, Any]) -> list[dict[str, Any]]:
+        """Returns the bodies that are in the picture, whether occluded or not, as JSON.
+
+        poses: of moving objects, by number as text, for those whose geometry is in world space.
+        """
         layers = self._instance_ids(seen.layers[..., 0], seen.layers[..., 1], bodies)
         described = []
         for number in np.unique(layers[layers > 0]).tolist():
@@ -194,6 +220,7 @@ class Annotator:
                 "box": _box(part),
                 "amodal_box": _box(whole),
                 "box_3d": body.corners.tolist(),
+                "pose": poses.get(str(body.object), body.pose.tolist()) if body.instance < 0 else body.pose.tolist(),
             }
             if "masks" in self._outputs:
                 found |= {"mask": rle(part), "amodal_mask": rle(whole)}

@@ -9,16 +9,22 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from types import MappingProxyType
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SettingsError
+from renderer.frames import MAX_FRAMES
+from renderer.lens_distortion import COEFFICIENTS, LensDistortion
+from renderer.scene.matrices import product
 from renderer.settings import View
+from renderer.trigonometry import sin_cos
+from renderer.variation import Distribution, Form, Variation
 
 __all__ = ["CONVENTIONS", "Cameras", "intrinsics_of", "opencv", "view_of"]
 
@@ -30,13 +36,32 @@ _ROTATION = 1e-4  # the largest error of a rotation's products of rows: single p
 _SQUARE = 1e-6  # of a pixel's sides
 
 
+class _Model(NamedTuple):
+    """A camera model of COLMAP: whether it has two focal lengths, and its distortion, with the coefficients in the same order."""
+
+    has_two: bool
+    distortion: str = "brown"
+
+
+_COLMAP = {
+    "SIMPLE_PINHOLE": _Model(False),
+    "PINHOLE": _Model(True),
+    "SIMPLE_RADIAL": _Model(False),
+    "RADIAL": _Model(False),
+    "OPENCV": _Model(True),
+    "FULL_OPENCV": _Model(True),
+    "OPENCV_FISHEYE": _Model(True, "fisheye"),
+}
+
+
 @dataclass(frozen=True)
 class Cameras:
-    """Poses (N, 4, 4), camera to world in OpenGL's convention; and, if known, the 3 x 3 intrinsics and (width, height)."""
+    """Poses (N, 4, 4), camera to world in OpenGL's convention; if known, the 3 x 3 intrinsics, (width, height) and distortion."""
 
     poses: F64
     intrinsics: F64 | None = None
     size: tuple[int, int] | None = None
+    distortion: LensDistortion | None = None
 
     @classmethod
     def of(cls, poses: Any, convention: str = "opengl") -> Cameras:
@@ -97,19 +122,70 @@ class Cameras:
         return cls(poses)
 
     @classmethod
+    def sample(
+        cls,
+        count: int,
+        seed: int = 0,
+        target: Any = (0.0, 0.0, 0.0),
+        position: Any = None,
+        radius: Any = 3.0,
+        azimuth: Any = MappingProxyType({"uniform": [0.0, 360.0]}),
+        elevation: Any = MappingProxyType({"uniform": [0.0, 60.0]}),
+        roll: Any = 0.0,
+        up: Sequence[float] = (0.0, 1.0, 0.0),
+    ) -> Cameras:
+        """Returns cameras drawn from distributions by seed; the same on every machine. Each looks at its target.
+
+        Values are constants or distributions (docs/datasets.md). position: from the target, as {"shell": [2, 3]}; in its place
+        radius, azimuth about `up` (counter-clockwise from above; for up +Y, 0 is +X and -90 is +Z) and elevation above the
+        target's horizon, in degrees. roll: about the line of sight, degrees.
+        """
+        if not 1 <= count <= MAX_FRAMES:
+            raise SettingsError(f"sample has {count} cameras; give 1 to {MAX_FRAMES}")
+        axis = np.array(up, np.float64)
+        if axis.shape != (3,) or not axis.any():
+            raise SettingsError("sample's up is a direction of three numbers, not all 0")
+        axis = axis / math.sqrt(float((axis * axis).sum()))
+        side = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        side = side / math.sqrt(float((side * side).sum()))
+        frame = np.stack([np.cross(side, axis), side, axis])
+        forms: dict[str, Form] = {"target": "triple", "roll": "number"}
+        forms |= {"position": "triple"} if position is not None else dict.fromkeys(("radius", "azimuth", "elevation"), "number")
+        given = {
+            "target": target,
+            "position": position,
+            "radius": radius,
+            "azimuth": azimuth,
+            "elevation": elevation,
+            "roll": roll,
+        }
+        drawn = {name: Distribution.parse(given[name], f"sample.{name}", form) for name, form in forms.items()}
+        draws = Variation(seed).draws
+        poses = np.zeros((count, 4, 4))
+        for n in range(count):
+            values: dict[str, Any] = {name: each.draw(draws(n, "camera", name)) for name, each in drawn.items()}
+            if position is not None:
+                away = np.array(values["position"])
+            else:
+                flat, rise = _sin_cos(values["azimuth"]), _sin_cos(values["elevation"])
+                along = np.array([rise[1] * flat[1], rise[1] * flat[0], rise[0]])
+                away = values["radius"] * product(along[None], frame)[0]
+            poses[n] = _looking_back(away, np.array(values["target"]), axis, values["roll"], f"sample: camera {n}")
+        return cls(poses)
+
+    @classmethod
     def from_transforms(cls, path: str | Path) -> Cameras:
-        """Returns the cameras of a transforms.json, of NeRF's, Instant-NGP's or nerfstudio's kind, without lens distortion."""
+        """Returns the cameras of a transforms.json, of NeRF's, Instant-NGP's or nerfstudio's kind."""
         data = _json(Path(path))
         try:
             poses = [frame["transform_matrix"] for frame in data["frames"]]
         except (KeyError, TypeError):
             raise SettingsError(f"{path} has no frames with a transform_matrix each") from None
         found = cls.of(poses)
-        if any(abs(float(data.get(name, 0.0))) > 0 for name in ("k1", "k2", "k3", "k4", "p1", "p2")):
-            raise SettingsError(f"{path} has lens distortion, which is not rendered; undistort the pictures first")
+        distortion = _distortion_of(data)
         size = (int(data["w"]), int(data["h"])) if "w" in data and "h" in data else None
         if size is None:
-            return found
+            return cls(found.poses, distortion=distortion)
         width, height = size
         if "fl_x" in data:
             x = float(data["fl_x"])
@@ -117,21 +193,23 @@ class Cameras:
         elif "camera_angle_x" in data:
             x = y = width / 2 / math.tan(float(data["camera_angle_x"]) / 2)
         else:
-            return cls(found.poses, None, size)
+            return cls(found.poses, None, size, distortion)
         center = float(data.get("cx", width / 2)), float(data.get("cy", height / 2))
-        return cls(found.poses, np.array([[x, 0, center[0]], [0, y, center[1]], [0, 0, 1.0]]), size)
+        return cls(found.poses, np.array([[x, 0, center[0]], [0, y, center[1]], [0, 0, 1.0]]), size, distortion)
 
     @classmethod
     def from_colmap(cls, folder: str | Path) -> Cameras:
-        """Returns the cameras of a COLMAP model in text form: cameras.txt with one pinhole camera, and images.txt, by name."""
+        """Returns the cameras of a COLMAP model in text form: cameras.txt with one camera, and images.txt, by name."""
         cameras, images = _rows(Path(folder) / "cameras.txt"), _rows(Path(folder) / "images.txt")
         if len(cameras) != 1:
             raise SettingsError(f"{folder} has {len(cameras)} cameras; a data set has one")
         _, model, width, height, *numbers = cameras[0]
-        if model not in ("PINHOLE", "SIMPLE_PINHOLE"):
-            raise SettingsError(f"{folder} has a camera of COLMAP's model {model}; undistort it to PINHOLE first")
-        focal = [float(each) for each in numbers]
-        x, y, cx, cy = focal if model == "PINHOLE" else (focal[0], *focal)
+        if model not in _COLMAP:
+            raise SettingsError(f"{folder} has a camera of COLMAP's model {model}; known are {', '.join(_COLMAP)}")
+        given = [float(each) for each in numbers]
+        x, y, cx, cy = given[:4] if _COLMAP[model].has_two else (given[0], *given[:3])
+        rest = tuple(given[4 if _COLMAP[model].has_two else 3 :])
+        distortion = LensDistortion(_COLMAP[model].distortion, rest) if rest else None
         poses = []
         for row in sorted((row for row in images if len(row) == 10 and "." in row[9]), key=lambda row: row[9]):
             to_camera = np.eye(4)
@@ -139,7 +217,29 @@ class Cameras:
             to_camera[:3, 3] = [float(each) for each in row[5:8]]
             poses.append(np.linalg.inv(to_camera))
         found = cls.of(np.array(poses).reshape(-1, 4, 4), "opencv")
-        return cls(found.poses, np.array([[x, 0, cx], [0, y, cy], [0, 0, 1.0]]), (int(width), int(height)))
+        return cls(found.poses, np.array([[x, 0, cx], [0, y, cy], [0, 0, 1.0]]), (int(width), int(height)), distortion)
+
+
+def _sin_cos(degrees: float) -> tuple[float, float]:
+    return sin_cos(math.radians(math.fmod(degrees, 360.0)))
+
+
+def _looking_back(away: F64, target: F64, up: F64, roll: float, name: str) -> F64:
+    """Returns the pose (4, 4) of a camera at target + away that looks at the target. roll: counter-clockwise, degrees."""
+    distance = math.sqrt(float((away * away).sum()))
+    if not distance > 0:
+        raise SettingsError(f"{name} is at its target; give a radius or position away from it")
+    back = away / distance
+    right = np.cross(up, back)
+    if not (right * right).sum() > 1e-12:  # straight above or below: any direction is as good
+        right = np.cross(np.eye(3)[np.argmin(np.abs(back))], back)
+    right = right / math.sqrt(float((right * right).sum()))
+    above = np.cross(back, right)
+    sine, cosine = _sin_cos(roll)
+    pose = np.eye(4)
+    pose[:3, 0], pose[:3, 1] = cosine * right + sine * above, cosine * above - sine * right
+    pose[:3, 2], pose[:3, 3] = back, target + away
+    return pose
 
 
 def opencv(pose: F64) -> F64:
@@ -174,7 +274,7 @@ def intrinsics_of(intrinsics: Any, fov: float | None, width: int, height: int) -
     return found
 
 
-def view_of(pose: F64, intrinsics: F64, width: int, height: int) -> View:
+def view_of(pose: F64, intrinsics: F64, width: int, height: int, distortion: LensDistortion | None = None) -> View:
     """Returns the renderer's view of a camera."""
     eye, back, up = pose[:3, 3], pose[:3, 2], pose[:3, 1]
     focal, cx, cy = float(intrinsics[1, 1]), float(intrinsics[0, 2]), float(intrinsics[1, 2])
@@ -185,7 +285,15 @@ def view_of(pose: F64, intrinsics: F64, width: int, height: int) -> View:
         fov=math.degrees(2 * math.atan(height / 2 / focal)),
         shift_x=(width / 2 - cx) / height,
         shift_y=(cy - height / 2) / height,
+        distortion=distortion,
     )
+
+
+def _distortion_of(data: Mapping[str, Any]) -> LensDistortion | None:
+    """Returns the distortion of a transforms.json; None if all its coefficients are 0."""
+    model = "fisheye" if "FISHEYE" in str(data.get("camera_model", "")).upper() else "brown"
+    found = LensDistortion(model, tuple(float(data.get(name, 0.0)) for name in COEFFICIENTS[model]))
+    return found if any(found.coefficients) or model == "fisheye" else None
 
 
 def _fault(pose: F64) -> str:

@@ -54,6 +54,8 @@ def dataset(
     categories: Mapping[str, str] | None = None,
     picture_format: str = "png",
     plane_format: str = "npy",
+    vary: Mapping[str, Any] | None = None,
+    distortion: Any = None,
     farm: str | Client | None = None,
     base: str | Path = ".",
     watch: Callable[[int, int], None] = lambda done, total: None,
@@ -65,10 +67,12 @@ def dataset(
                         outputs=["color", "depth", "instance", "boxes", "masks"], sinks=["coco"], farm="http://studio:8000")
 
     scene, base: as for `render`. cameras: poses (N, 4, 4) from camera to world space, or Cameras. convention: of an array's
-    cameras, opengl or opencv. intrinsics: 3 x 3, in pixels; or fov, vertical, in degrees (default 50). outputs: of OUTPUTS.
-    sinks: further forms, transforms, coco and webdataset. categories: names by patterns of object names. picture_format: png, jpg
-    or exr; plane_format: npy or exr. farm: a URL or Client; None: rendered in this process. watch: called with the number of
-    complete views, and of all. settings: those of `render`: width, height, spp, seed ...
+    cameras, opengl or opencv. intrinsics: 3 x 3, in pixels; or fov, vertical, in degrees (default 50). distortion: of the lens, a
+    mapping with `model` (brown, fisheye) and `coefficients` in OpenCV's order. outputs: of OUTPUTS. sinks: further forms: coco,
+    transforms, webdataset, hdf5, bop, parquet. categories: names by patterns of object names. picture_format: png, jpg or exr;
+    plane_format: npy or exr. vary: how the scene varies from view to view, by seed (docs/datasets.md). farm: a URL or Client;
+    None: rendered in this process. watch: called with the number of complete views, and of all. settings: those of `render`:
+    width, height, spp, seed ...
 
     A run that was interrupted continues when it is called again: complete views are kept. View n is frame n of the scene's time.
     Raises RayfarmError, or TypeError for an unknown keyword.
@@ -76,7 +80,7 @@ def dataset(
     begun = time.perf_counter()
     with ExitStack() as stack:
         path = stack.enter_context(as_files(scene, base))
-        names = (outputs, sinks, categories, picture_format, plane_format)
+        names = (outputs, sinks, categories, picture_format, plane_format, vary, distortion)
         request = parse_request(path, cameras, intrinsics, fov, convention, *names, settings)
         place = Folder(Path(folder).expanduser(), request.identity)
         missing = [number for number in range(len(request.views)) if number not in place.views]
@@ -117,6 +121,7 @@ def _open_stage(request: Request, path: Path) -> Any:
         threads=request.arguments.threads,
         shutter=picture.shutter(),
         placement=picture.placement(),
+        vary=request.vary,
     )
 
 
@@ -127,6 +132,7 @@ def _annotator(request: Request, stage: ConfinedScene) -> Annotator:
     return Annotator(
         *(stage, _settings_of(request), request.views, request.outputs, request.categories),
         *(moment.fps, moment.clip, request.arguments.threads),
+        0 if request.vary is None else request.vary.get("every", 1),
     )
 
 
@@ -164,6 +170,7 @@ def _write_view(request: Request, folder: Folder, annotator: Annotator, picture:
         "files": files,
         "camera_to_world_opengl": pose.tolist(),
         "world_to_camera_opencv": opencv(pose).tolist(),
+        **({"variation": found.variation} if found.variation else {}),
     }
     folder.add_view(line)
 
@@ -177,8 +184,10 @@ def _description(request: Request, path: Path, annotator: Annotator) -> dict[str
         "width": request.width,
         "height": request.height,
         "intrinsics": request.intrinsics.tolist(),
+        **({"distortion": request.distortion.to_json()} if request.distortion is not None else {}),
         "outputs": list(request.outputs),
         "settings": request.settings,
+        **({"vary": request.vary} if request.vary is not None else {}),
         "objects": annotator.objects,
         "materials": annotator.materials,
         "categories": annotator.categories,

@@ -19,8 +19,19 @@ if TYPE_CHECKING:
 
 __all__ = ["dataset_of_file"]
 
-_CAMERAS = ("orbit", "matrices", "file", "transforms", "colmap")
-_PASSED = ("intrinsics", "fov", "convention", "outputs", "sinks", "categories", "picture_format", "plane_format")
+_CAMERAS = ("orbit", "sample", "matrices", "file", "transforms", "colmap")
+_PASSED = (
+    "intrinsics",
+    "fov",
+    "convention",
+    "outputs",
+    "sinks",
+    "categories",
+    "picture_format",
+    "plane_format",
+    "vary",
+    "distortion",
+)
 _KEYS = ("scene", "folder", "cameras", "settings", *_PASSED)
 
 
@@ -29,8 +40,8 @@ def dataset_of_file(
 ) -> Dataset:
     """Renders the data set that a YAML file describes: the arguments of `dataset` by name. Paths are relative to the file.
 
-    cameras has one key: orbit with the arguments of Cameras.orbit, matrices, file (.npy), transforms or colmap. settings: of the
-    pictures. Raises RayfarmError.
+    cameras has one key: orbit or sample with the arguments of Cameras.orbit or Cameras.sample, matrices, file (.npy), transforms
+    or colmap. settings: of the pictures. Raises RayfarmError.
     """
     document = _read(path)
     for name in document:
@@ -40,7 +51,7 @@ def dataset_of_file(
     for name in ("scene", "folder", "cameras"):
         if name not in document:
             raise SettingsError(f"{path} has no {name}")
-    settings = document.get("settings") or {}
+    settings: Any = document.get("settings") or {}
     if not isinstance(settings, Mapping):
         raise SettingsError(f"{path}: settings is a mapping, such as {{spp: 64, seed: 1}}")
     base = path.expanduser().resolve().parent
@@ -67,11 +78,11 @@ def _cameras(given: Any, base: Path, path: Path) -> Any:
     if not isinstance(given, Mapping) or len(given) != 1 or (kind := next(iter(given))) not in _CAMERAS:
         raise SettingsError(f"{path}: cameras has one of the keys {', '.join(_CAMERAS)}")
     value = given[kind]
-    if kind == "orbit":
+    if kind in ("orbit", "sample"):
         if not isinstance(value, Mapping):
-            raise SettingsError(f"{path}: orbit is a mapping, such as {{count: 100, radius: 3}}")
+            raise SettingsError(f"{path}: {kind} is a mapping, such as {{count: 100, radius: 3}}")
         try:
-            return Cameras.orbit(**value)
+            return Cameras.orbit(**value) if kind == "orbit" else Cameras.sample(**value)
         except TypeError as error:
             raise SettingsError(f"{path}: {str(error).replace('Cameras.', '')}") from None
     if kind == "matrices":

@@ -14,7 +14,10 @@ import numpy.typing as npt
 from rayfarm.output_files import write
 from renderer.errors import SettingsError
 
-__all__ = ["DESCRIPTION", "JOBS", "MANIFEST", "Folder", "plane_bytes", "view_name"]
+__all__ = ["DESCRIPTION", "JOBS", "MANIFEST", "Description", "Folder", "Views", "plane_bytes", "read_plane", "view_name"]
+
+Description = dict[str, Any]  # dataset.json
+Views = list[dict[str, Any]]  # lines of the manifest
 
 DESCRIPTION, MANIFEST, JOBS = "dataset.json", "manifest.jsonl", "jobs.json"
 _AXES = ("X", "Y", "Z")
@@ -107,3 +110,14 @@ def plane_bytes(plane: npt.NDArray[Any], format: str) -> bytes:
 
     channels = plane[..., None] if plane.ndim == 2 else plane
     return encode_channels(channels.astype(np.float32), ("Y",) if channels.shape[2] == 1 else _AXES[: channels.shape[2]])
+
+
+def read_plane(path: Path) -> npt.NDArray[Any]:
+    """Returns the plane (h, w) or (h, w, k) of a file from `plane_bytes`."""
+    if path.suffix == ".npy":
+        found: npt.NDArray[Any] = np.load(path, allow_pickle=False)
+        return found
+    from renderer.image.read import read
+
+    pixels = read(path.read_bytes(), path.name)
+    return pixels[..., 0] if pixels.ndim == 3 and pixels.shape[2] == 1 else pixels

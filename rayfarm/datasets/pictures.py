@@ -8,7 +8,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rayfarm.datasets.request import Request
+from rayfarm.datasets.request import Request, scene_files
 from renderer.frames import frames_text
 from renderer.scene.animation import Moment
 from renderer.settings import View
@@ -124,20 +124,20 @@ def _unfinished_jobs(farm: Client, folder: Folder, numbers: Sequence[int]) -> di
 def _submitted(request: Request, scene: Path, farm: Client, numbers: Sequence[int]) -> dict[str, list[int]]:
     """Uploads the scene once and submits the views as jobs; returns their numbers by job."""
     from rayfarm.library.farm_render import job_request
-    from rayfarm.scene_files import files_to_upload
 
     if not numbers:
         return {}
     placement = request.arguments.picture.placement()._asdict()
-    uploaded = farm.upload(files_to_upload(scene), name=scene.stem, **placement)
+    uploaded = farm.upload(scene_files(scene, request.vary), name=scene.stem, **placement)
     ready = farm.wait_for_scene(uploaded.id)
     body = job_request(farm, ready, request.arguments)
     body.pop("view", None)  # `height` in pixels is also the name of an orthographic view's
+    vary = {} if request.vary is None else {"vary": request.vary}
     jobs: dict[str, list[int]] = {}
     for first in range(0, len(numbers), VIEWS_PER_JOB):
         part = sorted(numbers[first : first + VIEWS_PER_JOB])
         views = [_view_json(request.views[number]) for number in part]
-        job = farm.submit(ready.id, **{**body, "views": views, "frames": frames_text(part)})
+        job = farm.submit(ready.id, **{**body, **vary, "views": views, "frames": frames_text(part)})
         jobs[job.id] = part
     return jobs
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import hashlib
+import importlib.util
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
@@ -12,18 +13,21 @@ from typing import Any
 
 import numpy as np
 
-from rayfarm.datasets.annotate import OUTPUTS
+from rayfarm.datasets.annotate import FLOWS, OUTPUTS
 from rayfarm.datasets.cameras import F64, Cameras, intrinsics_of, view_of
 from rayfarm.library.arguments import RenderArguments, parse_arguments
 from rayfarm.scene_files import files_to_upload
 from renderer.errors import SettingsError
+from renderer.lens_distortion import LensDistortion
 from renderer.settings import View
+from renderer.variation import Variation
 
-__all__ = ["SINKS", "Request", "check_names", "parse_request"]
+__all__ = ["SINKS", "Request", "check_names", "parse_request", "scene_files"]
 
 PICTURE_FORMATS = ("png", "exr", "jpg")
 PLANE_FORMATS = ("npy", "exr")
-SINKS = ("transforms", "coco", "webdataset")
+SINKS = ("transforms", "coco", "webdataset", "hdf5", "bop", "parquet")
+_PACKAGES = {"hdf5": "h5py", "parquet": "pyarrow"}  # of sinks, in the extra `datasets`
 _OF_DATASET = ("camera", "frame", "aovs", "denoise")  # settings of a picture that a data set decides itself
 _SIZE = (512, 512)
 
@@ -37,6 +41,7 @@ class Request:
 
     poses: F64  # (N, 4, 4), camera to world in OpenGL's convention
     intrinsics: F64  # (3, 3)
+    distortion: LensDistortion | None
     width: int
     height: int
     views: list[View]
@@ -46,6 +51,7 @@ class Request:
     picture_format: str
     plane_format: str
     arguments: RenderArguments
+    vary: dict[str, Any] | None
     settings: dict[str, Any]
     identity: str
 
@@ -61,6 +67,8 @@ def parse_request(
     categories: Mapping[str, str] | None,
     picture_format: str,
     plane_format: str,
+    vary: Mapping[str, Any] | None,
+    distortion: Any,
     settings: Mapping[str, Any],
 ) -> Request:
     """Returns the checked request. scene: its main file. Raises SettingsError with one sentence, or TypeError for a keyword."""
@@ -70,6 +78,11 @@ def parse_request(
         raise SettingsError(f"outputs is empty; known are {', '.join(OUTPUTS)}")
     if "coco" in forms and not {"boxes", "masks"} & {*wanted}:
         raise SettingsError("the sink coco needs boxes or masks among outputs")
+    if "bop" in forms and "masks" not in wanted:
+        raise SettingsError("the sink bop needs masks among outputs")
+    for sink, package in _PACKAGES.items():
+        if sink in forms and importlib.util.find_spec(package) is None:
+            raise SettingsError(f'the sink {sink} needs the package {package}: pip install "rayfarm[datasets]"')
     if "transforms" in forms and "color" not in wanted:
         raise SettingsError("the sink transforms needs color among outputs")
     check_names("picture_format", [picture_format], PICTURE_FORMATS)
@@ -77,6 +90,7 @@ def parse_request(
     for name in _OF_DATASET:
         if settings.get(name) is not None:
             raise SettingsError(f"{name} is for a single picture; a data set has cameras and outputs")
+    varying = _vary(vary, wanted)
     given = dict(settings)
     width, height = given.get("width"), given.get("height")
     if (width is None) != (height is None):
@@ -89,16 +103,50 @@ def parse_request(
     if found.intrinsics is not None and found.size not in (None, (int(width), int(height))) and intrinsics is found.intrinsics:
         raise SettingsError(f"the cameras are of pictures of {found.size}; give intrinsics or fov for another size")
     matrix = intrinsics_of(intrinsics, fov, int(width), int(height))
-    views = [view_of(pose, matrix, int(width), int(height)) for pose in found.poses]
+    lens = LensDistortion.parse(distortion) or found.distortion
+    views = [view_of(pose, matrix, int(width), int(height), lens) for pose in found.poses]
+    if lens is not None:
+        _check_lens(views[0], int(width), int(height), forms)
     plain = {name: _plain(value) for name, value in sorted(given.items()) if value is not None}
     named = dict(categories) if categories is not None else None
     of: list[Any] = [found.poses.tolist(), matrix.tolist(), wanted, named, picture_format, plane_format]
-    of += [{name: value for name, value in plain.items() if name not in ("threads", "device")}, _hashes(scene)]
+    of += [{name: value for name, value in plain.items() if name not in ("threads", "device")}, _hashes(scene, varying)]
+    of += [varying] if varying is not None else []
+    of += [lens.to_json()] if lens is not None else []
     identity = hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()
     return Request(
-        *(found.poses, matrix, int(width), int(height), views, wanted, forms, named, picture_format, plane_format),
-        *(arguments, plain, identity),
+        *(found.poses, matrix, lens, int(width), int(height), views, wanted, forms, named, picture_format, plane_format),
+        *(arguments, varying, plain, identity),
     )
+
+
+def _check_lens(view: View, width: int, height: int, sinks: Sequence[str]) -> None:
+    """Raises SettingsError if a distorted picture's border shows no direction, or a sink cannot say the distortion."""
+    from renderer.vectors import border_angles
+
+    if "bop" in sinks:
+        raise SettingsError("the sink bop has no lens distortion; leave out one of them")
+    if None in border_angles(view, width, height):
+        raise SettingsError(
+            "distortion: parts of the picture show nothing, as the coefficients fold back there; reduce the picture or them"
+        )
+
+
+def _vary(given: Mapping[str, Any] | None, outputs: Sequence[str]) -> dict[str, Any] | None:
+    """Returns a checked variation as JSON data."""
+    if given is None:
+        return None
+    if Variation.parse(given).every == 1 and any(name in FLOWS for name in outputs):
+        raise SettingsError("each view varies, so there is no flow from one to the next; set vary.every, or leave out the flow")
+    found: dict[str, Any] = _json(given)
+    return found
+
+
+def _json(value: Any) -> Any:
+    """Returns nested mappings and sequences as dicts and lists."""
+    if isinstance(value, Mapping):
+        return {name: _json(each) for name, each in value.items()}
+    return [_json(each) for each in value] if isinstance(value, list | tuple) else _plain(value)
 
 
 def check_names(what: str, given: Iterable[str], known: Sequence[str]) -> tuple[str, ...]:
@@ -121,6 +169,17 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple | list) else value
 
 
-def _hashes(scene: Path) -> dict[str, str]:
-    """Returns the SHA-256 of each of a scene's files, by its name in the scene."""
-    return {name: hashlib.sha256(Path(path).read_bytes()).hexdigest() for name, path in files_to_upload(scene).items()}
+def scene_files(scene: Path, vary: Mapping[str, Any] | None) -> dict[str, Path]:
+    """Returns a scene's files by their names in the scene, with the environment images beside it that a variation names."""
+    found = dict(files_to_upload(scene))
+    light = None if vary is None else Variation.parse(vary).environment.get("light")
+    for value in light.values if light is not None else ():
+        path = scene.parent / str(value)
+        if scene.is_file() and path.is_file() and path.resolve().is_relative_to(scene.parent.resolve()):
+            found.setdefault(path.relative_to(scene.parent).as_posix(), path)
+    return found
+
+
+def _hashes(scene: Path, vary: Mapping[str, Any] | None) -> dict[str, str]:
+    """Returns the SHA-256 of each of the scene's files, by its name in the scene."""
+    return {name: hashlib.sha256(path.read_bytes()).hexdigest() for name, path in scene_files(scene, vary).items()}

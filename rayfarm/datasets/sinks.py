@@ -1,4 +1,4 @@
-"""Other forms of a finished data set, made from its folder: COCO, transforms.json and WebDataset."""
+"""Other forms of a finished data set, made from its folder: COCO, transforms.json and WebDataset; those of packages beside it."""
 
 from __future__ import annotations
 
@@ -9,24 +9,27 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from rayfarm.datasets.folder import view_name
+from rayfarm.datasets.bop import write_bop
+from rayfarm.datasets.folder import Description, Views, view_name
+from rayfarm.datasets.hdf5 import write_hdf5
+from rayfarm.datasets.parquet import write_parquet
 from rayfarm.output_files import write
+from renderer.lens_distortion import COEFFICIENTS, LensDistortion
 
 __all__ = ["SINK_WRITERS"]
 
-Views = list[dict[str, Any]]
-Description = dict[str, Any]
-
 _SHARD = 1000  # views a shard
+_CAMERA_MODELS = {"brown": "OPENCV", "fisheye": "OPENCV_FISHEYE"}
 
 
 def write_transforms(folder: Path, description: Description, views: Views) -> None:
     """Writes transforms.json as NeRF, Instant-NGP and nerfstudio read it: camera to world, in OpenGL's convention."""
     import math
 
+    lens = LensDistortion.parse(description.get("distortion"))
     k, width, height = description["intrinsics"], description["width"], description["height"]
     document = {
-        "camera_model": "PINHOLE",
+        "camera_model": "PINHOLE" if lens is None else _CAMERA_MODELS[lens.model],
         "camera_angle_x": 2 * math.atan(width / 2 / k[0][0]),
         "fl_x": k[0][0],
         "fl_y": k[1][1],
@@ -34,6 +37,7 @@ def write_transforms(folder: Path, description: Description, views: Views) -> No
         "cy": k[1][2],
         "w": width,
         "h": height,
+        **({} if lens is None else dict(zip(COEFFICIENTS[lens.model], lens.coefficients, strict=False))),
         "frames": [
             {
                 "file_path": view["files"]["color"]["path"],
@@ -99,6 +103,7 @@ def write_webdataset(folder: Path, description: Description, views: Views) -> No
     Equal data sets have equal shards.
     """
     (folder / "shards").mkdir(exist_ok=True)
+    camera = {name: description[name] for name in ("intrinsics", "distortion") if name in description}
     for shard, first in enumerate(range(0, len(views), _SHARD)):
         out = io.BytesIO()
         with tarfile.open(fileobj=out, mode="w", format=tarfile.USTAR_FORMAT) as tar:
@@ -107,7 +112,7 @@ def write_webdataset(folder: Path, description: Description, views: Views) -> No
                 for output, file in sorted(view["files"].items()):
                     suffix = file["path"].rpartition(".")[2]
                     _add(tar, f"{key}.{output}.{suffix}", (folder / file["path"]).read_bytes())
-                _add(tar, f"{key}.json", json.dumps({**view, "intrinsics": description["intrinsics"]}).encode())
+                _add(tar, f"{key}.json", json.dumps({**view, **camera}).encode())
         write(folder / "shards" / f"{view_name(shard)}.tar", out.getvalue())
 
 
@@ -121,4 +126,7 @@ SINK_WRITERS: dict[str, Callable[[Path, Description, Views], None]] = {
     "transforms": write_transforms,
     "coco": write_coco,
     "webdataset": write_webdataset,
+    "hdf5": write_hdf5,
+    "bop": write_bop,
+    "parquet": write_parquet,
 }

@@ -12,6 +12,7 @@ from typing import Any
 import httpx
 import redis
 
+from protocol.channel import HTTPS
 from protocol.contract import WORKER_KEYS, WorkerReport
 from rayfarm.console import PROGRAM
 from rayfarm.doctor.finding import Finding, fault, fine, note_finding
@@ -45,7 +46,7 @@ def check_running_farm(settings: Settings, port: int) -> Iterator[Finding]:
         yield note_finding("Farm", f"No farm runs on {settings.data}.", f"{PROGRAM} up starts it.")
         yield _port(port)
     if address is not None:
-        yield from check_redis(address)
+        yield from check_redis(address, settings.verify)
     else:
         yield from _redis_program()
 
@@ -99,8 +100,8 @@ def _check_release(found: RedisRelease, where: str) -> Finding:
     return fine("Redis", f"{found} {where}.")
 
 
-def check_redis(url: str) -> Iterator[Finding]:
-    """Checks the state of a Redis server, and which workers report to it."""
+def check_redis(url: str, verify: float = 0.0) -> Iterator[Finding]:
+    """Checks the state of a Redis server, and which workers report to it. verify: share of batches that are rendered twice."""
     where = url.rpartition("@")[2].removeprefix("redis://").removeprefix("rediss://")  # without its password
     try:
         with redis.Redis.from_url(url, socket_timeout=PATIENCE_S, socket_connect_timeout=PATIENCE_S) as store:
@@ -111,7 +112,7 @@ def check_redis(url: str) -> Iterator[Finding]:
             yield from _persistence(told)
             if abs(apart := seconds + micros / 1e6 - time.time()) > MAX_CLOCK_DIFFERENCE_S:
                 yield _clocks("Redis", apart)
-            yield from _workers(store)
+            yield from _workers(store, verify)
     except redis.AuthenticationError:
         yield fault("Redis", f"{where} refuses the password.", "Look at RAYFARM_REDIS_URL: redis://:PASSWORD@HOST:PORT/0.")
     except redis.RedisError as error:
@@ -144,7 +145,7 @@ def _persistence(info: dict[str, Any]) -> Iterator[Finding]:
         )
 
 
-def _workers(store: redis.Redis) -> Iterator[Finding]:
+def _workers(store: redis.Redis, verify: float) -> Iterator[Finding]:
     found, others = [], []
     for key in store.scan_iter(WORKER_KEYS):
         try:
@@ -165,6 +166,12 @@ def _workers(store: redis.Redis) -> Iterator[Finding]:
             "Workers",
             f"Of another release than {__version__}: {names}. Their samples go into no picture of this one.",
             "Update them.",
+        )
+    if not verify and (distant := sorted(worker.name for worker in found if worker.transport == HTTPS)):
+        yield note_finding(
+            "Workers",
+            f"Over HTTPS: {', '.join(distant[:5])}. Nothing is rendered twice, so wrong results of theirs stay unnoticed.",
+            "If these machines are not yours, set RAYFARM_VERIFY=0.05 for the service.",
         )
     if aside := sorted(worker.name for worker in found if worker.state == "paused"):
         yield note_finding(

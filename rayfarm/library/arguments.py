@@ -25,7 +25,7 @@ __all__ = ["RenderArguments", "parse_arguments"]
 
 _LIBRARY_ARGUMENTS = (
     *("width", "height", "camera", "environment", "frame", "fps", "clip", "variant", "up_axis", "floor", "aovs", "denoise"),
-    *("threads", "device"),
+    *("threads", "device", "distortion"),
 )
 _FLOORS = {None: None, False: None, True: "on", options.AUTO: options.AUTO}
 _TABLES: tuple[Mapping[str, DeclaredSetting], ...] = (LIMIT_OPTIONS, VIEW, SETTINGS_OPTIONS, ENVIRONMENT_OPTIONS)
@@ -86,6 +86,7 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
             "camera": None if camera is None else str(camera),
             "up_axis": given.get("up_axis"),
             "floor": given.get("floor"),
+            "distortion": given.get("distortion"),
         }
     )
     picture.placement()

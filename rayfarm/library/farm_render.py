@@ -88,7 +88,9 @@ def images(farm: Client, job: str, arguments: RenderArguments, at_once: bool = F
 def _fetch_image(farm: Client, job: Job, arguments: RenderArguments, is_final: bool) -> Image:
     frame = job.frames[0] if job.frames else None
     groups = group_names(str((job.settings or {}).get("light_groups") or ""))
-    planes = [name for name in aovs.parse_names(arguments.aovs, groups) if name not in ("color", aovs.MOTION)]
+    is_transparent = (job.settings or {}).get("background") == "transparent"
+    layers = aovs.parse_names(arguments.aovs, groups, is_transparent=is_transparent)
+    planes = [name for name in layers if name not in ("color", aovs.MOTION)]
     extra = [aovs.MOTION] if aovs.MOTION in arguments.aovs and is_final else []
     number = frame.number if frame is not None else 0
     channels = _channels(farm.image(job.id, "exr", number, aov=",".join(["color", *planes, *extra])))

@@ -34,7 +34,9 @@ def mesh_as_glb(name: str, arrays: Mapping[str, Any]) -> bytes:
     """
     triangles = np.asarray(arrays.get("triangles"))
     count = len(np.atleast_1d(np.asarray(arrays.get("positions"))))
-    views, accessors, blob = [], [], bytearray()
+    views: list[dict[str, Any]] = []
+    accessors: list[dict[str, Any]] = []
+    blob = bytearray()
 
     def add(values: npt.NDArray[Any], component: int, kind: str, **more: Any) -> int:
         views.append({"buffer": 0, "byteOffset": len(blob), "byteLength": values.nbytes})

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from renderer import aovs
 from renderer.image import encode, tonemap
+from renderer.image.ocio import curve_of
 
 __all__ = ["Image"]
 
@@ -21,7 +22,8 @@ class Image(Mapping[str, F32]):
     """A picture as arrays by name.
 
     "color" is scene-linear Rec.709 radiance, (h, w, 3) float32; the requested AOVs are (h, w) or (h, w, 3), as in
-    renderer.aovs.values; "denoised" is present if requested.
+    renderer.aovs.values; "denoised" is present if requested. With a transparent background the colours are premultiplied by
+    "alpha", (h, w), if that is among the AOVs.
 
     spp: mean samples per pixel. total: target of spp; None if only a noise level or a time limit ends rendering. noise: relative
     noise; None while unknown.
@@ -66,24 +68,28 @@ class Image(Mapping[str, F32]):
     def shown(self, name: str = "color", exposure: float = 0.0, tonemap_curve: str = "neutral") -> npt.NDArray[np.uint8]:
         """Returns the image for display, (h, w, 3) uint8 sRGB. Raises KeyError, or SettingsError for an unknown curve.
 
-        Colours are exposed (in stops) and tone-mapped; other AOVs are mapped as on the web page.
+        Colours are exposed (in stops) and tone-mapped, by a curve or by an OCIO view, as `ocio:VIEW` (renderer.image.ocio), with
+        straight alpha as a fourth channel if the picture has "alpha"; other AOVs are mapped as on the web page.
         """
         plane = self[name]
+        if name in ("color", "denoised") and aovs.ALPHA in self:
+            return tonemap.apply_straight(plane, self[aovs.ALPHA], exposure, curve_of(tonemap_curve))
         if name in ("color", "denoised"):
-            return tonemap.apply(plane, exposure, tonemap_curve)
+            return tonemap.apply(plane, exposure, curve_of(tonemap_curve))
         return aovs.visible(name, plane)
 
     def save(self, path: str | Path, exposure: float = 0.0, tonemap_curve: str = "neutral") -> None:
-        """Writes the picture as .png or .jpg (as `shown` returns it), .exr (all arrays, as layers) or .hdr.
+        """Writes the picture as .png or .jpg (as `shown` returns it, a .jpg without alpha), .exr (all arrays, as layers) or .hdr.
 
         If "denoised" is present, it replaces the colour; an .exr contains both. Raises SettingsError for another suffix.
         """
-        names = [name for name in self if name not in ("color", "denoised")]
+        names = [name for name in self if name not in ("color", "denoised", aovs.ALPHA)]
         channels = aovs.layers({name: self[name] for name in names})
         color = self["denoised"] if "denoised" in self else self["color"]
         if "denoised" in self:
             channels |= {f"Noisy Image.{c}": self["color"][..., i] for i, c in enumerate("RGB")}
-        encode.write(path, color, exposure=exposure, curve=tonemap_curve, channels=channels)
+        alpha, curve = self.get(aovs.ALPHA), curve_of(tonemap_curve)
+        encode.write(path, color, exposure=exposure, curve=curve, channels=channels, alpha=alpha)
 
     def _repr_png_(self) -> bytes:
         return encode.encode_shown(self.shown("denoised" if "denoised" in self else "color"), "png")

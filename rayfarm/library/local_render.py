@@ -132,6 +132,7 @@ def _image(
         return aovs.values(sums, exponent, name, settings.group_names)
 
     level = noise(sums, exponent)
-    names = ["color", *aovs.parse_names(planes, settings.group_names), *(["denoised"] if arguments.denoise and is_final else [])]
+    layers = aovs.parse_names(planes, settings.group_names, is_transparent=settings.is_transparent)
+    names = ["color", *layers, *(["denoised"] if arguments.denoise and is_final else [])]
     known = None if level == float("inf") else level
     return Image(names, values, float(sums[SAMPLES].mean()), total, known, is_final)

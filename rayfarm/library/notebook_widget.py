@@ -83,7 +83,7 @@ def _widget_class() -> Any:
         _esm = Path(__file__).with_suffix(".js")
         width = traitlets.Int(0).tag(sync=True)
         height = traitlets.Int(0).tag(sync=True)
-        pixels = traitlets.Bytes(b"").tag(sync=True)
+        pixels = traitlets.Bytes(b"").tag(sync=True)  # type: ignore[call-arg,unused-ignore]
         exposure = traitlets.Float(0.0).tag(sync=True)
         status = traitlets.Unicode("").tag(sync=True)
         progress = traitlets.Float(0.0).tag(sync=True)  # 0 to 1

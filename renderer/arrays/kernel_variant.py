@@ -26,8 +26,8 @@ _PART_OF = {kind.number: kind.part for kind in rows.KINDS}
 def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
     """Returns the name of the first of KERNEL_VARIANTS that supports all features of the scene.
 
-    camera_moves: whether the camera moves while the shutter is open. Raises ValueError if a material's kind is not in
-    `rows.KINDS`.
+    camera_moves: whether the camera moves while the shutter is open, or its lens distorts. Raises ValueError if a material's kind
+    is not in `rows.KINDS`.
     """
     flags = int(np.bitwise_or.reduce(scene.material_flags))
     parts = _parts_of_kinds(scene)

@@ -152,6 +152,8 @@ SCATTERS_WITHIN = 16384  # some diffuse light is scattered inside: subsurface
 BECKMANN = 32768  # microfacets have Beckmann's distribution, else GGX
 NONLINEAR = 65536  # plastic with nonlinear colour shifts from internal reflection
 CLEAR = 131072  # smooth glass: most light passes in a discrete direction
+HOLDOUT = 262144  # before a transparent background, cuts a hole into the picture
+CATCHER = 524288  # before a transparent background, shows the shadows on it alone
 TRANSPARENT = MASKED | BLENDED
 
 # Columns of `medium`, float32.

@@ -135,9 +135,9 @@ def _run(blender: Blender, folder: Path, work_folder: Path, job: Path, memory: i
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGKILL)
             child.wait()
-    with log.open("rb") as said:
-        said.seek(max(log.stat().st_size - MAX_ERROR_OUTPUT, 0))
-        words = said.read().decode("utf-8", "replace").strip().splitlines()
+    with log.open("rb") as output:
+        output.seek(max(log.stat().st_size - MAX_ERROR_OUTPUT, 0))
+        words = output.read().decode("utf-8", "replace").strip().splitlines()
     print("\n".join(words), file=sys.stderr)
     how = next((each.name for each in signal.Signals if each == -code), f"code {code}")
     return Sentence(

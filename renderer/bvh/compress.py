@@ -32,9 +32,9 @@ class _Source(NamedTuple):
     """The arrays of the 8-wide tree to compress."""
 
     node: Any
-    child: Any  # (N, 8) i32, of `node`
+    node_bits: Any  # the same memory, i32
     packet: Any
-    number: Any  # (P, 8) i32, the primitives' numbers in `packet`
+    packet_bits: Any  # the same memory, i32
     keyed: Any  # the first packet with motion keys
     keys: Any  # their number
 
@@ -82,8 +82,7 @@ def compressed(bvh: Bvh, team: Team) -> Bvh:
     # The world's root, 0, is the first.
     roots, place = np.unique(np.concatenate([[0], ray_roots, bvh.instance_root]).astype(np.int64), return_inverse=True)
     ray_places, instance_places = place[1:3].astype(np.int32), place[3:].astype(np.int32)
-    child, primitive = bvh.node[:, ROW_CHILD].view(np.int32), bvh.packet[:, ROW_PRIMITIVE].view(np.int32)
-    source = _Source(bvh.node, child, bvh.packet, primitive, keyed, keys)
+    source = _Source(bvh.node, bvh.node.view(np.int32), bvh.packet, bvh.packet.view(np.int32), keyed, keys)
     plan = _Plan(
         np.empty(len(bvh.node), np.int32),
         *(np.full(len(bvh.node), -1, np.int32) for _ in range(2)),
@@ -104,11 +103,12 @@ def compressed(bvh: Bvh, team: Team) -> Bvh:
     index[plan.order[:listed]] = np.arange(listed, dtype=np.int32)
     team.each(lambda part: _copy_inner_children(plan, index, *part, target), parts)
     tree.node[: len(roots)] = target.content[index[roots]]
+    kept_roots: Any = None if bvh.ray_roots is None else ray_places
     return bvh._replace(
         node=_NOTHING,
         packet=_NOTHING,
         compressed=tree,
-        ray_roots=None if bvh.ray_roots is None else ray_places,
+        ray_roots=kept_roots,
         instance_root=instance_places,
     )
 
@@ -150,7 +150,7 @@ def _list_reachable_nodes(source, roots, plan, stack, depth):
             for lane in range(WIDTH):
                 if not source.node[this, 0, lane] <= source.node[this, 1, lane]:
                     continue
-                child = source.child[this, lane]
+                child = source.node_bits[this, ROW_CHILD, lane]
                 if child >= 0:
                     inner += 1
                     if plan.first_inner[child] < 0:
@@ -189,7 +189,7 @@ def _fill_nodes(source, plan, first, end, target, scratch):
         for lane in range(WIDTH):
             if not source.node[this, 0, lane] <= source.node[this, 1, lane]:
                 continue
-            child = source.child[this, lane]
+            child = source.node_bits[this, ROW_CHILD, lane]
             scratch.is_inner[count] = child >= 0
             if child < 0 and (~child & INSTANCE) == 0:
                 primitives = _count_primitives(source.packet, ~child >> 2)
@@ -299,7 +299,8 @@ def _put_primitive(source, plan, target, row, leaf, which):
         for key in range(source.keys):
             _put_corners(source, target, first_key + key, number + key, lane)
     _put_corners(source, target, row, number, lane)
-    target.bits[row, 3], target.bits[row, 7], target.bits[row, 11] = source.number[number, lane], kind, first_key
+    primitive = source.packet_bits[number, ROW_PRIMITIVE, lane]
+    target.bits[row, 3], target.bits[row, 7], target.bits[row, 11] = primitive, kind, first_key
 
 
 @device

@@ -83,7 +83,7 @@ def _copy_without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packe
     number = bvh.packet[:, ROW_PRIMITIVE].view(np.int32)
     is_out = ~np.isnan(bvh.packet[:, 0])
     is_out[is_out] = left_out[number[is_out]]
-    changes = is_out.any(axis=1)
+    changes = np.any(is_out, axis=1)
     is_leaf = there & (child < 0) & (~child & INSTANCE == 0)
     has_changed = (is_leaf & changes[np.where(is_leaf, ~child >> 2, 0)]).any(axis=1)
     above = _parents(child, there)

@@ -168,7 +168,7 @@ class CardRenderer:
 
     def _free_others(self, job: Job) -> None:
         """Frees the arrays in GPU memory that the job does not use."""
-        used = set()
+        used: set[tuple[int, int]] = set()
 
         def record_use(array: npt.NDArray[Any]) -> int:
             used.add((array.ctypes.data, array.nbytes))

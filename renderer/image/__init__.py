@@ -1,7 +1,10 @@
 """Image files and tone curves. Plain numpy: the service uses this package without the kernel.
 
 tonemap.py      scene-linear radiance -> display values: exposure, tone curves, sRGB
-encode.py       an image -> png, jpg, exr or hdr bytes
+ocio.py         views of an OpenColorIO config, in place of a tone curve
+encode.py       an image -> png, jpg, avif, jxl, exr or hdr bytes
+hdr_still.py    AVIF and JPEG XL of high dynamic range
+gain_map.py     JPEG with a gain map (Ultra HDR)
 read.py         the bytes of any texture or HDR image -> pixels, with size limits
 kinds.py        detects the format of an image from its bytes
 channels.py     finds the colour channels of an image by their names

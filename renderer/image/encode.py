@@ -1,7 +1,8 @@
 """Encodes a rendered image as an image file.
 
-png, jpg: display values, after exposure and tone curve. exr, hdr: scene-linear Rec.709, without either. EXR stores float32 and
-may contain further channels.
+png, jpg: display values, after exposure and tone curve. avif, jxl: high dynamic range (hdr_still.py). exr, hdr: scene-linear
+Rec.709, without exposure and tone curve. EXR stores float32 and may contain further channels. Alpha: associated (premultiplied)
+in EXR, straight in PNG, left out of others, which show the picture before black.
 """
 
 from __future__ import annotations
@@ -18,14 +19,17 @@ import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 from PIL import Image
 
 from renderer.errors import SettingsError
-from renderer.image import tonemap
+from renderer.image import hdr_still, tonemap
+from renderer.image.gain_map import encode_jpeg_with_gain_map
+from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence
 
-__all__ = ["FORMATS", "RGB", "encode", "encode_channels", "encode_shown", "format_of", "write", "write_bands"]
+__all__ = ["ALPHA", "FORMATS", "RGB", "encode", "encode_channels", "encode_shown", "format_of", "write", "write_bands"]
 
 F32 = npt.NDArray[np.float32]
-FORMATS = ("png", "jpg", "exr", "hdr")
+FORMATS = ("png", "jpg", *hdr_still.FORMATS, "exr", "hdr")
 RGB = ("R", "G", "B")
+ALPHA = "A"
 
 # Rec.709 primaries and the D65 white point, written to the file so that readers need not guess.
 _REC709 = (0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290)
@@ -51,21 +55,30 @@ def encode(
     rgb: F32,
     format: str,
     exposure: float = 0.0,
-    curve: str = "neutral",
+    curve: Curve = "neutral",
     channels: Mapping[str, F32] | None = None,
     header: Mapping[str, str] | None = None,
+    alpha: F32 | None = None,
+    gain_map: bool = False,
 ) -> bytes:
     """Returns an image file of scene-linear (h, w, 3) float32 radiance, as bytes.
 
-    format: one of FORMATS. exposure (stops) and curve (tonemap.CURVES) apply to png and jpg only.
-    channels: for exr, further (h, w) planes by channel name. header: for exr, further attributes. Raises SettingsError for an
-    unknown format or curve.
+    format: one of FORMATS. exposure (stops) and curve (a name of tonemap.CURVES, or a transform) do not apply to exr and hdr.
+    channels: for exr, further (h, w) planes by channel name. header: for exr, further attributes. alpha: (h, w), for exr and png,
+    with which the radiance is premultiplied. gain_map: whether a jpg has one (gain_map.py). Raises SettingsError for an unknown
+    format or curve.
     """
+    if gain_map and format == "jpg":
+        return encode_jpeg_with_gain_map(rgb, exposure, curve)
+    if format == "png" and alpha is not None:
+        return encode_shown(tonemap.apply_straight(rgb, alpha, exposure, curve), format)
     if format in ("png", "jpg"):
         return encode_shown(tonemap.apply(rgb, exposure, curve), format)
+    if format in hdr_still.FORMATS:
+        return hdr_still.encode_still(hdr_still.pq_picture(rgb, exposure, curve), format)
     if format == "exr":
         names, planes = [*RGB], [np.asarray(rgb, np.float32)]
-        for name, values in (channels or {}).items():
+        for name, values in (({} if alpha is None else {ALPHA: alpha}) | dict(channels or {})).items():
             if values.shape != rgb.shape[:2]:
                 raise ValueError(f"channel {name} is {values.shape}; the picture is {rgb.shape[:2]}")
             names.append(name)
@@ -86,7 +99,7 @@ def encode_channels(planes: F32, names: Sequence[str]) -> bytes:
 
 
 def encode_shown(pixels: npt.NDArray[np.uint8], format: str) -> bytes:
-    """Returns a png or jpg file of display values, (h, w, 3) uint8 sRGB, as bytes."""
+    """Returns a png or jpg file of display values, (h, w, 3) uint8 sRGB, as bytes; a png may have straight alpha, (h, w, 4)."""
     out = io.BytesIO()
     picture = Image.fromarray(np.ascontiguousarray(pixels))
     if format == "png":
@@ -101,13 +114,15 @@ def write(
     rgb: F32,
     format: str | None = None,
     exposure: float = 0.0,
-    curve: str = "neutral",
+    curve: Curve = "neutral",
     channels: Mapping[str, F32] | None = None,
     header: Mapping[str, str] | None = None,
+    alpha: F32 | None = None,
+    gain_map: bool = False,
 ) -> None:
     """Writes an image file, encoded as by `encode`, atomically. format: None: that of the name's suffix."""
     path = Path(path)
-    data = encode(rgb, format or format_of(path), exposure, curve, channels, header)
+    data = encode(rgb, format or format_of(path), exposure, curve, channels, header, alpha, gain_map)
     handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
     try:
         with os.fdopen(handle, "wb") as file:
@@ -138,6 +153,7 @@ def write_bands(
     spec.channelnames = tuple(names)
     spec.attribute("compression", "zip")
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+    spec.attribute("colorInteropID", "lin_rec709_scene")  # of the Color Interop Forum
     spec.attribute("chromaticities", oiio.TypeDesc("float[8]"), _REC709)
     spec.attribute("Software", "Rayfarm")
     for key, value in (header or {}).items():

@@ -2,12 +2,13 @@
 
 Every curve converts scene-linear Rec.709 radiance, (..., 3) float32, not negative, to display-linear Rec.709 in 0..1.
 The live view's shader (web/) has the same formulas: change both, so that the view matches the downloaded picture.
+Views of an OpenColorIO config (ocio.py) take the place of a curve and of the encoding.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +17,64 @@ from renderer.errors import SettingsError
 from renderer.luminance import REC_709
 from renderer.sentences import Sentence
 
-__all__ = ["CURVES", "agx", "apply", "decode_srgb", "encode_srgb", "filmic", "hue", "neutral", "reinhard", "srgb"]
+__all__ = [
+    "CURVES",
+    "Curve",
+    "DisplayTransform",
+    "agx",
+    "apply",
+    "apply_straight",
+    "check_pq",
+    "decode_srgb",
+    "encode_srgb",
+    "exposed",
+    "filmic",
+    "hue",
+    "key_of",
+    "neutral",
+    "reinhard",
+    "srgb",
+]
 
 F32 = npt.NDArray[np.float32]
+
+
+class DisplayTransform(Protocol):
+    """A transform to a display's encoded values, in place of a curve and the sRGB encoding. key: identifies it, for caches."""
+
+    @property
+    def key(self) -> str:
+        """Text that differs for transforms with different results."""
+        ...
+
+    @property
+    def is_pq(self) -> bool:
+        """Whether the display takes the PQ signal of BT.2100."""
+        ...
+
+    def encode(self, rgb: F32) -> F32:
+        """Returns display-encoded values of scene-linear Rec.709 radiance, (..., 3) float32, not negative."""
+        ...
+
+
+Curve = str | DisplayTransform  # the name of a curve, or a transform
+
+
+def check_pq(curve: Curve) -> None:
+    """Raises SettingsError for a transform whose display does not take the PQ signal of BT.2100."""
+    if not isinstance(curve, str) and not curve.is_pq:
+        raise SettingsError(
+            Sentence(
+                "still-view-not-pq",
+                "files of high dynamic range take an OCIO view of a Rec.2100-PQ display, or none: leave the tone curve out",
+            )
+        )
+
+
+def key_of(curve: Curve) -> str:
+    """Returns text that differs for curves with different results."""
+    return curve if isinstance(curve, str) else curve.key
+
 
 _LUMINANCE = REC_709.astype(np.float32)
 
@@ -57,7 +113,7 @@ def reinhard(rgb: F32) -> F32:
 
 def filmic(rgb: F32) -> F32:
     """Fitted ACES reference tone curve. Source: K. Narkowicz, ACES Filmic Tone Mapping Curve, 2015."""
-    x = np.minimum(rgb, np.float32(1e6))
+    x: F32 = np.minimum(rgb, np.float32(1e6))
     return np.clip(x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14), 0, 1)
 
 
@@ -115,16 +171,38 @@ def decode_srgb(encoded: npt.NDArray[Any]) -> npt.NDArray[Any]:
     return np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
 
 
-def apply(rgb: F32, exposure: float = 0.0, curve: str = "neutral") -> npt.NDArray[np.uint8]:
-    """Returns display values, (h, w, 3) uint8 sRGB, of scene-linear (h, w, 3) float32 radiance.
+def exposed(rgb: F32, exposure: float) -> F32:
+    """Returns radiance times 2 ** exposure, from 0 to 1e18. NaN and negative values become 0."""
+    scaled = np.asarray(rgb, np.float32) * np.float32(2.0 ** max(min(exposure, 60.0), -60.0))
+    clean = np.nan_to_num(np.maximum(scaled, 0), nan=0.0, posinf=1e18).astype(np.float32, copy=False)
+    return np.minimum(clean, np.float32(1e18))
+
+
+def apply(rgb: F32, exposure: float = 0.0, curve: Curve = "neutral") -> npt.NDArray[np.uint8]:
+    """Returns display values, (h, w, 3) uint8, of scene-linear (h, w, 3) float32 radiance.
+
+    They are sRGB, or what the transform's display shows.
 
     exposure: stops; +1 doubles the radiance. NaN and negative values become black. Raises SettingsError for an unknown curve.
     """
-    if curve not in _FUNCTIONS:
+    if isinstance(curve, str) and curve not in _FUNCTIONS:
         raise SettingsError(
             Sentence("tone-curve-unknown", "tone curve is {curve}; known are {curves}", curve=repr(curve), curves=[*CURVES])
         )
-    scaled = np.asarray(rgb, np.float32) * np.float32(2.0 ** max(min(exposure, 60.0), -60.0))
-    clean = np.nan_to_num(np.maximum(scaled, 0), nan=0.0, posinf=1e18).astype(np.float32, copy=False)
-    display = _FUNCTIONS[curve](np.minimum(clean, np.float32(1e18)))
-    return (encode_srgb(np.clip(display, 0, 1)) * 255 + 0.5).astype(np.uint8)
+    clean = exposed(rgb, exposure)
+    if isinstance(curve, str):
+        encoded = encode_srgb(np.clip(_FUNCTIONS[curve](clean), 0, 1))
+    else:
+        encoded = np.clip(curve.encode(clean), 0, 1)
+    return (encoded * 255 + 0.5).astype(np.uint8)
+
+
+def apply_straight(rgb: F32, alpha: F32, exposure: float = 0.0, curve: Curve = "neutral") -> npt.NDArray[np.uint8]:
+    """Returns display values with straight alpha, (h, w, 4) uint8, of premultiplied scene-linear (h, w, 3) radiance.
+
+    The curve applies to the colour of what covers the pixel, radiance / alpha, so that edges are as bright as what is beside
+    them; what is not covered is black. alpha: (h, w), 0 ... 1, stored linearly. exposure, curve: as for `apply`.
+    """
+    coverage = np.clip(np.nan_to_num(alpha), 0, 1)[..., None]
+    color = np.divide(rgb, coverage, out=np.zeros_like(rgb, np.float32), where=coverage > 0)
+    return np.concatenate([apply(color, exposure, curve), (coverage * 255 + 0.5).astype(np.uint8)], axis=-1)

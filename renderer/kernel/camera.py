@@ -14,6 +14,7 @@ from renderer.bvh.motion import step_at, transform_at
 from renderer.bvh.rigid_motion import motion_keys
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
+from renderer.kernel.distortion import undistorted
 from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.sampling.warp import square_to_disk
 from renderer.settings import PROJECTIONS, RenderSettings, View
@@ -21,7 +22,17 @@ from renderer.trigonometry import sin_cos
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import as_wide3, zero_like
 
-__all__ = ["ORTHOGRAPHIC", "PANORAMA", "PERSPECTIVE", "Camera", "axes_of", "camera_frame", "camera_ray", "moving_ray"]
+__all__ = [
+    "ORTHOGRAPHIC",
+    "PANORAMA",
+    "PERSPECTIVE",
+    "Camera",
+    "axes_of",
+    "camera_frame",
+    "camera_ray",
+    "distortion_row",
+    "moving_ray",
+]
 
 PERSPECTIVE, ORTHOGRAPHIC, PANORAMA = (np.int32(PROJECTIONS.index(n)) for n in ("perspective", "orthographic", "panorama"))
 
@@ -53,6 +64,7 @@ class Camera(NamedTuple):
     turns: tuple[np.float32, np.float32]  # a pixel of the panorama, in turns
     motion: npt.NDArray[np.float64]  # (K, KEY_COLUMNS) of right, up, back and eye (renderer/bvh/motion.py); or no rows
     lens: npt.NDArray[np.float64]  # (K, 6): a pixel's width, aperture, focus, near, middle 2
+    distortion: npt.NDArray[np.float64]  # (1, 12) from LensDistortion.row; no rows: none
 
 
 def camera_frame(settings: RenderSettings) -> Camera:
@@ -82,7 +94,15 @@ def camera_frame(settings: RenderSettings) -> Camera:
         turns=(np.float32(1 / settings.width), np.float32(0.5 / settings.height)),
         motion=_motion(settings.views),
         lens=np.array([_lens(each, settings) for each in settings.views]).reshape(-1, 6),
+        distortion=distortion_row(view, settings.width, settings.height),
     )
+
+
+def distortion_row(view: View, width: int, height: int) -> npt.NDArray[np.float64]:
+    """Returns the lens distortion of a view as kernels read it, (1, 12); no rows without one."""
+    if view.distortion is None:
+        return np.zeros((0, 12))
+    return np.array([view.distortion.row(height / extent_at_one(view), view.middle(width, height))])
 
 
 @functools.lru_cache(16)
@@ -210,13 +230,42 @@ def _camera_at(camera, x, y, u, v, time):
         camera.turns,
         camera.motion,
         camera.lens,
+        camera.distortion,
     )
     return camera_ray(now, x, y, (u, v))
 
 
+@subroutine
+def _distorted_ray(camera, x, y, time):
+    """Returns the ray through a film point of a camera with lens distortion, as `camera_ray` does."""
+    a, b, c, _ = undistorted(camera.distortion, 0, np.float64(x), np.float64(y))
+    right, up, forward, eye, near = camera.right, camera.up, camera.forward, camera.eye, camera.near
+    if len(camera.motion) > 0:
+        p, q, r = transform_at(camera.motion, 0, len(camera.motion), time)
+        step, share = step_at(time, len(camera.motion))
+        right = np.float32(p[0]), np.float32(q[0]), np.float32(r[0])
+        up = np.float32(p[1]), np.float32(q[1]), np.float32(r[1])
+        forward = -np.float32(p[2]), -np.float32(q[2]), -np.float32(r[2])
+        eye = np.float32(p[3]), np.float32(q[3]), np.float32(r[3])
+        near = _of_lens(camera, 3, step, share)
+    length = math.sqrt(a * a + b * b + c * c)
+    along = np.float32(c / length)
+    d = vec.normalize(vec.to_world(right, up, forward, (np.float32(a / length), -np.float32(b / length), along)))
+    start = _ZERO
+    if near > _ZERO and along > _ZERO:
+        start = near / along
+        eye = vec.add(eye, vec.scale(d, start))
+    return eye, d, start
+
+
 @device
 def moving_ray(camera, x, y, u, time):
-    """Returns `camera_ray` at a shutter time, 0 ... 1, for a camera that may move. For one sample or for eight lanes."""
+    """Returns `camera_ray` at a shutter time, 0 ... 1, for a camera that may move, or whose lens distorts.
+
+    For one sample or for eight lanes.
+    """
+    if len(camera.distortion) > 0:
+        return each_lane(_distorted_ray, x == x, (camera, x, y, time))
     if len(camera.motion) > 0:
         return each_lane(_camera_at, x == x, (camera, x, y, u[0], u[1], time))
     return camera_ray(camera, x, y, u)

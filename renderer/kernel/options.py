@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arrays.rows import TRANSPARENT
+from renderer.arrays.rows import CATCHER, HOLDOUT, TRANSPARENT
 from renderer.arrays.scene import CompiledScene
 from renderer.settings import (
     FILTERS,
@@ -68,6 +68,8 @@ class Options(NamedTuple):
     ambient: tuple[np.float32, np.float32, np.float32]
     transparent: bool  # whether any material in the scene transmits light by its alpha
     groups: np.uint32  # number of light groups with planes in the film; 0: none
+    transparent_background: bool  # whether camera rays see no background, and the film has planes of alpha
+    has_mattes: bool  # whether some materials before it are holdouts or shadow catchers
 
 
 def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
@@ -100,6 +102,8 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         ambient=(np.float32(red), np.float32(green), np.float32(blue)),
         transparent=bool((scene.material_flags & TRANSPARENT).any()),
         groups=np.uint32(len(settings.group_names)),
+        transparent_background=settings.is_transparent,
+        has_mattes=settings.is_transparent and bool((scene.material_flags & (HOLDOUT | CATCHER)).any()),
     )
 
 

@@ -256,7 +256,8 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     cameras: those of the file, then always one named "auto" that frames the scene; cameras that move while the shutter is open
     have `views`, in the form of RenderSettings. up: the up direction. fps: the file's frame rate, else 24. clips: the file's
     animations, with the times of their first and last key in seconds. objects, materials: names by number; the OBJECT and
-    MATERIAL planes of the film hold number + 1. light_groups: the names of the lights' groups.
+    MATERIAL planes of the film hold number + 1. light_groups: the names of the lights' groups. variation: the values drawn for a
+    varied scene; else left out.
     """
     floor = description.subject is not None  # one mesh of two flat triangles, six vertices
     points = _visible_points(compiled)
@@ -289,7 +290,12 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         "variants": list(description.variants),
         "warnings": list(description.warnings),
         "defaults": dict(description.defaults),
+        **_variation(description),
     }
+
+
+def _variation(description: SceneDescription) -> dict[str, Any]:
+    return {"variation": description.variation} if description.variation else {}
 
 
 def summarise_again(description: SceneDescription, compiled: CompiledScene, before: dict[str, Any]) -> dict[str, Any]:
@@ -305,6 +311,7 @@ def summarise_again(description: SceneDescription, compiled: CompiledScene, befo
         "cameras": camera_dicts(description, _bounds(compiled), corners),
         "bounds": _bounds(compiled).tolist(),
         "warnings": list(description.warnings),
+        **_variation(description),
     }
 
 

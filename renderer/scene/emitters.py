@@ -27,7 +27,8 @@ def emitting_triangles(packed: Packed, geometry: Geometry) -> Emitters:
     emitted = packed.emitted[material_of]
     order = np.argsort(material_of, kind="stable")
     textured = np.flatnonzero((packed.emitted > 0) & (packed.material_texture[:, rows.EMISSION_TEXTURE] >= 0))
-    begins, ends = (np.searchsorted(material_of[order], textured, side) for side in ("left", "right"))
+    of_triangle = material_of[order]
+    begins, ends = np.searchsorted(of_triangle, textured, "left"), np.searchsorted(of_triangle, textured, "right")
     for material, begin, end in zip(textured, begins, ends, strict=True):
         number = packed.material_texture[material, rows.EMISSION_TEXTURE]
         of_it = order[begin:end]

@@ -76,13 +76,13 @@ class SceneFiles:
         Callers must not modify the value. None is not cached.
         """
         self._used.add(key)
-        if key not in self._made:
-            made = make()
-            if made is None:
-                return made
+        if key in self._made:
+            found: Made = self._made[key]
+            return found
+        made = make()
+        if made is not None:
             self._made[key] = made
-        found: Made = self._made[key]
-        return found
+        return made
 
     def store(self, key: Hashable, value: Any) -> None:
         """Caches a value for this and later frames; `stored` returns it."""

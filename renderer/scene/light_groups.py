@@ -71,7 +71,7 @@ def with_group_planes(scene: CompiledScene, names: tuple[str, ...]) -> CompiledS
     """
     if not names:
         return scene
-    plane = np.array([names.index(name) if name in names[:-1] else len(names) - 1 for name in ["", *names_of(scene)]], np.int32)
+    plane = np.array([names.index(name) if name in names else len(names) - 1 for name in ["", *names_of(scene)]], np.int32)
     light, material = scene.light_group, scene.material_group
     if len(light) == 0:  # a kernel looks up the group of light 0 where there is none
         light = np.zeros(max(len(scene.light_primitive), 1), np.int32)

@@ -25,8 +25,10 @@ from renderer.scene.readers.up_axis import turn_up
 from renderer.scene.shutter_merge import interpolate_numbered_files, merge_over_shutter
 from renderer.scene.studio import NO_LIGHTS_WARNING, add_floor, light_studio
 from renderer.scene.textures import TextureShelf
+from renderer.scene.vary import keeps_surfaces, varied
 from renderer.sentences import Sentence, first_items, joined_faults, reason_of
 from renderer.settings import chosen
+from renderer.variation import Variation
 
 __all__ = ["Shot", "environment_light", "read"]
 
@@ -34,6 +36,7 @@ F64 = npt.NDArray[np.float64]
 
 _START = Moment()
 _ATTRIBUTES = ("normals", "uvs", "uvs1", "colors", "tangents")
+_MOST_ENVIRONMENTS = 8  # whose images are kept in memory
 _REASONS = 3  # warnings, or meshes, that a sentence lists
 
 
@@ -41,6 +44,7 @@ class Shot:
     """An animated scene, read frame by frame; data that is the same in all frames is read once.
 
     Its arguments are those of `read`; `main` may be a file name pattern such as smoke.####.obj, with one file per frame.
+    variation: varies the scene from frame to frame (renderer/scene/vary.py); a static scene is then read once.
     """
 
     def __init__(
@@ -51,10 +55,15 @@ class Shot:
         variant: str | None = None,
         up: str | None = None,
         floor: str | None = None,
+        variation: Variation | None = None,
     ) -> None:
         self._files = SceneFiles(folder, environment)
         self._main, self._environment, self._variant = main, environment, variant
         self._up, self._floor = up, floor
+        self._variation = variation
+        self._static: SceneDescription | None = None  # the unvaried scene, if it does not move
+        self._static_token = object()  # `still` of its variations
+        self._environments: dict[str, SceneDescription] = {}  # by name, those that were chosen last
         self._boxes: dict[str | None, F64] = {}  # bounds at the beginning of each clip, for the height of the floor
         self._finite: dict[int, F32] = {}  # positions already checked, by identity
 
@@ -64,10 +73,38 @@ class Shot:
         return float(next(iter(self._files.frames_of(self._main)), 0))
 
     def scene_at(self, moment: Moment = _START) -> SceneDescription:
-        """Returns the scene at a moment; the result does not depend on earlier calls.
+        """Returns the scene at a moment, varied as its frame is; the result does not depend on earlier calls.
 
-        Raises SceneError under the conditions of `read`.
+        Raises SceneError under the conditions of `read`, and SettingsError if the variation does not fit the scene.
         """
+        if self._variation is None:
+            return self.unvaried_at(moment)
+        base = self._static or self.unvaried_at(moment)
+        if not base.moves:
+            self._static = base
+        found = varied(base, self._variation, self._variation.number_of(moment.frame), self._set_environment)
+        keeps = keeps_surfaces(self._variation)
+        found.still = (base.still if base.moves else self._static_token) if keeps else None
+        return found
+
+    def _set_environment(self, name: str, description: SceneDescription) -> None:
+        """Replaces a scene's environment as `environment_light` does; images that were read for an earlier frame are kept."""
+        known = self._environments.pop(name, None)
+        if known is None:
+            known = SceneDescription()
+            environment_light(self._files, name, known)
+        self._environments[name] = known
+        while len(self._environments) > _MOST_ENVIRONMENTS:
+            del self._environments[next(iter(self._environments))]
+        light = known.environment
+        assert light is not None
+        if light.image is not None:
+            description.images.append(known.images[light.image])
+            light = replace(light, image=len(description.images) - 1)
+        description.environment = light
+
+    def unvaried_at(self, moment: Moment = _START) -> SceneDescription:
+        """Returns the scene at a moment as its files describe it. Raises SceneError under the conditions of `read`."""
         description = self._read(moment)
         is_lit = description.environment is not None or _emits(description)
         if self._environment is not None:
@@ -163,7 +200,7 @@ class Shot:
             return self.scene_at(moment)
         first = self.scene_at(moment)
         shutter = Shutter.from_settings(chosen({name: requested.get(name) for name in SHUTTER}, first.defaults))
-        if shutter.length == 0 or not first.moves:
+        if shutter.length == 0 or not first.moves or self._static is not None:
             return first
         moving = merge_over_shutter(lambda each: first if each == moment else self.scene_at(each), moment, shutter)
         if self._files.is_numbered:

@@ -139,6 +139,8 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
         rows.LAMP: m.lamp,
         rows.UNSEEN: m.unseen,
         rows.SHADELESS: m.shadeless,
+        rows.HOLDOUT: m.holdout,
+        rows.CATCHER: m.shadow_catcher,
         rows.FACING: m.facing and m.emission_texture is None,
         rows.ABSORBING: transmits and not m.thin and absorbs,
         rows.NONLINEAR: m.kind == "plastic" and m.nonlinear,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from renderer.scene.description import SceneDescription
 
-__all__ = ["Objects", "number_objects"]
+__all__ = ["Objects", "moving_poses", "number_objects"]
 
 
 class Objects(NamedTuple):
@@ -38,3 +38,20 @@ def number_objects(description: SceneDescription) -> Objects:
         instances.append(number)
     spheres = list(range(len(names), len(names) + len(description.spheres)))
     return Objects(names + [s.name for s in description.spheres], instances, spheres)
+
+
+def moving_poses(description: SceneDescription) -> dict[str, list[list[float]]]:
+    """Returns the transforms (4, 4) from mesh to world space of the objects that move, by number as text.
+
+    An object of several instances has that of the first. A sphere's transform is the translation to its centre.
+    """
+    numbers = number_objects(description)
+    found: dict[str, list[list[float]]] = {}
+    for instance, number in zip(description.instances, numbers.instance, strict=True):
+        if instance.moves:
+            found.setdefault(str(number), instance.transform.tolist())
+    for sphere, number in zip(description.spheres, numbers.sphere, strict=True):
+        if sphere.moves:
+            x, y, z = sphere.center
+            found[str(number)] = [[1.0, 0.0, 0.0, x], [0.0, 1.0, 0.0, y], [0.0, 0.0, 1.0, z], [0.0, 0.0, 0.0, 1.0]]
+    return found

@@ -21,6 +21,7 @@ _IGNORED_FIELDS = {
     "still",
     "up_axis",
     "variants",
+    "variation",
     "warnings",
     "defaults",
 }  # attributes that affect no array

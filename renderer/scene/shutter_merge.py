@@ -17,7 +17,7 @@ import numpy as np
 from renderer.bvh.rigid_motion import largest_rotation, motion_keys
 from renderer.kernel.camera import axes_of
 from renderer.scene.animation import Moment, Shutter
-from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescription, Sphere, Texture, UvTransform
+from renderer.scene.description import Camera, Instance, Light, Mesh, SceneDescription, Sphere, UvTransform
 from renderer.scene.instances import is_linearly_keyed
 from renderer.scene.scene_equality import are_equal
 from renderer.scene.texture_motion import merge_moving_textures
@@ -73,15 +73,7 @@ def _merge_as_keys(middle: SceneDescription, found: Sequence[SceneDescription]) 
         for light, over in _match_by_name(middle.lights, [each.lights for each in found], lambda light: (light.kind, light.name))
     ]
     moving = replace(middle, instances=instances, meshes=meshes, cameras=cameras, spheres=spheres, lights=lights)
-    things: tuple[Instance | Mesh | Sphere | Light | Camera | Texture, ...] = (
-        *instances,
-        *meshes,
-        *spheres,
-        *lights,
-        *cameras,
-        *middle.textures,
-    )
-    if any(thing.keys for thing in things):
+    if any(thing.keys for things in (instances, meshes, spheres, lights, cameras, middle.textures) for thing in things):
         moving.keys = len(found)
     still: list[str] = [name for name, parts in _UNMOVABLE_FIELDS.items() if any(_differs(part, found) for part in parts)]
     still += [Sentence("motion-textures-still", "textures other than their placement")] * changes + changed

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -74,7 +76,8 @@ def vertex_tangents(position: F32, normal: F32, uv: F32, triangle: I32) -> F32:
     flat = np.repeat(face, 3, axis=0)
     flat -= n[corner] * np.einsum("ij,ij->i", n[corner], flat)[:, None]
     flat = _unit(flat) * corner_angles(position, triangle).reshape(-1, 1)
-    total: F64 = np.stack([np.bincount(corner, flat[:, k], len(position)) for k in range(3)], axis=1)
+    columns: list[npt.NDArray[Any]] = [np.bincount(corner, flat[:, k], len(position)) for k in range(3)]
+    total: F64 = np.stack(columns, axis=1)
     sign = np.bincount(corner, np.repeat(np.sign(area), 3), len(position))
     tangent = _unit(total)
     lost = ~tangent.any(axis=1)

@@ -7,6 +7,7 @@ from service.access.audit import Audit
 from service.access.keys import Keys
 from service.access.oidc import oidc_of
 from service.access.projects import Projects
+from service.access.rate_limit import RateLimit
 from service.access.roles import OWNER, Caller, Role
 from service.access.secrets import fingerprint, is_same
 from service.access.users import Users
@@ -19,6 +20,7 @@ __all__ = ["LINK_S", "SESSION_S", "Access"]
 LOCAL_ONLY_TOKEN = "this-machine-only"  # docker-compose.yml's default
 SESSION_S = 30 * 86400.0
 LINK_S = 86400.0
+NOTES_WINDOW_S = 60.0
 
 
 class Access:
@@ -41,6 +43,7 @@ class Access:
         self.projects = Projects(sessions)
         self.oidc = oidc_of(settings, sessions)
         self.attempts = Attempts()
+        self.note_rate = RateLimit(NOTES_WINDOW_S)
         self.audit = Audit(settings.data)
         self._owner = settings.owner_token
         self._farm = settings.token

@@ -40,12 +40,15 @@ KEEP_EXPIRED_S = 30 * 86400.0  # seconds that an expired key is kept, in case th
 class Share:
     """The rights that a share link gives. job: the only job that it shows.
 
-    creator: the user who created the link; it shows no more than this user may see at present.
+    creator: the user who created the link; it shows no more than this user may see at present. comments: whether it also allows
+    notes on the picture.
     """
 
+    id: str
     job: str
     expires: float | None
     creator: Caller
+    comments: bool
 
 
 @dataclass(frozen=True)
@@ -64,16 +67,19 @@ class Keys:
         self._known: dict[str, _CachedKey] = {}
         self._version = 0
 
-    def create(self, kind: KeyKind, user: str, role: Role, name: str = "", lasts_s: float | None = None) -> tuple[str, Key]:
+    def create(
+        self, kind: KeyKind, user: str, role: Role, name: str = "", lasts_s: float | None = None, *, comments: bool = False
+    ) -> tuple[str, Key]:
         """Creates a key; returns its secret, which is not stored, and its row.
 
-        lasts_s: lifetime in seconds; None: unlimited. Raises NotFound if the user does not exist.
+        lasts_s: lifetime in seconds; None: unlimited. comments: whether a share link allows notes. Raises NotFound if the user
+        does not exist.
         """
         secret, now = new_secret(kind), time.time()
         row = Key(
             id=secrets.token_hex(6), hash=fingerprint(secret), kind=kind, user=user, name=name, role=role.api_name, created=now
         )
-        row.expires = None if lasts_s is None else now + lasts_s
+        row.expires, row.comments = None if lasts_s is None else now + lasts_s, comments
         with self._sessions.begin() as session:
             if user != OWNER and session.get(User, user, with_for_update={"read": True, "key_share": True}) is None:
                 raise NotFound(
@@ -121,7 +127,7 @@ class Keys:
             role = Role.NOBODY if row is None else _role_of(row.user, session)
         if row is None or role < Role.VIEW:
             return None
-        return Share(row.name, row.expires, Caller(row.user, role, "token", row.id))
+        return Share(row.id, row.name, row.expires, Caller(row.user, role, "token", row.id), bool(row.comments))
 
     def shares_of(self, job: str) -> list[Key]:
         """Returns the valid share links of a job, newest first."""

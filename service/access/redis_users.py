@@ -48,7 +48,7 @@ RULES = (
     "(~unacked_mutex +set +get +del +watch +evalsha)",
     # Workers' reports about themselves and their tasks.
     "(~rayfarm:worker:* ~rayfarm:offer:* ~rayfarm:vitals:* ~rayfarm:log:* ~rayfarm:joining ~rayfarm:deaths:* ~rayfarm:site:* "
-    "~rayfarm:site-secret:* +set +setex +get +mget +del +unlink +exists +expire +incr +ttl)",
+    "~rayfarm:site-secret:* +set +setex +get +mget +del +unlink +exists +expire +incr +incrby +ttl)",
     # The service's messages to workers.
     "(~rayfarm:order:* ~rayfarm:terms:* ~rayfarm:log-wanted:* ~rayfarm:view:* +get +mget +exists +ttl)",
 )

@@ -228,7 +228,7 @@ async def _relay_to_owner(owner_socket: ClientConnection, receive: Receive) -> N
 
 async def _relay_to_client(owner_socket: ClientConnection, send: Send) -> None:
     async for message in owner_socket:
-        await send({"type": "websocket.send", **({"text": message} if isinstance(message, str) else {"bytes": message})})
+        await send({"type": "websocket.send", "text" if isinstance(message, str) else "bytes": message})
 
 
 async def _result_unless(ended: asyncio.Event, doing: Coroutine[Any, Any, T], *others: asyncio.Task[Any]) -> T | None:

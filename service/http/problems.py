@@ -84,7 +84,7 @@ def _standard_sentence(status: int, path: str, method: str) -> Sentence:
 class ProblemResponse(JSONResponse):
     """A JSON response with the media type application/problem+json."""
 
-    media_type = "application/problem+json"
+    media_type = "application/problem+json"  # type: ignore[assignment,unused-ignore]
 
 
 class Problem(Exception):  # noqa: N818 - it is what the caller gets, and named as the RFC names it

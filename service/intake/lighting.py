@@ -89,7 +89,7 @@ class Lighting:
         is_elsewhere = ref is None and found.status == "ready"  # prepared for another worker kind only
         if is_elsewhere:
             self._events.publish(PreparationRequested(found.id, kind))
-        status = "preparing" if is_elsewhere else cast(Status, found.status)
+        status: Status = "preparing" if is_elsewhere else cast(Status, found.status)
         return LitScene(found.id, status, found.error, ref["sha256"] if ref else None, frozenset(found.blobs))
 
     def row(self, scene: str, request: Mapping[str, Any]) -> Scene:
@@ -192,7 +192,7 @@ class Lighting:
 
         None if the request changes nothing.
         """
-        environment = request.get("environment") or {}
+        environment: Mapping[str, Any] = request.get("environment") or {}
         light: str | BlobRef | None = None
         if (sky := environment.get("sky")) is not None:
             light = sky_text(sky["elevation"], sky.get("azimuth") or 0.0)

@@ -41,7 +41,7 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     """
     request = job.request
     info = scene.info or {}
-    defaults = info.get("defaults") or {}
+    defaults: dict[str, Any] = info.get("defaults") or {}
     if request.get("strict"):
         refuse_warnings([*scene.notes, *info.get("warnings", [])], request)
     width, height = _size(request, defaults)
@@ -60,8 +60,9 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     if groups is not None:  # None: the scene was prepared by an older release
         check_light_groups(settings.light_groups, groups)
     job.spp = most_samples(job.spp, job.noise, job.seconds, defaults)
-    job.tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
-    tiles = -(-width // job.tile_size) * -(-height // job.tile_size)
+    tile_size = job.tile_size or default_tile_size(width, height, job.shot is not None and job.noise is None)
+    job.tile_size = tile_size
+    tiles = -(-width // tile_size) * -(-height // tile_size)
     if tiles > MAX_TILES:
         raise SettingsError(
             Sentence(
@@ -120,7 +121,7 @@ def frame_settings(
 def _settings(
     request: dict[str, Any], width: int, height: int, view: View, defaults: dict[str, Any], views: tuple[View, ...] = ()
 ) -> RenderSettings:
-    environment = request.get("environment") or {}
+    environment: dict[str, Any] = request.get("environment") or {}
     return RenderSettings(
         width=width,
         height=height,

@@ -288,10 +288,11 @@ def _choose_main_file(names: list[str], requested: str) -> tuple[str, list[str]]
     """
     path = f"/{safe_name(requested)}"
     known = max((name for name in names if path.endswith(f"/{name}")), key=len, default=None)
-    main, notes = (None, []) if known is None else pick_main(names, known)
-    if main is None or main != known:
-        raise Invalid(Sentence("main-file-not-in-scene", "main: the scene has no scene file {file}.", file=requested[:200]))
-    return main, notes
+    if known is not None:
+        main, notes = pick_main(names, known)
+        if main == known:
+            return main, notes
+    raise Invalid(Sentence("main-file-not-in-scene", "main: the scene has no scene file {file}.", file=requested[:200]))
 
 
 def changed_upload(

@@ -14,6 +14,7 @@ from sqlalchemy.exc import IntegrityError
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_number, frames_text
 from renderer.sentences import Sentence, with_full_stop
+from renderer.variation import Variation
 from service.access.visit import Visit
 from service.clock import deadline_of
 from service.errors import Conflict, Invalid, NotFound
@@ -167,7 +168,9 @@ def _current_request(job: Job) -> JobIn:
     """
     now: dict[str, Any] = {"name": job.name, "priority": job.priority, "spp": job.spp, "noise": job.noise, "seconds": job.seconds}
     if job.shot is not None and (shot := Shot.parse(job.shot)) is not None:
-        now |= {"order": shot.order} if job.request.get("views") else {"frames": shot.frames, "order": shot.order}
+        now["order"] = shot.order
+        if not job.request.get("views"):
+            now["frames"] = shot.frames
     given = {name: value for name, value in job.request.items() if name not in ("after", "deadline", "needs", "max_slots")}
     return JobIn.model_validate({**given, **now, "fresh": True})
 
@@ -177,7 +180,7 @@ def _fields_not_stored(request: JobIn) -> set[str]:
 
     Requests stored by older releases lack these fields, and compare equal to a request in which they have the defaults.
     """
-    return {name for name in ("denoise", "fresh", "strict", "verify", "views") if not getattr(request, name)} - (
+    return {name for name in ("denoise", "fresh", "strict", "vary", "verify", "views") if not getattr(request, name)} - (
         {"verify"} if request.verify == 0 else set()
     )
 
@@ -253,6 +256,17 @@ def _check_request(job: Job, scene: Scene | None, farm: Farm) -> None:
         )
     if scene.status == "ready":
         try:
+            _check_variation(job, scene)
             resolve(job, scene, farm.settings.max_pixels)
         except SettingsError as error:
             raise Invalid(with_full_stop(error), field=error.field) from None
+
+
+def _check_variation(job: Job, scene: Scene) -> None:
+    """Raises SettingsError if the request varies objects or materials that the scene does not have."""
+    if (given := job.request.get("vary")) is None:
+        return
+    variation, names = Variation.parse(given), (scene.info or {}).get("names") or {}
+    for section in ("objects", "materials"):
+        if section in names:
+            variation.check_names(section, names[section])

@@ -40,7 +40,7 @@ log = logging.getLogger(__name__)
 # Columns of a job's row, read by one call in C, since a list has a thousand rows.
 _COPIED_COLUMNS = (
     *("id", "scene", "name", "state", "error", "reproduce", "priority", "created", "started", "finished"),
-    *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "note"),
+    *("spp", "noise", "seconds", "tile_size", "focus", "kind", "settings", "note", "review"),
     *("user", "max_slots", "deadline", "late"),
 )
 _copied_values = attrgetter(*_COPIED_COLUMNS)
@@ -176,7 +176,8 @@ def _job_out(job: Job, recorded: Recorded, of_shot: ShotSums | None, view: Snaps
 
 def _requested_environment(job: Job) -> dict[str, Any] | None:
     """Returns the environment that a job's request sets; None if it uses the scene's own."""
-    found = {name: value for name, value in (job.request.get("environment") or {}).items() if value is not None}
+    requested: dict[str, Any] = job.request.get("environment") or {}
+    found = {name: value for name, value in requested.items() if value is not None}
     return {**found, "name": job.light} if "image" in found else found or None
 
 

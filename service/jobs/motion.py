@@ -54,4 +54,5 @@ def _vectors_request(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors
         camera=job.request.get("camera"),
         view=requested_view(job.request, n),
         turntable=shot.turntable,
+        vary=job.request.get("vary"),
     )

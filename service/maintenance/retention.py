@@ -290,7 +290,7 @@ class Retention:
         return done
 
     def _drop_compiled(self, item: Item) -> bool:
-        done = []
+        done: list[Item] = []
 
         def clear_compiled(session: Session) -> set[str]:
             scene = session.get(Scene, item.id, with_for_update=True)

@@ -171,9 +171,10 @@ class SampleReuse:
         pixels = settings["width"] * settings["height"]
         spp = samples / (pixels * len(reused))
         job.kind = main.kind
-        job.taken = {"job": main.id, "spp": round(spp, 3), "samples": samples}
+        taken: dict[str, Any] = {"job": main.id, "spp": round(spp, 3), "samples": samples}
         if job.shot is not None:
-            job.taken["frames"] = frames_text([frame_number(key) for key in sorted(reused)])
+            taken["frames"] = frames_text([frame_number(key) for key in sorted(reused)])
+        job.taken = taken
         history = History(events=[[round(time.time(), 2), "taken", main.id]])
         with self._sessions() as session:
             of_source = History.parse(session.scalar(select(Job.history).where(Job.id == main.id)))

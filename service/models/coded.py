@@ -21,5 +21,5 @@ class Coded(BaseModel):
 
     @model_validator(mode="before")
     @classmethod
-    def _with_codes(cls, data: Any) -> Any:
+    def _with_codes(cls, data: Any) -> Any:  # type: ignore[operator,unused-ignore]
         return {**data, "codes": codes_of(data)} if isinstance(data, dict) and "codes" not in data else data

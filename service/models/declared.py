@@ -44,7 +44,8 @@ def _field(each: DeclaredSetting, of_scene: bool) -> tuple[Any, Any]:
     if of_scene or each.optional:
         kind, default = kind | None, None
         names += [None] if names else []
-    return kind, Field(default, description=sentences(each), json_schema_extra={"enum": names} if names else None)
+    schema: dict[str, Any] | None = {"enum": names} if names else None
+    return kind, Field(default, description=sentences(each), json_schema_extra=schema)
 
 
 def _validator(each: DeclaredSetting) -> Callable[[Any], Any]:

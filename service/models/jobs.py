@@ -12,11 +12,13 @@ from renderer.frames import MAX_FRAME, MAX_FRAMES, parse_frames
 from renderer.presets import PRESETS
 from renderer.sentences import Sentence
 from renderer.settings import ENVIRONMENT, MAX_SPP, OPTIONAL, SETTINGS, VIEW, Vec3, View
+from renderer.variation import Variation
 from renderer.work import ORDERS, SHOT, WORK
 from service.errors import Invalid
 from service.intake.names import plain_note, plain_title
 from service.models.coded import Coded
 from service.models.declared import with_fields
+from service.models.notes import ReviewOut
 from service.models.queue import QueueOptionsIn, QueueOut, QueuePatch
 from service.models.strict import Strict
 
@@ -67,14 +69,23 @@ def _frames_text(value: str | int | float) -> str:
     return text
 
 
+class DistortionIn(Strict):
+    """A lens distortion, with OpenCV's coefficients in OpenCV's order: k1, k2, p1, p2, k3 ... k6, or of a fisheye k1 ... k4."""
+
+    model: Literal["brown", "fisheye"]
+    coefficients: list[float] = Field([], max_length=8)
+
+
 @with_fields(VIEW)
 class ViewModel(Strict):
     """A camera in world space; lengths in the scene's unit."""
 
+    distortion: DistortionIn | None = Field(None, description="of a perspective camera without an aperture")
+
     @model_validator(mode="after")
     def _is_valid_view(self) -> ViewModel:
         try:
-            View(**dict(self))
+            View(**self.model_dump())
         except SettingsError as error:
             raise ValueError(str(error)) from None
         return self
@@ -140,6 +151,12 @@ class JobIn(QueueOptionsIn):
         description="a camera of your own for each frame, in the frames' order, instead of `camera`; `frames` is then 0 to n - 1 "
         "unless told",
     )
+    vary: dict[str, Any] | None = Field(
+        None,
+        max_length=6,
+        description="how the scene varies from frame to frame, by seed: distributions of `objects`, `materials`, `lights` and "
+        "`environment`; with `seed` and `every`",
+    )
     spp: int | None = None
     noise: float | None = None
     seconds: float | None = None
@@ -186,6 +203,16 @@ class JobIn(QueueOptionsIn):
     @classmethod
     def _is_plain_name(cls, value: str | None) -> str | None:
         return None if value is None else _plain_text(value, "name")
+
+    @field_validator("vary")
+    @classmethod
+    def _is_variation(cls, value: dict[str, Any] | None) -> dict[str, Any] | None:
+        if value is not None:
+            try:
+                Variation.parse(value)
+            except SettingsError as error:
+                raise ValueError(str(error)) from None
+        return value
 
     @field_validator("frames")
     @classmethod
@@ -248,7 +275,7 @@ class JobIn(QueueOptionsIn):
     @property
     def is_shot(self) -> bool:
         """Returns True if the request is for a shot: for anything other than one still image of the scene's beginning."""
-        if self.views is not None:
+        if self.views is not None or self.vary is not None:
             return True
         return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 
@@ -399,6 +426,7 @@ class JobOut(QueueOut):
     denoise: bool = Field(description="its pictures are shown and saved denoised first, once it is finished")
     pinned: bool = Field(description="kept, whatever its age")
     note: str | None = Field(description="what somebody wrote about it")
+    review: ReviewOut | None = Field(default=None, description="null: it has neither notes nor a verdict")
     taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")
     doubted: list[str] = Field(
         description="workers that were found out since to render something else than others, and whose samples it holds: "

@@ -110,6 +110,9 @@ class WorkerOut(Coded):
     speeds: list[float] = Field(description="samples a second of all its slots: a mean a minute, of the last hour, newest last")
     cards: list[CardOut] = Field([], description="graphics cards with which its slots render")
     cards_unused: list[str] = Field([], description="why other graphics cards are not used, a sentence each")
+    transport: Literal["redis", "https"] = Field(
+        "redis", description="how it reaches the queue: https: through the service alone"
+    )
     offer: OfferOut | None = Field(description="null: a worker of an older release, which can only be paused and has no tags")
 
 
@@ -123,6 +126,7 @@ def worker_out(report: WorkerReport, why: str | None, view: Snapshot) -> WorkerO
             **asdict(report),
             "current": current,
             "state": report.state if why is None else "paused",
+            "transport": report.transport or "redis",
             "cards_unused": [from_text(each) for each in report.cards_unused],
         },
         message=why or (offer.why if offer is not None and report.state == "paused" else None),

@@ -161,7 +161,7 @@ def _explained_out(
     found: the explanation (worker/work/explain.py). at: x, y and frame number. sums: the film's sums of the pixel's `count`
     samples; None if workers of another kind rendered the film.
     """
-    names = (scene.info or {}).get("names") or {}
+    names: dict[str, Any] = (scene.info or {}).get("names") or {}
     for path in found["paths"]:
         for vertex in path["vertices"]:
             for of in ("object", "material"):
@@ -254,6 +254,7 @@ def _explain_request(
                 view=requested_view(job.request, frame_number(row.number)),
                 turntable=shot.turntable,
                 shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
+                vary=job.request.get("vary"),
             )
     try:
         asked = RenderSettings.from_json(settings or {})

@@ -5,16 +5,17 @@ from __future__ import annotations
 import os
 import tempfile
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import anyio
 from fastapi import Path as PathParameter
-from fastapi import Request, Response
+from fastapi import Query, Request, Response
 from fastapi.responses import FileResponse, StreamingResponse
 from starlette.background import BackgroundTask
 from starlette.concurrency import run_in_threadpool
 
 from protocol.blends import converted_files
+from protocol.channel import CHANNEL_PATH, HTTPS, name_suffix
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from renderer.sentences import Sentence
 from service.errors import Conflict, Invalid, NotFound, TooLarge
@@ -37,16 +38,26 @@ router = api_router(prefix="/api/farm", tags=["farm"])
 
 
 @router.get("/join")
-def join(farm: FarmDependency, visit: VisitDependency) -> dict[str, str]:
+def join(
+    farm: FarmDependency,
+    visit: VisitDependency,
+    transport: Annotated[Literal["redis", "https"], Query(description="https: the worker has no access to Redis")] = "redis",
+) -> dict[str, str]:
     """Returns the address of Redis, and data by which a worker on the same machine recognises the service's files.
 
-    A worker that authenticates with a worker token also gets a Redis password of its own.
+    A worker that authenticates with a worker token also gets a Redis password of its own. A worker that joins over HTTPS gets
+    neither of these, but what its name must end with. `channel` is the WebSocket that replaces Redis, if the farm allows it.
     """
-    data = str(farm.settings.data) if farm.blobs.is_local else ""
-    redis_url, key = farm.settings.worker_redis_url, visit.caller.key if visit.caller is not None else None
+    key = visit.caller.key if visit.caller is not None else None
+    told = {"instance": farm.instance, "reduces": "yes", "name_suffix": name_suffix(key)}
+    if farm.settings.https_workers:
+        told["channel"] = CHANNEL_PATH
+    if transport == HTTPS:
+        return told | {"redis_url": "", "data_dir": ""}
+    redis_url = farm.settings.worker_redis_url
     if key is not None:
         redis_url = farm.redis_users.address_for(key, redis_url)
-    return {"redis_url": redis_url, "instance": farm.instance, "data_dir": data, "reduces": "yes"}
+    return told | {"redis_url": redis_url, "data_dir": str(farm.settings.data) if farm.blobs.is_local else ""}
 
 
 @router.get("/scenes/{id}/manifest")

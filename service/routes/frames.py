@@ -26,11 +26,12 @@ from renderer import aovs
 from renderer import film as film_math
 from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAMES, frame_key, frame_text
-from renderer.image import tonemap
+from renderer.image.tonemap import key_of
 from renderer.sentences import Sentence, with_full_stop
 from renderer.settings import Tile, group_names
 from service.errors import Invalid
 from service.farm import Farm
+from service.http.curve_name import CurveName
 from service.http.farm import FarmDependency
 from service.http.file_names import content_disposition, picture_name
 from service.http.head_requests import headers_response, is_head
@@ -55,11 +56,10 @@ router = api_router(prefix="/api/jobs/{id}/frames", tags=["frames"])
 
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
 FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
-CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
     "beside the colour. motion waits until a worker has made it. light:NAME is the light of a light group of the job, lights "
-    "that of all of them; cryptomatte is the mattes of a job with that setting"
+    "that of all of them; cryptomatte is the mattes of a job with that setting, alpha the coverage with background transparent"
 )
 MIX_HELP = (
     "the colour as a weighted sum of the job's light groups: NAME:GAIN or NAME:RED/GREEN/BLUE, separated by commas, as "
@@ -83,6 +83,7 @@ class Pixel(BaseModel):
     material: int | None
     object_name: str | None
     material_name: str | None
+    alpha: float | None = Field(None, description="share of the pixel that is covered; null before a visible background")
     lights: dict[str, list[float]] | None = Field(None, description="the light of each light group, by name; null without groups")
 
 
@@ -123,32 +124,26 @@ def get_frame(id: str, n: Number, farm: FarmDependency) -> FrameOut:
 async def image(
     id: str,
     n: Number,
-    extension: Literal["png", "exr", "jpg", "hdr", "rgb9e5"],
+    extension: Literal["png", "exr", "jpg", "avif", "jxl", "hdr", "rgb9e5"],
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
     aov: str = Query("color", max_length=200, description=AOV_HELP),
     denoise: bool = Query(False, description="without most of the noise; waits until a worker has made it"),
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
-    tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
+    tonemap_curve: CurveName = "neutral",
     width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
     mix: str = Query("", max_length=4000, description=MIX_HELP),
+    gain_map: bool = Query(False, description="jpg with a gain map (Ultra HDR), by which HDR displays show brighter highlights"),
     visible: bool = Query(False, description="png and jpg that would look black are exposed by what they show: for lists"),
 ) -> Response:
     """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
 
+    AVIF and JPEG XL have a high dynamic range (PQ): exposure applies, and a `tonemap` that is a view of a PQ display.
     The words of RGB9E5 are those of live tiles. The header X-Samples contains the number of its samples over all pixels; for a
     heat map, X-Span contains the range of values.
     """
-    if tonemap_curve not in tonemap.CURVES:
-        raise Invalid(
-            Sentence(
-                "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; the curves are {curves}.",
-                name=repr(tonemap_curve[:60]),
-                curves=[*tonemap.CURVES],
-            )
-        )
+    curve = await run_in_threadpool(farm.curves.find, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
     planes, in_layers = _requested_planes(aov, job)
     if denoise and planes:
@@ -158,13 +153,13 @@ async def image(
         raise Invalid(
             Sentence("mix-only-colour", "mix: only the colour can be mixed, without denoise; leave aov and denoise out.")
         )
-    PictureRequest(extension, planes, in_layers, width=width).check()
+    PictureRequest(extension, planes, in_layers, curve=curve, width=width, gain_map=gain_map).check()
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
     denoised = await _denoised_artifact(id, n, film, farm) if denoise and not asks_head else None
     if denoised is not None:
         version, samples = denoised.version, denoised.samples
-    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {tonemap_curve} {width} {visible} {gains}"
+    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains} {gain_map}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
     known = request.headers.get("if-none-match", "")
@@ -184,13 +179,14 @@ async def image(
         planes,
         in_layers,
         exposure,
-        tonemap_curve,
+        curve,
         width,
         blob,
         motion,
         names_of_ids=names,
         visible=visible,
         gains=gains,
+        gain_map=gain_map,
     )
     folder = farm.settings.data / "tmp"
     made = await farm.pictures.run(
@@ -252,13 +248,15 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
     at, tile = _tile_at(film, x, y)
     sums = film.tile_sums(frame_key(n), at)
     sums = (
-        np.zeros((film_math.plane_count(len(film.groups)), 1, 1), np.int64)
+        np.zeros((film_math.plane_count(len(film.groups), film.is_transparent), 1, 1), np.int64)
         if sums is None
         else sums[:, y - tile.y, x - tile.x, None, None]
     )
     values: dict[str, Any] = {name: aovs.values(sums, film.film_exponent, name)[0, 0].tolist() for name in aovs.AOVS}
     if not math.isfinite(values["error"]):
         values["error"] = None
+    if film.is_transparent:
+        values["alpha"] = float(aovs.values(sums, film.film_exponent, aovs.ALPHA, film.groups)[0, 0])
     if film.groups:
         values["lights"] = {
             name: film_math.mean(sums, film.film_exponent, film_math.group_planes(k))[0, 0].tolist()
@@ -312,8 +310,9 @@ def _requested_planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:
     asked = [name.strip() for name in text.split(",")]
     settings = job.settings or {}
     groups = group_names(settings.get("light_groups", ""))
+    wanted = (name for name in asked if name not in ("color", ""))
     try:
-        names = aovs.parse_names((name for name in asked if name not in ("color", "")), groups, settings.get("cryptomatte", 0))
+        names = aovs.parse_names(wanted, groups, settings.get("cryptomatte", 0), settings.get("background") == "transparent")
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
     return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (

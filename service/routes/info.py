@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any
 
 from renderer import __version__, aovs
@@ -31,6 +32,7 @@ def info(farm: FarmDependency) -> dict[str, Any]:
         },
         **described(),
         "curves": list(CURVES),
+        "views": [asdict(view) for view in farm.curves.views],
         "aovs": list(aovs.NAMES),
         "channels": aovs.described(),
         "denoise": farm.engine.snapshot.roster.denoising_kind() is not None,

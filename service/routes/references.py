@@ -14,10 +14,9 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 from starlette.concurrency import run_in_threadpool
 
-from renderer.image import tonemap
 from renderer.sentences import Sentence
-from service.errors import Invalid
 from service.farm import Farm
+from service.http.curve_name import CurveName
 from service.http.farm import FarmDependency
 from service.http.file_names import content_disposition
 from service.http.head_requests import headers_response, is_head
@@ -123,29 +122,20 @@ async def reference_image(
     farm: FarmDependency,
     visit: VisitDependency,
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
-    tonemap_curve: str = Query(
-        "neutral", alias="tonemap", json_schema_extra={"enum": list(tonemap.CURVES)}, description="for png and jpg"
-    ),
+    tonemap_curve: CurveName = "neutral",
 ) -> Response:
     """Returns a reference picture, as it is compared with renderings, as a picture file. /file returns the uploaded file."""
-    if tonemap_curve not in tonemap.CURVES:
-        raise Invalid(
-            Sentence(
-                "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; the curves are {curves}.",
-                name=repr(tonemap_curve[:60]),
-                curves=[*tonemap.CURVES],
-            )
-        )
+    curve = await run_in_threadpool(farm.curves.find, tonemap_curve)
     row = await run_in_threadpool(_find_reference, id, farm)
-    headers = {**CACHE_HEADERS, "Content-Disposition": content_disposition(f"{row.name.rpartition('.')[0]}.{extension}")}
+    caching = CACHE_HEADERS if isinstance(curve, str) else {"Cache-Control": "no-cache"}  # the config of views may change
+    headers = {**caching, "Content-Disposition": content_disposition(f"{row.name.rpartition('.')[0]}.{extension}")}
     if is_head(request):
         return headers_response(headers, MEDIA[extension])
     made = await farm.pictures.run(
-        ("reference", id, extension, exposure, tonemap_curve),
+        ("reference", id, extension, exposure, curve),
         film_picture.film_picture_memory(row.width, row.height),
         lambda: film_picture.film_picture(
-            farm.blobs.serve(row.film["sha256"]).chunks, extension, exposure, tonemap_curve, farm.settings.data / "tmp"
+            farm.blobs.serve(row.film["sha256"]).chunks, extension, exposure, curve, farm.settings.data / "tmp"
         ),
         user=visit.queue,
     )

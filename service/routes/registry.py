@@ -4,6 +4,7 @@ from starlette.routing import BaseRoute
 
 from service.routes import (
     addon,
+    channel,
     environments,
     events,
     examples,
@@ -18,6 +19,7 @@ from service.routes import (
     kernels,
     live,
     login,
+    notes,
     openid,
     people,
     projects,
@@ -31,6 +33,7 @@ from service.routes import (
     sites,
     snapshots,
     tokens,
+    view_table,
     viewport,
     workers,
 )
@@ -46,6 +49,7 @@ ROUTES: list[BaseRoute] = [
         jobs,
         job_history,
         share_links,
+        notes,
         frames,
         explain,
         shot_files,
@@ -59,8 +63,10 @@ ROUTES: list[BaseRoute] = [
         hooks,
         examples,
         info,
+        view_table,
         addon,
         farm,
+        channel,
         kernels,
         retention,
         health,

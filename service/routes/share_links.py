@@ -2,25 +2,25 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from fastapi import Depends, Query, Request
+from fastapi import Query, Request
 from fastapi.responses import Response
 from pydantic import BaseModel, ConfigDict, Field
 from starlette.concurrency import run_in_threadpool
 
 from renderer.frames import parse_frames
-from renderer.sentences import Sentence
 from service.access.keys import Share
 from service.access.roles import OWNER, Role
-from service.errors import NotFound
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
-from service.http.visit import VisitDependency, bearer_token
+from service.http.share_links import ShareDependency, may_comment
+from service.http.visit import VisitDependency
 from service.jobs.describe import describe
 from service.jobs.lookup import find_job
 from service.models.jobs import JobState
+from service.models.notes import ReviewOut
 from service.routes import frames
 from service.store.models import Key
 
@@ -31,14 +31,17 @@ router = api_router(prefix="/api", tags=["jobs"])
 DAY_S = 86400.0
 MAX_DAYS = 365
 PAGE = "shared/"
-LINK_INVALID = Sentence("share-link-invalid", "This link has expired or was withdrawn. Ask for a new one.")
+
+
+Permission = Literal["view", "comment"]
 
 
 class ShareLinkIn(BaseModel):
-    """A link to create. days: the link's lifetime."""
+    """A link to create. days: the link's lifetime. permission: view: the picture alone; comment: also notes and a verdict."""
 
     model_config = ConfigDict(extra="forbid")
 
+    permission: Permission = "view"
     days: float = Field(7.0, gt=0, le=MAX_DAYS, allow_inf_nan=False)
 
 
@@ -47,6 +50,7 @@ class ShareLinkOut(BaseModel):
 
     id: str
     user: str
+    permission: Permission
     created: float
     expires: float | None
 
@@ -69,6 +73,8 @@ class SharedJob(BaseModel):
     samples_per_pixel: int | None = Field(description="null: until a noise level or a time is reached")
     frames: list[float] = Field(description="numbers of the frames; of a still one")
     expires: float | None = Field(description="when the link expires")
+    may_comment: bool = Field(description="whether the link allows notes and a verdict")
+    review: ReviewOut | None = Field(description="null: there is none, or the link only shows the picture")
 
 
 @router.get("/jobs/{id}/links", response_model=list[ShareLinkOut])
@@ -82,10 +88,12 @@ def list_share_links(id: str, farm: FarmDependency) -> list[ShareLinkOut]:
 def make_share_link(id: str, body: ShareLinkIn, visit: VisitDependency, farm: FarmDependency) -> NewShareLink:
     """Creates a link that shows this job, and nothing else, without an account.
 
-    The link is valid only as long as its creator may see the job.
+    The link is valid only as long as its creator may see the job, and allows notes only as long as its creator may change it.
     """
     find_job(id, farm)
-    secret, row = farm.access.keys.create("share", visit.user or OWNER, Role.VIEW, id, body.days * DAY_S)
+    secret, row = farm.access.keys.create(
+        "share", visit.user or OWNER, Role.VIEW, id, body.days * DAY_S, comments=body.permission == "comment"
+    )
     return NewShareLink(**_share_out(row).model_dump(), path=f"{PAGE}#{secret}")
 
 
@@ -93,20 +101,6 @@ def make_share_link(id: str, body: ShareLinkIn, visit: VisitDependency, farm: Fa
 def withdraw_share_link(id: str, link: str, farm: FarmDependency) -> None:
     """Revokes a link at once."""
     farm.access.keys.withdraw_share(id, link)
-
-
-def _share_of(request: Request, farm: FarmDependency) -> Share:
-    """Returns the share link of a request. Raises NotFound if the link is invalid, or its creator may no longer see the job."""
-    share = farm.access.keys.find_share(bearer_token(request.headers))
-    if share is None:
-        raise NotFound(LINK_INVALID)
-    projects = farm.access.projects
-    if not projects.visibility(share.creator).is_visible(projects.project_of("job", share.job)):
-        raise NotFound(LINK_INVALID)
-    return share
-
-
-ShareDependency = Annotated[Share, Depends(_share_of)]
 
 
 @router.get("/shared", response_model=SharedJob)
@@ -148,8 +142,11 @@ def _shared_job(share: Share, farm: Farm) -> SharedJob:
         samples_per_pixel=job.spp,
         frames=numbers or [0.0],
         expires=share.expires,
+        may_comment=(comments := may_comment(share, farm)),
+        review=job.review if comments else None,
     )
 
 
 def _share_out(row: Key) -> ShareLinkOut:
-    return ShareLinkOut(id=row.id, user=row.user, created=row.created, expires=row.expires)
+    permission: Permission = "comment" if row.comments else "view"
+    return ShareLinkOut(id=row.id, user=row.user, permission=permission, created=row.created, expires=row.expires)

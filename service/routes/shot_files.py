@@ -6,7 +6,7 @@ import re
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Literal
 
 from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
@@ -15,11 +15,12 @@ from starlette.concurrency import iterate_in_threadpool, run_in_threadpool
 from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_name, frame_number, parse_frames
-from renderer.image import tonemap
+from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence, with_full_stop
 from renderer.settings import group_names
 from service.errors import Conflict, Invalid
 from service.farm import Farm
+from service.http.curve_name import CurveName
 from service.http.farm import FarmDependency
 from service.http.file_names import content_disposition, title_of
 from service.http.head_requests import headers_response, is_head
@@ -40,12 +41,10 @@ __all__ = ["router"]
 
 router = api_router(prefix="/api/jobs/{id}", tags=["frames"])
 
-CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 CHECK_EVERY_S = 1.0
 DEFAULT_FPS = 24.0
 Frames = Query(None, max_length=2000, description="these alone, as 10-20 or 7,9")
 Exposure = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg")
-Curve = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg")
 
 
 @router.get("/frames.zip", response_class=Response, responses={200: {"content": {"application/zip": {}}}})
@@ -59,7 +58,7 @@ async def frames_zip(
     frames: str | None = Frames,
     aov: str = Query("color", max_length=200, description="for exr: layers beside the colour, as normal,depth or all"),
     exposure: float = Exposure,
-    tonemap_curve: str = Curve,
+    tonemap_curve: CurveName = "neutral",
 ) -> StreamingResponse:
     """Streams a zip with the frames as numbered files.
 
@@ -67,7 +66,7 @@ async def frames_zip(
     as it is finished.
     """
     job = await run_in_threadpool(find_job, id, farm)
-    wish = _picture_request(format, aov, exposure, tonemap_curve, job)
+    wish = _picture_request(format, aov, exposure, await run_in_threadpool(farm.curves.find, tonemap_curve), job)
     if any(map(aovs.is_matte, wish.planes)):
         wish = replace(wish, names_of_ids=await run_in_threadpool(names_of_ids, id, farm))
     found = await run_in_threadpool(_selected_frames, job, frames, farm)
@@ -105,10 +104,11 @@ async def get_movie(
     fps: float | None = Query(None, ge=1, le=240, allow_inf_nan=False, description="the shot's unless told"),
     width: int | None = Query(None, ge=16, description="a smaller film, at least this wide"),
     exposure: float = Exposure,
-    tonemap_curve: str = Curve,
+    tonemap_curve: CurveName = "neutral",
 ) -> StreamingResponse:
     """Returns the frames that have samples as a movie: H.264, AV1, or animated WebP; tone-mapped as for PNG."""
-    wish = PictureRequest(extension, exposure=exposure, curve=_curve(tonemap_curve), width=width)
+    curve = await run_in_threadpool(farm.curves.find, tonemap_curve)
+    wish = PictureRequest(extension, exposure=exposure, curve=curve, width=width)
     job = await run_in_threadpool(find_job, id, farm)
     chosen = await run_in_threadpool(_selected_frames, job, frames, farm)
     shown = {key: frame.samples for key, frame in chosen.items() if frame.samples}
@@ -163,31 +163,18 @@ def _is_selected(frame: FrameNumbers, which: str) -> bool:
     return frame.samples > 0 if which == "all" else frame.state == "finished"
 
 
-def _picture_request(format: str, aov: str, exposure: float, curve: str, job: Job) -> PictureRequest:
+def _picture_request(format: str, aov: str, exposure: float, curve: Curve, job: Job) -> PictureRequest:
     settings = job.settings or {}
     try:
         names = (name for name in map(str.strip, aov.split(",")) if name not in ("color", ""))
         groups = group_names(settings.get("light_groups", ""))
-        planes = aovs.parse_names(names, groups, settings.get("cryptomatte", 0))
+        planes = aovs.parse_names(names, groups, settings.get("cryptomatte", 0), settings.get("background") == "transparent")
     except SettingsError as error:
         raise Invalid(with_full_stop(error)) from None
     planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)
-    wish = PictureRequest(format, tuple(planes), bool(planes), exposure, _curve(curve))
+    wish = PictureRequest(format, tuple(planes), bool(planes), exposure, curve)
     wish.check()
     return wish
-
-
-def _curve(name: str) -> str:
-    if name not in tonemap.CURVES:
-        raise Invalid(
-            Sentence(
-                "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; the curves are {curves}.",
-                name=repr(name[:60]),
-                curves=[*tonemap.CURVES],
-            )
-        )
-    return name
 
 
 def _selected_frames(job: Job, frames: str | None, farm: Farm) -> dict[int, FrameNumbers]:

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import Path, Query, Request, Response
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel, Field
 from starlette.concurrency import run_in_threadpool
 
-from renderer.image import tonemap
+from renderer.image.tonemap import key_of
 from renderer.sentences import Sentence
-from service.errors import Invalid, NotFound
+from service.errors import NotFound
 from service.farm import Farm
+from service.http.curve_name import CurveName
 from service.http.farm import FarmDependency
 from service.http.file_names import content_disposition, picture_name
 from service.http.head_requests import headers_response, is_head
@@ -32,7 +33,6 @@ router = api_router(prefix="/api/jobs/{id}/snapshots", tags=["snapshots"])
 
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
 FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
-CURVES: dict[str, Any] = {"enum": list(tonemap.CURVES)}
 Spp = Annotated[int, Path(ge=1, le=1 << 31, description="samples a pixel: one of those that are listed")]
 
 
@@ -84,21 +84,13 @@ async def snapshot_image(
     farm: FarmDependency,
     visit: VisitDependency,
     exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
-    tonemap_curve: str = Query("neutral", alias="tonemap", json_schema_extra=CURVES, description="for png and jpg"),
+    tonemap_curve: CurveName = "neutral",
 ) -> Response:
     """Returns a snapshot as a picture file, with an error of at most 0.2 % of a pixel's brightest channel."""
-    if tonemap_curve not in tonemap.CURVES:
-        raise Invalid(
-            Sentence(
-                "tonemap-unknown",
-                "tonemap: {name} is not a tone curve; the curves are {curves}.",
-                name=repr(tonemap_curve[:60]),
-                curves=[*tonemap.CURVES],
-            )
-        )
+    curve = await run_in_threadpool(farm.curves.find, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
     found = await run_in_threadpool(_find_snapshot, id, spp, farm)
-    headers = {"ETag": _etag(id, found, f"{extension} {exposure} {tonemap_curve}"), "Cache-Control": "no-cache"}
+    headers = {"ETag": _etag(id, found, f"{extension} {exposure} {key_of(curve)}"), "Cache-Control": "no-cache"}
     if headers["ETag"] in request.headers.get("if-none-match", ""):
         return Response(status_code=304, headers=headers)
     headers["Content-Disposition"] = content_disposition(picture_name(job, 0, found.samples, "", extension))
@@ -108,9 +100,7 @@ async def snapshot_image(
     made = await farm.pictures.run(
         (id, "snapshot", headers["ETag"]),
         film_picture.film_picture_memory(width, height),
-        lambda: film_picture.film_picture(
-            _find_packet(id, spp, farm)[1], extension, exposure, tonemap_curve, farm.settings.data / "tmp"
-        ),
+        lambda: film_picture.film_picture(_find_packet(id, spp, farm)[1], extension, exposure, curve, farm.settings.data / "tmp"),
         user=visit.queue,
     )
     headers["Content-Length"] = str(made.size)

@@ -12,12 +12,13 @@ import contextlib
 import json
 import time
 from collections import deque
+from typing import Annotated, Any
 
 from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import Field, ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from protocol.viewport import FROM_CLIENT, Look, Pause, Pick, Refused, ViewState
+from protocol.viewport import FROM_CLIENT, Look, Pause, People, Pick, Presence, Refused, ViewState
 from protocol.websocket import NOT_FOUND, Acknowledge, FromService, read_client
 from renderer.sentences import Sentence, encoded, with_full_stop
 from service.errors import FarmError, NotFound
@@ -25,9 +26,13 @@ from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.problems import validation_message
 from service.http.routers import api_router
+from service.http.visit import VisitDependency
 from service.http.websocket_messages import throttled_messages
+from service.intake.names import plain_title
 from service.jobs.lookup import find_scene
-from service.models.jobs import JobIn
+from service.models.jobs import JobIn, ViewModel
+from service.models.notes import MAX_AUTHOR
+from service.models.strict import Strict
 from service.viewing.session import ViewSession
 from service.viewing.view_request import ViewRequest, resolve_view
 
@@ -37,6 +42,7 @@ router = api_router()
 
 MAX_UNACKNOWLEDGED = 2
 STATE_EVERY_S = 0.2
+PEOPLE_EVERY_S = 0.1
 KEEP_ALIVE_EVERY_S = 5.0
 MAX_WAIT_S = 0.25
 PREPARING_POLL_S = 0.1
@@ -59,8 +65,19 @@ class ViewIn(JobIn):
     noise: float | None = Field(None, gt=0, allow_inf_nan=False)
 
 
+Heights = Annotated[float, Field(ge=-100, le=100, allow_inf_nan=False)]  # lengths in heights of the picture
+
+
+class PresenceIn(Strict):
+    """What others see of a person who views the scene: see `Presence`."""
+
+    name: str | None = Field(None, max_length=MAX_AUTHOR)
+    cursor: tuple[Heights, Heights] | None = None
+    view: ViewModel | None = None
+
+
 @router.websocket("/api/scenes/{id}/viewport")
-async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
+async def viewport(socket: WebSocket, id: str, farm: FarmDependency, visit: VisitDependency) -> None:
     """Serves interactive views of a scene to one page."""
     await socket.accept()
     try:
@@ -71,12 +88,13 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
     except FarmError as error:
         await socket.close(1013, str(error)[:120])
         return
-    viewer = _Viewer(socket, id, farm)
+    viewer = _Viewer(socket, id, farm, visit.user)
     tasks = [asyncio.create_task(each) for each in (viewer.receive(), viewer.resolve_views(), viewer.send())]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
     finally:
         farm.views.close_session(viewer.session)
+        farm.visitors.leave(viewer.person)
         try:
             for task in tasks:
                 task.cancel()
@@ -88,8 +106,9 @@ async def viewport(socket: WebSocket, id: str, farm: FarmDependency) -> None:
 
 
 class _Viewer:
-    def __init__(self, socket: WebSocket, scene: str, farm: Farm) -> None:
+    def __init__(self, socket: WebSocket, scene: str, farm: Farm, user: str | None) -> None:
         self._socket = socket
+        self._user = user
         self._scene = scene
         self._farm = farm
         self._changed = asyncio.Event()
@@ -106,6 +125,9 @@ class _Viewer:
         self._notice: str | None = None  # why the requested view is not rendered yet
         self._rests_s = RETRY_EVERY_S
         self._held: str | None = None  # id of the scene's row
+        self.person = farm.visitors.enter(scene, user, self._changed.set)
+        self._sent_people: list[dict[str, Any]] = []
+        self._people_sent_at = 0.0
         loop = asyncio.get_running_loop()
 
         def wake() -> None:
@@ -121,6 +143,8 @@ class _Viewer:
                 self._handle_message(text)
             except ValidationError as error:
                 self._queue_error(with_full_stop(validation_message(error.errors()[0])))
+            except FarmError as error:
+                self._queue_error(str(error))
             except (ValueError, TypeError, OverflowError, RecursionError):
                 self._queue_error(INVALID_MESSAGE)
 
@@ -137,11 +161,21 @@ class _Viewer:
                 self._farm.views.pick(self.session, x, y)
             case Pause(paused):
                 self._farm.views.pause(self.session, paused)
+                self._farm.visitors.update(self.person, is_away=paused or self.person.view is None)
+            case Presence(presence):
+                self._show_presence(PresenceIn.model_validate(presence))
             case Look(view):
                 self._ask = ViewIn.model_validate(view)
                 self._asked.set()
             case None:
                 raise ValueError("no known key")
+
+    def _show_presence(self, shown: PresenceIn) -> None:
+        """Shows others the cursor and camera of this page's user. Raises Invalid if the name has control characters."""
+        name = self._user or plain_title(shown.name or "") or None
+        view = None if shown.view is None else shown.view.model_dump(mode="json")
+        is_away = self.session.is_paused or view is None
+        self._farm.visitors.update(self.person, name=name, cursor=shown.cursor, view=view, is_away=is_away)
 
     def _queue_error(self, detail: str, id: int | None = None) -> None:
         self._errors.append(Refused(id, detail))
@@ -237,11 +271,18 @@ class _Viewer:
                 self._unacknowledged.append(self._seq)
                 await self._socket.send_bytes(picture)
             await self._send_state()
+            await self._send_people()
             if picture is None:
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(self._changed.wait(), MAX_WAIT_S)
                 self._changed.clear()
         await self._socket.close(1012, Sentence("service-stopping", "The service is shutting down."))
+
+    async def _send_people(self) -> None:
+        people, now = self._farm.visitors.others(self.person), time.monotonic()
+        if people != self._sent_people and now - self._people_sent_at > PEOPLE_EVERY_S:
+            self._sent_people, self._people_sent_at = people, now
+            await self._socket.send_text(People(people).to_text())
 
     async def _send_state(self) -> None:
         session, now = self.session, time.monotonic()

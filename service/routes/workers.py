@@ -10,7 +10,7 @@ from renderer.sentences import Sentence
 from service.errors import Conflict, NotFound, Unavailable
 from service.farm import Farm
 from service.http.farm import FarmDependency
-from service.http.redaction import redacted_slots
+from service.http.redaction import REDACTED_SLOT, redacted_slots
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.models.workers import WorkerOut, WorkerPatch, worker_out
@@ -27,13 +27,17 @@ router = api_router(prefix="/api/workers", tags=["workers"])
 def list_workers(farm: FarmDependency, visit: VisitDependency) -> list[WorkerOut]:
     """Lists the connected workers by name: slots, processor, speed, and the current work of each slot.
 
-    Work for a project that is not visible to you is shown as {"hidden": true}.
+    Work for a project that is not visible to you is shown as {"hidden": true}, and so is all work to a worker.
     """
     view = farm.engine.snapshot
     roster = view.roster
     found = [worker_out(roster.reports[name], roster.orders.get(name), view) for name in sorted(roster.reports)]
+    is_worker = visit.caller is not None and visit.caller.is_worker
     for worker in found:
-        worker.current = redacted_slots(worker.current, visit.sight, farm.access.projects)
+        if is_worker:  # the ids of batches are what lets a worker report about them
+            worker.current = [REDACTED_SLOT if slot else slot for slot in worker.current]
+        else:
+            worker.current = redacted_slots(worker.current, visit.sight, farm.access.projects)
     return found
 
 

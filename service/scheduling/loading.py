@@ -120,7 +120,8 @@ class Loading:
             yield
         if not job.frames:
             return  # deleted concurrently, which is applied next
-        yield from job.prepare_in_steps()
+        for _ in job.prepare_in_steps():
+            yield
         job.history = History.parse(pending.history)
         self._add(job, row, scene, is_of_this_round=since == self._rounds)
 

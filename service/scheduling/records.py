@@ -116,7 +116,9 @@ class Records:
         """Returns the hashes of all blobs that the database refers to."""
         with self._sessions() as session:
             frames = session.scalars(select(Frame).where(Frame.compiled.is_not(None)))
-            owners = [*session.scalars(select(Scene)), *session.scalars(select(Environment)), *frames]
+            owners: list[Scene | Environment | Reference | Frame] = [*frames]
+            owners += session.scalars(select(Scene))
+            owners += session.scalars(select(Environment))
             owners += session.scalars(select(Reference))
             return {sha256 for owner in owners for sha256 in owner.blobs}
 
@@ -327,9 +329,10 @@ class Records:
                 return False
             if measured is not None:
                 session.execute(update(Scene).where(Scene.id == row.scene).values(measured=measured))
-            row.state, row.finished, row.active_s = "finished", time.time(), job.active_s
+            finished = time.time()
+            row.state, row.finished, row.active_s = "finished", finished, job.active_s
             if row.deadline is not None:
-                row.late = None if row.finished <= row.deadline else row.late or row.finished
+                row.late = None if finished <= row.deadline else row.late or finished
             if job.shot is not None and all(frame.state == "failed" for frame in job.frames.values()):
                 first = next(iter(job.frames.values()))
                 row.state, row.error = (

@@ -88,7 +88,7 @@ def digest(film: Film, frame: int, folder: Path) -> str:
     are smaller than IN_MEMORY_BYTES.
     """
     with film_faults(), tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES, dir=str(folder)) as file:
-        planes = plane_count(len(film.groups))
+        planes = plane_count(len(film.groups), film.is_transparent)
         for row, sums_of in _rows(film, frame, range(planes)):
             band = np.zeros((planes, row[0].h, film.width), "<i8")
             for tile, sums in sums_of:
@@ -109,7 +109,7 @@ def digest(film: Film, frame: int, folder: Path) -> str:
 
 def digest_memory(film: Film) -> int:
     """Returns the approximate peak memory of `digest`, in bytes."""
-    return IN_MEMORY_BYTES + 2 * plane_count(len(film.groups)) * film.tiles[0].h * film.width * 8
+    return IN_MEMORY_BYTES + 2 * plane_count(len(film.groups), film.is_transparent) * film.tiles[0].h * film.width * 8
 
 
 def _rows(film: ReadableFilm, frame: int, planes: Sequence[int]) -> Iterator[tuple[list[Tile], Iterator[tuple[Tile, Sums]]]]:

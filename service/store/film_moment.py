@@ -32,6 +32,7 @@ class ReadableFilm(Protocol):
     tiles: list[Tile]
     groups: tuple[str, ...]  # names of its light groups (RenderSettings.group_names)
     ranks: int  # RenderSettings.cryptomatte
+    is_transparent: bool  # RenderSettings.is_transparent: whether the last plane is the alpha
 
     def coverage(self, frame: int, tile: int) -> Coverage:
         """Returns the stored sample ranges of a tile."""
@@ -61,10 +62,11 @@ class FilmSnapshotView:
         tiles: list[Tile],
         groups: tuple[str, ...] = (),
         ranks: int = 0,
+        is_transparent: bool = False,
     ) -> None:
         """Opens a snapshot of an existing film file. Raises FilmUnavailable or FilmLost."""
         self.width, self.height, self.film_exponent, self.tiles, self.groups = width, height, film_exponent, tiles, groups
-        self.ranks = ranks
+        self.ranks, self.is_transparent = ranks, is_transparent
         self._coverage: dict[tuple[int, int], Coverage] | None = None
         with film_faults():
             self._database = sqlite3.connect(

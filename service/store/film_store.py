@@ -140,6 +140,7 @@ class FilmFolder:
                     on_use=self._record_use,
                     groups=settings.group_names,
                     ranks=settings.cryptomatte,
+                    is_transparent=settings.is_transparent,
                 )
                 self._films[job] = film
         film.open_file()  # slow, so outside the lock that all films share

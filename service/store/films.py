@@ -59,19 +59,21 @@ class Film:
         on_use: Callable[[Film], None] = lambda film: None,
         groups: tuple[str, ...] = (),
         ranks: int = 0,
+        is_transparent: bool = False,
     ) -> None:
         """Stores the parameters. The file is opened on demand.
 
         width, height, tile_size: in pixels. film_exponent: exponent of the fixed-point sums. cache: cache of tiles, shared by
         all films. epoch: number of this service's ownership of the farm, as in FilmFile. on_use: called whenever the file is
         used. groups: names of the light groups (RenderSettings.group_names).
-        ranks: RenderSettings.cryptomatte.
+        ranks: RenderSettings.cryptomatte. is_transparent: RenderSettings.is_transparent.
         """
         self.width = width
         self.height = height
         self.film_exponent = film_exponent
         self.groups = groups
         self.ranks = ranks
+        self.is_transparent = is_transparent
         self.tiles = tiles_of(width, height, tile_size)
         self._path = path
         self._shape = FilmShape(width, height, tile_size, film_exponent)
@@ -374,7 +376,8 @@ class Film:
             self.open_file()
             if self._file is None:
                 raise FilmUnavailable(Sentence("film-without-samples", "The film of this job has no samples yet."))
-            return FilmSnapshotView(self._path, self.width, self.height, self.film_exponent, self.tiles, self.groups, self.ranks)
+            shape = self.width, self.height, self.film_exponent, self.tiles
+            return FilmSnapshotView(self._path, *shape, self.groups, self.ranks, self.is_transparent)
 
     def _exists(self) -> bool:
         with film_faults():

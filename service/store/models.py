@@ -27,6 +27,7 @@ __all__ = [
     "Project",
     "Quota",
     "Reference",
+    "ReviewNote",
     "Scene",
     "ShareTerms",
     "Spent",
@@ -178,11 +179,32 @@ class Job(Base):
         JSON(none_as_null=True)
     )  # workers with untrusted samples: maintenance/taint.py
     note: Mapped[str | None] = mapped_column(Text)  # free text by a user
+    review: Mapped[dict[str, Any] | None] = mapped_column(JSON(none_as_null=True))  # service/jobs/notes.py; None: no review yet
 
     @property
     def compiled_scene_id(self) -> str:
         """The id of the scene to render: the uploaded one, or one derived from it."""
         return self.lit or self.scene
+
+
+class ReviewNote(Base):
+    """A note on a job's picture, or a reply to one. See service/jobs/notes.py."""
+
+    __tablename__ = "review_notes"
+    __table_args__ = (Index("review_notes_of_job", "job", "created"),)
+
+    id: Mapped[str] = mapped_column(String(20), primary_key=True)
+    job: Mapped[str] = mapped_column(ForeignKey("jobs.id", ondelete="CASCADE"))
+    reply_to: Mapped[str | None] = mapped_column(String(20))  # the note that it answers; None: it is no reply
+    frame: Mapped[int] = mapped_column(Integer)  # in half frames: renderer.frames.frame_key
+    x: Mapped[float | None] = mapped_column(Float)  # place as a fraction of the picture's width; None: the whole picture
+    y: Mapped[float | None] = mapped_column(Float)
+    author: Mapped[str] = mapped_column(String(64))  # the user's name, or the name that a guest typed
+    link: Mapped[str | None] = mapped_column(String(20))  # id of the share link that a guest used; None: written by a user
+    text: Mapped[str] = mapped_column(Text)
+    created: Mapped[float] = mapped_column(Float)
+    resolved: Mapped[float | None] = mapped_column(Float)
+    resolved_by: Mapped[str | None] = mapped_column(String(64))
 
 
 class Wait(Base):
@@ -376,6 +398,7 @@ class Key(Base):
     created: Mapped[float] = mapped_column(Float)
     expires: Mapped[float | None] = mapped_column(Float)
     seen: Mapped[float | None] = mapped_column(Float)
+    comments: Mapped[bool] = mapped_column(Boolean, default=False, server_default=false())  # a share link that allows notes
 
 
 class Delivery(Base):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Collection
+from typing import Any
 
 __all__ = ["senders_of", "senders_text"]
 
@@ -27,7 +28,7 @@ def senders_text(names: Collection[str]) -> str | None:
 def senders_of(text: str | None) -> frozenset[str]:
     """Decodes the worker names of a film row. A row marked ANY_WORKER gives a set that contains every name."""
     try:
-        found = json.loads(text) if text else []
+        found: Any = json.loads(text) if text else []
     except ValueError:
         found = []
     names = frozenset(str(name) for name in found) if isinstance(found, list) else frozenset()

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from protocol.pictures import decode_film
 from renderer.image import rgbe9995
+from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence
 from service.errors import Failed
 from service.watching.film_packet import GZIP
@@ -31,10 +32,10 @@ def radiance_of(packed: Iterable[bytes]) -> npt.NDArray[np.float32]:
     return rgbe9995.unpack(words)
 
 
-def film_picture(packed: Iterable[bytes], extension: str, exposure: float, curve: str, folder: Path) -> PictureBody:
+def film_picture(packed: Iterable[bytes], extension: str, exposure: float, curve: Curve, folder: Path) -> PictureBody:
     """Returns a picture file made from a gzip-compressed packet.
 
-    extension: the file format. exposure: in stops. curve: name of the tone curve. folder: for temporary files.
+    extension: the file format. exposure: in stops. curve: the tone curve. folder: for temporary files.
     """
     from renderer.image.encode import encode  # imported only if needed: OpenImageIO is large
 

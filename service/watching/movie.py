@@ -14,9 +14,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.encoder_priority import restored_priorities
 from renderer.errors import SettingsError
 from renderer.sentences import Sentence
-from service.watching.priority import restored_priorities
 
 if TYPE_CHECKING:
     import av

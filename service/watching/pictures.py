@@ -1,5 +1,7 @@
 """Picture files of a frame: colour, denoised colour, one AOV, or colour and AOVs as layers.
 
+With a transparent background, an EXR of the colour has associated alpha, a PNG straight alpha; others show it before black.
+
 Files are written in bands of rows from the top, so that only a few rows of tiles are in memory. Two kinds of pictures must be
 complete in memory first: display-encoded ones, and AOVs that are scaled to their range. `picture_memory` accounts for this.
 """
@@ -15,11 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs, cryptomatte
+from renderer.errors import SettingsError
 from renderer.film import Gain, plane_count
 from renderer.image import rgbe9995, tonemap
 from renderer.image.darkness import darkness
-from renderer.sentences import Sentence
-from service.errors import Invalid
+from renderer.image.tonemap import Curve
+from renderer.sentences import Sentence, with_full_stop
+from service.errors import Conflict, Invalid
 from service.store.bands import bands
 from service.store.films import Film
 from service.watching.downscale import reduced_bands, square_side
@@ -29,10 +33,14 @@ __all__ = ["MEDIA", "PictureRequest", "display_picture", "picture_file", "pictur
 
 F32 = npt.NDArray[np.float32]
 HEAT_MAP_PLANES = ("samples", "error")  # planes drawn as heat maps
+HDR_STILLS = ("avif", "jxl")
+HDR_STILL_BYTES = 140  # bytes per pixel: the signal, its planes, the encoder
 ROWS = 64  # rows of a denoised picture per band
 MEDIA = {
     "png": "image/png",
     "jpg": "image/jpeg",
+    "avif": "image/avif",
+    "jxl": "image/jxl",
     "exr": "image/x-exr",
     "hdr": "image/vnd.radiance",
     "rgb9e5": "application/octet-stream",
@@ -44,23 +52,25 @@ class PictureRequest:
     """The picture file that a client requests.
 
     extension: the file format, such as exr. planes: names of AOVs; empty for colour. in_layers: write the planes as layers in
-    addition to the colour, instead of one plane without the colour. exposure: in stops. curve: name of the tone curve. width:
+    addition to the colour, instead of one plane without the colour. exposure: in stops. curve: the tone curve. width:
     minimum width of a downscaled copy. denoised: function that opens the denoised colour, used in place of the film's; None:
     not denoised. motion: function that opens motion vectors, which films do not contain; they are the last of the planes.
     names_of_ids: names of objects and materials, for Cryptomatte. visible: a colour that would look black is
     exposed by what it shows, in addition to `exposure`. gains: of the light groups, for a colour mixed from them (film.mixed).
+    gain_map: whether a jpg has one, for displays of high dynamic range.
     """
 
     extension: str
     planes: tuple[str, ...] = ()
     in_layers: bool = False
     exposure: float = 0.0
-    curve: str = "neutral"
+    curve: Curve = "neutral"
     width: int | None = None
     denoised: Callable[[], BinaryIO] | None = None
     motion: Callable[[], BinaryIO] | None = None
     visible: bool = False
     gains: tuple[Gain, ...] = ()
+    gain_map: bool = False
     names_of_ids: Mapping[str, Sequence[str]] = field(default_factory=dict, compare=False)
 
     def check(self) -> None:
@@ -72,11 +82,26 @@ class PictureRequest:
                     "aov: cryptomatte is layers beside the colour; ask for image.exr with aov=color,cryptomatte, without width.",
                 )
             )
+        if self.extension in HDR_STILLS:
+            try:
+                tonemap.check_pq(self.curve)
+            except SettingsError as error:
+                raise Invalid(with_full_stop(error)) from None
+        if self.gain_map and (self.extension != "jpg" or not all(map(aovs.is_light, self.planes))):
+            raise Invalid(Sentence("gain-map-jpg-only", "gain_map: only the colour as image.jpg can have one; leave it out."))
         if self.in_layers and self.extension != "exr":
             raise Invalid(
                 Sentence(
                     "aov-one-plane-only",
                     "aov: a .{format} holds one channel; ask for one, or for image.exr.",
+                    format=self.extension,
+                )
+            )
+        if not all(map(aovs.is_light, self.planes)) and self.extension in HDR_STILLS:
+            raise Invalid(
+                Sentence(
+                    "aov-still-colour-only",
+                    "aov: a .{format} holds colour only; ask for image.exr or image.png.",
                     format=self.extension,
                 )
             )
@@ -107,8 +132,8 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
     side = square_side(request.width, film.width, film.height)
     width, height = film.width // side, film.height // side
     if request.extension in ("exr", "hdr"):
-        if request.in_layers:
-            names = (*RGB, *(channel for name in request.planes for channel in aovs.channels(name)))
+        if request.in_layers or _has_alpha(film, request):
+            names = (*RGB, *(channel for name in _names(film, request)[1:] for channel in aovs.channels(name)))
         else:
             names = aovs.channels(aovs.MOTION) if request.planes == (aovs.MOTION,) else RGB
         parts = (_grey_to_rgb(band) for band in reduced_bands(_values(film, frame, request), side))
@@ -117,6 +142,8 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
         return PictureBody.from_writer(
             lambda path: write_bands(path, parts, width, height, names, header), folder, f".{request.extension}"
         )
+    if request.extension in HDR_STILLS or request.gain_map:
+        return PictureBody.from_bytes(_hdr_still(film, frame, request, side), folder)
     if request.extension == "rgb9e5":
         words = _filled_from_top(
             np.empty((height, width), "<u4"), map(rgbe9995.pack, reduced_bands(_values(film, frame, request), side))
@@ -136,27 +163,65 @@ def picture_file(film: Film, frame: int, request: PictureRequest, folder: Path) 
 
 
 def display_picture(film: Film, frame: int, request: PictureRequest) -> npt.NDArray[np.uint8]:
-    """Returns the tone-mapped, display-encoded colour of a frame, or of one of its light groups, shape (h, w, 3) uint8."""
+    """Returns the tone-mapped, display-encoded colour of a frame, or of one of its light groups, shape (h, w, 3) uint8.
+
+    Of a PNG with a transparent background, it has straight alpha as a fourth channel.
+    """
     side = square_side(request.width, film.width, film.height)
-    return _filled_from_top(
-        np.empty((film.height // side, film.width // side, 3), np.uint8), _tone_mapped(film, frame, request, side)
-    )
+    shape = film.height // side, film.width // side, 4 if _has_alpha(film, request) else 3
+    return _filled_from_top(np.empty(shape, np.uint8), _tone_mapped(film, frame, request, side))
+
+
+def _has_alpha(film: Film, request: PictureRequest) -> bool:
+    """Returns True if the picture is of the film's colour, and has its alpha as a fourth channel."""
+    is_color = request.in_layers or not request.planes
+    return film.is_transparent and is_color and request.extension in ("exr", "png")
+
+
+def _names(film: Film, request: PictureRequest) -> tuple[str, ...]:
+    """Returns the names of the channels to write, in order; the alpha follows the colour."""
+    if not _has_alpha(film, request):
+        return request.names
+    return "color", aovs.ALPHA, *(name for name in request.planes if name != aovs.ALPHA)
 
 
 def picture_memory(film: Film, request: PictureRequest) -> int:
     """Returns the estimated peak memory of `picture_file`, in bytes."""
     side = square_side(request.width, film.width, film.height)
-    channels = sum(map(aovs.size, request.names))
+    channels = sum(map(aovs.size, _names(film, request)))
     tile = film.tiles[0]
-    of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * plane_count(len(film.groups)) * tile.w * tile.h * 8
+    of_bands = 5 * film.width * tile.h * 4 * max(channels, 3) + 3 * _planes(film) * tile.w * tile.h * 8
     if request.extension in ("exr", "hdr"):
         return of_bands
     if request.extension == "rgb9e5":
         return of_bands + 8 * film.width * film.height // side**2
+    if request.extension in HDR_STILLS or request.gain_map:
+        return of_bands + HDR_STILL_BYTES * film.width * film.height // side**2
     of_shown = (
         (64 if request.visible else 10) * film.width * film.height // side**2
     )  # rows, the encoder's copy, the file; its light
     return of_bands + of_shown + (8 * channels * film.width * film.height if request.planes else 0)
+
+
+def _planes(film: Film) -> int:
+    return plane_count(len(film.groups), film.is_transparent)
+
+
+def _hdr_still(film: Film, frame: int, request: PictureRequest, side: int) -> bytes:
+    """Returns an avif, jxl, or jpg with a gain map."""
+    from renderer.image.gain_map import encode_jpeg_with_gain_map  # imported only if needed: OpenImageIO is large
+    from renderer.image.hdr_still import encode_still, pq_picture
+
+    empty = np.empty((film.height // side, film.width // side, 3), np.float32)
+    if request.gain_map:
+        radiance = _filled_from_top(empty, reduced_bands(_values(film, frame, request), side))
+        return encode_jpeg_with_gain_map(radiance, request.exposure, request.curve)
+    parts = (pq_picture(band, request.exposure, request.curve) for band in reduced_bands(_values(film, frame, request), side))
+    signal = _filled_from_top(empty, parts)
+    try:
+        return encode_still(signal, request.extension)
+    except SettingsError as error:
+        raise Conflict(with_full_stop(error)) from None
 
 
 def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
@@ -165,7 +230,10 @@ def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
         yield from _with_motion(film, frame, request)
         return
     if request.denoised is None:
-        yield from bands(film, frame, request.names, request.names_of_ids, request.gains)
+        yield from bands(film, frame, _names(film, request), request.names_of_ids, request.gains)
+        return
+    if _has_alpha(film, request):
+        yield from _denoised_with_alpha(film, frame, request)
         return
     with request.denoised() as file:
         for y in range(0, film.height, ROWS):
@@ -173,10 +241,19 @@ def _values(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
             yield np.frombuffer(file.read(rows * film.width * 12), "<f4").reshape(rows, film.width, 3)
 
 
+def _denoised_with_alpha(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
+    """Yields bands of the denoised colour, with the film's alpha as a fourth channel."""
+    assert request.denoised is not None
+    with request.denoised() as file:
+        for alpha in bands(film, frame, [aovs.ALPHA]):
+            color = np.frombuffer(file.read(12 * alpha.shape[0] * film.width), "<f4").reshape(-1, film.width, 3)
+            yield np.concatenate([color, alpha], axis=2)
+
+
 def _with_motion(film: Film, frame: int, request: PictureRequest) -> Iterator[F32]:
     """Yields bands of the film's channels with the motion vectors appended as channels."""
     assert request.motion is not None
-    names = [name for name in request.names if name != aovs.MOTION]
+    names = [name for name in _names(film, request) if name != aovs.MOTION]
     with request.motion() as file:
         for band in bands(film, frame, names or ["samples"], request.names_of_ids):
             size = aovs.size(aovs.MOTION)
@@ -189,10 +266,13 @@ def _tone_mapped(film: Film, frame: int, request: PictureRequest, side: int) -> 
     exposure = request.exposure
     if request.visible:
         parts = [*parts]
-        dark = darkness(np.concatenate(parts))
+        dark = darkness(np.concatenate(parts)[..., :3])
         exposure += dark.exposure if dark else 0.0
     for band in parts:
-        yield tonemap.apply(band, exposure, request.curve)
+        if _has_alpha(film, request):
+            yield tonemap.apply_straight(band[..., :3], band[..., 3], exposure, request.curve)
+        else:
+            yield tonemap.apply(band, exposure, request.curve)
 
 
 def _whole_plane(film: Film, frame: int, request: PictureRequest) -> F32:

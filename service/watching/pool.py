@@ -102,7 +102,7 @@ class Pool:
             if self.pending_count == 1:  # the queue is empty after it
                 await anyio.to_thread.run_sync(trim_heap, limiter=self._limiter)
 
-    def _remove_task(self, key: Hashable, user: Hashable, task: asyncio.Task[Any]) -> None:
+    def _remove_task(self, key: Hashable, user: Hashable, task: asyncio.Future[Any]) -> None:
         del self._made[key]
         self._asked_by[user] -= 1
         if not self._asked_by[user]:

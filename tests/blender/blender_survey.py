@@ -351,7 +351,7 @@ SURVEY: dict[str, Survey] = {
     "camera-far": (_far, "end", "end"),
     "border": (_border, "", "region"),
     "pixel-aspect": (_render(pixel_aspect_x=2.0), "square", "square"),
-    "film-transparent": (_render(film_transparent=True), "ransparent film", "ransparent film"),
+    "film-transparent": (_render(film_transparent=True), "", ""),
     "two-eyes": (_two_eyes, "eye", "eye"),
     "holdout": (_thing(is_holdout=True), "holdout", "holdout"),
     "holdout-collection": (_held, "holdout", "holdout"),

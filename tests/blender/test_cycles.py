@@ -23,6 +23,7 @@ CYCLES = {
     "caustics_refractive": True,
     "use_fast_gi": False,
     "film_exposure": 1.0,
+    "film_transparent_glass": False,
     "rolling_shutter_type": "NONE",
     "texture_limit_render": "OFF",
     "use_camera_cull": False,
@@ -44,7 +45,7 @@ BUT_HOW = {
     *("use_surface_guiding", "use_volume_guiding", "use_deterministic_guiding"),
 }
 WITH = {  # reported together with other settings or by their feature
-    *("film_transparent_glass", "film_transparent_roughness", "camera_cull_margin", "distance_cull_margin"),
+    *("film_transparent_roughness", "camera_cull_margin", "distance_cull_margin"),
     *("rolling_shutter_duration", "fast_gi_method", "ao_bounces_render"),
     *("volume_bounces", "volume_step_rate", "volume_max_steps"),
     *("dicing_rate", "max_subdivisions", "dicing_camera", "offscreen_dicing_scale"),
@@ -94,7 +95,7 @@ def test_default_scene_has_no_warnings() -> None:
         ({"caustics_refractive": False}, "refractive caustics"),
         ({"use_fast_gi": True}, "Fast GI"),
         ({"film_exposure": 2.0}, "exposure of 2"),
-        ({"film_transparent": True}, "Transparent film"),
+        ({"film_transparent": True, "film_transparent_glass": True}, "Transparent Glass"),
         ({"use_multiview": True}, "Stereoscopy"),
         ({"pixel_filter_type": "GAUSSIAN"}, "Gaussian"),
         ({"filter_width": 4.0}, "4 wide"),

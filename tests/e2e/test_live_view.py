@@ -181,3 +181,43 @@ def test_one_finger_scrolls_page_on_phone(farm: Farm, browser: Browser) -> None:
     assert page.evaluate("scrollY") == 0
     assert page.evaluate("document.documentElement.scrollWidth") <= 375
     context.close()
+
+
+@pytest.mark.long
+def test_viewers_see_and_follow_each_other(farm: Farm, browser: Browser, watched: Watched) -> None:
+    view = LiveView(farm, watched)
+    context = browser.new_context(viewport={"width": 1100, "height": 600})
+    context.add_init_script(SOON_CLEAR)
+    context.add_init_script("localStorage['rayfarm.author'] = 'Ben'")
+    ben = context.new_page()
+    ben.goto(view.page.url)
+    view.page.get_by_role("button", name="Follow Ben").click()
+    box = ben.locator(".live-view").bounding_box()
+    assert box
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    ben.mouse.move(x, y)
+    ben.mouse.down()
+    ben.mouse.move(x + 60, y - 20, steps=4)
+    ben.mouse.up()
+    ben.mouse.move(box["x"] + 0.25 * box["width"], box["y"] + 0.75 * box["height"])
+    expect(ben).to_have_url(re.compile("view="))
+    turned = ben.url.partition("view=")[2]
+    expect(view.page).to_have_url(re.compile(f"view={re.escape(turned)}"))
+    expect(view.page.locator(".view-cursor")).to_have_text("Ben")
+    own = view.surface.bounding_box()
+    assert own
+
+    def is_at_place() -> bool:
+        cursor = view.page.locator(".view-cursor").bounding_box()
+        assert cursor
+        place = (cursor["x"] - own["x"]) / own["width"], (cursor["y"] - own["y"]) / own["height"]
+        return place == pytest.approx((0.25, 0.75), abs=0.02)
+
+    wait_until(is_at_place, 20, "the cursor is at the same place of the picture")
+    view.surface.focus()
+    view.page.keyboard.press("ArrowLeft")
+    expect(view.page.get_by_role("button", name="Follow Ben")).to_be_visible()
+    expect(view.page.locator(".view-cursor")).to_have_count(0)
+    context.close()
+    expect(view.page.locator(".view-person")).to_have_count(0)
+    assert watched.errors == []

@@ -73,9 +73,9 @@ def encoded_messages() -> dict[str, Any]:
         "manifest": Manifest("s1", "a.obj", [blob], "sky", None, None).to_json(),
         "render_batch": _without_settings(batch.to_json()),
         "joint_batch": {**joint, "whole": _without_settings(joint["whole"])},
-        "prepare_frames": asdict(frames),
+        "prepare_frames": frames.to_json(),
         "denoise": asdict(DenoiseFrame("w", "j", 0, 8, 6)),
-        "vectors": asdict(FrameVectors("w", "j", 0, "s", 8, 6, {})),
+        "vectors": FrameVectors("w", "j", 0, "s", 8, 6, {}).to_json(),
         "environment": asdict(ShowEnvironment("w", "e", "sky.hdr", "0" * 64, 9, 64)),
         "view_parts": _without_settings(
             ViewParts("m", "w", 3, "c" * 64, settings, [Part(1, Tile(0, 0, 4, 4), 0, 2)], True).to_json()

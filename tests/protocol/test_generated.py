@@ -51,6 +51,7 @@ def test_layout_has_no_padding_and_checks_version() -> None:
         (live.Have([1, 2]), live.FROM_CLIENT, '{"have": [1, 2]}'),
         (viewport.Pick(3, 4), viewport.FROM_CLIENT, '{"pick": [3, 4]}'),
         (viewport.Pause(True), viewport.FROM_CLIENT, '{"paused": true}'),
+        (viewport.Presence({"cursor": None}), viewport.FROM_CLIENT, '{"presence": {"cursor": null}}'),
         (viewport.Look({"id": 7, "width": 96}), viewport.FROM_CLIENT, '{"id": 7, "width": 96}'),
     ],
 )
@@ -71,6 +72,7 @@ def test_client_message_round_trip(message: FromClient, kinds: tuple[type[FromCl
             '"message": null}',
         ),
         (viewport.Refused(None, "No."), viewport.FROM_SERVICE, '{"type": "error", "id": null, "detail": "No."}'),
+        (viewport.People([{"id": 1}]), viewport.FROM_SERVICE, '{"type": "people", "people": [{"id": 1}]}'),
         (
             viewport.Picked(1, 2, [0, 0, 1], None, None, None),
             viewport.FROM_SERVICE,

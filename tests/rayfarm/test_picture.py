@@ -16,6 +16,7 @@ from protocol.reproduce import batch_command
 from rayfarm.errors import CommandError
 from rayfarm.options import Placement
 from rayfarm.picture import Picture, takes_picture
+from renderer.lens_distortion import LensDistortion
 from renderer.settings import (
     FILTERS,
     HEURISTICS,
@@ -68,6 +69,10 @@ def test_camera_is_selected_by_name_or_number_and_changed() -> None:
 def test_invalid_view_gives_reason() -> None:
     with pytest.raises(CommandError, match="eye and target are the same point"):
         parse_picture(["--eye=0,1,0"]).view(CAMERAS)
+    lens = parse_picture(["--distortion=brown,-0.2,0.05"]).view(CAMERAS).distortion
+    assert lens == LensDistortion("brown", (-0.2, 0.05))
+    with pytest.raises(CommandError, match="--distortion is 'brown,x'; it takes a model and numbers"):
+        parse_picture(["--distortion=brown,x"]).view(CAMERAS)
     with pytest.raises(CommandError, match="known are perspective"):
         parse_picture(["--projection=fish"]).view(CAMERAS)
     with pytest.raises(CommandError, match="0: front, 1: top"):

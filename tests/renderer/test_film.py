@@ -16,11 +16,14 @@ from renderer.film import (
     SAMPLE_MAX,
     SAMPLES,
     SAMPLES_HALF,
+    alpha,
+    alpha_plane,
     digest,
     error,
     in_half,
     mean,
     noise,
+    plane_count,
 )
 from renderer.settings import MAX_SPP
 
@@ -133,3 +136,17 @@ def test_error_is_infinite_where_unknown_and_zero_where_all_samples_agree():
     assert (error(film_of(np.ones((1, 2, 3, 3))), EXPONENT) == np.inf).all()
     assert (error(film_of(np.zeros((4, 2, 3, 3))), EXPONENT, relative=True) == 0).all()
     assert (error(film_of(np.ones((4, 2, 3, 3))), EXPONENT, relative=True) == 0).all()
+
+
+def test_alpha_is_the_coverage_and_the_blocked_part_of_what_catches_shadows() -> None:
+    """Half of the samples cover; a quarter of them are on a catcher of which three quarters of the light are blocked."""
+    sums = np.zeros((plane_count(1, True), 1, 4), np.int64)
+    first, one = alpha_plane(1), 1 << EXPONENT
+    sums[SAMPLES] = (8, 8, 8, 0)
+    sums[first] = (4 * one, 8 * one, 0, 0)
+    sums[first + 1] = (2 * one, 0, 8 * one, 0)
+    sums[first + 2] = (40, 0, 0, 0)  # without light nothing is blocked
+    sums[first + 3] = (10, 0, 0, 0)
+    assert alpha(sums, EXPONENT, 1).tolist() == [[0.5 + 0.25 * 0.75, 1, 0, 0]]
+    sums[first + 3] = 50  # more than without occlusion, by rounding
+    assert alpha(sums, EXPONENT, 1)[0, 0] == 0.5

@@ -97,6 +97,7 @@ class PeerWorker:
         explains: bool = True,
         tags: tuple[str, ...] | None = None,
         memory: int = 8 << 30,
+        transport: Literal["", "https"] = "",
     ) -> None:
         """Starts the worker. The bool arguments are capabilities that it reports.
 
@@ -116,6 +117,7 @@ class PeerWorker:
         self.explains = explains
         self.tags = tags
         self.memory = memory
+        self.transport: Literal["", "https"] = transport
         self.terms = Terms()
         self.unfit: str | None = None  # what its machine lacks
         self.passing = False  # whether that is temporary
@@ -181,6 +183,7 @@ class PeerWorker:
             several=self.several,
             views=self.views,
             explains=self.explains,
+            transport=self.transport,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 

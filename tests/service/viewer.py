@@ -32,6 +32,7 @@ class Viewer:
         self.states: list[dict[str, Any]] = []
         self.errors: list[dict[str, Any]] = []
         self.picked: list[dict[str, Any]] = []
+        self.people: list[dict[str, Any]] = []
         self.pictures: list[tuple[int, tuple[int, int]]] = []  # view id and size of each picture
         self.seq = 0
         self.words = np.zeros((0, 0), np.uint32)
@@ -59,7 +60,9 @@ class Viewer:
                 self._take(message)
                 continue
             said = json.loads(message)
-            {"state": self.states, "error": self.errors, "picked": self.picked}[said.pop("type")].append(said)
+            {"state": self.states, "error": self.errors, "picked": self.picked, "people": self.people}[said.pop("type")].append(
+                said
+            )
 
     def _take(self, message: bytes) -> None:
         version, kind, count, id, seq, width, height, _, _ = HEADER.unpack_from(message)

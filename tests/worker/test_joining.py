@@ -33,7 +33,7 @@ class Service(Link):
         super().__init__("http://service.invalid", "token")
         self.answers = list(answers)
 
-    def join(self) -> FarmAnswer:
+    def join(self, over_https: bool = False) -> FarmAnswer:
         answer = self.answers.pop(0) if len(self.answers) > 1 else self.answers[0]
         if isinstance(answer, Exception):
             raise answer
@@ -54,6 +54,37 @@ def test_join_waits_for_service_then_reports_starting(redis_url: str, store: red
     assert joined is not None
     assert (joined.farm, joined.redis_url, joined.name) == (answer, redis_url, "vm")
     assert said == ["waiting: no answer"]
+
+
+class Relay:
+    """A substitute for the relay, at the address of a real Redis."""
+
+    redis_url = ""
+
+    def __init__(self, service: str, token: str) -> None:
+        self.is_stopped = False
+
+    def is_running(self) -> bool:
+        return not self.is_stopped
+
+    def stop(self) -> None:
+        self.is_stopped = True
+
+
+@pytest.mark.parametrize("reaches_redis", [True, False])
+def test_worker_joins_over_https_where_redis_is_out_of_reach(
+    redis_url: str, store: redis.Redis, monkeypatch: pytest.MonkeyPatch, reaches_redis: bool
+) -> None:
+    monkeypatch.setattr("worker.joining.RelayProcess", Relay)
+    monkeypatch.setattr(Relay, "redis_url", redis_url)
+    told = redis_url if reaches_redis else "redis://127.0.0.1:1/0"
+    begun = joining(Service(FarmAnswer(told, "instance", "", has_channel=True, name_suffix=".key")), said := [])
+    begun.begin()
+    wait_until(lambda: store.get(worker_key("vm" if reaches_redis else "vm.key")) is not None, 5, "the report is there")
+    joined = begun.finish(lambda: False)
+    assert joined is not None
+    assert (joined.name, joined.relay is None) == (("vm", True) if reaches_redis else ("vm.key", False))
+    assert [line.partition(",")[0] for line in said] == ([] if reaches_redis else ["joining over HTTPS"])
 
 
 def test_rejection_ends_join() -> None:
@@ -152,6 +183,7 @@ def test_http_server_in_place_of_redis_is_detected() -> None:
 def test_invalid_settings_are_rejected_at_start(monkeypatch: pytest.MonkeyPatch) -> None:
     def check(**changed: object) -> None:
         plain = {"redis": None, "tag": [], "hours": "", "idle": 0.0, "nice": None, "memory": 0.0, "site": "", "blender": None}
+        plain |= {"transport": "auto"}
         program._check_settings(argparse.Namespace(**{**plain, **changed}))
 
     check()
@@ -165,6 +197,9 @@ def test_invalid_settings_are_rejected_at_start(monkeypatch: pytest.MonkeyPatch)
     ):
         with pytest.raises(RefusedError, match=sentence):
             check(**{name: value})
+    for name, value in (("redis", "redis://127.0.0.1/0"), ("site", "attic")):
+        with pytest.raises(RefusedError, match="--transport https"):
+            check(transport="https", **{name: value})
     monkeypatch.setenv("RAYFARM_PREPARE_MEMORY_MB", "much")
     with pytest.raises(RefusedError, match="RAYFARM_PREPARE_MEMORY_MB"):
         check(redis="redis://127.0.0.1/0")

@@ -16,6 +16,7 @@ from urllib.parse import urlsplit
 import httpx
 from redis.connection import ConnectionPool
 
+from protocol.channel import CHANNEL_PATH
 from protocol.contract import SAMPLES_HEADER, VERSION_HEADER, BlobRef, Manifest
 from renderer.library_messages import library_message
 from renderer.sentences import Sentence
@@ -39,12 +40,16 @@ class FarmAnswer:
 
     redis_url: address of the farm's Redis. instance: the service's id. data_dir: the service's data folder, a path on the
     service's machine. reduces: whether the service accepts results that a site's reducer has added up (protocol/site.py).
+    has_channel: whether the service replaces Redis for workers that cannot reach it (protocol/channel.py). name_suffix: what the
+    names of such workers end with.
     """
 
     redis_url: str
     instance: str
     data_dir: str
     reduces: bool = False
+    has_channel: bool = False
+    name_suffix: str = ""
 
 
 class Link:
@@ -105,9 +110,24 @@ class Link:
         """Drops the connections after a fork without closing the parent's sockets; the next request opens new ones."""
         self._client = None
 
-    def join(self) -> FarmAnswer:
-        """Joins the farm; returns its address of Redis and other data."""
-        data = self._fetch_object("/api/farm/join", "redis_url", "instance")
+    def join(self, over_https: bool = False) -> FarmAnswer:
+        """Joins the farm; returns its address of Redis and other data. over_https: without an address of Redis.
+
+        Raises RefusedError if a worker that joins over HTTPS is not possible there.
+        """
+        data = self._fetch_object("/api/farm/join?transport=https" if over_https else "/api/farm/join", "redis_url", "instance")
+        has_channel = data.get("channel") == CHANNEL_PATH
+        if over_https:
+            if not has_channel:
+                raise RefusedError(
+                    Sentence(
+                        "join-https-not-offered",
+                        "{service} takes no workers over HTTPS: it is of an older release, or RAYFARM_HTTPS_WORKERS is "
+                        "false there.",
+                        service=self.service,
+                    )
+                )
+            return FarmAnswer("", str(data["instance"]), "", bool(data.get("reduces")), True, str(data.get("name_suffix") or ""))
         told = data["redis_url"]
         try:
             if not isinstance(told, str):
@@ -124,7 +144,14 @@ class Link:
                     error=error,
                 )
             ) from None
-        return FarmAnswer(redis_url, str(data["instance"]), str(data.get("data_dir") or ""), bool(data.get("reduces")))
+        return FarmAnswer(
+            redis_url,
+            str(data["instance"]),
+            str(data.get("data_dir") or ""),
+            bool(data.get("reduces")),
+            has_channel,
+            str(data.get("name_suffix") or ""),
+        )
 
     def manifest(self, scene: str) -> Manifest:
         """Downloads the manifest of an uploaded scene."""

@@ -12,13 +12,14 @@ from redis.retry import Retry
 from protocol.contract import RESULTS, Result
 from worker.exchange.chunked_socket import chunked_redis
 
-__all__ = ["ResultStream"]
+__all__ = ["PIECE_TIMEOUT_S", "RELAYED_PIECE_TIMEOUT_S", "ResultStream"]
 
 # The service trims the stream after the merge. If it does not, workers wait at this many entries instead of filling the
 # broker's memory (a 64x64 batch packs to about 100 kB), and finally drop the result, which is rendered again.
 MAX_ENTRIES = 2000
 RETRY_FOR_S = 120.0
 PIECE_TIMEOUT_S = 10.0  # timeout of a piece of a result
+RELAYED_PIECE_TIMEOUT_S = 60.0  # through a relay, which holds some pieces; it finds out itself whether the line is dead
 
 log = logging.getLogger(__name__)
 
@@ -26,13 +27,19 @@ log = logging.getLogger(__name__)
 class ResultStream:
     """The RESULTS stream, for writing. Each process creates its own."""
 
-    def __init__(self, redis_url: str, max_entries: int = MAX_ENTRIES, timeout_s: float = RETRY_FOR_S) -> None:
+    def __init__(
+        self,
+        redis_url: str,
+        max_entries: int = MAX_ENTRIES,
+        timeout_s: float = RETRY_FOR_S,
+        piece_timeout_s: float = PIECE_TIMEOUT_S,
+    ) -> None:
         self.max_entries = max_entries
         self.timeout_s = timeout_s
         self._length = max_entries  # the stream's last known length
         self.redis = chunked_redis(
             redis_url,
-            socket_timeout=PIECE_TIMEOUT_S,
+            socket_timeout=piece_timeout_s,
             socket_connect_timeout=5,
             retry=Retry(ExponentialBackoff(cap=0.5, base=0.05), 2),
         )

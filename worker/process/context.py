@@ -12,6 +12,7 @@ from typing import Any
 
 from protocol.blends import blender_queue
 from protocol.card import card_queue
+from protocol.channel import HTTPS
 from protocol.contract import WorkerReport, denoise_queue, own_prepare_queue, prepare_queue, render_queue
 from protocol.joint import help_queue
 from protocol.view_parts import view_queue
@@ -21,7 +22,7 @@ from renderer.cuda.driver import Card
 from renderer.sentences import to_text
 from worker.exchange.cache import BlobCache
 from worker.exchange.link import Link
-from worker.exchange.results import ResultStream
+from worker.exchange.results import PIECE_TIMEOUT_S, RELAYED_PIECE_TIMEOUT_S, ResultStream
 from worker.machine.joint_pieces import Pieces
 from worker.machine.status import SlotBoard
 from worker.process.apply_terms import TermsKeeper
@@ -55,6 +56,7 @@ class WorkerContext:
     cards_unused: tuple[str, ...] = ()  # a sentence for each card that is not used
     is_beside_cpu: bool = False  # whether another worker of this machine renders with the CPU; this one only with its cards
     pieces: Pieces | None = None  # none where this machine has no folder for them
+    is_over_https: bool = False  # whether `redis_url` is that of a relay (worker/exchange/relay.py)
     _results: ResultStream | None = None
     _sites: SiteLink | None = None
 
@@ -74,11 +76,19 @@ class WorkerContext:
         queues += [blender_queue(self.kind)] if self.blender is not None else []
         return [*queues, denoise_queue(self.kind)] if denoise.is_available() else queues
 
+    def queue_of_returned(self, queue: str) -> str:
+        """Returns the queue for work that this worker gives back: `queue`, from which it came, or its own.
+
+        A worker over HTTPS may put messages only into its own queue. If it ends, their leases do too.
+        """
+        return help_queue(self.name) if self.is_over_https else queue
+
     @property
     def results(self) -> ResultStream:
         """The stream of results; each process opens its own connection."""
         if self._results is None:
-            self._results = ResultStream(self.redis_url)
+            timeout_s = RELAYED_PIECE_TIMEOUT_S if self.is_over_https else PIECE_TIMEOUT_S
+            self._results = ResultStream(self.redis_url, piece_timeout_s=timeout_s)
         return self._results
 
     @property
@@ -117,6 +127,7 @@ class WorkerContext:
             has_card_queue=bool(self.cards),
             cards=[self._card(card, slot) for slot, card in enumerate(self.cards)],
             cards_unused=[to_text(each) for each in self.cards_unused],
+            transport=HTTPS if self.is_over_https else "",
         )
 
     def _card(self, card: Card, slot: int) -> dict[str, Any]:

@@ -1,6 +1,8 @@
-"""Skips malformed messages in queues.
+"""Kombu's channel with the changes that workers need.
 
-Kombu raises any error of decoding, so such a message would end one worker after another.
+It skips malformed messages: kombu raises any error of decoding, so such a message would end one worker after another. And a
+worker over HTTPS keeps the messages that it has not acknowledged in its own memory, and puts those of killed slots into its own
+queue, since it may change no other. If the worker itself is killed, the service's leases end.
 """
 
 from __future__ import annotations
@@ -29,6 +31,17 @@ class ScriptlessRedis(Redis):
 class SkippingChannel(redis.Channel):
     """Kombu's Redis channel, which skips malformed messages."""
 
+    own_queue = ""  # for returned messages, if not the one that they came from
+
+    def _restore(self, message: Any, leftmost: bool = False) -> None:
+        """Puts an unacknowledged message back into its queue, or into the worker's own."""
+        if not self.own_queue:
+            super()._restore(message, leftmost)
+            return
+        returned = message.serializable()
+        returned["properties"]["delivery_info"]["redelivered"] = True
+        self._put(self.own_queue, returned)
+
     def _get_client(self) -> Any:
         super()._get_client()  # checks redis-py's version
         return ScriptlessRedis
@@ -41,6 +54,10 @@ class SkippingChannel(redis.Channel):
             return True  # something was read
 
 
-def skip_malformed_messages() -> None:
-    """Makes this process read all queues with SkippingChannel."""
+def skip_malformed_messages(own_queue: str = "") -> None:
+    """Makes this process read all queues with SkippingChannel.
+
+    own_queue: for returned messages, of a worker over HTTPS; "": they go back to the queue that they came from.
+    """
+    SkippingChannel.own_queue = own_queue
     redis.Transport.Channel = SkippingChannel

@@ -26,6 +26,7 @@ from renderer.scene.frame_reuse import ShotCache
 from renderer.scene.load import Shot
 from renderer.scene.scene_equality import compiles_alike
 from renderer.settings import View, chosen
+from renderer.variation import Variation
 from worker.reading.scene_folder import folder_of, mapped_scene
 
 __all__ = ["OpenScene", "frame_answerer", "serve_requests"]
@@ -55,7 +56,9 @@ def frame_answerer(
     base: the scene compiled at the shot's start. out: folder for compiled scenes.
     """
     begun = time.monotonic()
-    shot = Shot(folder, manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
+    variation = None if work.vary is None else Variation.parse(work.vary)
+    placed = manifest.environment, manifest.variant, manifest.up, manifest.floor
+    shot = Shot(folder, manifest.main, *placed, variation)
     stage = OpenScene(shot, work, base, out)
     opened_s = time.monotonic() - begun
 
@@ -87,7 +90,7 @@ class OpenScene:
         self._out = out
         # Each moment has a separate folder: an equal moment may be written while these files are being deleted.
         self._rooms = (out / str(number) for number in itertools.count())
-        self._start = shot.scene_at(Moment(shot.start))
+        self._start = shot.unvaried_at(Moment(shot.start))
         self._last: tuple[SceneDescription, CompiledScene, Path] | None = None  # valid until another moment is compiled
         self._auto: View | None = View.from_json(_without_none(work.base_auto)) if work.clip is None else None
         self._still: SceneDescription | None = None  # the description of a static scene, read once
@@ -149,7 +152,7 @@ class OpenScene:
     def _auto_view(self) -> View:
         """Returns the view of the automatic camera. It does not move, and frames the scene at the start of the clip."""
         if self._auto is None:
-            read = self._shot.scene_at(Moment(self._shot.start, self._work.fps, self._work.clip))
+            read = self._shot.unvaried_at(Moment(self._shot.start, self._work.fps, self._work.clip))
             if compiles_alike(read, self._start):
                 self._auto = View.from_json(_without_none(self._work.base_auto))
             else:

@@ -16,6 +16,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.description import SceneDescription
 from renderer.scene.load import Shot
 from renderer.settings import RenderSettings, View
+from renderer.variation import Variation
 from renderer.vectors import motion_vectors
 from worker.reading.scene_folder import folder_of
 
@@ -27,7 +28,9 @@ def vectors(folder: bytes, manifest: Manifest, work: FrameVectors, result: bytes
 
     folder: path of the scene's files. work: the frame, its size and its view. link: connection to the slot.
     """
-    shot = Shot(folder_of(folder), manifest.main, manifest.environment, manifest.variant, manifest.up, manifest.floor)
+    variation = None if work.vary is None else Variation.parse(work.vary)
+    placed = manifest.environment, manifest.variant, manifest.up, manifest.floor
+    shot = Shot(folder_of(folder), manifest.main, *placed, variation)
     moment = Moment(frame_number(work.frame), work.fps, work.clip)
     read = shot.between_frames(moment)
     fps, up = read.fps, read.up
@@ -51,7 +54,7 @@ def _views(shot: Shot, described: SceneDescription, compiled: CompiledScene, wor
         return cameras[number].view, cameras[number].keys
     if work.clip is None:
         return _view(work.auto), ()
-    start = shot.scene_at(replace(Moment(shot.start), fps=work.fps, clip=work.clip))
+    start = shot.unvaried_at(replace(Moment(shot.start), fps=work.fps, clip=work.clip))
     return View.from_json(summarise(start, compile_scene(start))["cameras"][-1]["view"]), ()
 
 

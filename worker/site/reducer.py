@@ -219,7 +219,7 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Length", "0")
         self.end_headers()
 
-    def log_message(self, *_: Any) -> None:
+    def log_message(self, format: str, *arguments: Any) -> None:
         """Logs nothing, since workers report failures."""
 
 

@@ -113,7 +113,7 @@ def send_all_sums(app: Celery, worker: WorkerContext) -> None:
 def _requeue(app: Celery, worker: WorkerContext, joint: JointBatch, pieces: tuple[Piece, ...]) -> None:
     rest = replace(joint, pieces=pieces)
     options: dict[str, Any] = {"ignore_result": True, "retry": False, "task_id": joint.whole.batch}
-    queue = joint.queue or render_queue(worker.kind)
+    queue = worker.queue_of_returned(joint.queue or render_queue(worker.kind))
     app.send_task(RENDER_JOINTLY, kwargs={"joint": rest.to_json()}, queue=queue, **options)
 
 

@@ -98,12 +98,6 @@ ROWS = (
     ),
     # Film
     _CheckedSetting(
-        "render",
-        "film_transparent",
-        bool,
-        lambda _: Sentence("cycles-film-transparent", "Transparent film: the world is visible behind the scene, without alpha"),
-    ),
-    _CheckedSetting(
         "cycles",
         "film_exposure",
         lambda value: abs(value - 1) > TOLERANCE,
@@ -146,6 +140,14 @@ MOVING = (
         "rolling_shutter_type",
         _other_than("NONE"),
         lambda _: Sentence("cycles-rolling-shutter", "The shutter opens everywhere at once, not as a rolling shutter"),
+    ),
+)
+TRANSPARENT = (
+    _CheckedSetting(
+        "cycles",
+        "film_transparent_glass",
+        bool,
+        lambda _: Sentence("cycles-transparent-glass", "Glass covers the transparent background (Transparent Glass)"),
     ),
 )
 SIMPLIFIED = (
@@ -223,7 +225,8 @@ def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_f
     cycles = getattr(scene, "cycles", None) if render.engine in ENGINES else None
     owners = {"render": render, "cycles": cycles, "layer": layer}
     moves = takes_time(scene, layer)
-    for row in (*ROWS, *(MOVING if moves else ()), *(SIMPLIFIED if render.use_simplify else ())):
+    further = (*(MOVING if moves else ()), *(TRANSPARENT if render.film_transparent else ()))
+    for row in (*ROWS, *further, *(SIMPLIFIED if render.use_simplify else ())):
         value = getattr(owners[row.owner], row.name, None)
         if value is not None and row.differs(value):
             warn(row.sentence(value))

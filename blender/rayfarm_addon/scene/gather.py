@@ -70,6 +70,7 @@ class _SceneExport:
         layer = graph.view_layer
         self.scene, self.known, self._changed, self._layer = scene, exported, changed, layer
         self.flags = Flags(graph.scene, layer)
+        self._is_transparent = bool(graph.scene.render.film_transparent)
         self._override = getattr(layer, "material_override", None)  # replaces all materials of the view layer
         self._keys: dict[int, str] = {}  # by the mesh's address in memory
         self._taken: dict[str, int] = {}
@@ -112,7 +113,8 @@ class _SceneExport:
         shown = [self._override or slot.material for slot in thing.material_slots] or [self._override]
         materials = tuple(self._default_material() if each is None else self.surfaces.add(each, density) for each in shown)
         hidden = {"unseen": not seen["camera"], "shadeless": not seen["shadow"]}
-        node = Node(self._unique(thing.name), key, materials, place, number=thing.pass_index, **hidden)
+        matte = self._matte(thing)
+        node = Node(self._unique(thing.name), key, materials, place, number=thing.pass_index, matte=matte, **hidden)
         self.scene.nodes.append(node)
         self.places[_identity(found)] = node
         return made
@@ -127,16 +129,26 @@ class _SceneExport:
         layer = self._layer
         if layer is not None and thing.original.indirect_only_get(view_layer=layer):
             seen["camera"] = False
-        is_held = getattr(thing, "is_holdout", False) or (layer is not None and thing.original.holdout_get(view_layer=layer))
-        for is_so, what in ((is_held, "a holdout"), (getattr(thing, "is_shadow_catcher", False), "a shadow catcher")):
-            if is_so:
-                self.scene.warn(f"{thing.name}: is {what} in Blender, and shown as any other object.")
         if is_linked_to_lights(thing):
             self.scene.warn(f"{thing.name}: lights all that it reaches (light linking is left out).")
         others = [words for kind, words in RAYS.items() if words and not seen[kind]]
         if others and any(seen.values()):
             self.scene.warn(f"{thing.name}: is seen {' and '.join(others)}, though not in Blender.")
         return seen
+
+    def _matte(self, thing: Any) -> str:
+        """Returns the `matte` of an object's Node. Before an opaque film the object is an ordinary one, with a warning."""
+        layer = self._layer
+        if getattr(thing, "is_holdout", False) or (layer is not None and thing.original.holdout_get(view_layer=layer)):
+            matte, what = "holdout", "a holdout"
+        elif getattr(thing, "is_shadow_catcher", False):
+            matte, what = "shadow_catcher", "a shadow catcher"
+        else:
+            return ""
+        if self._is_transparent:
+            return matte
+        self.scene.warn(f"{thing.name}: is {what} in Blender, and shown as any other object.")
+        return ""
 
     def _default_material(self) -> str:
         """Returns the key of the grey material for objects without a material."""

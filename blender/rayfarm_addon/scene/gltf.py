@@ -69,7 +69,7 @@ def _groups(scene: Scene) -> list[list[Node]]:
 
 
 def _appearance_key(node: Node) -> Any:
-    return node.mesh, node.materials, node.unseen, node.shadeless
+    return node.mesh, node.materials, node.unseen, node.shadeless, node.matte
 
 
 class _Writer:
@@ -115,6 +115,8 @@ class _Writer:
         if node.unseen or node.shadeless:
             self._used.add(RAYS)
             said["extensions"] = {RAYS: {"camera": not node.unseen, "shadow": not node.shadeless}}
+        if node.matte:
+            said["extras"] = {node.matte: True}
         if len(group) > 1:
             self._used.add(INSTANCING)
             t, r, s, _ = decompose(np.stack([each.place for each in group]))

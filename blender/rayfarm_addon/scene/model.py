@@ -46,7 +46,7 @@ class Node:
 
     materials: material keys by slot. place: the instance's transform. places: if the instance moves, its transforms at the
     shutter's keys. number: the object's pass index. unseen: the instance is invisible to the camera. shadeless: the instance does
-    not block the light of lamps.
+    not block the light of lamps. matte: "holdout", "shadow_catcher", or empty.
     """
 
     name: str
@@ -57,6 +57,7 @@ class Node:
     number: int = 0
     unseen: bool = False
     shadeless: bool = False
+    matte: str = ""
 
 
 @dataclass(frozen=True)

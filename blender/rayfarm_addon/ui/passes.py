@@ -80,7 +80,8 @@ def values(each: Pass, channels: Mapping[str, F32], shot: Shot, ids: Ids) -> F32
             found = found[..., None]
     cut = shot.crop(found)[::-1]
     if each.name == "Combined":
-        cut = np.concatenate([cut, np.ones((*cut.shape[:2], 1), np.float32)], axis=-1)
+        alpha = shot.crop(channels["A"])[::-1] if "A" in channels else np.ones(cut.shape[:2], np.float32)
+        cut = np.concatenate([cut, alpha[..., None]], axis=-1)
     return np.ascontiguousarray(cut, np.float32).reshape(-1, cut.shape[-1])
 
 

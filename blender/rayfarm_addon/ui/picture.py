@@ -41,6 +41,8 @@ def requested(scene: Any, spp: int) -> dict[str, Any]:
     """Returns the fields of a request that are set by the user in the scene's settings."""
     settings = scene.rayfarm
     found = {"spp": spp, "max_depth": settings.depth, "seed": settings.seed, "filter": settings.filter, **depths_of(scene)}
+    if scene.render.film_transparent:
+        found["background"] = "transparent"
     return found | ({"clamp_indirect": settings.clamp} if settings.clamp > 0 else {})
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from typing import Any
 
 from .exporter_support import differs_by_object, is_supported, view_dependent_label
@@ -112,7 +113,7 @@ def _materials_to_bake(objects: list[Any]) -> list[tuple[Any, list[Any], list[An
 def _unsupported_inputs(material: Any) -> list[Any]:
     """Returns the inputs of the material's Principled BSDF that are connected to nodes the exporter does not support."""
     output = material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
-    links = output.inputs["Surface"].links if output is not None else ()
+    links: Sequence[Any] = output.inputs["Surface"].links if output is not None else ()
     node = links[0].from_node if links else None
     if node is None or node.type != "BSDF_PRINCIPLED":
         return []

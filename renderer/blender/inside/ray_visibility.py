@@ -9,7 +9,7 @@ from .glb import Glb
 from .light_links import has_shadow_links
 from .sentences import Sentence
 
-__all__ = ["RAYS", "note_rays", "ray_flags_of", "write_extensions"]
+__all__ = ["RAYS", "matte_flags_of", "note_rays", "ray_flags_of", "write_extensions"]
 
 RAYS = "RAYFARM_node_rays"  # read by renderer/scene/readers/gltf/nodes.py
 OTHERS = {
@@ -36,8 +36,15 @@ def ray_flags_of(objects: list[Any], layer: Any) -> dict[str, Flags]:
     return found
 
 
-def note_rays(objects: list[Any], layer: Any, notes: list[str]) -> None:
-    """Adds notes on ray visibility settings of Blender that are ignored."""
+def matte_flags_of(thing: Any, layer: Any) -> Flags:
+    """Returns the flags `holdout` and `shadow_catcher` of an object that has them; before a transparent film only."""
+    is_held = getattr(thing, "is_holdout", False) or (layer is not None and thing.holdout_get(view_layer=layer))
+    flags = {"holdout": bool(is_held), "shadow_catcher": bool(getattr(thing, "is_shadow_catcher", False))}
+    return {name: True for name, is_set in flags.items() if is_set}
+
+
+def note_rays(objects: list[Any], layer: Any, notes: list[str], is_transparent: bool) -> None:
+    """Adds notes on ray visibility settings of Blender that are ignored. is_transparent: whether the film is."""
     for thing in objects:
         hidden = [words for kind, words in OTHERS.items() if not getattr(thing, f"visible_{kind}", True)]
         if hidden:
@@ -52,12 +59,12 @@ def note_rays(objects: list[Any], layer: Any, notes: list[str]) -> None:
                     object=thing.name,
                 )
             )
-        is_held = getattr(thing, "is_holdout", False) or (layer is not None and thing.holdout_get(view_layer=layer))
-        for is_so, what in (
-            (is_held, Sentence("blend-holdout", "a holdout")),
-            (getattr(thing, "is_shadow_catcher", False), Sentence("blend-shadow-catcher", "a shadow catcher")),
+        flags = {} if is_transparent else matte_flags_of(thing, layer)
+        for name, what in (
+            ("holdout", Sentence("blend-holdout", "a holdout")),
+            ("shadow_catcher", Sentence("blend-shadow-catcher", "a shadow catcher")),
         ):
-            if is_so:
+            if name in flags:
                 notes.append(
                     Sentence(
                         "blend-special-object",
@@ -78,12 +85,12 @@ def _set_factors(material: dict[str, Any], flags: dict[str, Any]) -> None:
 
 
 def write_extensions(
-    path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]], named: dict[str, dict[str, str]]
+    path: Path, rays: dict[str, Flags], surfaces: dict[str, dict[str, Any]], named: dict[str, dict[str, str | bool]]
 ) -> None:
     """Writes into a GLB what the exporter leaves out, by name.
 
-    rays: ray visibility of nodes. surfaces: extensions and factors of materials. named: light groups and link sets
-    of nodes, as extras.
+    rays: ray visibility of nodes. surfaces: extensions and factors of materials. named: light groups, link sets and
+    matte flags of nodes, as extras.
     Among the factors, roughnessFactor replaces the exporter's value, and baseColorFactor multiplies it.
     """
     if not (rays or surfaces or named):

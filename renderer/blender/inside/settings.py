@@ -13,7 +13,7 @@ SHUTTERS = {"START": "leading", "CENTER": "centred", "END": "trailing"}
 
 
 def settings_of(scene: Any, layer: Any, addon_module: Any) -> dict[str, Any]:
-    """Returns the render settings: size, depths, shutter, and those of clamping and pixel filter that equal Cycles' settings.
+    """Returns the render settings: size, background, depths, shutter, and clamping and pixel filter that equal Cycles'.
 
     addon_module: the add-on's module of Cycles' settings, or None.
     """
@@ -23,6 +23,8 @@ def settings_of(scene: Any, layer: Any, addon_module: Any) -> dict[str, Any]:
         "width": min(max(round(render.resolution_x * part), 1), 16384),
         "height": min(max(round(render.resolution_y * part), 1), 16384),
     }
+    if render.film_transparent:
+        found["background"] = "transparent"
     cycles = getattr(scene, "cycles", None)
     if render.engine == "CYCLES" and cycles is not None:
         found["max_depth"] = min(cycles.max_bounces + 2, 1024)  # Cycles' first bounce is the direct light of a camera hit

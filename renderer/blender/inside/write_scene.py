@@ -18,7 +18,7 @@ from .lights import Lights
 from .movie_textures import replace_movies_by_stills
 from .prepare_scene import prepare
 from .principled_materials import modules_of, simplify
-from .ray_visibility import note_rays, ray_flags_of, write_extensions
+from .ray_visibility import matte_flags_of, note_rays, ray_flags_of, write_extensions
 from .sentences import Sentence, first_items, to_text
 from .settings import note_settings, settings_of
 from .surfaces import note_surfaces
@@ -68,7 +68,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     surfaces = simplify(bpy, solid, addon, notes)
     bake(bpy, scene, solid, notes)
     note_surfaces(_materials(solid), notes, modules is not None)
-    note_rays(solid, layer, notes)
+    note_rays(solid, layer, notes, scene.render.film_transparent)
     _note_flags(scene, layer, shown, modules, notes)
 
     cameras, lights = Cameras(bpy, scene, notes), Lights(bpy, scene, getattr(modules, "lights", None), notes, out)
@@ -91,7 +91,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
         scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
         _write_glb(bpy, out / "blender-scene.glb", is_moving=len(exposed) > 1)
         restore_large_meshes(out / "blender-scene.glb", taken)
-        write_extensions(out / "blender-scene.glb", ray_flags_of(solid, layer), surfaces, _named(solid, links))
+        write_extensions(out / "blender-scene.glb", ray_flags_of(solid, layer), surfaces, _named(solid, links, layer))
         shapes.insert(0, {"type": "mesh", "file": "blender-scene.glb", "name": scene.name[:MOST_NAME]})
     document: dict[str, Any] = {
         "name": scene.name[:200],
@@ -115,13 +115,15 @@ def _object_names(solid: list[Any], scene: str) -> dict[str, str]:
     return {thing.name: f"{scene[:MOST_NAME]}/{thing.name}" for thing in solid}
 
 
-def _named(solid: list[Any], links: LinkSets) -> dict[str, dict[str, str]]:
-    """Returns object name -> light group and link set of its emission, of the objects that have either."""
-    found = {}
+def _named(solid: list[Any], links: LinkSets, layer: Any) -> dict[str, dict[str, str | bool]]:
+    """Returns object name -> light group and link set of its emission and matte flags, of the objects that have any."""
+    found: dict[str, dict[str, str | bool]] = {}
     for thing in solid:
         named = {"light_group": light_group_of(thing), "light_link": links.name_for(thing)}
-        if named := {key: name for key, name in named.items() if name}:
-            found[thing.name] = named
+        extras: dict[str, str | bool] = {key: name for key, name in named.items() if name}
+        extras.update(matte_flags_of(thing, layer))
+        if extras:
+            found[thing.name] = extras
     return found
 
 

@@ -19,6 +19,7 @@ __all__ = [
     "Emission",
     "add_light",
     "add_medium_light",
+    "background_counts",
     "brought_light",
     "clamp_indirect",
     "emitted_by_environment",
@@ -87,6 +88,18 @@ def emitted_by_sun(scene, which, ray, last, number, time):
         light = as_wide(np.uint32(scene.sun[which]), ray.pdf)
         radiance = _counted(scene, is_linked(scene, light, last.object), radiance)
     return Emission(radiance, light_pdf)
+
+
+@device
+def background_counts(ray, path, options):
+    """Returns True where light counts that comes from beyond the scene: of the environment and of suns.
+
+    It does not where the ray has a negative pdf, nor for camera rays before a transparent background.
+    """
+    counts = ray.pdf >= _ZERO
+    if options.transparent_background:
+        counts = counts & (path.number > _ZERO)
+    return counts
 
 
 @device

@@ -1,7 +1,8 @@
 """The AOVs (auxiliary film values) of a path's first vertex: their fields and values.
 
 A new AOV needs a field of `FirstHit` and its value here, its planes in `FIRST_HIT` of renderer/film.py, and its entry in
-renderer/aovs.py.
+renderer/aovs.py. The last four fields have no entry there: only films
+with a transparent background have their planes.
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from renderer.jit import device
 from renderer.wide.fields import Float, Int, Vector, columns_of, is_integer
 from renderer.wide.values import as_wide, u32, zero_like
 
-__all__ = ["IDS", "MEANS", "FirstHit", "no_hit", "record_first_hit"]
+__all__ = ["IDS", "MEANS", "FirstHit", "no_hit", "record_background", "record_catcher", "record_direct_light", "record_first_hit"]
 
 _NEXT, _NONE = np.uint32(1), np.uint32(0)
+_THREE = np.float32(3.0)
 
 
 class FirstHit(NamedTuple):
@@ -30,6 +32,11 @@ class FirstHit(NamedTuple):
     object: Int  # 1 + its number
     point: Vector
     material: Int  # 1 + its number
+    # 0 unless the background is transparent:
+    uncovered: Float  # 1 - alpha, apart from shadows that are caught
+    caught: Float  # the same, if the vertex is on a shadow catcher
+    unshadowed: Float  # luminance of the direct light at the shadow catcher without occlusion
+    shadowed: Float  # and with it; set when the film adds the sample
 
 
 @device
@@ -47,6 +54,10 @@ def record_first_hit(surface, material, normal, distance, start):
         object=u32(surface.object + _NEXT),
         point=surface.point,
         material=u32(surface.material + _NEXT),
+        uncovered=zero_like(distance),
+        caught=zero_like(distance),
+        unshadowed=zero_like(distance),
+        shadowed=zero_like(distance),
     )
 
 
@@ -55,7 +66,50 @@ def no_hit(like):
     """Returns the FirstHit of a path that hits nothing. like: a float or lanes."""
     none, nothing = zero_like(like), as_wide(_NONE, like)
     black = none, none, none
-    return FirstHit(albedo=black, distance=none, normal=black, object=nothing, point=black, material=nothing)
+    return FirstHit(black, none, black, nothing, black, nothing, none, none, none, none)
+
+
+@device
+def record_background(throughput):
+    """Returns the FirstHit of a path that leaves the scene without a vertex, before a transparent background.
+
+    throughput: of the path, less than 1 behind absorbing media. The mean of its channels is what the sample lacks in alpha.
+    """
+    hit = no_hit(throughput[0])
+    none = hit.distance
+    return FirstHit(hit.albedo, none, hit.normal, hit.object, hit.point, hit.material, _uncovered(throughput), none, none, none)
+
+
+@device
+def _uncovered(throughput):
+    red, green, blue = throughput
+    return (red + green + blue) / _THREE
+
+
+@device
+def record_catcher(hit, throughput):
+    """Returns the FirstHit `hit`, whose vertex is on a shadow catcher."""
+    weight = _uncovered(throughput)
+    none = zero_like(weight)
+    return FirstHit(hit.albedo, hit.distance, hit.normal, hit.object, hit.point, hit.material, weight, weight, none, none)
+
+
+@device
+def record_direct_light(hit, light):
+    """Returns the FirstHit `hit` of a vertex on a shadow catcher with more direct light. light: its luminance if unoccluded."""
+    unshadowed = hit.unshadowed + light
+    return FirstHit(
+        hit.albedo,
+        hit.distance,
+        hit.normal,
+        hit.object,
+        hit.point,
+        hit.material,
+        hit.uncovered,
+        hit.caught,
+        unshadowed,
+        hit.shadowed,
+    )
 
 
 def _planes(integers: bool) -> npt.NDArray[np.uintp]:

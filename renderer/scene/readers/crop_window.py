@@ -22,7 +22,7 @@ def cropped(fields: dict[str, Any], film: tuple[int, int], window: Window) -> di
 
     film: (width, height) of the whole film, in pixels.
     """
-    if fields.get("projection") == "panorama" or window == (0, 0, *film):
+    if fields.get("projection") == "panorama" or window == Window(0, 0, *film):
         return fields
     width, height = film
     made = dict(fields)

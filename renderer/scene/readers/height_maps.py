@@ -131,7 +131,7 @@ def _differences(height: F32, axis: int, repeats: bool) -> F32:
     if height.shape[axis] == 1:
         return np.zeros_like(height)
     if repeats:
-        return np.asarray((np.roll(height, -1, axis) - np.roll(height, 1, axis)) / 2)
+        return np.asarray((np.roll(height, -1, axis) - np.roll(height, 1, axis)) / np.float32(2))
     return np.asarray(np.gradient(height, axis=axis))
 
 

@@ -77,7 +77,7 @@ def parse(data: bytes, file: str) -> Statements:
         if k and (highest >= len(table) or corners[:, k].min(initial=0) == _LOST or not np.isfinite(table).all()):
             odd = (corners[:, k] >= len(table)) | (corners[:, k] == _LOST)
             if len(table):
-                odd |= (corners[:, k] >= 0) & ~np.isfinite(table).all(axis=1)[np.clip(corners[:, k], 0, len(table) - 1)]
+                odd |= (corners[:, k] >= 0) & ~np.all(np.isfinite(table), axis=1)[np.clip(corners[:, k], 0, len(table) - 1)]
             lost += int(odd.sum())
             corners[odd, k] = _ABSENT
     materials, libraries, smooth, objects = [], [], [], []

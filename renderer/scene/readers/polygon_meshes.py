@@ -38,7 +38,7 @@ def triangulated(
                 count=len(positions),
             )
         )
-    finite = np.isfinite(positions).all(axis=1)
+    finite = np.all(np.isfinite(positions), axis=1)
     if finite.all():
         cut = triangulate(counts, corners, positions)
     else:

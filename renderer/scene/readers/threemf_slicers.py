@@ -58,7 +58,7 @@ def filaments_of(names: Collection[str], read: Callable[[str], bytes], file: str
 def _colors(names: Collection[str], read: Callable[[str], bytes]) -> list[str]:
     if _BAMBU in names:
         said: Any = json.loads(read(_BAMBU))
-        given = said.get("filament_colour", []) if isinstance(said, dict) else []
+        given: Any = said.get("filament_colour", []) if isinstance(said, dict) else []
         return [str(each) for each in given] if isinstance(given, list) else []
     lines = _EXTRUDERS.findall(read(_PRUSA).decode("utf-8", "replace")) if _PRUSA in names else []
     return max((line.strip().split(";") for line in lines), key=lambda line: sum(map(bool, line)), default=[])

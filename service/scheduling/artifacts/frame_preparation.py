@@ -243,6 +243,7 @@ class FramePreparation:
             view=job.request.get("view"),
             turntable=job.shot.turntable,
             shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
+            vary=job.request.get("vary"),
         )
         self._dispatcher.send_frames(work, place.queue)
         self.leases.add(lease)

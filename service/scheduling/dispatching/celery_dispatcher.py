@@ -105,7 +105,7 @@ class CeleryDispatcher:
 
     def send_frames(self, work: PrepareFrames, queue: str) -> None:
         """Sends a request to prepare frames of a shot. Raises QueueError."""
-        self._send(PREPARE_FRAMES, {"frames": asdict(work)}, queue, work.work, ("job", work.job))
+        self._send(PREPARE_FRAMES, {"frames": work.to_json()}, queue, work.work, ("job", work.job))
 
     def send_denoise(self, work: DenoiseFrame, queue: str) -> None:
         """Sends a request to denoise a frame. Raises QueueError."""
@@ -113,7 +113,7 @@ class CeleryDispatcher:
 
     def send_vectors(self, work: FrameVectors, queue: str) -> None:
         """Sends a request to compute a frame's motion vectors. Raises QueueError."""
-        self._send(VECTORS, {"vectors": asdict(work)}, queue, work.work, ("job", work.job))
+        self._send(VECTORS, {"vectors": work.to_json()}, queue, work.work, ("job", work.job))
 
     def send_view(self, work: ViewParts | ViewFrame, queue: str) -> None:
         """Sends a request to render parts of a live view, or to prepare an animation frame for it. Raises QueueError."""

@@ -83,7 +83,8 @@ def _weight_error(sums: bytes, batch: Range | None, job: ActiveJob) -> str | Non
 
 
 def _check_weight(sums: bytes, batch: Range, job: ActiveJob) -> None:
-    check_weight(sums, job.film.tiles[batch.tile], batch.count, plane_count(len(job.film.groups)))
+    planes = plane_count(len(job.film.groups), job.film.is_transparent)
+    check_weight(sums, job.film.tiles[batch.tile], batch.count, planes)
 
 
 def _decoding_error(sums: bytes, batch: Range, job: ActiveJob) -> str | None:

@@ -134,7 +134,8 @@ class ActiveJob:
         while not self._totals.count(FRAMES_PER_STEP):
             yield
         self._rated = (self._clock, self.samples)
-        yield from self.tally.begin(FRAMES_PER_STEP)
+        for _ in self.tally.begin(FRAMES_PER_STEP):
+            yield
 
     def _frame(self, row: FrameRow) -> ActiveFrame:
         assert self.spp is not None

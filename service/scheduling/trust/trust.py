@@ -31,7 +31,7 @@ from service.scheduling.incoming.merging import batch_of
 from service.scheduling.incoming.messages import BatchDone
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.plan import Range
-from service.scheduling.trust.votes import Votes
+from service.scheduling.trust.votes import Votes, voters_among
 
 __all__ = ["Trust"]
 
@@ -107,7 +107,7 @@ class Trust:
         ):
             return
         (sender,) = message.senders
-        if not self._trusted_ready_workers(job.kind) - {sender} or not sender:
+        if not voters_among(self._trusted_ready_workers(job.kind)) - voters_among({sender}) or not sender:
             return
         patience = max(self._deadline_s, 10 * job.expected_s(batch))
         verification = _Verification(job.id, job.kind, batch, Votes(job.film.tiles[batch.tile]), patience)
@@ -131,7 +131,7 @@ class Trust:
                 continue
             if not verification.votes.has_differences and (
                 not verification.votes.workers
-                or not ready - verification.votes.workers
+                or not voters_among(ready) - verification.votes.voters
                 or len(verification.votes.cast) >= MAX_EQUAL_RESULTS
             ):
                 self._end_verification(verification)

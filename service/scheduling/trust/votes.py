@@ -1,17 +1,22 @@
-"""Results of several workers for one batch. A result that two workers agree on is correct. Independent of clocks and queues."""
+"""Results of several workers for one batch. A result that two workers agree on is correct. Independent of clocks and queues.
+
+Workers over HTTPS with the same token count as one, since whoever has the token can start any number of them.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from protocol.channel import token_of
 from protocol.sums import unpack_hits, unpack_sums
 from renderer.cryptomatte import no_hits
 from renderer.settings import Tile
 
-__all__ = ["Votes"]
+__all__ = ["Votes", "voters_among"]
 
 MAX_RESULTS_PER_WORKER = 2  # results per worker, if others are available
 
@@ -43,6 +48,11 @@ class Votes:
         return {worker for worker, _ in self.cast}
 
     @property
+    def voters(self) -> set[str]:
+        """The workers that returned a result, as `voters_among` counts them."""
+        return voters_among(self.workers)
+
+    @property
     def has_differences(self) -> bool:
         """True if there is more than one distinct value."""
         return len({value for _, value in self.cast}) > 1
@@ -52,7 +62,7 @@ class Votes:
         """Index of the value that two workers agree on; None if there is none."""
         supporters: dict[int, set[str]] = {}
         for worker, value in self.cast:
-            supporters.setdefault(value, set()).add(worker)
+            supporters.setdefault(value, set()).add(token_of(worker))
         best = max(supporters, key=lambda value: len(supporters[value]), default=None)
         return best if best is not None and len(supporters[best]) > 1 else None
 
@@ -65,7 +75,7 @@ class Votes:
     def could_decide(self, ready: set[str]) -> bool:
         """Returns True if a further result of any worker in `ready` could decide which value is correct."""
         answers = Counter(worker for worker, _ in self.cast)
-        return any(answers[worker] < MAX_RESULTS_PER_WORKER for worker in ready) and len(ready | self.workers) > 1
+        return any(answers[worker] < MAX_RESULTS_PER_WORKER for worker in ready) and len(voters_among(ready) | self.voters) > 1
 
     def _is_equal(self, value: bytes, sums: bytes) -> bool:
         """Returns True if two packed results have equal sums. Different LZ4 releases may compress equal sums differently."""
@@ -74,3 +84,8 @@ class Votes:
         hits = (unpack_hits(each, self.tile) or no_hits() for each in (value, sums))
         same_hits = all(map(np.array_equal, *hits))
         return same_hits and np.array_equal(unpack_sums(value, self.tile), unpack_sums(sums, self.tile))
+
+
+def voters_among(workers: Iterable[str]) -> set[str]:
+    """Returns the workers whose results count separately: their names, or the token's id for workers over HTTPS."""
+    return set(map(token_of, workers))

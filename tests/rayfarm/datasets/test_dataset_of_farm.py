@@ -5,11 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import rayfarm
 from rayfarm import Cameras
 from rayfarm.client import Client, ClientError
+from renderer.image.encode import encode
 from tests.helpers import ROOT, Farm
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
@@ -40,6 +42,36 @@ def test_views_of_a_farm_have_the_bits_of_this_process(farm: Farm, tmp_path: Pat
     here = rayfarm.dataset(CORNELL, CAMERAS, folder=tmp_path / "here", outputs=outputs, sinks=["coco"], **REQUEST)
     assert there.views == here.views and len({*here.digests}) == 3
     assert (tmp_path / "there" / "coco.json").read_bytes() == (tmp_path / "here" / "coco.json").read_bytes()
+
+
+@pytest.mark.long
+def test_a_varied_scene_has_the_same_bits_on_a_farm(farm: Farm, tmp_path: Path) -> None:
+    vary = {
+        "seed": 5,
+        "objects": {"*-box": {"move": {"uniform": [[-0.2, 0, -0.2], [0.2, 0, 0.2]]}, "turn": {"uniform": [0, 360]}}},
+        "materials": {"red": {"color": {"uniform": [0, 1]}}, "light": {"power": {"log_uniform": [0.5, 2]}}},
+        "environment": {"light": {"choice": ["sky:20,10", "hall.hdr"]}, "rotation": {"uniform": [0, 360]}},
+    }
+    request = {**REQUEST, "outputs": ["color", "instance", "boxes"], "vary": vary}
+    request["distortion"] = {"model": "fisheye", "coefficients": [0.02, -0.01]}
+    cameras = Cameras.sample(5, seed=2, radius=3.5, elevation={"uniform": [0, 20]}, azimuth={"uniform": [-110, -70]})
+    scene = tmp_path / "box.yaml"
+    scene.write_bytes(CORNELL.read_bytes())
+    light = np.random.default_rng(3).gamma(1.0, 1.0, (8, 16, 3)).astype(np.float32)
+    (tmp_path / "hall.hdr").write_bytes(encode(light, "hdr"))
+    there = rayfarm.dataset(scene, cameras, farm=farm.url, folder=tmp_path / "there", **request)
+    here = rayfarm.dataset(scene, cameras, folder=tmp_path / "here", **request)
+    assert {view["variation"]["environment"]["light"] for view in here.views} == {"sky:20,10", "hall.hdr"}
+    assert there.views == here.views and len({*here.digests}) == 5
+    assert len({str(view["variation"]) for view in here.views}) == 5
+    with Client(farm.url) as client:
+        known = client.wait_for_scene(client.upload([CORNELL]).id).id
+        for given, message in (
+            ({"objects": {"cup": {"scale": 2}}}, "vary.objects: 'cup' is none of the scene's; it has light, floor"),
+            ({"objects": {"cup": {"jump": 2}}}, "vary.objects.cup has 'jump'"),
+        ):
+            with pytest.raises(ClientError, match=message):
+                client.submit(known, spp=1, width=8, height=8, vary=given)
 
 
 def test_views_that_fit_no_frames_are_refused(farm: Farm) -> None:

@@ -9,14 +9,18 @@ from typing import Any
 
 import numpy as np
 import pytest
+import yaml
 from pycocotools.coco import COCO
 
 import rayfarm
 from rayfarm import Cameras
 from rayfarm.datasets.cameras import opencv
 from rayfarm.datasets.document import dataset_of_file
+from rayfarm.datasets.sinks import write_transforms
 from renderer.errors import RayfarmError, SettingsError
+from renderer.lens_distortion import LensDistortion
 from tests.helpers import ROOT
+from tests.renderer.kernel.test_distortion import opencv as opencv_pixels
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 CAMERAS = Cameras.orbit(3, radius=3.1, target=(0.0, 1.0, 0.0), elevation=12.0, turns=0.12, start=-105.0)
@@ -144,17 +148,23 @@ def test_view_n_shows_frame_n_and_flow_has_the_motion_of_things(tmp_path: Path) 
     }
     pose = np.eye(4)
     pose[2, 3] = 4.0
-    outputs = ["object", "flow_forward", "flow_backward", "boxes"]
+    outputs = ["object", "part", "flow_forward", "flow_backward", "scene_flow_forward", "scene_flow_backward", "boxes"]
     found = rayfarm.dataset(scene, [pose] * 3, folder=tmp_path / "a", intrinsics=K, outputs=outputs, fps=24, width=64, height=48)
     assert found.description["objects"] == ["wall", "sign"]
     step = 70 * 0.2 / 4
     for view in range(3):
         sign = plane(tmp_path / "a", "object", view) == 2
+        materials = len(found.description["materials"])
+        part = plane(tmp_path / "a", "part", view)
+        np.testing.assert_array_equal((part - 1) // materials + 1, plane(tmp_path / "a", "object", view))
         left = 30.5 + step * view - 70 * 0.45 / 4
         assert np.flatnonzero(sign.any(axis=0))[0] == np.ceil(left - 0.5)
         for name, way, other in (("flow_forward", step, view + 1), ("flow_backward", -step, view - 1)):
             if not 0 <= other < 3:
                 continue
+            moved = plane(tmp_path / "a", f"scene_{name}", view)
+            np.testing.assert_allclose(moved[sign], np.broadcast_to([0.2 * np.sign(way), 0, 0], (sign.sum(), 3)), atol=1e-6)
+            np.testing.assert_allclose(moved[~sign], 0, atol=1e-6)
             flow, hidden = (plane(tmp_path / "a", each, view) for each in (name, f"{name}_occluded"))
             np.testing.assert_allclose(flow[sign], np.broadcast_to([way, 0], (sign.sum(), 2)), atol=1e-4)
             np.testing.assert_allclose(flow[~sign], 0, atol=1e-4)
@@ -163,6 +173,22 @@ def test_view_n_shows_frame_n_and_flow_has_the_motion_of_things(tmp_path: Path) 
             assert not hidden[sign].any() and hidden.sum() > 20
         (body,) = (b for b in json.loads((tmp_path / "a" / "boxes" / f"{view:06}.json").read_text()) if b["name"] == "sign")
         assert body["box"] == body["amodal_box"] and np.mean(body["box_3d"], axis=0)[0] == pytest.approx(0.2 * view, abs=1e-5)
+
+
+def test_an_amodal_mask_is_what_the_object_alone_would_show(tmp_path: Path) -> None:
+    whole = yaml.safe_load(CORNELL.read_text())
+    made(tmp_path / "whole", ["masks"])
+    found = {}
+    for view in range(3):
+        for body in json.loads((tmp_path / "whole" / "boxes" / f"{view:06}.json").read_text()):
+            found[body["name"], view] = body["amodal_mask"], body["occlusion"]
+    hidden, _ = max(found, key=lambda each: found[each][1])
+    assert max(occlusion for _, occlusion in found.values()) > 0.05
+    alone = {**whole, "shapes": [each for each in whole["shapes"] if each["name"] == hidden], "environment": {"color": 1}}
+    rayfarm.dataset(alone, CAMERAS, folder=tmp_path / "alone", outputs=["masks"], intrinsics=K, **SMALL)
+    for view in range(3):
+        bodies = json.loads((tmp_path / "alone" / "boxes" / f"{view:06}.json").read_text())
+        assert [body["mask"] for body in bodies] == ([found[hidden, view][0]] if (hidden, view) in found else [])
 
 
 REFLECTED = np.diag([-1.0, 1.0, 1.0, 1.0])
@@ -180,11 +206,13 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "both": ({"fov": 40}, "give one of them"),
     "output": ({"outputs": ["dept"]}, "outputs has 'dept', .*did you mean 'depth'"),
     "nothing": ({"outputs": []}, "outputs is empty"),
-    "sink": ({"sinks": ["hdf5"]}, "sinks has 'hdf5'"),
+    "sink": ({"sinks": ["tfrecord"]}, "sinks has 'tfrecord'"),
     "coco": ({"sinks": ["coco"]}, "needs boxes or masks"),
     "camera": ({"camera": "front"}, "for a single picture"),
     "categories": ({"categories": {"cat*": "cat"}}, "match no object"),
     "convention": ({"convention": "vulkan"}, "opengl or opencv"),
+    "lens": ({"distortion": {"model": "brown", "coefficients": [-0.9]}}, "parts of the picture show nothing"),
+    "model of the lens": ({"distortion": {"model": "panini"}}, "distortion has the model 'panini'"),
     "format": ({"plane_format": "tiff"}, "plane_format has 'tiff'"),
 }
 
@@ -224,3 +252,54 @@ def test_a_file_describes_a_data_set(tmp_path: Path) -> None:
         path.write_text(json.dumps({**document, "folder": "other", **change}))
         with pytest.raises(RayfarmError, match=message):
             dataset_of_file(path)
+
+
+@pytest.mark.parametrize(
+    "lens",
+    [
+        pytest.param({"model": "brown", "coefficients": [-0.15, 0.03, 0.001, -0.002]}, marks=pytest.mark.long),
+        {"model": "fisheye", "coefficients": [-0.01, 0.002]},
+    ],
+)
+def test_flow_of_a_distorted_lens_is_depth_and_pose_by_opencvs_formulas(lens: dict[str, Any], tmp_path: Path) -> None:
+    outputs = ["depth", "position", "flow_forward"]
+    found = made(tmp_path / "a", outputs, distortion=lens)
+    assert found.description["distortion"] == lens
+    distortion = LensDistortion(lens["model"], tuple(lens["coefficients"]))
+    y, x = np.mgrid[0:48, 0:64] + 0.5
+    for view, other in ((0, 0), (0, 1), (1, 2)):
+        there = plane(tmp_path / "a", "position", view).astype(np.float64)
+        met = np.isfinite(there[..., 0])
+        pose = np.array(found.views[other]["world_to_camera_opencv"])
+        inside = there[met] @ pose[:3, :3].T + pose[:3, 3]
+        seen = opencv_pixels(distortion, inside, K[0, 0], (K[0, 2], K[1, 2]))
+        way = seen - np.stack([x, y], -1)[met]
+        if other == view:  # each point is seen in its pixel's centre, and its depth is that along the line of sight
+            np.testing.assert_allclose(way, 0, atol=1e-3)
+            np.testing.assert_allclose(inside[:, 2], plane(tmp_path / "a", "depth", view)[met], rtol=1e-5)
+        else:
+            flow = plane(tmp_path / "a", "flow_forward", view)[met]
+            known = np.isfinite(flow[:, 0])
+            assert known.mean() > 0.5
+            np.testing.assert_allclose(flow[known], way[known], atol=1e-3)
+
+
+def test_a_distortion_comes_back_from_transforms_and_colmap(tmp_path: Path) -> None:
+    lens = {"model": "brown", "coefficients": [-0.1, 0.02, 0.001, 0.002]}
+    view = {"files": {"color": {"path": "color/000000.png"}}, "camera_to_world_opengl": np.eye(4).tolist()}
+    for name, given in (("brown", lens), ("fisheye", {"model": "fisheye", "coefficients": [0.01, 0.0, 0.0, 0.001]})):
+        (tmp_path / name).mkdir()
+        write_transforms(tmp_path / name, {"intrinsics": K.tolist(), "width": 64, "height": 48, "distortion": given}, [view])
+        read = Cameras.from_transforms(tmp_path / name / "transforms.json").distortion
+        assert read is not None and read.model == name
+        assert [*read.coefficients[:4]] == given["coefficients"] and not any(read.coefficients[4:])
+    (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 4 1 000.png\n\n")
+    for model, numbers, expected in (
+        ("OPENCV", "70 70 30.5 25.25 -0.1 0.02 0.001 0.002", lens),
+        ("SIMPLE_RADIAL", "70 30.5 25.25 -0.1", {"model": "brown", "coefficients": [-0.1]}),
+        ("OPENCV_FISHEYE", "70 70 30.5 25.25 0.1 0 0 0", {"model": "fisheye", "coefficients": [0.1, 0.0, 0.0, 0.0]}),
+    ):
+        (tmp_path / "cameras.txt").write_text(f"1 {model} 64 48 {numbers}\n")
+        camera = Cameras.from_colmap(tmp_path)
+        assert camera.distortion is not None and camera.distortion.to_json() == expected
+        assert camera.intrinsics is not None and np.array_equal(camera.intrinsics, K)

@@ -41,6 +41,15 @@ def test_redis_persistence_memory_and_workers_are_checked(service: Service, redi
                 store.config_set(name, value)
 
 
+@pytest.mark.parametrize(("verify", "is_noted"), [(0.0, True), (0.05, False)])
+def test_unverified_workers_over_https_are_noted(
+    service: Service, redis_server: running_redis, verify: float, is_noted: bool
+) -> None:
+    with service.worker(name="home", transport="https"):
+        found = list(check_redis(redis_server.url, verify))
+    assert ("Over HTTPS: home." in findings_text(found, "note")) is is_noted
+
+
 def test_wrong_password_and_unreachable_redis_are_reported(redis_server: running_redis) -> None:
     wrong = redis_server.url.replace(redis_server.password, "wrong")
     assert "refuses the password" in findings_text(list(check_redis(wrong)), "fault")

@@ -9,7 +9,8 @@ import numpy as np
 from renderer.bvh.build import build
 from renderer.bvh.layout import Bvh
 from renderer.bvh.traverse import any_hit, closest_hit, new_stack
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
+from renderer.reference import by_reference
 from tests.renderer.builders import still
 
 NO_SPHERES = np.zeros((0, 4), np.float32)
@@ -23,14 +24,19 @@ class Hits(NamedTuple):
     instance: np.ndarray  # (n,) i32; -1 for a hit outside instances
 
 
-@entry
-def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow, instance):
+@subroutine
+def _trace_all(bvh, stack, o, d, t_max, t, primitive, uv, shadow, instance):
     for i in range(len(o)):
         origin = (o[i, 0], o[i, 1], o[i, 2])
         direction = (d[i, 0], d[i, 1], d[i, 2])
         hit = closest_hit(bvh, stack, origin, direction, t_max[i], None)
         t[i], primitive[i], uv[i, 0], uv[i, 1], instance[i] = hit.t, hit.primitive, hit.u, hit.v, hit.instance
         shadow[i] = any_hit(bvh, stack, origin, direction, t_max[i], None)
+
+
+@entry
+def _trace(bvh, stack, o, d, t_max, t, primitive, uv, shadow, instance):
+    _trace_all(by_reference(bvh), stack, o, d, t_max, t, primitive, uv, shadow, instance)
 
 
 def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:

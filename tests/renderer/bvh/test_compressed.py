@@ -16,7 +16,8 @@ from renderer.bvh.layout import Bvh
 from renderer.bvh.motion_bvh import keyed_tree
 from renderer.bvh.ray_masks import exclude_primitives
 from renderer.bvh.traverse import any_hit, camera_root, closest_hit, new_stack, shadow_root
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
+from renderer.reference import by_reference
 from renderer.threads import Team
 from tests.renderer.builders import kept
 from tests.renderer.bvh.test_instances import forest
@@ -34,8 +35,8 @@ class Hits(NamedTuple):
     occluded: np.ndarray  # (n,) bool
 
 
-@entry
-def _trace(bvh, stack, o, d, time, distance, number, uv, count, occluded):
+@subroutine
+def _trace_all(bvh, stack, o, d, time, distance, number, uv, count, occluded):
     for i in range(len(o)):
         origin, direction = (o[i, 0], o[i, 1], o[i, 2]), (d[i, 0], d[i, 1], d[i, 2])
         hit = closest_hit(bvh, stack, origin, direction, np.float32(1e6), time[i])
@@ -54,6 +55,11 @@ def _trace(bvh, stack, o, d, time, distance, number, uv, count, occluded):
             total += hit.t * np.float32(hit.primitive + 1) + np.float32(hit.instance)
         distance[i, 2] = total
         occluded[i] = any_hit(bvh, stack, origin, direction, SHADOW_REACH, time[i], shadow_root(bvh))
+
+
+@entry
+def _trace(bvh, stack, o, d, time, distance, number, uv, count, occluded):
+    _trace_all(by_reference(bvh), stack, o, d, time, distance, number, uv, count, occluded)
 
 
 def card_tree(bvh: Bvh, threads: int = 1) -> Bvh:

@@ -7,7 +7,8 @@ from renderer.bvh.layout import ROW_CHILD
 from renderer.bvh.motion_bvh import keyed_tree, motion_boxes
 from renderer.bvh.rigid_motion import motion_keys
 from renderer.bvh.traverse import any_hit, closest_hit, new_stack
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
+from renderer.reference import by_reference
 from renderer.scene.compile import compile_scene
 from renderer.threads import Team
 from tests.renderer.bvh.test_rigid_motion import about, placed, places
@@ -54,13 +55,18 @@ def test_packets_are_stored_for_each_key():
                     np.testing.assert_array_equal(own[:4], sphere[k, number - 20])
 
 
-@entry
-def _trace(bvh, stack, o, d, time, t, number, shadow):
+@subroutine
+def _trace_all(bvh, stack, o, d, time, t, number, shadow):
     for i in range(len(o)):
         origin, direction = (o[i, 0], o[i, 1], o[i, 2]), (d[i, 0], d[i, 1], d[i, 2])
         hit = closest_hit(bvh, stack, origin, direction, np.float32(1e6), time[i])
         t[i], number[i] = hit.t, hit.primitive
         shadow[i] = any_hit(bvh, stack, origin, direction, np.float32(1e6), time[i])
+
+
+@entry
+def _trace(bvh, stack, o, d, time, t, number, shadow):
+    _trace_all(by_reference(bvh), stack, o, d, time, t, number, shadow)
 
 
 def test_hits_on_moving_primitives_match_brute_force():

@@ -12,7 +12,8 @@ from renderer.bvh.build import build
 from renderer.bvh.instances import Instances
 from renderer.bvh.layout import Bvh
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, closest_hit, new_stack
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
+from renderer.reference import by_reference
 from tests.renderer.builders import still
 from tests.renderer.bvh.rays import NO_SPHERES, trace
 from tests.renderer.kernel.backends.cpu.test_walk import closest_together
@@ -21,8 +22,8 @@ MOST = 64
 RAYS = 300
 
 
-@entry
-def _walk(bvh, stack, o, d, found):
+@subroutine
+def _walk_all(bvh, stack, o, d, found):
     """Writes each ray's hits to `found` in the order in which they are found.
 
     found: (rays, MOST, 3) float64: distance, instance and primitive of each hit.
@@ -36,6 +37,11 @@ def _walk(bvh, stack, o, d, found):
                 break
             after = hit.t, hit.instance, hit.primitive
             found[i, k, 0], found[i, k, 1], found[i, k, 2] = hit.t, hit.instance, hit.primitive
+
+
+@entry
+def _walk(bvh, stack, o, d, found):
+    _walk_all(by_reference(bvh), stack, o, d, found)
 
 
 def _hits(bvh: Bvh, o: np.ndarray, d: np.ndarray) -> np.ndarray:

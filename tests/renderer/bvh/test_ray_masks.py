@@ -14,18 +14,24 @@ from renderer.bvh.motion_bvh import keyed_tree
 from renderer.bvh.ray_masks import exclude_primitives
 from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, AssembledBvh
 from renderer.bvh.traverse import any_hit, camera_root, closest_hit, new_stack, shadow_root
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
+from renderer.reference import by_reference
 from renderer.threads import Team
 from tests.renderer.builders import kept
 
 
-@entry
-def _trace(bvh, stack, o, d, time, met, blocked):
+@subroutine
+def _trace_all(bvh, stack, o, d, time, met, blocked):
     for i in range(len(o)):
         origin, direction = (o[i, 0], o[i, 1], o[i, 2]), (d[i, 0], d[i, 1], d[i, 2])
         met[i, 0] = closest_hit(bvh, stack, origin, direction, np.float32(1e6), time[i]).primitive
         met[i, 1] = closest_hit(bvh, stack, origin, direction, np.float32(1e6), time[i], camera_root(bvh)).primitive
         blocked[i] = any_hit(bvh, stack, origin, direction, np.float32(1e6), time[i], shadow_root(bvh))
+
+
+@entry
+def _trace(bvh, stack, o, d, time, met, blocked):
+    _trace_all(by_reference(bvh), stack, o, d, time, met, blocked)
 
 
 def trace(bvh: Bvh, rays: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:

@@ -65,3 +65,14 @@ def test_middle_grey_in_srgb_is_the_standards_value():
 def test_unknown_curve_error_lists_the_curves():
     with pytest.raises(SettingsError, match="neutral"):
         tonemap.apply(np.zeros((1, 1, 3), np.float32), 0.0, "sepia")
+
+
+def test_straight_alpha_has_the_display_values_of_what_covers_the_pixel():
+    """A half covered pixel has the colour of a covered one; where nothing is covered there is none, and alpha is linear."""
+    color = np.array([0.9, 0.3, 0.05], np.float32)
+    alpha = np.array([[0, 0.25, 0.5, 1, np.nan, 1.5]], np.float32)
+    pixels = tonemap.apply_straight(color * np.array([0, 0.25, 0.5, 1, 1, 1], np.float32)[None, :, None], alpha, 0.5, "agx")
+    whole = tonemap.apply(color[None, None], 0.5, "agx")[0, 0]
+    assert pixels[0, :, 3].tolist() == [0, 64, 128, 255, 0, 255]
+    assert not pixels[0, [0, 4], :3].any()
+    assert (np.abs(pixels[0, 1:4, :3].astype(int) - whole) <= 1).all()

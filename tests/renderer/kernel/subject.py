@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
 from renderer.kernel.material.material import LAYER_SLOTS, eval_material, fetch_material, sample_material
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
+from renderer.reference import by_reference
 from renderer.scene.description import Material
 from tests.renderer.builders import as_rendered, scene, square
 
 
-@entry
-def _sample(compiled, surface, layers, wo, u, wi, weight, pdf):
+@subroutine
+def _sample_all(compiled, surface, layers, wo, u, wi, weight, pdf):
     frame = ((np.float32(1), np.float32(0), np.float32(0)), (np.float32(0), np.float32(1), np.float32(0)), surface.shading)
     material = fetch_material(compiled, surface, frame, layers, None)
     for i in range(len(u)):
@@ -26,13 +27,23 @@ def _sample(compiled, surface, layers, wo, u, wi, weight, pdf):
 
 
 @entry
-def _eval(compiled, surface, layers, wo, wi, f, pdf):
+def _sample(compiled, surface, layers, wo, u, wi, weight, pdf):
+    _sample_all(by_reference(compiled), surface, layers, wo, u, wi, weight, pdf)
+
+
+@subroutine
+def _eval_all(compiled, surface, layers, wo, wi, f, pdf):
     frame = ((np.float32(1), np.float32(0), np.float32(0)), (np.float32(0), np.float32(1), np.float32(0)), surface.shading)
     material = fetch_material(compiled, surface, frame, layers, None)
     for i in range(len(wi)):
         value, pdf[i] = eval_material(material, (wo[i, 0], wo[i, 1], wo[i, 2]), (wi[i, 0], wi[i, 1], wi[i, 2]))
         for k in range(3):
             f[i, k] = value[k]
+
+
+@entry
+def _eval(compiled, surface, layers, wo, wi, f, pdf):
+    _eval_all(by_reference(compiled), surface, layers, wo, wi, f, pdf)
 
 
 def many(vector, n):

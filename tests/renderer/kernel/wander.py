@@ -6,19 +6,20 @@ import numpy as np
 
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.traverse import NO_PRIMITIVE, any_hit, closest_hit, new_stack
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
 from renderer.kernel import vec
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import surface_at
+from renderer.reference import by_reference
 from tests.renderer.builders import as_rendered
 from tests.renderer.kernel.subject import many
 
 _FAR = np.float32(np.inf)
 
 
-@entry
-def _wander(scene, stack, o, d, u, bounces):
+@subroutine
+def _wander_all(scene, stack, o, d, u, bounces):
     for i in range(len(o)):
         origin = (o[i, 0], o[i, 1], o[i, 2])
         direction = (d[i, 0], d[i, 1], d[i, 2])
@@ -35,6 +36,11 @@ def _wander(scene, stack, o, d, u, bounces):
             origin = offset_ray_origin(surface, True, direction)
 
 
+@entry
+def _wander(scene, stack, o, d, u, bounces):
+    _wander_all(by_reference(scene), stack, o, d, u, bounces)
+
+
 def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: int = 0) -> np.ndarray:
     """Returns the number of bounces of each of `count` paths from o (3,) before a miss; `bounces` if it never missed."""
     rng = np.random.default_rng(seed)
@@ -46,8 +52,8 @@ def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: 
     return done
 
 
-@entry
-def _touch(scene, stack, o, d, u, met, hits):
+@subroutine
+def _touch_all(scene, stack, o, d, u, met, hits):
     for i in range(len(o)):
         origin = (o[i, 0], o[i, 1], o[i, 2])
         direction = (d[i, 0], d[i, 1], d[i, 2])
@@ -60,6 +66,11 @@ def _touch(scene, stack, o, d, u, met, hits):
             local = square_to_cosine_hemisphere((u[i, 0], u[i, 1]))
             away = vec.to_world(s, t, surface.geometric, local)
             met[i] = any_hit(scene.bvh, stack, offset_ray_origin(surface, True, away), away, _FAR, None)
+
+
+@entry
+def _touch(scene, stack, o, d, u, met, hits):
+    _touch_all(by_reference(scene), stack, o, d, u, met, hits)
 
 
 def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:

@@ -4,10 +4,10 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from renderer.arrays.rows import SHADELESS, UNSEEN
+from renderer.arrays.rows import CATCHER, HOLDOUT, SHADELESS, UNSEEN
 from renderer.blender.inside.light_groups import layer_groups, light_group_of
 from renderer.blender.inside.light_links import LinkSets
-from renderer.blender.inside.ray_visibility import RAYS, write_extensions
+from renderer.blender.inside.ray_visibility import RAYS, matte_flags_of, note_rays, write_extensions
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import LightLink
 from renderer.scene.object_ids import number_objects
@@ -72,6 +72,36 @@ def test_light_groups_in_extras(scene, tmp_path):
     assert [light.light_group for light in found.lights] == ["lamps", "rim", "lamps"]
     assert [m.light_link for m in materials][-2:] == ["", "some"]
     assert any("light_group that is not a name" in each for each in found.warnings)
+
+
+def test_extras_make_holdouts_and_shadow_catchers(scene, tmp_path):
+    """Of materials, and of nodes, whose meshes others show as they are; only `true` counts."""
+    g = Gltf()
+    g.mesh(material=g.material(extras={"shadow_catcher": True}))
+    g.node(mesh=0, name="floor")
+    g.node(mesh=0, name="both", extras={"holdout": True})
+    g.node(mesh=0, name="held")
+    g.node(mesh=0, name="odd", extras={"holdout": "yes"})
+    path = tmp_path / "b.glb"
+    path.write_bytes(g.glb())
+    write_extensions(path, {}, {}, {"held": {"holdout": True}})
+    found = scene("b.glb", path.read_bytes())
+    materials = {i.name: found.materials[0 if i.material is None else i.material] for i in found.instances}
+    held = {name: (m.holdout, m.shadow_catcher) for name, m in materials.items() if name in ("floor", "both", "held", "odd")}
+    assert held == {"floor": (False, True), "both": (True, True), "held": (True, True), "odd": (False, True)}
+    flags = compile_scene(found).material_flags
+    assert {int(each) for each in flags & (HOLDOUT | CATCHER)} >= {CATCHER, HOLDOUT | CATCHER}
+
+
+def test_mattes_of_blender_objects():
+    layer, notes = SimpleNamespace(indirect_only_get=lambda view_layer: False), []
+    held = SimpleNamespace(name="held", holdout_get=lambda view_layer: True, is_shadow_catcher=False)
+    floor = SimpleNamespace(name="floor", holdout_get=lambda view_layer: False, is_shadow_catcher=True)
+    assert [matte_flags_of(each, layer) for each in (held, floor)] == [{"holdout": True}, {"shadow_catcher": True}]
+    note_rays([held, floor], layer, notes, is_transparent=True)
+    assert not notes
+    note_rays([held, floor], layer, notes, is_transparent=False)
+    assert ["holdout" in notes[0], "shadow catcher" in notes[1], len(notes)] == [True, True, 2]
 
 
 def test_extras_declare_link_sets(scene):

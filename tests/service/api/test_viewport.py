@@ -409,3 +409,40 @@ def test_restart_discards_views(service: Service, worker: PeerWorker) -> None:
     service.restart()
     until(lambda: not remains_of_views(service), "it is forgotten", say=lambda: remains_of_views(service))
     assert isinstance(service.farm.records, Records)
+
+
+def test_viewers_of_a_scene_see_each_other(service: Service) -> None:
+    """Others see name, cursor and camera, from the first message until a page is hidden or closed; other scenes see nothing."""
+    camera = {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0]}
+    scene, other = service.upload(), service.upload(b"# another\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    with look(service, scene) as anna, look(service, other) as stranger:
+        with look(service, scene) as ben:
+            ben.say(presence={"name": " Ben ", "cursor": [0.25, -0.5], "view": camera})
+            until(lambda: (anna.read(), bool(anna.people))[1], "ben is seen")
+            (seen,) = anna.people[-1]["people"]
+            assert (seen["name"], seen["cursor"], seen["view"]["eye"]) == ("Ben", [0.25, -0.5], camera["eye"])
+            for wrong in (
+                {"cursor": [1, 1e9]},
+                {"cursor": "here"},
+                {"name": "a" * 61},
+                {"name": "a\nb"},
+                {"view": {"eye": [1]}},
+                {"is_away": False},
+            ):
+                ben.say(presence=wrong)
+            ben.say(presence=7)
+            until(lambda: (ben.read(), len(ben.errors) == 7)[1], "all are refused", say=lambda: ben.errors)
+            ben.say(paused=True)
+            until(lambda: (anna.read(), anna.people[-1]["people"] == [])[1], "a hidden page is not shown")
+            ben.say(paused=False)
+            until(lambda: (anna.read(), len(anna.people[-1]["people"]) == 1)[1], "it is shown again")
+            anna.say(presence={"name": "Anna", "view": camera})
+            until(lambda: (ben.read(), bool(ben.people))[1], "anna is seen")
+            for n in range(200):
+                anna.say(presence={"name": "Anna", "view": camera, "cursor": [n / 1000, 0]})
+            until(lambda: (ben.read(), ben.people[-1]["people"][0]["cursor"] == [0.199, 0])[1], "the latest place comes")
+            assert len(ben.people) < 60, "a quick cursor is sent ten times a second"
+        until(lambda: (anna.read(), anna.people[-1]["people"] == [])[1], "ben has left")
+        stranger.read()
+        assert stranger.people == []
+    until(lambda: not service.farm.visitors._of_scene, "nobody is left")

@@ -32,6 +32,7 @@ ALL = PictureRequest("exr", tuple(aovs.AOVS), in_layers=True)
 WISHES = [
     *(PictureRequest(extension) for extension in ("png", "jpg", "exr", "hdr", "rgb9e5")),
     *(PictureRequest(extension, width=300) for extension in ("png", "exr", "rgb9e5")),
+    *(PictureRequest(extension, exposure=1.0) for extension in ("avif", "jxl")),
     *(PictureRequest("png", (name,)) for name in aovs.AOVS),
     *(PictureRequest("exr", (name,)) for name in ("normal", "depth")),
     PictureRequest("png", ("error",), width=300),

@@ -141,3 +141,20 @@ export function decodeMeshHead(view, at = 0) {
     triangles: view.getUint32(at + 8, true),
   };
 }
+
+/**
+ * The head of a display view's table.
+ *
+ * @typedef {object} ViewTableHead
+ * @property {number} size u16: points an axis
+ */
+
+export const VIEW_TABLE_HEAD_BYTES = 4;
+
+/** @param {DataView} view @param {number} [at] @returns {ViewTableHead} */
+export function decodeViewTableHead(view, at = 0) {
+  check(view, at, 1, 5, "view table");
+  return {
+    size: view.getUint16(at + 2, true),
+  };
+}

@@ -58,6 +58,28 @@
  *
  * @typedef {"queued" | "running" | "paused" | "finished" | "failed" | "cancelled"} JobState
  *
+ * @typedef {object} Review
+ * @property {"approved" | "changes-requested" | null} state null: no verdict
+ * @property {string | null} by who gave it
+ * @property {boolean} guest whether that was a guest of a share link
+ * @property {number | null} at unix seconds
+ * @property {number} notes number of notes and replies
+ * @property {number} open number of notes that are not resolved
+ * @property {number} changed unix seconds of the latest change
+ *
+ * @typedef {object} Note a note on a picture, or a reply to one
+ * @property {string} id
+ * @property {string | null} reply_to the note that it answers
+ * @property {number} frame
+ * @property {number | null} x fraction of the picture's width; null: the whole picture
+ * @property {number | null} y
+ * @property {string} author
+ * @property {boolean} guest
+ * @property {string} text
+ * @property {number} created unix seconds
+ * @property {number | null} resolved likewise; null: open
+ * @property {string | null} resolved_by
+ *
  * @typedef {object} Job
  * @property {Codes} [codes]
  * @property {string} id
@@ -96,6 +118,7 @@
  * @property {boolean} [denoise] shown denoised first, once it is finished
  * @property {boolean} [pinned] exempt from retention rules
  * @property {string | null} [note] a user's note
+ * @property {Review | null} [review] null: neither notes nor a verdict
  * @property {string | null} [user] its owner
  * @property {number | null} [max_slots] maximum number of slots at once
  * @property {string[]} [needs] requirements on its workers
@@ -214,6 +237,7 @@
  * @property {number} [failures] of batches
  * @property {Card[]} [cards] graphics cards with which its slots render
  * @property {string[]} [cards_unused] why other cards are not used
+ * @property {string} [transport] how it reaches the queue: redis or https
  * @property {Offer | null} [offer] null: of an older release, which can only be paused
  * @property {number[]} [speeds] samples a second of all its slots, a minute each
  *
@@ -264,7 +288,9 @@
  * @property {string} help
  * @property {string[]} values the names of a pixel's numbers
  *
- * @typedef {{defaults: {width: number, height: number, spp: number}, settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[], version?: string}} SettingsTable
+ * @typedef {{name: string, display: string, view: string, is_default: boolean}} DisplayView of an OpenColorIO config; is_default: its display is the config's default
+ *
+ * @typedef {{defaults: {width: number, height: number, spp: number}, settings: Setting[], view: Setting[], work: Setting[], shot: Setting[], channels: Channel[], version?: string, views?: DisplayView[]}} SettingsTable
  *
  * @typedef {{name: string, title: string, description: string, frames: string | null, fps: number | null}} Example
  *

@@ -19,6 +19,9 @@ export const MIX = "mix";
 /** @type {Channel} */
 const MIX_CHANNEL = { name: MIX, label: t("Light mix"), help: "", values: ["R", "G", "B"] };
 
+/** Only of jobs with a transparent background. @type {Channel} */
+const ALPHA_CHANNEL = { name: "alpha", label: t("Alpha"), help: t("How much of the pixel is covered"), values: [t("Alpha")] };
+
 /** What the name of a light group's channel begins with. */
 const LIGHT = "light:";
 
@@ -52,12 +55,13 @@ const lightChannel = (group) => ({
  * @returns {Channel[]}
  */
 export function channels(settings = null) {
-  return [COLOUR, ...(table.value?.channels ?? []), ...lightGroups(settings).map(lightChannel)];
+  const alpha = settings?.background === "transparent" ? [ALPHA_CHANNEL] : [];
+  return [COLOUR, ...(table.value?.channels ?? []), ...alpha, ...lightGroups(settings).map(lightChannel)];
 }
 
 /** @param {string} name @returns {Channel} */
 export function channelOf(name) {
   const group = lightGroupOf(name);
   if (group !== null) return lightChannel(group);
-  return [...channels(), DENOISED_CHANNEL, MIX_CHANNEL].find((channel) => channel.name === name) ?? COLOUR;
+  return [...channels(), ALPHA_CHANNEL, DENOISED_CHANNEL, MIX_CHANNEL].find((channel) => channel.name === name) ?? COLOUR;
 }

@@ -4,14 +4,19 @@
  */
 
 import { FilmLayer } from "./film-layer.js";
-import { FRAGMENT, VERTEX, curveIndex, partIndex } from "./film-shader.js";
+import { FRAGMENT, VERTEX, VIEW_CURVE, curveIndex, partIndex } from "./film-shader.js";
+import { isView } from "./curves.js";
+import { viewTable } from "./view-tables.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
 /** @typedef {{exposure: number, curve: string, part?: string}} Look */
 
-const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "raw", "part"]);
+/** Side of the squares behind a transparent picture, in CSS pixels. */
+const SQUARE = 8;
+
+const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "viewTable", "raw", "part", "alpha", "hasAlpha", "square"]);
 
 /** Error: the browser cannot show a film; the message is the reason. */
 export class CannotShow extends Error {}
@@ -28,6 +33,8 @@ export class FilmCanvas {
     this.viewport = viewport;
     /** @type {Look} */
     this.look = { exposure: 0, curve: "neutral" };
+    /** Name of the view whose table is in the texture of unit 1; "" for none. */
+    this.viewName = "";
     /** Position of the wipe as a fraction of the canvas' width; the first layer is on its left. */
     this.wipe = 1;
     /** Called after every draw, to update overlays. */
@@ -78,7 +85,31 @@ export class FilmCanvas {
     }
     gl.useProgram(program);
     this.uniforms = Object.fromEntries(UNIFORMS.map((name) => [name, gl.getUniformLocation(program, name)]));
+    gl.uniform1i(this.uniforms.viewTable ?? null, 1); // its own unit, even while it is empty: a unit has one type of texture
+    this.viewName = "";
     gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+  }
+
+  /** Returns the shader's number for the look's curve; uploads the table of a view. Until that is loaded, the default curve. */
+  curve() {
+    const { gl, look } = this;
+    if (!isView(look.curve)) return curveIndex(look.curve);
+    if (this.viewName === look.curve) return VIEW_CURVE;
+    const table = viewTable(look.curve, () => this.invalidate());
+    if (!table) return curveIndex("");
+    gl.activeTexture(gl.TEXTURE1);
+    gl.deleteTexture(gl.getParameter(gl.TEXTURE_BINDING_3D));
+    gl.bindTexture(gl.TEXTURE_3D, gl.createTexture());
+    gl.texStorage3D(gl.TEXTURE_3D, 1, gl.RGB10_A2, table.size, table.size, table.size);
+    gl.texSubImage3D(
+      ...[gl.TEXTURE_3D, 0, 0, 0, 0, table.size, table.size, table.size],
+      ...[gl.RGBA, gl.UNSIGNED_INT_2_10_10_10_REV, table.words],
+    );
+    gl.texParameteri(gl.TEXTURE_3D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+    gl.texParameteri(gl.TEXTURE_3D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    gl.activeTexture(gl.TEXTURE0);
+    this.viewName = look.curve;
+    return VIEW_CURVE;
   }
 
   /**
@@ -186,8 +217,9 @@ export class FilmCanvas {
     gl.uniform2f(uniforms?.origin ?? null, 0, 0);
     gl.uniform1f(uniforms?.scale ?? null, 1);
     gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
-    gl.uniform1i(uniforms?.curve ?? null, curveIndex(look.curve));
+    gl.uniform1i(uniforms?.curve ?? null, this.curve());
     gl.uniform1i(uniforms?.part ?? null, 0);
+    gl.uniform1i(uniforms?.hasAlpha ?? null, 0);
     gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     const below = new Uint8Array(4 * width * height);
@@ -218,8 +250,16 @@ export class FilmCanvas {
     gl.uniform2f(uniforms?.origin ?? null, viewport.x + shift, viewport.y);
     gl.uniform1f(uniforms?.scale ?? null, (viewport.scale * viewport.picture.width) / layer.size.width);
     gl.uniform1f(uniforms?.gain ?? null, 2 ** look.exposure);
-    gl.uniform1i(uniforms?.curve ?? null, curveIndex(look.curve));
+    gl.uniform1i(uniforms?.curve ?? null, this.curve());
     gl.uniform1i(uniforms?.part ?? null, partIndex(look.part ?? ""));
+    gl.uniform1i(uniforms?.hasAlpha ?? null, layer.hasAlpha ? 1 : 0);
+    if (layer.hasAlpha) {
+      gl.activeTexture(gl.TEXTURE2);
+      gl.bindTexture(gl.TEXTURE_2D, layer.alphaTexture);
+      gl.activeTexture(gl.TEXTURE0);
+      gl.uniform1i(uniforms?.alpha ?? null, 2);
+      gl.uniform1f(uniforms?.square ?? null, SQUARE * devicePixelRatio);
+    }
     gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
   }

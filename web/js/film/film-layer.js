@@ -19,6 +19,10 @@ export class FilmLayer {
     this.texture = null;
     /** Format and size of the allocated texture. */
     this.room = "";
+    /** Coverage of a film before a transparent background, as grey; null: all is covered. @type {ImageBitmap | null} */
+    this.alpha = null;
+    /** @type {WebGLTexture | null} */
+    this.alphaTexture = null;
   }
 
   /** @returns {{width: number, height: number} | null} of the shown picture, in pixels */
@@ -41,6 +45,28 @@ export class FilmLayer {
     this.upload();
   }
 
+  /** Whether the checkerboard is shown through what the film does not cover. */
+  get hasAlpha() {
+    return this.alphaTexture !== null && this.image === null;
+  }
+
+  /** @param {ImageBitmap | null} image it is this layer's from now on; null: the film covers everything */
+  setAlpha(image) {
+    this.alpha?.close();
+    this.alpha = image;
+    this.uploadAlpha();
+    this.changed();
+  }
+
+  uploadAlpha() {
+    const { gl, alpha } = this;
+    gl.deleteTexture(this.alphaTexture);
+    this.alphaTexture = null;
+    if (!alpha) return;
+    this.alphaTexture = newTexture(gl, gl.RGBA8, alpha);
+    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, gl.RGBA, gl.UNSIGNED_BYTE, alpha);
+  }
+
   /** @param {Film} film that the tile was put into @param {TilePacket} tile */
   putTile(film, { x, y, w, h, words }) {
     const { gl } = this;
@@ -53,6 +79,7 @@ export class FilmLayer {
   /** Recreates the texture after the context was lost. */
   restore() {
     this.room = "";
+    this.uploadAlpha();
     this.upload();
   }
 
@@ -84,12 +111,7 @@ export class FilmLayer {
     this.texture = null;
     this.room = room;
     if (!size) return;
-    this.texture = gl.createTexture();
-    const { width, height } = size;
-    gl.bindTexture(gl.TEXTURE_2D, this.texture);
-    gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
-    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+    this.texture = newTexture(gl, format, size);
   }
 
   dropImage() {
@@ -99,5 +121,22 @@ export class FilmLayer {
 
   clear() {
     this.setFilm(null);
+    this.setAlpha(null);
   }
+}
+
+/**
+ * Returns a new texture, which is bound.
+ *
+ * @param {WebGL2RenderingContext} gl
+ * @param {GLenum} format
+ * @param {{width: number, height: number}} size
+ */
+function newTexture(gl, format, { width, height }) {
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texStorage2D(gl.TEXTURE_2D, 1, format, width, height);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MAG_FILTER, gl.NEAREST);
+  return texture;
 }

@@ -2,6 +2,7 @@
 
 import { COLOUR_MAP_GLSL } from "./colour-map.js";
 import { CURVES, TONEMAP_GLSL } from "./tonemap.js";
+import { VIEW_TABLE_GLSL } from "./view-tables.js";
 import { t } from "../base/words.js";
 
 /** Displayable parts of the light, in the order of the shader's `part`. */
@@ -28,10 +29,14 @@ void main() {
   gl_Position = vec4(p, 0.0, 1.0);
 }`;
 
+/** The shader's number for the view in its table. */
+export const VIEW_CURVE = CURVES.length;
+
 export const FRAGMENT = `#version 300 es
 precision highp float;
 precision highp int;
 precision highp sampler2D;
+precision highp sampler3D;
 
 uniform sampler2D film;      // linear RGB, row 0 at the top; or sRGB-coded display values where raw is set
 uniform vec2 canvasSize;     // device pixels
@@ -39,26 +44,38 @@ uniform vec2 origin;         // of the picture on the canvas, from the upper lef
 uniform float scale;         // device pixels per picture pixel
 uniform float gain;          // 2^exposure
 uniform int curve;
+uniform sampler3D viewTable; // of an OpenColorIO view, instead of a curve
 uniform bool raw;
 uniform int part;
+uniform sampler2D alpha;     // the film's coverage, as grey, where hasAlpha is set
+uniform bool hasAlpha;
+uniform float square;        // side of the checkerboard's squares, in device pixels
 out vec4 color;
 
 // At most this many texels an axis are averaged; beyond, they are taken at equal steps.
 const int MAX_TAPS = 12;
 
 ${TONEMAP_GLSL}
+${VIEW_TABLE_GLSL}
 ${COLOUR_MAP_GLSL}
 vec3 shown(vec3 c) {
   float y = dot(c, vec3(0.2126, 0.7152, 0.0722));
   if (part == 5) return falseColour(y);
   if (part > 0) c = vec3(part == 1 ? c.r : part == 2 ? c.g : part == 3 ? c.b : y);
-  return displayed(c, curve);
+  return curve == ${VIEW_CURVE} ? viewed(c) : displayed(c, curve);
+}
+
+// Display values of premultiplied light before a checkerboard, as a PNG with straight alpha has them.
+vec3 beforeSquares(vec3 linear, float coverage, vec2 p) {
+  ivec2 at = ivec2(floor(p / square));
+  vec3 behind = vec3(((at.x + at.y) & 1) == 0 ? 0.46 : 0.34);
+  return coverage > 0.0 ? mix(behind, shown(linear * gain / coverage), coverage) : behind;
 }
 
 // The mean of the film over the screen pixel's footprint, every texel weighted by the area that it covers. At whole
 // scales above 1 this is the nearest texel exactly; at scales between, edges stay sharp and even; below 1 nothing aliases.
-vec3 footprint(vec2 lo, vec2 hi) {
-  ivec2 size = textureSize(film, 0);
+vec3 footprint(sampler2D picture, vec2 lo, vec2 hi) {
+  ivec2 size = textureSize(picture, 0);
   ivec2 first = ivec2(floor(lo + 1e-4));
   ivec2 last = ivec2(ceil(hi - 1e-4)) - 1;
   ivec2 stride = max(ivec2(1), (last - first + MAX_TAPS) / MAX_TAPS);
@@ -68,7 +85,7 @@ vec3 footprint(vec2 lo, vec2 hi) {
     float wy = min(float(y + 1), hi.y) - max(float(y), lo.y);
     for (int x = first.x; x <= last.x; x += stride.x) {
       float w = wy * (min(float(x + 1), hi.x) - max(float(x), lo.x));
-      sum += w * texelFetch(film, clamp(ivec2(x, y), ivec2(0), size - 1), 0).rgb;
+      sum += w * texelFetch(picture, clamp(ivec2(x, y), ivec2(0), size - 1), 0).rgb;
       area += w;
     }
   }
@@ -85,8 +102,9 @@ void main() {
     color = vec4(0.0);
     return;
   }
-  vec3 linear = footprint(lo, hi);
+  vec3 linear = footprint(film, lo, hi);
   color = vec4(raw ? linear : shown(linear * gain), 1.0);
+  if (hasAlpha && part == 0) color = vec4(beforeSquares(linear, footprint(alpha, lo, hi).r, p), 1.0);
 }`;
 
 /**

@@ -20,6 +20,8 @@ export class LiveFilm {
   /** @param {Job} job of known size @param {number} [frame] */
   constructor(job, frame = firstFrame(job)) {
     this.job = job.id;
+    /** Whether its background is transparent, so that it has an alpha plane. */
+    this.isTransparent = job.settings?.background === "transparent";
     /** Current frame; changed by `turnTo`. */
     this.frame = frame;
     /** Whether no more samples will arrive. */

@@ -4,6 +4,7 @@
  */
 
 import { fetchImage, fetchWords } from "../news/api.js";
+import { AlphaPlane } from "./alpha-plane.js";
 import { DENOISED, MIX, channelOfLight, lightGroupOf } from "./channels.js";
 import { Film } from "./film.js";
 import { gainsOf, mixWords } from "./light-mix.js";
@@ -11,9 +12,9 @@ import { Store } from "../base/store.js";
 
 /**
  * The source of a side's pictures: a job's growing film, or another object with the same interface. `job` is "" if there
- * is no job. `hasSamples` is false for a picture that no farm has rendered.
+ * is no job. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
  *
- * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean}} FilmSource
+ * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean}} FilmSource
  */
 
 /** Minimum interval between refreshes of a stale picture. */
@@ -70,6 +71,8 @@ export class PictureSide {
       outgrow();
     });
     layer.setFilm(live.film);
+    /** @type {AlphaPlane | null} */
+    this.alpha = live.isTransparent ? new AlphaPlane(live, layer) : null;
   }
 
   /** The film whose values are shown; null for a plane. */
@@ -189,6 +192,7 @@ export class PictureSide {
     cancelAnimationFrame(this.mixing);
     this.unturn();
     this.fetching.abort();
+    this.alpha?.dispose();
     this.unlisten();
     this.unfill();
     this.layer.clear();

@@ -70,6 +70,20 @@ export function groupsField(setting, start, changed, _own, groups) {
 }
 
 /**
+ * The switch of the setting `background`: transparent, or visible.
+ *
+ * @param {Setting} setting
+ * @param {string} start
+ * @param {() => void} changed by the user
+ * @returns {SettingField}
+ */
+export function backgroundField(setting, start, changed) {
+  const input = h("input", { type: "checkbox", role: "switch", checked: start === "transparent", onchange: changed });
+  const element = h("div", { class: "field" }, h("label", { class: "check" }, input, t("Transparent background")));
+  return { setting, element, get: () => (input.checked ? "transparent" : "visible") };
+}
+
+/**
  * The field's number; empty for no value and for the value that disables the setting.
  *
  * @param {Setting} setting

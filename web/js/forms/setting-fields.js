@@ -3,13 +3,19 @@
 import { h } from "../base/dom.js";
 import { environmentFields } from "./environment-fields.js";
 import { setShown } from "./fields.js";
-import { groupsField, settingField } from "./setting-field.js";
+import { backgroundField, groupsField, settingField } from "./setting-field.js";
 import { isRead, known, settingOf } from "../news/settings-table.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
 /** @typedef {import("../base/types.js").Setting} Setting */
 /** @typedef {import("./setting-field.js").SettingField} SettingField */
+
+/** Settings with fields of their own kind, by name; all others have the field of their type. @type {Record<string, typeof groupsField>} */
+const FIELDS = { light_groups: groupsField, background: backgroundField };
+
+/** @param {Setting} setting */
+const fieldOf = ({ name }) => FIELDS[name] ?? settingField;
 
 /** Settings with separate fields: presets along the longer side. */
 const SIZE = ["width", "height"];
@@ -27,7 +33,7 @@ export function settingFields(defaults, first = {}, groups = []) {
     .settings.filter((setting) => setting.of === "job" && !SIZE.includes(setting.name))
     // Names other than those of the scene are refused, so a scene without light groups has no field.
     .filter(({ name }) => name !== "light_groups" || groups.length > 0)
-    .map((setting) => (setting.name === "light_groups" ? groupsField : settingField)(setting, first[setting.name] ?? own(setting), () => show(), own(setting), groups));
+    .map((setting) => fieldOf(setting)(setting, first[setting.name] ?? own(setting), () => show(), own(setting), groups));
   const ends = ["noise", "seconds"].map((name) => settingField(settingOf("work", name), first[name] ?? null));
   const environment = environmentFields(first);
   const integrator = /** @type {SettingField} */ (fields.find(({ setting }) => setting.name === "integrator"));

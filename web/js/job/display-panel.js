@@ -14,7 +14,8 @@ import { fill, h, setText } from "../base/dom.js";
 import { field } from "../forms/fields.js";
 import { stops } from "../base/format.js";
 import { here, setParams } from "../shell/router.js";
-import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
+import { curveOptions, isCurve } from "../film/curves.js";
+import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Store } from "../base/store.js";
 import { t, tn } from "../base/words.js";
 
@@ -81,7 +82,7 @@ export function lookFromUrl(params) {
   const curve = params.get("tone") ?? DEFAULT_CURVE;
   return {
     exposure: clampExposure(Number(params.get("ev") ?? 0) || 0),
-    curve: CURVES.some(({ name }) => name === curve) ? curve : DEFAULT_CURVE,
+    curve: isCurve(curve) ? curve : DEFAULT_CURVE,
   };
 }
 
@@ -206,7 +207,7 @@ export function lookFields(display, normalise) {
   const curve = h(
     "select",
     { onchange: () => display.update((d) => ({ ...d, curve: curve.value })) },
-    CURVES.map(({ name, label, hint }) => h("option", { value: name, title: hint }, label)),
+    curveOptions(display.value.curve),
   );
   const exposure = field(t("Exposure"), slider);
   const reset = h(

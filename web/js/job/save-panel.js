@@ -2,6 +2,7 @@
 
 import { imageUrl } from "../news/api.js";
 import { h } from "../base/dom.js";
+import { lightGroupOf } from "../film/channels.js";
 import { isMixed, mixQuery } from "../film/light-mix.js";
 import { t } from "../base/words.js";
 import { downloadLink } from "./download-link.js";
@@ -11,6 +12,7 @@ import { downloadLink } from "./download-link.js";
 const FORMATS = /** @type {const} */ ([
   ["png", t("As it looks now, exposure and tone curve included")],
   ["exr", t("Scene-linear floats, untouched by exposure and curve")],
+  ["avif", t("High dynamic range, for HDR displays; exposure included, without the tone curve")],
   ["jpg", t("As it looks now, small")],
 ]);
 
@@ -22,13 +24,21 @@ const FORMATS = /** @type {const} */ ([
 export function savePanel(display, place) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
   const denoised = h("label", { class: "check" }, clean, t("Denoised"));
+  const wide = h("input", { type: "checkbox", role: "switch" });
+  const hdr = h("label", { class: "check", title: t("JPG with a gain map (Ultra HDR): brighter highlights on HDR displays, the same picture on others") }, wide, "HDR");
   const canBeClean = () => display.value.channel === "" && !isMixed(display.value.mix);
   const isClean = () => !denoised.hidden && clean.checked && canBeClean();
-  const links = FORMATS.map(([format, hint]) => ({ format, element: link(display, place, format, hint, isClean) }));
+  const links = FORMATS.map(([format, hint]) => ({ format, element: link(display, place, format, hint, { isClean, isWide: () => wide.checked }) }));
   const show = () => {
     // Planes and mixes are not denoised; the switch keeps its space, so that nothing below moves.
     denoised.style.visibility = canBeClean() ? "" : "hidden";
-    for (const { format, element } of links) element.setAttribute("aria-label", format.toUpperCase() + (isClean() ? t(", denoised") : ""));
+    const { channel } = display.value;
+    const isPlane = channel !== "" && lightGroupOf(channel) === null; // planes have no high range
+    hdr.style.visibility = isPlane ? "hidden" : "";
+    for (const { format, element } of links) {
+      element.hidden = format === "avif" && isPlane;
+      element.setAttribute("aria-label", format.toUpperCase() + (isClean() ? t(", denoised") : ""));
+    }
   };
   denoised.hidden = true;
   display.subscribe(show);
@@ -36,7 +46,7 @@ export function savePanel(display, place) {
     element: h(
       "section",
       { class: "side-section stack tight", "aria-label": t("Save") },
-      h("div", { class: "row spread" }, h("h2", null, t("Save")), denoised),
+      h("div", { class: "row spread" }, h("h2", null, t("Save")), h("span", { class: "grow" }), hdr, denoised),
       h("div", { class: "split" }, links.map(({ element }) => element)),
     ),
     offerDenoised(now) {
@@ -70,15 +80,18 @@ export function row(text, links) {
 /**
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place
- * @param {"png" | "exr" | "jpg"} format
+ * @param {"png" | "exr" | "avif" | "jpg"} format
  * @param {string} hint
- * @param {() => boolean} isClean whether the denoised picture is saved
+ * @param {{isClean: () => boolean, isWide: () => boolean}} choices isClean: the denoised picture is saved; isWide: a JPG gets a gain map
  */
-function link(display, place, format, hint, isClean) {
+function link(display, place, format, hint, { isClean, isWide }) {
   const address = () => {
     const { exposure, curve, channel, mix } = display.value;
     /** @type {Record<string, string | number>} */
-    const query = channel ? { aov: channel } : format === "exr" ? mixQuery(mix) : { exposure, tonemap: curve, ...mixQuery(mix) };
+    const query = { ...(channel ? { aov: channel } : mixQuery(mix)) };
+    if (format === "avif" || (!channel && format !== "exr")) query.exposure = exposure;
+    if (!channel && (format === "png" || format === "jpg")) query.tonemap = curve;
+    if (format === "jpg" && isWide() && (!channel || lightGroupOf(channel) !== null)) query.gain_map = "true";
     if (isClean()) query.denoise = "true";
     return imageUrl(place(), format, query);
   };

@@ -15,9 +15,16 @@ const LASTING = [
   [30, t("30 days")],
 ];
 
+/** @type {[import("../news/access.js").Permission, string, string][]} */
+const PERMISSIONS = [
+  ["view", t("View only"), t("Shows this picture only, without an account. The address is shown only once.")],
+  ["comment", t("View and notes"), t("Shows this picture and its notes, without an account; guests can write notes and approve. The address is shown only once.")],
+];
+
 /** @param {string} job its id @returns {HTMLElement} */
 export function sharePanel(job) {
   const days = h("select", { "aria-label": t("Lasts") }, LASTING.map(([value, label]) => h("option", { value, selected: value === 7 }, label)));
+  const permission = h("select", { "aria-label": t("Allows") }, PERMISSIONS.map(([value, label]) => h("option", { value }, label)));
   const create = h("button", { class: "button small", type: "button", onclick: () => make() }, t("Create link"));
   const made = h("div", { class: "share-made" });
   const list = h("ul", { class: "share-links small" });
@@ -30,8 +37,9 @@ export function sharePanel(job) {
   const make = async () => {
     create.disabled = true;
     try {
-      const url = await makeShare(job, Number(days.value));
-      fill(made, command(url, t("Copy the link")), h("p", { class: "quiet small" }, t("Shows this picture only, without an account. The address is shown only once.")));
+      const [allowed, , words] = PERMISSIONS[permission.selectedIndex] ?? ["view", "", ""];
+      const url = await makeShare(job, Number(days.value), allowed);
+      fill(made, command(url, t("Copy the link")), h("p", { class: "quiet small" }, words));
       announce(t("Link created"));
       await load();
     } catch (error) {
@@ -56,7 +64,7 @@ export function sharePanel(job) {
     return h(
       "li",
       { class: "row spread" },
-      h("span", { class: "number" }, until, h("span", { class: "quiet" }, ` · ${share.user}`)),
+      h("span", { class: "number" }, until, h("span", { class: "quiet" }, ` · ${share.user}${share.permission === "comment" ? ` · ${t("notes")}` : ""}`)),
       h("button", { class: "text-button", type: "button", "aria-label": t("Withdraw the link {until}", { until }), onclick: withdraw }, t("Withdraw")),
     );
   };
@@ -65,7 +73,8 @@ export function sharePanel(job) {
     "section",
     { class: "side-section stack tight for-submit", "aria-label": t("Share") },
     h("h2", null, t("Share")),
-    h("div", { class: "row" }, days, create),
+    h("div", { class: "row" }, permission, days),
+    h("div", null, create),
     made,
     list,
   );

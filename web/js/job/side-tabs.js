@@ -3,7 +3,14 @@
 import { h } from "../base/dom.js";
 import { freshId } from "../forms/fields.js";
 
-/** @typedef {{name: string, label: string, content: import("../base/dom.js").Child[]}} Tab */
+/**
+ * @typedef {object} Tab
+ * @property {string} name
+ * @property {string} label
+ * @property {import("../base/dom.js").Child[]} content
+ * @property {HTMLElement} [badge] beside the label
+ * @property {(isShown: boolean) => void} [shown] called when it is shown or hidden
+ */
 
 let chosen = "";
 
@@ -20,15 +27,17 @@ export function sideTabs(label, tabs) {
   /** @param {number} i @param {boolean} [takesFocus] */
   const choose = (i, takesFocus = false) => {
     chosen = tabs[i]?.name ?? "";
+    list.dataset.tab = chosen;
     buttons.forEach((button, other) => {
       button.setAttribute("aria-selected", String(other === i));
       button.tabIndex = other === i ? 0 : -1;
       /** @type {HTMLElement} */ (panels[other]).hidden = other !== i;
+      tabs[other]?.shown?.(other === i);
     });
     if (takesFocus) buttons[i]?.focus();
   };
-  const buttons = tabs.map(({ name, label: text }, i) =>
-    h("button", { type: "button", role: "tab", id: `${stem}-${name}`, "aria-controls": `${stem}-${name}-panel`, onclick: () => choose(i) }, text),
+  const buttons = tabs.map(({ name, label: text, badge }, i) =>
+    h("button", { type: "button", role: "tab", id: `${stem}-${name}`, "aria-controls": `${stem}-${name}-panel`, onclick: () => choose(i) }, text, badge),
   );
   const list = h("div", { class: "side-tabs", role: "tablist", "aria-label": label }, buttons);
   list.addEventListener("keydown", (event) => {

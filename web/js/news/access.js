@@ -31,14 +31,15 @@ export async function makeLink(user) {
   return `${location.origin}${location.pathname}#/login?code=${code}`;
 }
 
-/** A link that shows one job without an account. @typedef {{id: string, user: string, created: number, expires: number | null}} Share */
+/** What a link allows: the picture alone, or also notes on it and a verdict. @typedef {"view" | "comment"} Permission */
+/** A link that shows one job without an account. @typedef {{id: string, user: string, permission: Permission, created: number, expires: number | null}} Share */
 
 /** @param {string} job @returns {Promise<Share[]>} newest first */
 export const getShares = (job) => call("GET", `/jobs/${job}/links`);
 
-/** @param {string} job @param {number} days @returns {Promise<string>} the link's address, which nothing else tells */
-export async function makeShare(job, days) {
-  const { path } = await call("POST", `/jobs/${job}/links`, { json: { days } });
+/** @param {string} job @param {number} days @param {Permission} permission @returns {Promise<string>} the link's address, which nothing else tells */
+export async function makeShare(job, days, permission) {
+  const { path } = await call("POST", `/jobs/${job}/links`, { json: { days, permission } });
   return new URL(path, location.origin + location.pathname).href;
 }
 

@@ -305,7 +305,7 @@ export const thumbnailUrl = (scene) => `api/scenes/${scene}/thumbnail.png`;
 
 /**
  * @param {Place} place
- * @param {"png" | "exr" | "jpg" | "rgb9e5"} format
+ * @param {"png" | "exr" | "jpg" | "avif" | "rgb9e5"} format
  * @param {Record<string, string | number>} [query] aov, exposure, tonemap, …
  */
 export function imageUrl({ job, frame }, format, query = {}) {
@@ -391,6 +391,13 @@ export async function fetchPacket(url, signal) {
   const response = await fetchWithRetries(url, { signal });
   if (!response.ok) throw errorOf(response.status, await response.text());
   return decodeFilm(await response.arrayBuffer());
+}
+
+/** Fetches the table of an OpenColorIO view. @param {string} name @returns {Promise<ArrayBuffer>} */
+export async function fetchViewTable(name) {
+  const response = await fetchWithRetries(`api/view-table${queryText({ tonemap: name })}`, {});
+  if (!response.ok) throw errorOf(response.status, await response.text());
+  return await response.arrayBuffer();
 }
 
 /** Fetches a scene's preview mesh. @param {string} scene @returns {Promise<import("./mesh-packet.js").MeshPacket>} */

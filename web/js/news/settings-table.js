@@ -15,7 +15,7 @@ export const table = new Store(/** @type {SettingsTable | null} */ (null));
  * @param {SettingsTable} english
  * @returns {SettingsTable}
  */
-export function inWords({ defaults, settings, view, work, shot, channels, version }) {
+export function inWords({ defaults, settings, view, work, shot, channels, version, views }) {
   /** @param {Setting[]} all */
   const said = (all) =>
     all.map((setting) => ({
@@ -31,7 +31,7 @@ export function inWords({ defaults, settings, view, work, shot, channels, versio
     ...{ name, label: t(label), help: t(help) },
     values: values.map((each) => t(each)),
   }));
-  return { defaults, settings: said(settings), view: said(view), work: said(work), shot: said(shot), channels: planes, version };
+  return { defaults, settings: said(settings), view: said(view), work: said(work), shot: said(shot), channels: planes, version, views };
 }
 
 /** @returns {SettingsTable} */
@@ -41,7 +41,7 @@ export function known() {
 }
 
 /**
- * @param {Exclude<keyof SettingsTable, "channels" | "version" | "defaults">} part
+ * @param {Exclude<keyof SettingsTable, "channels" | "version" | "views" | "defaults">} part
  * @param {string} name
  * @returns {Setting}
  */

@@ -8,7 +8,8 @@ import { icon } from "../base/icons.js";
 import { CannotShow, FilmCanvas } from "../film/film-canvas.js";
 import { Film } from "../film/film.js";
 import { darkness } from "../film/darkness.js";
-import { CURVES, DEFAULT_CURVE } from "../film/tonemap.js";
+import { curveOptions } from "../film/curves.js";
+import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { bookmarks } from "./bookmarks.js";
@@ -17,6 +18,7 @@ import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clarityField } from "./clarity.js";
 import { MeshCanvas } from "./mesh-canvas.js";
+import { people } from "./people.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { hasMesh, meshOf } from "./preview-mesh.js";
 import { LIVE } from "./sides.js";
@@ -82,7 +84,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const curve = h(
     "select",
     { "aria-label": t("Tone curve") },
-    CURVES.map(({ name, label }) => h("option", { value: name, selected: name === DEFAULT_CURVE }, label)),
+    curveOptions(DEFAULT_CURVE),
   );
   const shown = h("span", { class: "small number quiet" }, "0 EV");
   const clear = clarityField(() => refresh());
@@ -170,9 +172,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     },
     failed: (sentence) => say(sentence),
     picked: (found) => onPicked?.(found),
-    link: (up) => up || say(t("The connection is lost; trying again.")),
+    people: ({ people: found }) => others.take(found),
+    link: (up) => (up ? others.renew() : say(t("The connection is lost; trying again."))),
     refused: (sentence) => say(sentence),
   });
+  const others = people(surface, { view: form.view, send: (message) => link.send(message), turnTo: (view) => turnTo(view) });
   /** @param {string} sentence @param {boolean} [aloud] by a screen reader: its end, and not each sample on the way */
   const say = (sentence, aloud = true) => {
     state.setAttribute("aria-live", aloud ? "polite" : "off");
@@ -201,11 +205,17 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     asked = { width, height };
     link.show({ ...request, ...clear.request(), width, height });
     if (!isSampled) mesh.setView(form.view());
+    others.changed();
     offer();
     if (focused && form.view().aperture) tell();
   };
   /** @param {View} view */
   const turn = (view) => {
+    others.stop();
+    turnTo(view);
+  };
+  /** @param {View} view */
+  const turnTo = (view) => {
     form.turn(view);
     showMesh(); // a previous picture is of another view
     refresh();
@@ -326,7 +336,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       tell();
     },
   });
-  frame.append(stage.element, light.readout, pills, h("div", { class: "view-floating", role: "toolbar", "aria-label": t("View") }, toolBar, looks));
+  frame.append(stage.element, light.readout, pills, others.element, h("div", { class: "view-floating", role: "toolbar", "aria-label": t("View") }, toolBar, looks));
   // The light tool also works over the stage, which otherwise pans its picture.
   frame.addEventListener(
     "pointerdown",
@@ -375,6 +385,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       lightKey.dispose();
       endKeys();
       form.element.removeEventListener(PLACE_SUN, placeSun);
+      others.dispose();
       link.close();
       mesh.dispose();
       picture.dispose();

@@ -115,6 +115,8 @@ export function shotDesk(job, picture, display, life) {
     panel: panel.element,
     edit: edit.element,
     files: shotSave(first, display, frames, life),
+    /** Shows a frame. @param {number} number */
+    goTo: (number) => frames.go(frames.numbers.value.indexOf(number)),
     /** @param {Job} next */
     update(next) {
       frames.update(next);

@@ -15,6 +15,8 @@ import { queuePanel } from "../job/queue-panel.js";
 import { livePicture } from "../film/live-picture.js";
 import { focusTool } from "../job/focus-tool.js";
 import { jobTitle, notePanel } from "../job/name-and-note.js";
+import { notesPanel } from "../job/notes-panel.js";
+import { verdictChip } from "../job/verdict.js";
 import { stageNotices } from "../job/stage-notices.js";
 import { momentsPanel } from "../job/moments-panel.js";
 import { lightMixer } from "../job/light-mixer.js";
@@ -124,10 +126,12 @@ function open(page, job, life) {
   const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin), (pin) => (tabs.show("info"), log.ofTile(picture.live.frame, pin)));
   const focus = focusTool(job, picture, life);
   const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button, explained.button]);
+  const notes = notesPanel(() => latest, picture, life, { open: () => tabs.show("notes"), goTo: (frame) => shot?.goTo(frame) });
   const histogram = histogramPanel(picture.live, display, life);
   picture.tools.append(tools.element);
-  life.add(addShortcuts([...title.keys, ...focus.keys, ...pins.keys, ...explained.keys, ...tools.keys]));
+  life.add(addShortcuts([...title.keys, ...focus.keys, ...pins.keys, ...explained.keys, ...tools.keys, ...notes.keys]));
   const chip = stateChip(job.state);
+  const judged = verdictChip();
   const line = progressBar(t("Progress"));
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar shows the same
   life.every(1000, progress.tick);
@@ -155,6 +159,7 @@ function open(page, job, life) {
   const tabs = sideTabs(t("Picture"), [
     { name: "view", label: t("View"), content: [look.element, histogram, moments?.element] },
     { name: "lights", label: t("Lights"), content: [lightMixer(display, job, life)] },
+    { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },
     { name: "info", label: t("Info"), content: [details(job, life), queue.element, shot?.edit, history.element, log.element] },
   ]);
@@ -164,7 +169,7 @@ function open(page, job, life) {
   ];
   fill(
     page,
-    heading(() => latest, title.element, chip.element, actions.element),
+    heading(() => latest, title.element, [chip.element, judged.element], actions.element),
     h("div", { class: "job-line" }, line.element),
     picture.element,
     shot?.bar,
@@ -182,8 +187,9 @@ function open(page, job, life) {
     notices.update();
     setTitle(`${next.state === "running" ? `${Math.floor(next.progress * 100)} % ` : ""}${next.name}`);
     chip.update(next.state);
+    judged.update(next.review);
     line.update(next.progress, next.state);
-    for (const part of [title, note, look, picture, actions, progress, doubt, queue, focus, history, moments, shot]) part?.update(next);
+    for (const part of [title, note, look, picture, actions, progress, doubt, queue, focus, history, moments, shot, notes]) part?.update(next);
   };
 }
 
@@ -192,10 +198,10 @@ function open(page, job, life) {
  *
  * @param {() => Job} job the latest state
  * @param {HTMLElement} title
- * @param {HTMLElement} chip
+ * @param {HTMLElement[]} chips
  * @param {HTMLElement} actions
  */
-function heading(job, title, chip, actions) {
+function heading(job, title, chips, actions) {
   const { id, scene } = job();
   const back = { class: "icon-button", href: linkTo("scenes", scene), "aria-label": t("Back to the scene"), title: t("Back to the scene") };
   const compare = {
@@ -211,7 +217,7 @@ function heading(job, title, chip, actions) {
   };
   const bin = { class: "icon-button danger for-submit", type: "button", "aria-label": t("Delete this picture"), title: t("Delete this picture"), onclick: remove };
   const tools = [actions, h("a", compare, icon("compare")), h("button", bin, icon("trash"))];
-  return h("header", { class: "job-head" }, h("a", back, icon("back")), title, chip, h("span", { class: "grow" }), ...tools);
+  return h("header", { class: "job-head" }, h("a", back, icon("back")), title, ...chips, h("span", { class: "grow" }), ...tools);
 }
 
 /** @param {Job} job @param {Disposer} life */

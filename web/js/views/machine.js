@@ -78,7 +78,7 @@ export function machineCard() {
     terms.update(worker);
     setText(name, worker.name);
     name.title = worker.name;
-    setText(cpu, worker.cpu);
+    setText(cpu, worker.transport === "https" ? t("{cpu}, over HTTPS", { cpu: worker.cpu }) : worker.cpu);
     cpu.title = worker.cpu;
     chip.update(state);
     const draining = busy ? tn(busy, " {n} slot still finishes what it has in hand.", " {n} slots still finish what they have in hand.") : "";

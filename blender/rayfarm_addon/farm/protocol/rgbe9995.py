@@ -28,7 +28,8 @@ def pack(rgb: npt.NDArray[np.float32]) -> npt.NDArray[np.uint32]:
     step_inverse = ((127 + BIAS + MANTISSA_BITS - exponent) << 23).astype(np.int32).view(np.float32)
     mantissa = (clean * step_inverse[..., None] + np.float32(0.5)).astype(np.uint32)
     np.minimum(mantissa, 511, out=mantissa)
-    return mantissa[..., 0] | mantissa[..., 1] << 9 | mantissa[..., 2] << 18 | exponent.astype(np.uint32) << 27
+    words = mantissa[..., 0] | mantissa[..., 1] << 9 | mantissa[..., 2] << 18 | exponent.astype(np.uint32) << 27
+    return np.asarray(words, np.uint32)
 
 
 def unpack(words: npt.NDArray[np.uint32]) -> npt.NDArray[np.float32]:

@@ -5,11 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.simd import load, load_int
-from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
+from renderer.film import ALPHA_PLANES, CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF
 from renderer.jit import device, never_inline, subroutine
+from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import DONE, length, put, row, truncate
 from renderer.kernel.backends.cpu.rows import FIRST_GROUP, PATHS, Sample, at, column
-from renderer.kernel.fixed_point import add_fixed8, in_half, sample_contribution
+from renderer.kernel.fixed_point import add_fixed8, fixed, in_half, sample_contribution
 from renderer.kernel.light_groups import add_sample_by_group, forget_groups
 from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit
 from renderer.kernel.steps.state import PathState
@@ -29,6 +30,8 @@ _COLUMNS.update({SAMPLES: 3, SAMPLES_HALF: 7})
 for _first, _planes in ((0, COLOR), (4, COLOR_HALF)):
     _COLUMNS.update({plane: _first + k for k, plane in enumerate(range(_planes.start, _planes.stop))})
 _COLUMN_OF = np.array([_COLUMNS[channel] for channel in range(CHANNELS)], np.int64)
+_COUNT, _UNCOVERED = np.uintp(_COLUMNS[SAMPLES]), np.uintp(8 + columns_of(FirstHit, "uncovered")[0])
+_CAUGHT, _SHADOWED = column(FirstHit, "caught"), column(FirstHit, "shadowed")
 _POINT = np.uintp(8 + columns_of(FirstHit, "point")[0])
 _RADIANCE, _FIRST, _DISTANCE = column(PathState, "radiance"), column(FirstHit, "albedo"), column(FirstHit, "distance")
 _SAMPLE, _PIXEL, _BRANCHES = (column(Sample, field) for field in ("number", "place", "branches"))
@@ -71,7 +74,12 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
             if by_group is not None:
                 _forget(pool, path, by_group[0])
             continue
-        if by_group is not None:
+        if pool[at(path, _CAUGHT)] > _ZERO:  # a shadow is black
+            pool[at(path, _SHADOWED)] = vec.luminance(_radiance(pool, path))
+            light = sample_contribution(found - found, one, in_half(sample))
+            if by_group is not None:
+                _forget(pool, path, by_group[0])
+        elif by_group is not None:
             _add_groups(pool, path, film, place, scale, by_group)
         base = np.uintp(place) * _SUMS
         add_fixed8(film, base, light, scale)
@@ -105,26 +113,51 @@ def _forget(pool, path, groups):
 
 
 @device
+def _radiance(pool, path):
+    """Returns the radiance of both branches of a path."""
+    first, second = at(path, _RADIANCE), at(path + _PATHS, _RADIANCE)
+    return pool[first] + pool[second], pool[first + _1] + pool[second + _1], pool[first + _2] + pool[second + _2]
+
+
+@device
 def _add_groups(pool, path, film, place, scale, by_group):
     """Adds a path's light by group to its pixel's sums, and resets it to 0 for the next path in its row."""
     groups, begin = by_group
-    first, second, at_radiance = _group_row(path, groups), _group_row(path + _PATHS, groups), at(path, _RADIANCE)
-    of_second = at(path + _PATHS, _RADIANCE)
-    red, green, blue = pool[at_radiance], pool[at_radiance + _1], pool[at_radiance + _2]
-    radiance = red + pool[of_second], green + pool[of_second + _1], blue + pool[of_second + _2]
+    first, second, radiance = _group_row(path, groups), _group_row(path + _PATHS, groups), _radiance(pool, path)
     base = begin + np.uintp(place) * _3 * np.uintp(groups)
     add_sample_by_group(film, base, _1, pool, first, second, groups, radiance, scale)
     _forget(pool, path, groups)
 
 
+@device
+def _flush_alpha(film, sums, one):
+    """Adds the pixels' alpha to the film's last planes. one: 1 in fixed point; a sample covers that, less what is uncovered."""
+    first, height, width = sums.shape[0] - ALPHA_PLANES, sums.shape[1], sums.shape[2]
+    for y in range(height):
+        base = np.uintp(y * width) * _SUMS
+        for x in range(width):
+            sums[first, y, x] += film[base + _COUNT] * one - film[base + _UNCOVERED]
+            film[base + _UNCOVERED] = 0
+            for k in range(1, ALPHA_PLANES):
+                sums[first + k, y, x] += film[base + _UNCOVERED + np.uintp(k)]
+                film[base + _UNCOVERED + np.uintp(k)] = 0
+            base += _SUMS
+
+
 @subroutine
-def flush_film(film, sums):
+def flush_film(film, sums, scale, is_transparent):
     """Moves the pixels' sums to the film's planes, (planes, h, w), and resets them to 0.
+
+    scale: 2**film_exponent. is_transparent: whether the last planes are those of the alpha.
 
     Works row by row, one plane at a time, since one pixel's entries in all planes map to the same cache sets.
     """
     never_inline()
     height, width = sums.shape[1], sums.shape[2]
+    further = sums.shape[0] - CHANNELS
+    if is_transparent:
+        _flush_alpha(film, sums, fixed(_ONE, scale))
+        further -= ALPHA_PLANES
     for y in range(height):
         for channel in range(CHANNELS):
             at_pixel = np.uintp(y * width) * _SUMS + np.uintp(_COLUMN_OF[channel])
@@ -132,9 +165,8 @@ def flush_film(film, sums):
                 sums[channel, y, x] += film[at_pixel]
                 film[at_pixel] = 0
                 at_pixel += _SUMS
-    further = sums.shape[0] - CHANNELS  # planes by light group
     begin = np.uintp(height * width) * _SUMS
-    for k in range(further):
+    for k in range(further):  # planes by light group
         for y in range(height):
             at_pixel = begin + np.uintp(y * width) * np.uintp(further) + np.uintp(k)
             for x in range(width):

@@ -112,7 +112,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
             paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count, by_group, output.ids
         )
     record_second_branch(log, radiance_of(paths, PATHS))
-    flush_film(pool.film, output.sums)
+    flush_film(pool.film, output.sums, options.scale, options.transparent_background)
     return bad_count, rays
 
 

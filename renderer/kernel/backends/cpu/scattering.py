@@ -39,6 +39,7 @@ from renderer.kernel.backends.cpu.lists import (
 from renderer.kernel.backends.cpu.rows import (
     PATHS,
     SECOND,
+    SPARE,
     Appearance,
     Axes,
     ChosenLight,
@@ -65,6 +66,7 @@ from renderer.kernel.steps.continue_or_end import continue_or_end
 from renderer.kernel.steps.guide import choose_guided, guided_pdf, guided_sample
 from renderer.kernel.steps.mis import light_weight
 from renderer.kernel.steps.random_blocks import draw_scattering
+from renderer.kernel.steps.record_first_hit import FirstHit, record_direct_light
 from renderer.kernel.steps.sample_direct_light import sample_direct_light
 from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
 from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, with_radiance
@@ -153,6 +155,9 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
         rows = eight_rows(lists, taken, k)
         ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
         none = zero_like(ray.pdf)
+        if options.has_mattes:
+            hit = gather(pool, rows, FirstHit)
+            caught = (path.number == _ZERO) & (hit.caught > _ZERO)
         facet, shading, to_light = gather(pool, rows, Facet), gather(pool, rows, Shading), gather(pool, rows, ChosenLight)
         surface = surface_of(pool, rows, facet, shading)
         m = _material(scene, pool, rows, surface)
@@ -202,15 +207,22 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
                 to_light.direction, gather(pool, rows, Outcome).end, to_light.radiance, to_light.pdf, none != none
             )
             share = light_weight(to_light.pdf, scatter_pdf, to_light.branches)
+            if options.has_mattes:
+                share = where(caught, none + _ONE, share)  # a path ends there, so that light sampling alone finds its light
             medium_stack = as_wide(_WORLD, none)
             if scene.has.media is not None:
                 medium_stack = gather(pool, rows, Crossings).medium_stack
             shadow = sample_direct_light(scene, surface, path, light, wi, f, share, medium_stack, is_surface)
             start, end, is_cast = shadow.start, shadow.end, where(shadow.is_cast, _ONE, none)
+            if options.has_mattes:
+                bright = where(shadow.is_cast, vec.luminance(shadow.brought), none)
+                scatter(pool, where(caught, rows, SPARE), record_direct_light(hit, bright))
             scatter(pool, rows, DirectLight(shadow.brought, shadow.segments, share, to_light.pdf, shadow.medium_stack))
 
         ray, path, bounce = scattering.scatter(surface, m.frame, ray, path, sample, branches, options)
         path, survival = continue_or_end(path, ray, u[3], is_surface, options)
+        if options.has_mattes:
+            survival = where(caught, none, survival)
         written = rows
         if second:
             _copy_vertices(scene, pool, rows, stream, facet, shading)

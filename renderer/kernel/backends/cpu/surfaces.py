@@ -57,10 +57,17 @@ from renderer.kernel.material.material import has_flag, parameters_at, relative_
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.steps.continue_or_end import is_last
 from renderer.kernel.steps.disperse import disperse
-from renderer.kernel.steps.emitted_light import add_light, brought_light, emitted_by_environment, emitted_by_sun, emitted_light
+from renderer.kernel.steps.emitted_light import (
+    add_light,
+    background_counts,
+    brought_light,
+    emitted_by_environment,
+    emitted_by_sun,
+    emitted_light,
+)
 from renderer.kernel.steps.mis import hit_weight
 from renderer.kernel.steps.pass_through import absorb, counts_emission, is_passed, pass_through
-from renderer.kernel.steps.record_first_hit import record_first_hit
+from renderer.kernel.steps.record_first_hit import record_background, record_catcher, record_first_hit
 from renderer.kernel.steps.state import Crossings, PathState, Ray, no_crossings, with_throughput
 from renderer.kernel.surface.surface import is_emissive, sphere_at
 from renderer.wide.values import any_of, as_wide, lookup, not_, u32, where, where3, zero_like
@@ -71,6 +78,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NONE = np.uint32(0)
 _ONE_BIT = np.uint32(1)
+_HOLDOUT, _CATCHER = np.uint32(kinds.HOLDOUT), np.uint32(kinds.CATCHER)
 _RARE_KINDS = np.uint32(kinds.RARE_KINDS)
 _DIFFUSE, _METALLIC_ROUGHNESS, _CONDUCTOR, _UNLIT = (
     np.uint32(kind) for kind in (kinds.DIFFUSE, kinds.METALLIC_ROUGHNESS, kinds.CONDUCTOR, kinds.UNLIT)
@@ -92,7 +100,10 @@ def shade_misses(scene, pool, lists, options, is_recorded):
     for k in range(0, count, 8):
         rows = eight_rows(lists, MISSED, k)
         ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
-        seen, counts = emitted_by_environment(scene, ray), ray.pdf >= _ZERO
+        seen, counts = emitted_by_environment(scene, ray), background_counts(ray, path, options)
+        if options.transparent_background:
+            first = where(path.number == _ZERO, rows, SPARE)
+            scatter(pool, first, record_background(path.throughput))
         weight = hit_weight(ray.pdf, seen.light_pdf)
         if is_recorded:
             met = gather(pool, rows, RowHit)
@@ -165,6 +176,13 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         through = is_passed(scene, surface, stream, path.number + passed, options, time)
         path = with_throughput(path, absorb(scene, surface, through, path.throughput, gather(pool, rows, Facet).point))
         lit, weight = is_emissive(surface) & (ray.pdf >= _ZERO) & counts_emission(scene, surface, through), none
+        first = (path.number == _ZERO) & not_(through)
+        if options.has_mattes:
+            held, caught = (
+                first & has_flag(scene, surface.material, _HOLDOUT),
+                first & has_flag(scene, surface.material, _CATCHER),
+            )
+            lit = lit & not_(held | caught)
         if any_of(lit):
             seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
             weight = hit_weight(ray.pdf, seen.light_pdf)
@@ -182,15 +200,19 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         _store_appearance(scene, pool, rows, surface, through, parameters, eta, frame)
         kind = u32(lookup(scene.material_kind, surface.material))
         unlit = (kind == _UNLIT) & not_(through)
+        if options.has_mattes:
+            unlit = unlit & not_(held | caught)
         if any_of(unlit):
             if scene.has.groups is not None:
                 group = group_row(rows, options) + group_of_material(scene, surface.material)
                 add_group_light(pool, group, brought_light(path, parameters.base, options), unlit)
             path = add_light(path, parameters.base, unlit, options)
-        first = (path.number == _ZERO) & not_(through)
         if any_of(first):
             seen = record_first_hit(surface, parameters, frame[2], hit.t, gather(pool, rows, Sample).start)
             scatter(pool, where(first, rows, SPARE), seen)
+            if options.has_mattes:
+                scatter(pool, where(caught, rows, SPARE), record_catcher(seen, path.throughput))
+                scatter(pool, where(held, rows, SPARE), record_background(path.throughput))
 
         which_next = _list_of(scene, surface.material, kind, parameters.roughness)
         if scene.has.media is not None:
@@ -199,6 +221,8 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
         if options.has_depths or scene.has.media is not None:
             crossings = gather(pool, rows, Crossings)
         which_next = where(is_last(path, crossings.counts, unlit, options), _OVER, which_next)
+        if options.has_mattes:
+            which_next = where(held, _OVER, which_next)
         point = surface.point
         if scene.has.textures is not None and any_of(through):
             passed, ends = where(through, passed + _ONE, passed), passed != passed

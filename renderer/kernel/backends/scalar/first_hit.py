@@ -5,31 +5,37 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.bvh.simd import load_int
-from renderer.film import POSITION
+from renderer.film import ALPHA_PLANES, POSITION
 from renderer.jit import device
+from renderer.kernel import vec
 from renderer.kernel.fixed_point import fixed
 from renderer.kernel.light_groups import GROUP_ROW
-from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit, no_hit
+from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit, no_hit, record_direct_light
 from renderer.wide.fields import Layout, accessors
 
 __all__ = [
     "FIRST_GROUP",
     "FIRST_HIT_SLOTS",
+    "add_alpha",
     "add_first_hit",
     "forget_first_hit",
+    "is_caught",
     "is_finite_first_hit",
+    "store_direct_light",
     "store_first_hit",
     "store_ids",
+    "store_shadow",
 ]
 
 _LAYOUT = Layout(FirstHit)
 FIRST_HIT_SLOTS = _LAYOUT.width
 FIRST_GROUP = np.uint32(FIRST_HIT_SLOTS // GROUP_ROW)  # in the array of a first hit: the first row of the light by group
 assert FIRST_HIT_SLOTS % GROUP_ROW == 0
-_, _scatter = accessors(_LAYOUT)
+_gather, _scatter = accessors(_LAYOUT)
 _ONLY = np.uintp(0)
-_ZERO = np.float32(0.0)
-_DISTANCE = _LAYOUT.column(FirstHit, "distance")
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_CAUGHT, _SHADOWED = _LAYOUT.column(FirstHit, "caught"), _LAYOUT.column(FirstHit, "shadowed")
+_DISTANCE, _UNCOVERED = _LAYOUT.column(FirstHit, "distance"), _LAYOUT.column(FirstHit, "uncovered")
 _X, _Y, _Z = range(POSITION.start, POSITION.stop)
 
 
@@ -56,9 +62,38 @@ def store_ids(ids, number, first):
 def is_finite_first_hit(first):
     """Returns True if no real number of the FirstHit stored in `first` is NaN or infinite."""
     zero = _ZERO
+    for k in range(ALPHA_PLANES):
+        zero += first[_UNCOVERED + np.uintp(k)] * _ZERO
     for k in range(len(MEANS)):
         zero += first[MEANS[k, 0]] * _ZERO
     return zero == _ZERO
+
+
+@device
+def is_caught(first):
+    """Returns True if the vertex of the FirstHit stored in `first` is on a shadow catcher."""
+    return first[_CAUGHT] > _ZERO
+
+
+@device
+def store_shadow(first, radiance):
+    """Stores in `first` the radiance that a sample on a shadow catcher has found."""
+    first[_SHADOWED] = vec.luminance(radiance)
+
+
+@device
+def store_direct_light(first, brought):
+    """Adds direct light at a shadow catcher, before occlusion, to the FirstHit stored in `first`."""
+    _scatter(first, _ONLY, record_direct_light(_gather(first, _ONLY, FirstHit), vec.luminance(brought)))
+
+
+@device
+def add_alpha(sums, y, x, first, scale):
+    """Adds the sample's alpha to the last planes of pixel (x, y), by the FirstHit stored in `first`."""
+    plane = sums.shape[0] - ALPHA_PLANES
+    sums[plane, y, x] += fixed(_ONE, scale) - fixed(first[_UNCOVERED], scale)
+    for k in range(1, ALPHA_PLANES):
+        sums[plane + k, y, x] += fixed(first[_UNCOVERED + np.uintp(k)], scale)
 
 
 @device

@@ -9,6 +9,7 @@ import numpy as np
 
 from renderer.jit import device, template
 from renderer.kernel import vec
+from renderer.kernel.backends.scalar.first_hit import store_direct_light, store_first_hit
 from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.lights import choose_sampled, sample_chosen
 from renderer.kernel.light.links import linked_sample
@@ -20,6 +21,7 @@ from renderer.kernel.sampling.sampler import substream
 from renderer.kernel.steps.aim import NOT_AIMED, mixture_pdf, targets_in_view
 from renderer.kernel.steps.emitted_light import (
     add_light,
+    background_counts,
     brought_light,
     clamp_indirect,
     emitted_by_environment,
@@ -30,6 +32,7 @@ from renderer.kernel.steps.guide import choose_guided, guided_pdf
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.pass_through import counts_emission
 from renderer.kernel.steps.random_blocks import draw_light
+from renderer.kernel.steps.record_first_hit import record_background
 from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_light, sample_direct_light
 from renderer.kernel.steps.state import LastVertex, with_radiance
 from renderer.kernel.surface.surface import is_emissive
@@ -37,8 +40,7 @@ from renderer.wide.values import u32
 
 __all__ = ["add_caustic", "add_direct", "add_emission", "add_environment", "has_lights"]
 
-_ZERO = np.float32(0.0)
-_NOT_GUIDED = np.float32(0.75)  # a random number above any probability of sampling the guide
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _YES, _NO = np.bool_(True), np.bool_(False)
 
 
@@ -52,9 +54,12 @@ def has_lights(scene):
 def add_environment(scene, ray, path, last, chain, options, time, weigh_hit, found, groups):
     """Returns `path` with the light of the environment and of suns added; called if the path's ray has hit nothing.
 
-    chain: from kernel/manifold/chain.py. found, groups: the table of the light by group, and the row of the path's first group.
+    chain: from kernel/manifold/chain.py. found: the array of the first hit, with the table of the light by group. groups: the row
+    of the path's first group.
     """
-    counts = ray.pdf >= _ZERO
+    counts = background_counts(ray, path, options)
+    if options.transparent_background and path.number == _ZERO:
+        store_first_hit(found, record_background(path.throughput))
     seen = emitted_by_environment(scene, ray)
     light = vec.scale(seen.radiance, weigh_hit(options, ray, path, last, None, seen.light_pdf))
     if scene.has.groups is not None:
@@ -96,10 +101,10 @@ def add_emission(scene, surface, through, ray, path, last, chain, options, time,
 
 
 @template
-def add_direct(scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, found, groups):
+def add_direct(scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, found, groups, caught):
     """Samples the direct light at a path's vertex; returns (the path with that light added, number of shadow rays).
 
-    found, groups: as for `add_environment`.
+    found, groups: as for `add_environment`. caught: whether the vertex is on a shadow catcher, where the path ends.
     """
     surface = vertex.surface
     s, t, n = vertex.frame
@@ -120,12 +125,17 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
                 targets = targets_in_view(scene, here, surface.material, _NO, is_surface, options)
                 scatter_pdf = mixture_pdf(scene, here, targets, light.direction, scatter_pdf, NOT_AIMED)
             if scene.path_guide is not None:
-                guided = choose_guided(scene, surface.point, n, _NO, is_surface, _NOT_GUIDED, (_ZERO, _ZERO))
+                guided = choose_guided(scene, surface.point, n, _NO, is_surface, _ONE, (_ZERO, _ZERO))
                 scatter_pdf = guided_pdf(scene, guided, light.direction, scatter_pdf)
             branches = branches_to_light(light.alone, path.number, options)
-            weight = weigh_light(options, light, scatter_pdf, branches, surface.point) / np.float32(count)
+            weight = weigh_light(options, light, scatter_pdf, branches, surface.point)
+            if caught:
+                weight = _ONE
+            weight = weight / np.float32(count)
             shadow = sample_direct_light(scene, surface, path, light, wi, f, weight, crossings.medium_stack, is_surface)
             if shadow.is_cast:
+                if caught:
+                    store_direct_light(found, shadow.brought)
                 rays += 1
                 left = shadow_transmittance(scene, stack, shadow, crossings.counts, options, time, own, path.number)
                 if vec.maximum(left) > _ZERO:

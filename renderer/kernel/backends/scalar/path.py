@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import MEDIUM, UNLIT
+from renderer.arrays.rows import CATCHER, HOLDOUT, MEDIUM, UNLIT
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
@@ -18,7 +18,7 @@ from renderer.kernel.backends.scalar.light import add_caustic, add_direct, add_e
 from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, reach_surface, subsurface_vertex, surface_vertex
 from renderer.kernel.light_groups import add_group_light, group_of_material, group_of_media
 from renderer.kernel.manifold.chain import NO_CHAIN, begin_chain, continue_chain, is_joined
-from renderer.kernel.material.material import eval_material, is_specular
+from renderer.kernel.material.material import eval_material, has_flag, is_specular
 from renderer.kernel.path_trace import (
     DIRECT,
     EMITTED,
@@ -35,7 +35,7 @@ from renderer.kernel.steps.guide import choose_guided, guided_sample
 from renderer.kernel.steps.medium_event import medium_event
 from renderer.kernel.steps.pass_through import pass_through
 from renderer.kernel.steps.random_blocks import draw_scattering
-from renderer.kernel.steps.record_first_hit import record_first_hit
+from renderer.kernel.steps.record_first_hit import record_background, record_catcher, record_first_hit
 from renderer.kernel.steps.scatter import cross_surface, scatter
 from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
 from renderer.kernel.steps.state import Crossings, LastVertex, camera_path, no_crossings, with_radiance, with_throughput
@@ -51,6 +51,7 @@ _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 _YES, _NO = np.bool_(True), np.bool_(False)
+_HOLDOUT, _CATCHER = np.uint32(HOLDOUT), np.uint32(CATCHER)
 
 
 @template
@@ -97,6 +98,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         hit = closest_hit(scene.bvh, stack, ray.o, ray.d, _INF, time, root, after)
         rays += 1
         row, drifts, distance = path.number + passed, _NO, hit.t
+        held, caught = _NO, _NO
         if scene.has.media is not None:
             event = medium_event(scene, ray, path, crossings, hit.t, stream, row)
             if scene.has.grids is not None:
@@ -117,7 +119,11 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             surface = surface_at(scene, ray.o, ray.d, hit)
             through, path = reach_surface(scene, surface, path, last, row, stream, options, time)
             record_surface(log, row, surface, surface.point, through, hit.t, ray, path)
-            path = add_emission(scene, surface, through, ray, path, last, chain, options, time, weigh_hit, first, groups)
+            if options.has_mattes and path.number == _ZERO and not through:
+                held = has_flag(scene, surface.material, _HOLDOUT)
+                caught = has_flag(scene, surface.material, _CATCHER)
+            if not (held or caught):
+                path = add_emission(scene, surface, through, ray, path, last, chain, options, time, weigh_hit, first, groups)
             if through:
                 record_light(log, row, EMITTED, path.radiance)
                 crossings, blocked = pass_through(scene, surface, through, crossings, options)
@@ -130,9 +136,15 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
                 continue
             vertex, path = surface_vertex(scene, surface, ray, path, stream, layers, time)
             normal = vertex.frame[2]
-        is_surface, unlit = vertex.material.kind != MEDIUM, vertex.material.kind == UNLIT
+        is_surface, unlit = vertex.material.kind != MEDIUM, vertex.material.kind == UNLIT and not caught
+        if held:
+            store_first_hit(first, record_background(path.throughput))
+            break
         if path.number == _ZERO:
-            store_first_hit(first, record_first_hit(vertex.surface, vertex.material, normal, distance, camera.start))
+            seen = record_first_hit(vertex.surface, vertex.material, normal, distance, camera.start)
+            if caught:
+                seen = record_catcher(seen, path.throughput)
+            store_first_hit(first, seen)
         if scene.has.groups is not None and unlit:
             group = groups + group_of_material(scene, vertex.surface.material)
             add_group_light(first, group, brought_light(path, vertex.material.base, options), unlit)
@@ -148,13 +160,15 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         specular = is_specular(vertex.material)
         if lit and not specular:
             path, shadow_rays = add_direct(
-                scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, first, groups
+                scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, first, groups, caught
             )
             rays += shadow_rays
             if scene.caustics is not None and is_joined(vertex.material):
                 path, shadow_rays = add_caustic(scene, stack, vertex, ray, path, crossings, options, stream)
                 rays += shadow_rays
             record_light(log, row, DIRECT, path.radiance)
+        if caught:
+            break
 
         u = draw_scattering(stream, path.number)
         branches = np.float32(options.splitting) if splits(path.number, specular) else _ONE

@@ -10,10 +10,13 @@ from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import (
     FIRST_GROUP,
     FIRST_HIT_SLOTS,
+    add_alpha,
     add_first_hit,
     forget_first_hit,
+    is_caught,
     is_finite_first_hit,
     store_ids,
+    store_shadow,
 )
 from renderer.kernel.fixed_point import fixed, in_half
 from renderer.kernel.light_groups import add_sample_by_group, forget_groups
@@ -68,14 +71,20 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                         bad[bad_count, 2] = sample
                     bad_count += 1
                     continue
+                caught = options.has_mattes and is_caught(hit)
+                if caught:  # a shadow is black
+                    store_shadow(hit, radiance)
+                    radiance = vec.sub(radiance, radiance)
                 _add_radiance(sums, _COLOR, SAMPLES, y, x, radiance, scale)
-                if scene.has.groups is not None:
+                if scene.has.groups is not None and not caught:
                     place = np.uintp(CHANNELS) * pixels + np.uintp(y * sums.shape[2] + x)
                     rows = FIRST_GROUP, FIRST_GROUP + options.groups
                     add_sample_by_group(output.flat, place, pixels, hit, *rows, options.groups, radiance, scale)
                 if in_half(sample):
                     _add_radiance(sums, _COLOR_HALF, SAMPLES_HALF, y, x, radiance, scale)
                 add_first_hit(sums, y, x, hit, sample, scale, batch.origin)
+                if options.transparent_background:
+                    add_alpha(sums, y, x, hit, scale)
                 if len(output.ids) > 0:
                     store_ids(output.ids, (y * sums.shape[2] + x) * count + sample - first, hit)
     return bad_count, rays

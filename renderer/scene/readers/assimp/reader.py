@@ -182,7 +182,7 @@ class _Reader:
             vertex.append(bone.vertices.astype(np.int64))
             joint.append(np.full(len(bone.vertices), len(places) - 1))
             weight.append(bone.weights)
-        vertices, joints, weights = (np.concatenate(each) for each in (vertex, joint, weight))
+        vertices, joints, weights = np.concatenate(vertex), np.concatenate(joint), np.concatenate(weight)
         order = np.argsort(vertices, kind="stable")
         held = np.bincount(vertices, minlength=count)
         rank = np.arange(len(order)) - np.repeat(np.cumsum(held) - held, held)

@@ -191,6 +191,11 @@ class Json:
             return ""
         return found
 
+    def flag_in_extras(self, key: str) -> bool:
+        """Returns True if the object's extras have True under a key."""
+        extras = self.value.get("extras")
+        return isinstance(extras, dict) and extras.get(key) is True
+
     def extension(self, name: str) -> Json | None:
         """Returns the object of an extension, or None if absent."""
         extensions = self.object("extensions")

@@ -6,6 +6,7 @@ Occlusion textures are ignored, since path tracing computes occlusion.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import NamedTuple
 
 from renderer.scene.material import AlphaMode, Material
 from renderer.scene.readers.gltf import extensions, scattering
@@ -16,11 +17,22 @@ from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
-__all__ = ["EXTENSIONS", "Materials"]
+__all__ = ["EXTENSIONS", "Materials", "NodeLook"]
 
 EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness", *extensions.NAMES, *scattering.NAMES}
 
 _ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND": "blend"}
+
+
+class NodeLook(NamedTuple):
+    """What a node changes about the materials of its meshes. light_group, light_link: empty for the material's own."""
+
+    unseen: bool  # invisible to the camera
+    shadeless: bool  # casts no shadow
+    holdout: bool
+    shadow_catcher: bool
+    light_group: str
+    light_link: str
 
 
 class Materials:
@@ -31,7 +43,7 @@ class Materials:
         self.sources = root.objects("materials")
         self._first = len(materials)
         self._panes: dict[int, int] = {}
-        self._passed: dict[tuple[int, bool, bool, str, str], int] = {}
+        self._passed: dict[tuple[int, NodeLook], int] = {}
         self._default: int | None = None
         self._filled: list[bool] = []
         self._uv_sets = [uv_sets_of(source.value) for source in self.sources]
@@ -64,16 +76,20 @@ class Materials:
             self._panes[index] = len(self._materials) - 1
         return self._panes[index]
 
-    def of_node(self, number: int, unseen: bool, shadeless: bool, group: str, link: str) -> int:
-        """Returns the index of a copy of a material with the properties of a node: ray visibility, light group and link set.
-
-        unseen: invisible to the camera; shadeless: casts no shadow. group, link: empty for the material's own.
-        """
-        key = number, unseen, shadeless, group, link
+    def of_node(self, number: int, look: NodeLook) -> int:
+        """Returns the index of a copy of a material with the properties of a node."""
+        key = number, look
         if key not in self._passed:
             source = self._materials[number]
-            group, link = group or source.light_group, link or source.light_link
-            changed = replace(source, unseen=unseen, shadeless=shadeless, light_group=group, light_link=link)
+            changed = replace(
+                source,
+                unseen=look.unseen,
+                shadeless=look.shadeless,
+                holdout=look.holdout or source.holdout,
+                shadow_catcher=look.shadow_catcher or source.shadow_catcher,
+                light_group=look.light_group or source.light_group,
+                light_link=look.light_link or source.light_link,
+            )
             self._materials.append(changed)
             self._passed[key] = len(self._materials) - 1
         return self._passed[key]
@@ -89,6 +105,7 @@ class Materials:
             material.base_color = (r, g, b)
         extensions.read_parameters(source, material, self._textures, metallic_roughness=not glossy)
         material.light_group, material.light_link = (source.name_in_extras(key) for key in ("light_group", "light_link"))
+        material.holdout, material.shadow_catcher = (source.flag_in_extras(key) for key in ("holdout", "shadow_catcher"))
         self._alpha_mode(source, material)
         self._emission(source, material)
         extensions.read_extensions(source, material)

@@ -14,7 +14,7 @@ from renderer.scene.readers.gltf.accessors import Accessors
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import morphed, skinned
 from renderer.scene.readers.gltf.faults import DamagedError
-from renderer.scene.readers.gltf.materials import Materials
+from renderer.scene.readers.gltf.materials import Materials, NodeLook
 from renderer.scene.readers.gltf.moving import AnimatedParts
 from renderer.scene.readers.gltf.primitives import Primitive, read_primitive
 from renderer.scene.readers.gltf.transforms import Matrix
@@ -103,9 +103,9 @@ class Meshes:
         for index in meshes:
             self.sources[index] = Json(root.file, self.sources[index].where, root.value["meshes"][index], root.faults)
 
-    def material_of_node(self, number: int, unseen: bool, shadeless: bool, group: str, link: str) -> int:
+    def material_of_node(self, number: int, look: NodeLook) -> int:
         """Returns the index of a copy of a mesh's material with the properties of a node; see `Materials.of_node`."""
-        return self._materials.of_node(self._meshes[number].material, unseen, shadeless, group, link)
+        return self._materials.of_node(self._meshes[number].material, look)
 
     def refracts(self, index: int) -> bool:
         """Returns True if a part of a mesh transmits light, so that its material depends on whether the mesh is closed."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from renderer.scene.readers.gltf.cameras import read_camera
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import bind_matrices
 from renderer.scene.readers.gltf.faults import DamagedError
+from renderer.scene.readers.gltf.materials import NodeLook
 from renderer.scene.readers.gltf.meshes import Meshes
 from renderer.scene.readers.gltf.moving import AnimatedParts
 from renderer.scene.readers.gltf.profiles import Profiles
@@ -318,13 +320,14 @@ class Nodes:
     def _material_of(self, node: Json, mesh: int) -> int | None:
         """Returns the index of a material to use in place of a mesh's own; None if the mesh keeps its own.
 
-        A replacement is needed if camera rays or shadow rays ignore the node, or if the node has a light group or a link set.
+        A replacement is needed if camera rays or shadow rays ignore the node, if it is a holdout or a shadow catcher, or if it
+        has a light group or a link set.
         """
-        rays, group, link = node.extension(RAYS), node.name_in_extras("light_group"), node.name_in_extras("light_link")
+        rays = node.extension(RAYS)
         unseen, shadeless = (rays is not None and rays.value.get(kind) is False for kind in ("camera", "shadow"))
-        if unseen or shadeless or group or link:
-            return self._meshes.material_of_node(mesh, unseen, shadeless, group, link)
-        return None
+        held, caught = node.flag_in_extras("holdout"), node.flag_in_extras("shadow_catcher")
+        look = NodeLook(unseen, shadeless, held, caught, node.name_in_extras("light_group"), node.name_in_extras("light_link"))
+        return self._meshes.material_of_node(mesh, look) if any(look) else None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:
         """Returns the joint nodes of a skin, and whether any of them is animated."""
@@ -389,7 +392,7 @@ def _linked(light: Light, source: Json) -> Light:
 def _link_sets(scene: Json) -> dict[str, LightLink]:
     """Returns the link sets in `light_links` of the extras of a glTF scene; unusable ones are counted as faults."""
     extras = scene.value.get("extras")
-    found = extras.get("light_links", {}) if isinstance(extras, dict) else {}
+    found: Any = extras.get("light_links", {}) if isinstance(extras, dict) else {}
     links = {}
     for name, link in found.items() if isinstance(found, dict) else ():
         lists = [link.get(key) for key in ("include", "exclude")] if isinstance(link, dict) else []

@@ -10,7 +10,7 @@ from renderer.sentences import Sentence
 __all__ = ["unused_notes"]
 
 # Properties without effect on the image, or with their own note, by kind of object.
-_IGNORED_PROPERTIES = {
+_IGNORED_PROPERTIES: dict[str, set[str]] = {
     "integrator": {"rr_depth", "samples_per_pass", "block_size", "timeout", "strict_normals", "max_depth", "hide_emitters"}
     | {"emitter_samples", "bsdf_samples", "shading_samples", "luminaire_samples", "aovs"},
     "scene": set(),

@@ -276,7 +276,7 @@ def add_camera(
         focus = source.number("focaldistance", _FAR) * float(np.linalg.norm(forward))
         if lens > 0 and focus > 0:
             fields |= {"aperture": lens, "focus": focus}
-    if rendered is not None and rendered != (0, 0, width, height):
+    if rendered is not None and rendered != Window(0, 0, width, height):
         if source.type == "spherical":
             notes.add(
                 source.place,

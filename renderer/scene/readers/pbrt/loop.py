@@ -5,7 +5,7 @@ Source: Loop 1987; Warren's weights and the limit positions: Pharr and Humphreys
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -85,4 +85,5 @@ def _surroundings(points: F64, triangles: I64) -> _Mesh:
 
 
 def _sums(index: I64, values: F64, count: int) -> F64:
-    return np.stack([np.bincount(index, values[:, k], count) for k in range(values.shape[1])], axis=1)
+    columns: list[npt.NDArray[Any]] = [np.bincount(index, values[:, k], count) for k in range(values.shape[1])]
+    return np.stack(columns, axis=1)

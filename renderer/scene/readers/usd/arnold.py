@@ -34,7 +34,7 @@ def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, 
         network.notes.add(Sentence("usd-arnold-nodes-unknown", "Unknown Arnold nodes are left out"), node)
         return Input()
     file = shader.GetInput("filename")
-    found = file.GetValueProducingAttributes() if file else []
+    found: list[Any] = file.GetValueProducingAttributes() if file else []
     if not found:
         return Input()
     space = str(constant_input("color_space", "auto")).lower()

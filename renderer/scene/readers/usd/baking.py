@@ -55,8 +55,8 @@ def baked(
                 yield at, np.nan_to_num(found, nan=0.0, posinf=_MOST, neginf=-_MOST).astype(np.float32)
 
         is_fine = any(image.pixels.dtype != np.uint8 for image in images)
-        codes = np.full((height, width, 4), 65535 if is_fine else 255, np.uint16 if is_fine else np.uint8)
-        most_code = float(np.iinfo(codes.dtype).max)
+        most_code = 65535.0 if is_fine else 255.0
+        codes = np.full((height, width, 4), most_code, np.uint16 if is_fine else np.uint8)
         for at, values in bands():
             if float(values[..., :3].min()) < -_NEAR or float(values[..., :3].max()) > 1 + _NEAR:
                 break

@@ -5,6 +5,8 @@ Source: Loop 1987, "Smooth Subdivision Surfaces Based on Triangles".
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
@@ -82,4 +84,5 @@ def _beta(valence: F64) -> F64:
 
 
 def _sums(values: F64, group: Codes, count: int) -> F64:
-    return np.stack([np.bincount(group, values[:, k], count) for k in range(values.shape[1])], axis=1)
+    columns: list[npt.NDArray[Any]] = [np.bincount(group, values[:, k], count) for k in range(values.shape[1])]
+    return np.stack(columns, axis=1)

@@ -112,7 +112,7 @@ class Network:
             return default if value is None else value
 
         file = shader.GetInput("file")
-        found = file.GetValueProducingAttributes() if file else []
+        found: list[Any] = file.GetValueProducingAttributes() if file else []
         space = str(constant_input("sourceColorSpace", "auto"))
         encoded = srgb if space == "auto" else space.lower() == "srgb"
         image = (

@@ -87,7 +87,7 @@ def _scale_normal_map(given: Input, scale: Input) -> Input:
 def _image(network: NetworkContext, shader: Any, kind: str, output: str, srgb: bool, depth: int, follow: Follow) -> Input:
     node = kind[3:].split("_")[0]
     file = shader.GetInput("file")
-    found = file.GetValueProducingAttributes() if file else []
+    found: list[Any] = file.GetValueProducingAttributes() if file else []
     missing = follow(shader.GetInput("fallback" if node == "UsdUVTexture" else "default"), srgb, depth + 1)
     if not found:
         return missing

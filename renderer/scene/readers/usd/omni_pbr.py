@@ -88,7 +88,7 @@ class _ShaderInputs:
     def texture(self, name: str, srgb: bool = False) -> TextureInput | None:
         """Returns the texture that an input names; None if the input is empty or the file is missing."""
         network, given = self._network, self._shader.GetInput(name)
-        found = given.GetValueProducingAttributes() if given else []
+        found: list[Any] = given.GetValueProducingAttributes() if given else []
         image = (
             network.images.find(found[0], Sentence("label-material", "Material {name}", name=network.user), srgb, network.time)
             if found

@@ -99,9 +99,9 @@ def values_at_corners(
     }[interpolation]()
     wanted = {"constant": 1, "uniform": len(faces.counts), "faceVarying": len(faces.corners)}.get(interpolation, points)
     given = len(values) if indices is None else len(indices)
-    fits = given >= wanted and np.isfinite(values).all()
+    fits = given >= wanted and bool(np.isfinite(values).all())
     if fits and indices is not None:
-        fits = indices.min(initial=0) >= 0 and indices.max(initial=-1) < len(values)
+        fits = bool(indices.min(initial=0) >= 0 and indices.max(initial=-1) < len(values))
         code = indices[code] if fits else code
     if not fits:
         notes.add(Sentence("usd-primvars-mismatched", "Primvars that do not fit their meshes are left out"), str(path))

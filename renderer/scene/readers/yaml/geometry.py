@@ -81,7 +81,7 @@ class Shapes:
         if "instances" in source:
             places = [transforms.matrix(t, self._document, (*path, "instances", i)) for i, t in enumerate(source["instances"])]
             placed = [(f"{name} [{i}]", transforms.joined(place, own, self._document, path)) for i, place in enumerate(places)]
-        self._count(len(parents or [0]) * len(placed), path)
+        self._count(max(len(parents or ()), 1) * len(placed), path)
         if parents is not None:
             placed = [
                 (f"{parent}/{called}", transforms.joined(outer, inner, self._document, path))

@@ -48,9 +48,8 @@ class Yaml:
 
     def error(self, path: Path, what: str) -> SceneError:
         """Returns an error about the value at a path, with file, line and field. what: the fault, such as "is not a number"."""
-        at = path
-        while at and at not in self._lines:
-            at = at[:-1]
+        known = (path[:length] for length in range(len(path) + 1) if path[:length] in self._lines)
+        at: Path = max(known, key=len, default=())
         return SceneError(
             Sentence(
                 "yaml-field-invalid",

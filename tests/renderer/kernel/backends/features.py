@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from renderer.arrays.scene import CompiledScene
+from renderer.lens_distortion import LensDistortion
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import (
     EmissionKind,
@@ -363,6 +364,8 @@ FEATURES: dict[str, Feature] = {
     ),
     "lights that turn with their pictures": _feature(lambda: _shaped(keys=3)),
     "a camera that moves": _of(GRAY, views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4))),
+    "a lens that distorts": _of(GRAY, view=replace(VIEW, distortion=LensDistortion("brown", (-0.2, 0.05, 0.002, 0.001)))),
+    "a fisheye": _of(GRAY, view=replace(VIEW, distortion=LensDistortion("fisheye", (0.02, -0.01)), near=0.5)),
     # Participating media
     "fog": _of(Material(kind="interface", sigma_a=(0.1, 0.2, 0.3), sigma_s=(1.0, 2.0, 3.0), g=0.4), max_depth=12),
     "smoke around the camera": _of(

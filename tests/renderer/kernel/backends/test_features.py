@@ -6,10 +6,9 @@ import numpy as np
 import pytest
 
 from renderer import render
-from renderer.arrays.kernel_variant import variant_of
 from renderer.film import COLOR, SAMPLES, Sums
 from renderer.kernel import accumulate
-from renderer.render import RenderStats, render_frame
+from renderer.render import RenderStats, render_frame, variant_for
 from tests.grids import grid
 from tests.renderer.kernel.backends.features import FEATURES, made
 
@@ -17,7 +16,10 @@ SPP = 4
 # For these features the single-path kernel is compiled again, which takes longer than all others together. Their pictures from
 # the pool are compared with closed forms and averages over time in tests/renderer/test_motion_blur.py, and with closed forms in
 # tests/renderer/test_media.py.
-MOVING = ("what moves", "textures that slide", "lights that turn with their pictures", "a camera that moves")
+MOVING = (
+    *("what moves", "textures that slide", "lights that turn with their pictures", "a camera that moves"),
+    *("a lens that distorts", "a fisheye"),
+)
 MOVING_MEDIA = "fog in a room that the camera moves in"
 EVERYTHING = "fog that moves"
 MEDIA = (
@@ -72,7 +74,7 @@ def test_the_features_ask_for_all_variants() -> None:
         variant = "grids" if name in GRIDS else variant
         variant = "aimed" if name in AIMED else "complete" if name in (EVERYTHING, *AIMED_IN_MEDIA) else variant
         variant = "linked" if name in LINKED else variant
-        assert variant_of(scene, len(settings.views) > 0) == variant, name
+        assert variant_for(settings, scene) == variant, name
 
 
 @pytest.mark.long

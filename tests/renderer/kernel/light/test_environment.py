@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from renderer.arrays.scene import seal
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
 from renderer.kernel.light.environment import environment_light, sample_cdf, sample_cdf_row, sample_environment
+from renderer.reference import by_reference
 from renderer.scene.cutpoints import cutpoints
 from renderer.scene.description import Environment, Image, Material, SceneDescription
 from renderer.scene.environment import search_tables, tabulate_environment
@@ -19,8 +20,8 @@ from tests.renderer.judge import chi_squared
 N = 300_000
 
 
-@entry
-def _run(which, made, given, direction, value):
+@subroutine
+def _run_all(which, made, given, direction, value):
     for i in range(len(given)):
         if which == 0:
             direction_i, value[i, 0] = sample_environment(made, given[i, 2], (given[i, 0], given[i, 1]))
@@ -30,6 +31,11 @@ def _run(which, made, given, direction, value):
             radiance, value[i, 0] = environment_light(made, (given[i, 0], given[i, 1], given[i, 2]), True)
             for k in range(3):
                 direction[i, k] = radiance[k]
+
+
+@entry
+def _run(which, made, given, direction, value):
+    _run_all(which, by_reference(made), given, direction, value)
 
 
 @entry

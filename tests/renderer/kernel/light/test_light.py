@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit, new_stack
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
 from renderer.kernel import vec
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light
 from renderer.kernel.surface.surface import is_emissive, surface_at
+from renderer.reference import by_reference
 from renderer.scene.description import Environment, Material, Sky, Sphere
 from renderer.scene.lights import with_light_choice
 from tests.grids import grid
@@ -25,8 +26,8 @@ NO_NORMAL = (0.0, 0.0, 0.0)  # lit from all sides
 NORMAL = (0.6, 0.48, 0.64)
 
 
-@entry
-def _sample(made, p, n, u, direction, end, radiance, pdf):
+@subroutine
+def _sample_all(made, p, n, u, direction, end, radiance, pdf):
     for i in range(len(u)):
         light = sample_light(made, (p[0], p[1], p[2]), (n[0], n[1], n[2]), u[i, 0], (u[i, 1], u[i, 2]), None)
         pdf[i] = light.pdf
@@ -37,7 +38,12 @@ def _sample(made, p, n, u, direction, end, radiance, pdf):
 
 
 @entry
-def _density(made, stack, p, n, direction, pdf):
+def _sample(made, p, n, u, direction, end, radiance, pdf):
+    _sample_all(by_reference(made), p, n, u, direction, end, radiance, pdf)
+
+
+@subroutine
+def _density_of_all(made, stack, p, n, direction, pdf):
     """Writes the density used for the MIS weight: that of the environment, or of the first light that a ray hits."""
     o = (p[0], p[1], p[2])
     for i in range(len(direction)):
@@ -49,6 +55,11 @@ def _density(made, stack, p, n, direction, pdf):
             if is_emissive(surface):
                 cosine = -vec.dot(surface.geometric, d)
                 pdf[i] += primitive_light_pdf(made, surface.light, o, (n[0], n[1], n[2]), surface.point, cosine, True, None)
+
+
+@entry
+def _density(made, stack, p, n, direction, pdf):
+    _density_of_all(by_reference(made), stack, p, n, direction, pdf)
 
 
 def sample(made, p=P, n=N, seed=0, normal=NO_NORMAL):

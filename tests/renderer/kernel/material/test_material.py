@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from renderer.arrays.rows import ABSORBING, ABSORPTION, COLUMNS
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.material import (
     LAYER_SLOTS,
@@ -15,6 +15,7 @@ from renderer.kernel.material.material import (
     opacity,
     relative_index,
 )
+from renderer.reference import by_reference
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Material, SceneDescription, Texture
 from tests.renderer.builders import as_rendered, square
@@ -26,8 +27,8 @@ _ABSORBING = np.uint32(ABSORBING)
 FRAME = ((ONE, ZERO, ZERO), (ZERO, ONE, ZERO), UP)
 
 
-@entry
-def _look(scene, surface, frame, layers, throughput, u, out):
+@subroutine
+def _write_material(scene, surface, frame, layers, throughput, u, out):
     """Writes to `out`: base colour, metallic, roughness, opacity, absorption, emission; eta and throughput after dispersion."""
     material = fetch_material(scene, surface, frame, layers, None)
     values = material.base[0], material.base[1], material.base[2], material.metallic, material.roughness
@@ -43,6 +44,11 @@ def _look(scene, surface, frame, layers, throughput, u, out):
         out[9 + k] = light[k]
         out[13 + k] = left[k]
     out[12] = relative_index(ior, surface.front)
+
+
+@entry
+def _look(scene, surface, frame, layers, throughput, u, out):
+    _write_material(by_reference(scene), surface, frame, layers, throughput, u, out)
 
 
 def compiled(material, images=(), textures=()):

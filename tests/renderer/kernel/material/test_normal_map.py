@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.normal_map import map_normal, shading_frame
+from renderer.reference import by_reference
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Material, SceneDescription, Texture
 from tests.renderer.builders import as_rendered, square
@@ -23,14 +24,19 @@ def _map(color, wo, out):
         out[i, 0], out[i, 1], out[i, 2] = map_normal(texel, ONE, s, t, n, n, (wo[i, 0], wo[i, 1], wo[i, 2]))
 
 
-@entry
-def _frame(scene, surface, wo, out):
+@subroutine
+def _write_frame(scene, surface, wo, out):
     s, t, n = shading_frame(scene, surface, wo, None)
     for k in range(3):
         out[0, k] = s[k]
         out[1, k] = t[k]
         out[2, k] = n[k]
     out[3, 0] = vec.dot(vec.cross(s, t), n)
+
+
+@entry
+def _frame(scene, surface, wo, out):
+    _write_frame(by_reference(scene), surface, wo, out)
 
 
 def frame(rgb, front=True, scale=1.0, sign=1.0):

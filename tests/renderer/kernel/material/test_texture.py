@@ -6,9 +6,10 @@ import pytest
 from renderer.arrays.rows import EMISSION, EMISSION_TEXTURE, METALLIC_ROUGHNESS_TEXTURE
 from renderer.errors import SceneError
 from renderer.film import ALBEDO, mean
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
 from renderer.kernel.material.blend import OPERATIONS
 from renderer.kernel.material.texture import sample_texture
+from renderer.reference import by_reference
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import (
@@ -69,11 +70,16 @@ def compiled(textures, material, images=IMAGES, meshes=None, spheres=()):
     )
 
 
-@entry
-def _look_up(scene, number, uv, uv1, found):
+@subroutine
+def _look_up_all(scene, number, uv, uv1, found):
     for i in range(len(uv)):
         r, g, b, a = sample_texture(scene, number, (uv[i, 0], uv[i, 1]), (uv1[i, 0], uv1[i, 1]), None)
         found[i, 0], found[i, 1], found[i, 2], found[i, 3] = r, g, b, a
+
+
+@entry
+def _look_up(scene, number, uv, uv1, found):
+    _look_up_all(by_reference(scene), number, uv, uv1, found)
 
 
 def looked_up(scene, slot=0, count=2000):

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 
 from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit, new_stack
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
 from renderer.kernel import vec
 from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import surface_at
+from renderer.reference import by_reference
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere, Texture
 from tests.grids import grid
@@ -18,8 +19,8 @@ from tests.renderer.kernel.wander import touch, wander
 WIDTHS = {"point": 3, "geometric": 3, "shading": 3, "uv": 2, "uv1": 2, "color": 4, "tangent": 4, "shadow_point": 3, "start": 3}
 
 
-@entry
-def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent, shadow_point, start, number):
+@subroutine
+def _write_surface(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent, shadow_point, start, number):
     for i in range(len(o)):
         origin, direction = (o[i, 0], o[i, 1], o[i, 2]), (d[i, 0], d[i, 1], d[i, 2])
         hit = closest_hit(made.bvh, stack, origin, direction, np.float32(np.inf), None)
@@ -44,6 +45,13 @@ def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent,
         number[i, 1] = surface.material
         number[i, 2] = surface.light
         number[i, 3] = surface.front
+
+
+@entry
+def _look(made, stack, o, d, point, geometric, shading, uv, uv1, color, tangent, shadow_point, start, number):
+    _write_surface(
+        by_reference(made), stack, o, d, point, geometric, shading, uv, uv1, color, tangent, shadow_point, start, number
+    )
 
 
 def look(made, o, d):

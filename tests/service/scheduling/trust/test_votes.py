@@ -41,6 +41,14 @@ def test_two_equal_results_are_correct(cast: list[tuple[str, bytes]], wrong: set
     assert (found.outvoted_workers, found.agreed_index is not None) == (wrong, is_known)
 
 
+def test_workers_of_one_token_count_as_one() -> None:
+    one, two, other = "a.0123456789ab", "b.0123456789ab", "a.ba9876543210"
+    assert votes((one, X), (two, X)).agreed_index is None
+    assert votes((one, X), (two, X), (other, Y), ("near", Y)).outvoted_workers == {one, two}
+    assert not votes((one, X)).could_decide({one, two})
+    assert votes((one, X)).could_decide({one, two, other})
+
+
 def test_equal_sums_with_other_packing_are_equal() -> None:
     plain = pack_sums(expected_sums(TILE, 0, 2, 0), packing=1)
     assert plain != X

@@ -6,7 +6,21 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 
-from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, DEPTH, MATERIAL, NORMAL, OBJECT, POSITION, SAMPLES, SAMPLES_HALF
+from renderer.film import (
+    ALBEDO,
+    CHANNELS,
+    COLOR,
+    COLOR_HALF,
+    DEPTH,
+    MATERIAL,
+    NORMAL,
+    OBJECT,
+    POSITION,
+    SAMPLES,
+    SAMPLES_HALF,
+    alpha_plane,
+    plane_count,
+)
 from renderer.film import in_half as in_half_of_film
 from renderer.jit import entry
 from renderer.kernel.accumulate import MAX_BAD, Batch
@@ -15,6 +29,7 @@ from renderer.kernel.backends.cpu.lists import DONE, LIST_SIZE, LISTS, append, c
 from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, Sample, column
 from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.state import PathState
+from renderer.luminance import REC_709
 
 WIDTH, HEIGHT = 3, 2
 NO_IDS = np.zeros((0, 2), np.uint32)
@@ -28,15 +43,17 @@ def _keep(pool, lists, done, film, scale, batch, bad, sums, ids):
     for path in done:
         append(lists, DONE, path)
     bad_count = accumulate_film(pool, lists, film, scale, sums.shape[2], batch, bad, 0, None, ids)
-    flush_film(film, sums)
+    flush_film(film, sums, scale, len(sums) > CHANNELS)
     return bad_count
 
 
-def film_after(rows: npt.NDArray[np.float32], exponent: int = 24) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
+def film_after(
+    rows: npt.NDArray[np.float32], exponent: int = 24, planes: int = CHANNELS
+) -> tuple[npt.NDArray[np.int64], list[tuple[int, ...]], int]:
     """Returns (film planes, listed bad samples, number of bad samples) after adding the path rows (N, ROW) to a film."""
     pool = np.zeros((ROWS, int(ROW)), np.float32)
     pool[: len(rows)] = rows
-    sums = np.zeros((CHANNELS, HEIGHT, WIDTH), np.int64)
+    sums = np.zeros((planes, HEIGHT, WIDTH), np.int64)
     bad = np.zeros((MAX_BAD, 3), np.int64)
     film = np.zeros(WIDTH * HEIGHT * SUMS, np.int64)
     lists = np.zeros(LISTS * LIST_SIZE, np.uint32)
@@ -81,6 +98,40 @@ def test_every_sample_is_in_its_pixels_sums(exponent: int) -> None:
     sums, bad, bad_count = film_after(rows, exponent)
     np.testing.assert_array_equal(sums, expected)
     assert (bad, bad_count) == ([], 0)
+
+
+@pytest.mark.parametrize("exponent", [7, 24])
+def test_alpha_is_the_count_of_samples_less_what_is_uncovered(exponent: int) -> None:
+    """Also if samples are omitted, and for a throughput above 1, as absorbing media may have in one channel."""
+    rows = paths(100, np.arange(100) % 9)
+    uncovered = np.random.default_rng(7).choice([0, 0.25, 1 / 3, 1, 1.5], 100).astype(np.float32)
+    rows[:, FIRST + 12] = uncovered
+    rows[40:50, RADIANCE] = np.nan
+    rows[50:60, FIRST + 12] = np.nan
+    sums = film_after(rows, exponent, plane_count(0, True))[0]
+    expected = np.zeros((HEIGHT, WIDTH), np.int64)
+    one = 1 << exponent
+    for k in [*range(40), *range(60, 100)]:
+        y, x = divmod(int(rows.view(np.int32)[k, PLACE]), WIDTH)
+        expected[y, x] += one - int(np.rint(np.float64(uncovered[k]) * one))
+    np.testing.assert_array_equal(sums[alpha_plane(0)], expected)
+    assert sums[SAMPLES].sum() == 80
+
+
+def test_a_sample_on_a_shadow_catcher_is_black_and_has_its_light_in_planes_of_its_own() -> None:
+    rows = paths(30, np.arange(30) % 9)
+    on_catcher = np.arange(30) % 3 == 0
+    rows[on_catcher, FIRST + 12] = rows[on_catcher, FIRST + 13] = 0.5
+    rows[on_catcher, FIRST + 14] = 7.0
+    rows[:, RADIANCE : RADIANCE + 3] = np.abs(rows[:, RADIANCE : RADIANCE + 3])
+    sums = film_after(rows, 10, plane_count(0, True))[0]
+    others = film_after(rows[~on_catcher], 10, plane_count(0, True))[0]
+    np.testing.assert_array_equal(sums[COLOR], others[COLOR])
+    assert (sums[SAMPLES].sum(), others[SAMPLES].sum()) == (30, 20)
+    covered, caught, unshadowed, shadowed = sums[alpha_plane(0) :].sum(axis=(1, 2)) / 1024
+    assert (covered, caught, unshadowed) == (25, 5, 70)
+    light = rows[on_catcher, RADIANCE : RADIANCE + 3] @ REC_709
+    assert abs(shadowed - light.sum()) < 10 / 1024
 
 
 @pytest.mark.parametrize("column", [group + k for group in (RADIANCE, FIRST, FIRST + 4, FIRST + 8) for k in range(3)])

@@ -11,13 +11,14 @@ from renderer.bvh.build import build
 from renderer.bvh.layout import Bvh
 from renderer.bvh.simd import load_int
 from renderer.bvh.traverse import any_hit, new_stack
-from renderer.jit import entry
+from renderer.jit import entry, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import ENDED, LIST_SIZE, LISTS, NODES, append, clear, eight_rows, length, pad
 from renderer.kernel.backends.cpu.rows import ROW, ROWS, Outcome, RowHit, at, column, gather, line_floats, scatter
 from renderer.kernel.backends.cpu.traversal_state import BEST, OCCLUDED, new_stacks, start_traversal
 from renderer.kernel.backends.cpu.walk import CLOSEST, traverse_rays
 from renderer.kernel.steps.state import Ray
+from renderer.reference import by_reference
 from renderer.wide.values import as_wide, zero_like
 from tests.renderer.builders import icosphere, still
 from tests.renderer.bvh.rays import Hits, trace
@@ -28,8 +29,8 @@ _NO_PRIMITIVE, _ROOT, _NO_OBJECT = np.uint32(0xFFFFFFFF), np.uint32(0), np.uint3
 _U, _V, _PRIMITIVE, _INSTANCE = (column(RowHit, field) for field in ("u", "v", "primitive", "instance"))
 
 
-@entry
-def _together(bvh, alone, stack, pool, lists, count, out):
+@subroutine
+def _traverse_together(bvh, alone, stack, pool, lists, count, out):
     clear(lists, NODES)
     clear(lists, ENDED)
     for k in range(count):
@@ -52,7 +53,12 @@ def _together(bvh, alone, stack, pool, lists, count, out):
 
 
 @entry
-def _in_shade(bvh, alone, stack, pool, lists, count, out):
+def _together(bvh, alone, stack, pool, lists, count, out):
+    return _traverse_together(by_reference(bvh), alone, stack, pool, lists, count, out)
+
+
+@subroutine
+def _traverse_in_shade(bvh, alone, stack, pool, lists, count, out):
     clear(lists, NODES)
     clear(lists, ENDED)
     for k in range(count):
@@ -69,10 +75,20 @@ def _in_shade(bvh, alone, stack, pool, lists, count, out):
 
 
 @entry
-def _one_by_one(bvh, stack, start, end, out):
+def _in_shade(bvh, alone, stack, pool, lists, count, out):
+    return _traverse_in_shade(by_reference(bvh), alone, stack, pool, lists, count, out)
+
+
+@subroutine
+def _traverse_one_by_one(bvh, stack, start, end, out):
     for i in range(len(start)):
         o, e = (start[i, 0], start[i, 1], start[i, 2]), (end[i, 0], end[i, 1], end[i, 2])
         out[i] = any_hit(bvh, stack, o, vec.sub(e, o), np.float32(1.0), None)
+
+
+@entry
+def _one_by_one(bvh, stack, start, end, out):
+    _traverse_one_by_one(by_reference(bvh), stack, start, end, out)
 
 
 NAMES = ["instances", "a mesh", "triangles and spheres", "one packet", "nothing", "boundless boxes"]

@@ -1,0 +1,45 @@
+/** The name under which notes are written: the user's, or on a farm without logins one that is typed once and remembered. */
+
+import { h } from "../base/dom.js";
+import { session } from "../news/session.js";
+import { t } from "../base/words.js";
+
+const KEY = "rayfarm.author";
+const LONGEST = 60;
+
+/** @returns {string} the remembered name; empty: none */
+function stored() {
+  try {
+    return localStorage.getItem(KEY) ?? "";
+  } catch {
+    return ""; // storage is blocked
+  }
+}
+
+/**
+ * @returns {{element: HTMLElement, author: () => {author?: string} | null}} author: a request's field; null: the name is missing,
+ *   and its field now has the focus
+ */
+export function noteAuthor() {
+  const input = h("input", { type: "text", id: "note-author", maxLength: LONGEST, autocomplete: "name", value: stored() });
+  const element = h("div", { class: "stack tight" }, h("label", { for: "note-author", class: "small" }, t("Your name")), input);
+  element.hidden = session.value.kind !== "open";
+  return {
+    element,
+    author() {
+      if (session.value.kind !== "open") return {};
+      const name = input.value.trim();
+      if (!name) {
+        element.hidden = false;
+        input.focus();
+        return null;
+      }
+      try {
+        localStorage.setItem(KEY, name);
+      } catch {
+        // Storage is blocked: it stays for this page.
+      }
+      return { author: name };
+    },
+  };
+}
