@@ -235,7 +235,7 @@ def _print_darkness_note(picture: F32, output: Path, exposure: float) -> None:
 
 def _check_output_files(output: Path, shot: Sequence | None, order: PictureOrder, stats: Path | None) -> None:
     """Raises CommandError, before rendering, if the requested files cannot be written."""
-    from renderer.image import encode
+    from renderer.image import encode, hdr_still, tonemap
 
     if shot is not None:
         check_outputs(shot)
@@ -247,7 +247,8 @@ def _check_output_files(output: Path, shot: Sequence | None, order: PictureOrder
     if order.gain_map and (is_movie(output) or encode.format_of(output) != "jpg"):
         raise CommandError("--gain-map is for .jpg; .avif and .jxl have a high dynamic range themselves")
     if shot is None or not is_movie(output):
-        encode.format_of(output)
+        if encode.format_of(output) in hdr_still.FORMATS:
+            tonemap.check_pq(order.curve)
     elif order.denoise:
         raise CommandError(
             "--denoise writes a second picture per frame, which a movie cannot contain: write pictures with -o out.####.png"

@@ -201,14 +201,16 @@ def is_view(name: str) -> bool:
     return name.partition(":")[0] == PREFIX
 
 
-@functools.cache
 def open_config(source: str = "") -> ColorConfig:
     """Returns the config; each is opened once per process.
 
     source: as of ColorConfig; empty: that of the environment, RAYFARM_OCIO or OCIO, otherwise cg. Raises SettingsError as
     ColorConfig does.
     """
-    return ColorConfig(source or os.environ.get("RAYFARM_OCIO") or os.environ.get("OCIO") or "cg")
+    return _opened(source or os.environ.get("RAYFARM_OCIO") or os.environ.get("OCIO") or "cg")
+
+
+_opened = functools.cache(ColorConfig)
 
 
 def curve_of(name: str, source: str = "") -> Curve:

@@ -266,7 +266,8 @@ def _check_variation(job: Job, scene: Scene) -> None:
     """Raises SettingsError if the request varies objects or materials that the scene does not have."""
     if (given := job.request.get("vary")) is None:
         return
-    variation, names = Variation.parse(given), (scene.info or {}).get("names") or {}
+    variation = Variation.parse(given)
+    names: dict[str, Any] = (scene.info or {}).get("names") or {}
     for section in ("objects", "materials"):
         if section in names:
             variation.check_names(section, names[section])

@@ -253,7 +253,7 @@ async def _run(settings: RelaySettings) -> None:
     listening = socket.create_server(("127.0.0.1", 0))
     listening.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, BUFFER_BYTES)
     server = await asyncio.start_server(relay.serve, sock=listening, limit=BUFFER_BYTES)
-    print(server.sockets[0].getsockname()[1], flush=True)
+    print(json.dumps(server.sockets[0].getsockname()[1]), flush=True)
     async with server:
         await asyncio.to_thread(sys.stdin.buffer.read)  # until the worker ends
 

@@ -40,6 +40,7 @@ export class FilmCanvas {
     /** Called after every draw, to update overlays. */
     this.afterDraw = () => {};
     this.pending = 0;
+    this.redraw = () => this.invalidate(); // one function, which waits for a view's table once
 
     const gl = canvas.getContext("webgl2", { antialias: false, depth: false, powerPreference: "high-performance" });
     if (!gl)
@@ -95,7 +96,7 @@ export class FilmCanvas {
     const { gl, look } = this;
     if (!isView(look.curve)) return curveIndex(look.curve);
     if (this.viewName === look.curve) return VIEW_CURVE;
-    const table = viewTable(look.curve, () => this.invalidate());
+    const table = viewTable(look.curve, this.redraw);
     if (!table) return curveIndex("");
     gl.activeTexture(gl.TEXTURE1);
     gl.deleteTexture(gl.getParameter(gl.TEXTURE_BINDING_3D));

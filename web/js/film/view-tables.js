@@ -8,7 +8,7 @@ import { fetchViewTable } from "../news/api.js";
 
 /** @typedef {{size: number, words: Uint32Array}} ViewTable size: points an axis; words: RGB10, red fastest */
 
-/** Null while a table is being fetched. @type {Map<string, ViewTable | null>} */
+/** Null while a table is being fetched, or could not be. @type {Map<string, ViewTable | null>} */
 const tables = new Map();
 /** @type {Set<() => void>} */
 const waiting = new Set();
@@ -23,7 +23,7 @@ export function decodeViewTable(buffer) {
 
 /**
  * @param {string} name of the view
- * @param {() => void} loaded called once, if the table has to be fetched first
+ * @param {() => void} loaded called once, when the table has been fetched
  * @returns {ViewTable | null}
  */
 export function viewTable(name, loaded) {
@@ -38,10 +38,7 @@ export function viewTable(name, loaded) {
         for (const each of waiting) each();
         waiting.clear();
       },
-      (error) => {
-        tables.delete(name); // tried again at the next draw
-        throw error;
-      },
+      // After an error, which is shown, the view is not tried again: each draw would show one more.
     );
   }
   return null;
