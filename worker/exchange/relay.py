@@ -74,7 +74,8 @@ class _Relay:
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Handles one Redis connection of the worker."""
-        with contextlib.suppress(OSError, EOFError, ConnectionClosed, TimeoutError):
+        # Cancelled: the relay ends.
+        with contextlib.suppress(OSError, EOFError, ConnectionClosed, TimeoutError, asyncio.CancelledError):
             try:
                 await self._relay(reader, writer)
             except _UnavailableError as error:
