@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from renderer.sentences import Sentence
 
-__all__ = ["MAX_COMMAND_BYTES", "Command", "CommandError", "CommandReader"]
+__all__ = ["MAX_COMMAND_BYTES", "Command", "CommandError", "CommandReader", "too_large"]
 
 MAX_COMMAND_BYTES = 32 << 20  # a result with the sums of a tile has up to a few megabytes
 MAX_ARGUMENTS = 4096
@@ -95,16 +95,21 @@ class CommandReader:
         if not digits.isdigit():
             raise _malformed()
         if not least <= int(digits) <= most:
-            raise CommandError(
-                Sentence(
-                    "channel-command-too-large",
-                    "A message to the farm's queue has {size} bytes or parts, but may have at most {most}.",
-                    size=int(digits),
-                    most=MAX_ARGUMENTS if mark == b"*" else self._max_bytes,
-                )
-            )
+            raise too_large(int(digits), MAX_ARGUMENTS if mark == b"*" else self._max_bytes)
         self._at += end + 2
         return int(digits)
+
+
+def too_large(size: int, most: int) -> CommandError:
+    """Returns the error for a message of `size` bytes or arguments, of which at most `most` are permitted."""
+    return CommandError(
+        Sentence(
+            "channel-command-too-large",
+            "A message to the farm's queue has {size} bytes or parts, but may have at most {most}.",
+            size=size,
+            most=most,
+        )
+    )
 
 
 def _malformed() -> CommandError:

@@ -16,7 +16,7 @@ from typing import Any
 from redis.connection import parse_url
 
 from protocol.channel import CHUNK_BYTES, name_suffix
-from protocol.redis_commands import CommandError, CommandReader
+from protocol.redis_commands import CommandError, CommandReader, too_large
 from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 from service.access.worker_commands import WorkerCommands
@@ -40,6 +40,7 @@ class WorkerChannels:
         self._redis_url = redis_url
         self._address_for = address_for
         self._channels: Counter[str] = Counter()  # open ones, by token
+        self._turns: dict[str, asyncio.Lock] = {}  # of tokens with open channels
         self.buffered = 0  # bytes of commands that are incomplete or not sent yet
 
     @contextlib.asynccontextmanager
@@ -71,39 +72,61 @@ class WorkerChannels:
                         error=library_message(error),
                     )
                 ) from None
-            channel = WorkerChannel(self, WorkerCommands(name_suffix(key)), reader, writer)
+            turn = self._turns.setdefault(token, asyncio.Lock())
+            channel = WorkerChannel(self, WorkerCommands(name_suffix(key)), turn, reader, writer)
             try:
                 yield channel
             finally:
                 channel.close()
         finally:
             self._channels[token] -= 1
+            if not self._channels[token]:
+                del self._channels[token]
+                self._turns.pop(token, None)
 
 
 class WorkerChannel:
-    """A worker's connection to Redis."""
+    """A worker's connection to Redis.
+
+    turn: held while a message is parsed, so that all channels of a token parse one at a time, and other tasks run in between.
+    """
 
     def __init__(
-        self, channels: WorkerChannels, rules: WorkerCommands, reader: asyncio.StreamReader, writer: asyncio.StreamWriter
+        self,
+        channels: WorkerChannels,
+        rules: WorkerCommands,
+        turn: asyncio.Lock,
+        reader: asyncio.StreamReader,
+        writer: asyncio.StreamWriter,
     ) -> None:
         self._channels = channels
         self._rules = rules
+        self._turn = turn
         self._reader = reader
         self._writer = writer
         self._commands = CommandReader()
+        self._held = b""  # a command that names the connection, until the report that confirms the name
         self._counted = 0  # its part of `channels.buffered`
 
     async def send(self, data: bytes) -> None:
         """Sends the commands that are complete with `data` to Redis.
 
-        Raises CommandError if one is malformed, too large or not permitted, and OSError if Redis has closed the connection.
+        data: at most CHUNK_BYTES. Raises CommandError if that or a command is too large, malformed or not permitted, and OSError
+        if Redis has closed the connection.
         """
-        sent = 0
-        for command in self._commands.feed(data):
-            self._rules.check(command)
-            self._writer.write(command.encoded)
-            sent += len(command.encoded)
-        self._count_buffered(self._commands.size + sent)
+        if len(data) > CHUNK_BYTES:
+            raise too_large(len(data), CHUNK_BYTES)
+        async with self._turn:
+            sent = 0
+            for command in self._commands.feed(data):
+                self._rules.check(command)
+                self._held += command.encoded
+                if not self._rules.has_unconfirmed_name:
+                    self._writer.write(self._held)
+                    sent += len(self._held)
+                    self._held = b""
+            self._count_buffered(self._commands.size + sent)
+            await asyncio.sleep(0)
         await self._writer.drain()
         self._count_buffered(self._commands.size)
 

@@ -68,6 +68,11 @@ class WorkerCommands:
             "INCRBY": (_first, (_is_counter,)),
         }
 
+    @property
+    def has_unconfirmed_name(self) -> bool:
+        """Whether the last command names the connection as a worker's, and the report that must follow has not been checked."""
+        return self._lifeline is not None
+
     def check(self, command: Command) -> None:
         """Raises CommandError with a sentence if a worker may not send this command."""
         name, arguments = command.name, command.arguments[1:]
@@ -132,7 +137,7 @@ class WorkerCommands:
 
     def _check_report(self, key: str, value: bytes) -> None:
         """Raises CommandError unless `value` is a report of the worker of this key, and follows its lifeline if there is one."""
-        name, said = key.removeprefix(worker_key("")), self._lifeline
+        name, announced = key.removeprefix(worker_key("")), self._lifeline
         self._lifeline = None
         if len(value) > MAX_TEXT_BYTES:
             raise _refused("SET")
@@ -140,7 +145,7 @@ class WorkerCommands:
             report = WorkerReport.from_bytes(value)
         except ValueError as error:
             raise CommandError(str(error)) from None
-        if report.name != name or report.transport != HTTPS or said not in (None, lifeline(name)):
+        if report.name != name or report.transport != HTTPS or announced not in (None, lifeline(name)):
             raise CommandError(
                 Sentence(
                     "channel-report-refused",

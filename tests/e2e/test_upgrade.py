@@ -67,7 +67,7 @@ def test_job_without_workers_after_upgrade_is_restarted_by_button(tmp_path: Path
                 )
                 job = service.submit(scene, spp=SPP, name="shot 12")
                 page.goto(f"{service.url}/#/jobs/{job}")
-                anew = page.get_by_role("button", name="Begin anew")
+                anew = page.get_by_role("button", name="Start over")
                 until(lambda: service.job(job)["samples"] > 0, "the old worker has begun", 60, lambda: service.job(job))
                 expect(anew).to_be_hidden()
             old_kind = service.job(job)["kind"]

@@ -15,8 +15,9 @@ import redis
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import ClientConnection, connect
 
-from protocol.channel import CHANNEL_MESSAGES, CHANNEL_PATH, ChannelOpen, ChannelRefused
+from protocol.channel import CHANNEL_MESSAGES, CHANNEL_PATH, CHUNK_BYTES, ChannelOpen, ChannelRefused
 from protocol.contract import RESULTS, Result, worker_key
+from protocol.lifeline import connected, lifeline
 from protocol.websocket import read_service
 from tests.helpers import running_redis
 from tests.service.conftest import TOKEN, Service, until
@@ -145,6 +146,7 @@ def test_commands_of_others_are_refused_and_not_executed(service: Service) -> No
         (b"GET / HTTP/1.1\r\n\r\n", "not a Redis command"),
         (b"*2\r\n$4\r\nXADD\r\n$99999999\r\n", "at most"),
         (b"*1\r\n$7\r\nMONITOR\r\n", "may not send Redis's command MONITOR"),
+        (PING * (CHUNK_BYTES // len(PING) + 1), "at most 65536"),  # parsing megabytes at once would delay all other requests
     ],
 )
 def test_odd_bytes_end_the_channel_with_a_sentence(service: Service, sent: bytes, sentence: str) -> None:
@@ -159,7 +161,9 @@ def test_odd_bytes_end_the_channel_with_a_sentence(service: Service, sent: bytes
 def test_incomplete_commands_have_limited_memory(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("service.access.worker_channels.MAX_BUFFERED_BYTES", 100_000)
     with channel(service) as opened:
-        opened.send(b"*2\r\n$4\r\nXADD\r\n$200000\r\n" + bytes(150_000))
+        opened.send(b"*2\r\n$4\r\nXADD\r\n$200000\r\n" + bytes(50_000))
+        for _ in range(2):
+            opened.send(bytes(50_000))
         assert "sent again" in refusal(opened).detail
         until(lambda: service.farm.channels.buffered == 0, "its memory is free again")
 
@@ -180,6 +184,20 @@ def test_channel_ends_with_its_connection_to_redis(service: Service) -> None:
         store.client_kill_filter(_id=client["id"])
         with pytest.raises(ConnectionClosed):
             opened.recv(timeout=20)
+
+
+def test_connection_has_the_name_of_a_worker_only_with_its_report(service: Service) -> None:
+    peer = lifeline("peer").encode()
+    with channel(service) as opened, redis.Redis.from_url(service.options["redis_url"]) as store:
+        opened.send(b"*3\r\n$6\r\nCLIENT\r\n$7\r\nSETNAME\r\n$%d\r\n%s\r\n" % (len(peer), peer))
+        opened.send(PING)
+        assert "may not send" in refusal(opened).detail
+        opened.close()
+    with channel(service) as opened, redis.Redis.from_url(service.options["redis_url"]) as store:
+        opened.send(b"*3\r\n$6\r\nCLIENT\r\n$7\r\nSETNAME\r\n$%d\r\n%s\r\n" % (len(peer), peer))
+        for _ in range(5):
+            assert connected(store, ["peer"]) == set()  # a worker that has ended would seem to be slow, and keep its batches
+            time.sleep(0.05)
 
 
 def test_silent_redis_is_reported(service: Service, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
