@@ -76,6 +76,11 @@ _LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport")  # fiel
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
+def _without_vary(data: dict[str, Any]) -> dict[str, Any]:
+    """Returns the JSON data of a request without `vary` if that is None, as in earlier releases."""
+    return {name: value for name, value in data.items() if value is not None or name != "vary"}
+
+
 def _fields(cls: type, data: Any) -> dict[str, Any]:
     """Returns those values in `data` that are fields of class `cls`. Drops other keys, which another release may send.
 
@@ -258,7 +263,7 @@ class PrepareFrames:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the request as JSON data. Omits `vary` if it is None, as in earlier releases."""
-        return {name: value for name, value in asdict(self).items() if value is not None or name != "vary"}
+        return _without_vary(asdict(self))
 
 
 @dataclass(frozen=True)
@@ -358,7 +363,7 @@ class FrameVectors:
 
     def to_json(self) -> dict[str, Any]:
         """Returns the request as JSON data. Omits `vary` if it is None, as in earlier releases."""
-        return {name: value for name, value in asdict(self).items() if value is not None or name != "vary"}
+        return _without_vary(asdict(self))
 
 
 @dataclass(frozen=True)

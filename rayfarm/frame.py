@@ -116,6 +116,8 @@ def render_to(
     from renderer.temporal_denoise import DenoisedFrame
 
     picture, done = order.picture, RenderStats()
+    groups = settings.group_names
+    asked = aovs.parse_names(order.planes, groups, settings.cryptomatte, settings.is_transparent)  # refused before rendering
     count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
     if order.tile is None and order.first == 0:
         sums = whole_frame(compiled, settings, count, order.threads, picture.noise, picture.time_limit, done, show, order.card)
@@ -123,8 +125,6 @@ def render_to(
         tile = order.tile or Tile(0, 0, settings.width, settings.height)
         sums = part_of_frame(compiled, settings, tile, order.first, count, done, order.card)
     clock.end_step("render_s")
-    groups = settings.group_names
-    asked = aovs.parse_names(order.planes, groups, settings.cryptomatte, settings.is_transparent)
     names = [name for name in asked if name not in (aovs.MOTION, aovs.ALPHA)]
     planes = {name: aovs.values(sums, settings.film_exponent, name, groups) for name in names if not aovs.is_matte(name)}
     if motion is not None and aovs.MOTION in order.planes:

@@ -116,7 +116,7 @@ def _run_worker(options: argparse.Namespace) -> int:
 
     copy_shipped_kernels(jit.cache_folder())
     helpers = helpers_for()  # forked before the joining thread starts
-    joining = FarmJoin(link, options.redis, options.name or host, host, starting, log.info, options.transport)
+    joining = FarmJoin(link, options.redis, options.name or host, host, starting, log.info, _transport(options))
     joining.begin()
     begin_launcher()  # loads its modules while kernels are compiled, and then the kernels
     make_kernel_ready(link, helpers=helpers)
@@ -203,6 +203,11 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
     parser.add_argument("--nice", type=int, default=None, help="0 to 19: how far it stands back for other programs")
     parser.add_argument("--memory", type=float, default=0.0, help="GB that it may use; all that there is unless told")
     return parser.parse_args(arguments)
+
+
+def _transport(options: argparse.Namespace) -> str:
+    """Returns how to reach the queue, one of TRANSPORTS. A worker of a site uses Redis, where the reducer's address is."""
+    return "redis" if options.site and options.transport == "auto" else str(options.transport)
 
 
 def _tags(options: argparse.Namespace, host: str, kind: str) -> tuple[str, ...]:

@@ -246,6 +246,8 @@ def _check_output_files(output: Path, shot: Sequence | None, order: PictureOrder
         raise CommandError("--denoise needs Open Image Denoise. Install it: pip install 'pyoidn>=2.5,<3'")
     if order.gain_map and (is_movie(output) or encode.format_of(output) != "jpg"):
         raise CommandError("--gain-map is for .jpg; .avif and .jxl have a high dynamic range themselves")
+    if order.gain_map:
+        tonemap.check_standard_range(order.curve)
     if shot is None or not is_movie(output):
         if encode.format_of(output) in hdr_still.FORMATS:
             tonemap.check_pq(order.curve)

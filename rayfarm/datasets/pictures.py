@@ -40,7 +40,7 @@ def rendered_here(
 
     from rayfarm.graphics_card import device_card
     from rayfarm.rendering import Clock, load_kernels, whole_frame
-    from renderer.film import digest, mean
+    from renderer.film import alpha, digest, mean
     from renderer.image import encode
     from renderer.render import RenderStats
     from renderer.work import most_samples
@@ -58,7 +58,9 @@ def rendered_here(
             count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
             limits = picture.noise, picture.time_limit, RenderStats()
             sums = whole_frame(compiled, wanted, count, threads, *limits, lambda done, total: None, card)
-            data = encode.encode(mean(sums, wanted.film_exponent), request.picture_format)
+            exponent, groups = wanted.film_exponent, len(wanted.group_names)
+            coverage = alpha(sums, exponent, groups) if wanted.is_transparent else None
+            data = encode.encode(mean(sums, exponent), request.picture_format, alpha=coverage)
             yield RenderedView(number, data, digest(sums))
 
 

@@ -79,7 +79,7 @@ class Image(Mapping[str, F32]):
         return aovs.visible(name, plane)
 
     def save(self, path: str | Path, exposure: float = 0.0, tonemap_curve: str = "neutral") -> None:
-        """Writes the picture as .png or .jpg (as `shown` returns it, a .jpg without alpha), .exr (all arrays, as layers) or .hdr.
+        """Writes the picture as .png or .jpg (as `shown` returns it, no alpha in .jpg), .avif, .jxl, .exr (with layers) or .hdr.
 
         If "denoised" is present, it replaces the colour; an .exr contains both. Raises SettingsError for another suffix.
         """

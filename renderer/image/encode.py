@@ -2,7 +2,7 @@
 
 png, jpg: display values, after exposure and tone curve. avif, jxl: high dynamic range (hdr_still.py). exr, hdr: scene-linear
 Rec.709, without exposure and tone curve. EXR stores float32 and may contain further channels. Alpha: associated (premultiplied)
-in EXR, straight in PNG, left out of others, which show the picture before black.
+in EXR, straight in PNG, left out of others, which show the picture on black.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ import numpy.typing as npt
 from PIL import Image
 
 from renderer.image.hdr_still import highlights_rolled
-from renderer.image.tonemap import Curve, apply, decode_srgb, exposed
+from renderer.image.tonemap import Curve, apply, check_standard_range, decode_srgb, exposed
 from renderer.luminance import REC_709
 
 __all__ = ["encode_jpeg_with_gain_map"]
@@ -49,8 +49,10 @@ def encode_jpeg_with_gain_map(rgb: F32, exposure: float = 0.0, curve: Curve = "n
     """Returns a JPEG file with a gain map of scene-linear Rec.709 radiance, (h, w, 3).
 
     exposure: in stops. The ordinary rendition has the tone curve. That of high dynamic range equals it up to middle grey; above
-    white it is the radiance, scaled as the curve scales middle grey, up to 1000 nits at a white of 203.
+    white it is the radiance, scaled as the curve scales middle grey, up to 1000 nits at a white of 203. Raises SettingsError for
+    an unknown curve, and for a view whose display takes PQ.
     """
+    check_standard_range(curve)
     shown = apply(rgb, exposure, curve)
     base = decode_srgb(shown.astype(np.float32) / 255) @ REC_709
     middle = float(decode_srgb(apply(np.full((1, 1, 3), GREY, np.float32), 0.0, curve)[0, 0, 0] / 255))

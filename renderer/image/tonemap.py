@@ -25,6 +25,7 @@ __all__ = [
     "apply",
     "apply_straight",
     "check_pq",
+    "check_standard_range",
     "decode_srgb",
     "encode_srgb",
     "exposed",
@@ -67,6 +68,17 @@ def check_pq(curve: Curve) -> None:
             Sentence(
                 "still-view-not-pq",
                 "files of high dynamic range take an OCIO view of a Rec.2100-PQ display, or none: leave the tone curve out",
+            )
+        )
+
+
+def check_standard_range(curve: Curve) -> None:
+    """Raises SettingsError for a transform whose display takes the PQ signal of BT.2100: a gain map adds to standard range."""
+    if not isinstance(curve, str) and curve.is_pq:
+        raise SettingsError(
+            Sentence(
+                "gain-map-view-pq",
+                "a gain map is for pictures of standard range: leave out the gain map, or the OCIO view of a Rec.2100-PQ display",
             )
         )
 

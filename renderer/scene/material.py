@@ -121,9 +121,9 @@ class Material:
     shadeless: bool = flag_parameter(kinds=SURFACES)
     """It casts no shadow on what lights shine on; all else does see it."""
     holdout: bool = flag_parameter(kinds=SURFACES)
-    """Before a transparent background it cuts a hole into the picture; all but the camera does see it."""
+    """Before a transparent background it cuts a hole into the picture; everything but the camera sees it."""
     shadow_catcher: bool = flag_parameter(kinds=SURFACES)
-    """Before a transparent background the camera sees the shadows on it alone, as black that covers."""
+    """Before a transparent background the camera sees only the shadows on it, as opaque black."""
     facing: bool = flag_parameter(kinds=SURFACES)
     """A sphere's light is that of a disk through its middle which faces whoever looks: Cycles' soft falloff."""
     metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")

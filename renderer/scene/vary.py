@@ -221,9 +221,12 @@ def _parameter_value(material: str, parameter: Parameter, value: Value) -> Any:
         whole = (value, value, value)
     elif parameter.form == "degrees" and isinstance(value, float):
         whole = math.radians(value)
-    sizes = {"number": float, "degrees": float, "flag": bool, "choice": str}
-    fits = isinstance(whole, sizes.get(parameter.form, tuple)) and not (isinstance(whole, bool) and parameter.form == "number")
-    fault = parameter.fault(whole) if fits else Sentence("vary-value-kind-wrong", "has another kind of value")
+    types = {"number": float, "degrees": float, "flag": bool, "choice": str}
+    fault = (
+        parameter.fault(whole)
+        if isinstance(whole, types.get(parameter.form, tuple))
+        else Sentence("vary-value-kind-wrong", "has another kind of value")
+    )
     if fault is not None:
         raise SettingsError(
             Sentence(

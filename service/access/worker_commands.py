@@ -137,7 +137,7 @@ class WorkerCommands:
 
     def _check_report(self, key: str, value: bytes) -> None:
         """Raises CommandError unless `value` is a report of the worker of this key, and follows its lifeline if there is one."""
-        name, said = key.removeprefix(worker_key("")), self._lifeline
+        name, announced = key.removeprefix(worker_key("")), self._lifeline
         self._lifeline = None
         if len(value) > MAX_TEXT_BYTES:
             raise _refused("SET")
@@ -145,7 +145,7 @@ class WorkerCommands:
             report = WorkerReport.from_bytes(value)
         except ValueError as error:
             raise CommandError(str(error)) from None
-        if report.name != name or report.transport != HTTPS or said not in (None, lifeline(name)):
+        if report.name != name or report.transport != HTTPS or announced not in (None, lifeline(name)):
             raise CommandError(
                 Sentence(
                     "channel-report-refused",

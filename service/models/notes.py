@@ -56,7 +56,7 @@ class NoteOut(BaseModel):
     x: float | None = Field(description="place as a fraction of the picture's width; null: the whole picture")
     y: float | None
     author: str
-    guest: bool = Field(description="whether it was written by a share link, under a name that nobody has checked")
+    guest: bool = Field(description="whether it was written through a share link, under an unverified name")
     text: str
     created: float = Field(description="unix time")
     resolved: float | None = Field(description="when it was resolved; null: it is open")
@@ -64,7 +64,7 @@ class NoteOut(BaseModel):
 
 
 class ReviewIn(Strict):
-    """The verdict on a job's pictures. null: none any more."""
+    """The verdict on a job's pictures. state: null withdraws it."""
 
     state: Verdict | None
     author: str | None = AUTHOR
@@ -75,7 +75,7 @@ class ReviewOut(BaseModel):
 
     state: Verdict | None = Field(None, description="null: no verdict")
     by: str | None = Field(None, description="who gave the verdict")
-    guest: bool = Field(False, description="whether that was a guest, under a name that nobody has checked")
+    guest: bool = Field(False, description="whether that was a guest, under an unverified name")
     at: float | None = Field(None, description="when, as Unix time")
     notes: int = Field(0, description="number of notes and replies")
     open: int = Field(0, description="number of notes that are not resolved")

@@ -49,15 +49,15 @@ def join(
     neither of these, but what its name must end with. `channel` is the WebSocket that replaces Redis, if the farm allows it.
     """
     key = visit.caller.key if visit.caller is not None else None
-    told = {"instance": farm.instance, "reduces": "yes", "name_suffix": name_suffix(key)}
+    answer = {"instance": farm.instance, "reduces": "yes", "name_suffix": name_suffix(key)}
     if farm.settings.https_workers:
-        told["channel"] = CHANNEL_PATH
+        answer["channel"] = CHANNEL_PATH
     if transport == HTTPS:
-        return told | {"redis_url": "", "data_dir": ""}
+        return answer | {"redis_url": "", "data_dir": ""}
     redis_url = farm.settings.worker_redis_url
     if key is not None:
         redis_url = farm.redis_users.address_for(key, redis_url)
-    return told | {"redis_url": redis_url, "data_dir": str(farm.settings.data) if farm.blobs.is_local else ""}
+    return answer | {"redis_url": redis_url, "data_dir": str(farm.settings.data) if farm.blobs.is_local else ""}
 
 
 @router.get("/scenes/{id}/manifest")

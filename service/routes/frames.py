@@ -11,7 +11,7 @@ import hashlib
 import math
 import re
 from functools import partial
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import anyio
 import anyio.to_thread
@@ -24,10 +24,9 @@ from starlette.concurrency import run_in_threadpool
 from protocol.contract import SAMPLES_HEADER
 from renderer import aovs
 from renderer import film as film_math
-from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAMES, frame_key, frame_text
 from renderer.image.tonemap import key_of
-from renderer.sentences import Sentence, with_full_stop
+from renderer.sentences import Sentence
 from renderer.settings import Tile, group_names
 from service.errors import Invalid
 from service.farm import Farm
@@ -48,7 +47,7 @@ from service.store.films import Film
 from service.store.models import FINAL_STATES, Job
 from service.watching import film_packet
 from service.watching.mix import gains_of_mix
-from service.watching.pictures import MEDIA, PictureRequest, picture_file, picture_memory
+from service.watching.pictures import MEDIA, PictureRequest, picture_file, picture_memory, plane_names
 
 __all__ = ["router"]
 
@@ -128,14 +127,18 @@ async def image(
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
-    aov: str = Query("color", max_length=200, description=AOV_HELP),
-    denoise: bool = Query(False, description="without most of the noise; waits until a worker has made it"),
-    exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
+    aov: Annotated[str, Query(max_length=200, description=AOV_HELP)] = "color",
+    denoise: Annotated[bool, Query(description="without most of the noise; waits until a worker has made it")] = False,
+    exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; not for exr, hdr and rgb9e5")] = 0.0,
     tonemap_curve: CurveName = "neutral",
-    width: int | None = Query(None, ge=16, description="a smaller copy, at least this wide: for lists"),
-    mix: str = Query("", max_length=4000, description=MIX_HELP),
-    gain_map: bool = Query(False, description="jpg with a gain map (Ultra HDR), by which HDR displays show brighter highlights"),
-    visible: bool = Query(False, description="png and jpg that would look black are exposed by what they show: for lists"),
+    width: Annotated[int | None, Query(ge=16, description="a smaller copy, at least this wide: for lists")] = None,
+    mix: Annotated[str, Query(max_length=4000, description=MIX_HELP)] = "",
+    gain_map: Annotated[
+        bool, Query(description="jpg with a gain map (Ultra HDR), by which HDR displays show brighter highlights")
+    ] = False,
+    visible: Annotated[
+        bool, Query(description="png and jpg that would look black are exposed by what they show: for lists")
+    ] = False,
 ) -> Response:
     """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
 
@@ -308,16 +311,8 @@ def _requested_planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:
     text: the query parameter `aov`.
     """
     asked = [name.strip() for name in text.split(",")]
-    settings = job.settings or {}
-    groups = group_names(settings.get("light_groups", ""))
-    wanted = (name for name in asked if name not in ("color", ""))
-    try:
-        names = aovs.parse_names(wanted, groups, settings.get("cryptomatte", 0), settings.get("background") == "transparent")
-    except SettingsError as error:
-        raise Invalid(with_full_stop(error)) from None
-    return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__)), bool(names) and (
-        len(asked) > 1 or bool({"all", aovs.LIGHTS} & {*asked})
-    )
+    names = plane_names(asked, job.settings or {})
+    return names, bool(names) and (len(asked) > 1 or bool({"all", aovs.LIGHTS} & {*asked}))
 
 
 def _film_state(id: str, n: float, farm: Farm) -> tuple[Film, str, int]:

@@ -103,6 +103,6 @@ def _guest(share: Share, visit: Visit, author: str | None, farm: Farm) -> Writer
 
 
 def _record(share: Share, visit: Visit, farm: Farm, what: str, about: str, status: int) -> None:
-    """Adds a guest's change to the audit log, under the link's id, since nobody has checked the guest's name."""
+    """Adds a guest's change to the audit log, under the link's id, since the guest's name is unverified."""
     place = f"/api/jobs/{share.job}/{about}"
     farm.access.audit.add(f"link {share.id}", what, kind="share", address=visit.address, about=place, status=status)

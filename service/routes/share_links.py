@@ -32,7 +32,6 @@ DAY_S = 86400.0
 MAX_DAYS = 365
 PAGE = "shared/"
 
-
 Permission = Literal["view", "comment"]
 
 
@@ -122,9 +121,7 @@ async def get_shared_image(
     """Returns the picture, as rendered so far, of the job that a link shows. The link's secret is sent as the bearer token."""
     job = await run_in_threadpool(_shared_job, share, farm)
     number = frame if frame in job.frames else job.frames[0]
-    answer = await frames.image(
-        share.job, number, extension, request, farm, visit, "color", False, 0.0, "neutral", None, mix="", visible=False
-    )
+    answer = await frames.image(share.job, number, extension, request, farm, visit)
     answer.headers["Cache-Control"] = "no-store"
     return answer
 

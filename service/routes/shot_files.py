@@ -17,7 +17,6 @@ from renderer.errors import SettingsError
 from renderer.frames import frame_key, frame_name, frame_number, parse_frames
 from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence, with_full_stop
-from renderer.settings import group_names
 from service.errors import Conflict, Invalid
 from service.farm import Farm
 from service.http.curve_name import CurveName
@@ -34,7 +33,7 @@ from service.shot import Shot
 from service.store.films import Film
 from service.store.models import FINAL_STATES, Job, Scene
 from service.watching.movie import MOVIE_MEDIA
-from service.watching.pictures import PictureRequest, picture_file, picture_memory
+from service.watching.pictures import PictureRequest, picture_file, picture_memory, plane_names
 from service.watching.shot_files import ZipStream, movie, movie_memory
 
 __all__ = ["router"]
@@ -164,15 +163,8 @@ def _is_selected(frame: FrameNumbers, which: str) -> bool:
 
 
 def _picture_request(format: str, aov: str, exposure: float, curve: Curve, job: Job) -> PictureRequest:
-    settings = job.settings or {}
-    try:
-        names = (name for name in map(str.strip, aov.split(",")) if name not in ("color", ""))
-        groups = group_names(settings.get("light_groups", ""))
-        planes = aovs.parse_names(names, groups, settings.get("cryptomatte", 0), settings.get("background") == "transparent")
-    except SettingsError as error:
-        raise Invalid(with_full_stop(error)) from None
-    planes = sorted(dict.fromkeys(planes), key=aovs.MOTION.__eq__)
-    wish = PictureRequest(format, tuple(planes), bool(planes), exposure, curve)
+    planes = plane_names(map(str.strip, aov.split(",")), job.settings or {})
+    wish = PictureRequest(format, planes, bool(planes), exposure, curve)
     wish.check()
     return wish
 

@@ -32,7 +32,7 @@ class ReadableFilm(Protocol):
     tiles: list[Tile]
     groups: tuple[str, ...]  # names of its light groups (RenderSettings.group_names)
     ranks: int  # RenderSettings.cryptomatte
-    is_transparent: bool  # RenderSettings.is_transparent: whether the last plane is the alpha
+    is_transparent: bool  # RenderSettings.is_transparent: whether the last planes are those of the alpha
 
     def coverage(self, frame: int, tile: int) -> Coverage:
         """Returns the stored sample ranges of a tile."""

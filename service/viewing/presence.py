@@ -9,7 +9,7 @@ from typing import Any
 
 __all__ = ["MAX_SHOWN", "Person", "SceneVisitors"]
 
-MAX_SHOWN = 16  # people of whom a page is told
+MAX_SHOWN = 16  # people that a page lists
 
 
 @dataclass(eq=False)

@@ -1,6 +1,6 @@
 """Picture files of a frame: colour, denoised colour, one AOV, or colour and AOVs as layers.
 
-With a transparent background, an EXR of the colour has associated alpha, a PNG straight alpha; others show it before black.
+With a transparent background, an EXR of the colour has associated alpha, a PNG straight alpha; others show it on black.
 
 Files are written in bands of rows from the top, so that only a few rows of tiles are in memory. Two kinds of pictures must be
 complete in memory first: display-encoded ones, and AOVs that are scaled to their range. `picture_memory` accounts for this.
@@ -23,13 +23,14 @@ from renderer.image import rgbe9995, tonemap
 from renderer.image.darkness import darkness
 from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence, with_full_stop
+from renderer.settings import group_names
 from service.errors import Conflict, Invalid
 from service.store.bands import bands
 from service.store.films import Film
 from service.watching.downscale import reduced_bands, square_side
 from service.watching.picture_response import PictureBody
 
-__all__ = ["MEDIA", "PictureRequest", "display_picture", "picture_file", "picture_memory"]
+__all__ = ["MEDIA", "PictureRequest", "display_picture", "picture_file", "picture_memory", "plane_names"]
 
 F32 = npt.NDArray[np.float32]
 HEAT_MAP_PLANES = ("samples", "error")  # planes drawn as heat maps
@@ -82,11 +83,13 @@ class PictureRequest:
                     "aov: cryptomatte is layers beside the colour; ask for image.exr with aov=color,cryptomatte, without width.",
                 )
             )
-        if self.extension in HDR_STILLS:
-            try:
+        try:
+            if self.extension in HDR_STILLS:
                 tonemap.check_pq(self.curve)
-            except SettingsError as error:
-                raise Invalid(with_full_stop(error)) from None
+            if self.gain_map:
+                tonemap.check_standard_range(self.curve)
+        except SettingsError as error:
+            raise Invalid(with_full_stop(error)) from None
         if self.gain_map and (self.extension != "jpg" or not all(map(aovs.is_light, self.planes))):
             raise Invalid(Sentence("gain-map-jpg-only", "gain_map: only the colour as image.jpg can have one; leave it out."))
         if self.in_layers and self.extension != "exr":
@@ -183,6 +186,20 @@ def _names(film: Film, request: PictureRequest) -> tuple[str, ...]:
     if not _has_alpha(film, request):
         return request.names
     return "color", aovs.ALPHA, *(name for name in request.planes if name != aovs.ALPHA)
+
+
+def plane_names(asked: Iterable[str], settings: Mapping[str, Any]) -> tuple[str, ...]:
+    """Returns the AOVs in a request's list of names, without the colour; motion is the last. Raises Invalid for an unknown one.
+
+    settings: those of the job, as JSON data.
+    """
+    wanted = (name for name in asked if name not in ("color", ""))
+    groups, is_transparent = group_names(settings.get("light_groups", "")), settings.get("background") == "transparent"
+    try:
+        names = aovs.parse_names(wanted, groups, settings.get("cryptomatte", 0), is_transparent)
+    except SettingsError as error:
+        raise Invalid(with_full_stop(error)) from None
+    return tuple(sorted(dict.fromkeys(names), key=aovs.MOTION.__eq__))
 
 
 def picture_memory(film: Film, request: PictureRequest) -> int:

@@ -31,15 +31,25 @@ def floor(height: float, size: float, down: bool = False) -> tuple[np.ndarray, n
     return positions, (QUAD if down else QUAD[::-1]).astype("<u2")
 
 
-def small_glb() -> bytes:
-    """Returns a GLB of three meshes and a camera, as bytes."""
+def small_glb(test: str) -> bytes:
+    """Returns a GLB of three meshes and a camera, as bytes.
+
+    test: name of the test, stored in the file. A file that another test has uploaded to the same farm would be known there
+    under that test's name and with that test's preview.
+    """
     strength = {"KHR_materials_emissive_strength": {"emissiveStrength": 8}}  # parts of the picture are brighter than 1
     parts = [
         (*cube(), {"pbrMetallicRoughness": {"baseColorFactor": [0.7, 0.1, 0.08, 1], "metallicFactor": 0}}),
         (*floor(-1.001, 6.0), {"pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.8, 0.8, 1], "metallicFactor": 0}}),
         (*floor(2.6, 1.5, down=True), {"emissiveFactor": [1, 0.9, 0.7], "doubleSided": True, "extensions": strength}),
     ]
-    document: dict[str, Any] = {"asset": {"version": "2.0"}, "scene": 0, "accessors": [], "bufferViews": [], "meshes": []}
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": test},
+        "scene": 0,
+        "accessors": [],
+        "bufferViews": [],
+        "meshes": [],
+    }
     document["extensionsUsed"] = ["KHR_materials_emissive_strength"]
     document["materials"] = [material for *_, material in parts]
     blob = b""

@@ -35,7 +35,8 @@ def finished(many: Service, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:
 
 
 def reject_requests(route: Route) -> None:
-    route.fulfill(status=409, content_type="application/problem+json", body=json.dumps({"status": 409, "detail": GONE}))
+    problem = {"status": 409, "detail": GONE, "code": "job-film-gone", "params": {}}
+    route.fulfill(status=409, content_type="application/problem+json", body=json.dumps(problem))
 
 
 def busy(route: Route) -> None:
@@ -51,6 +52,7 @@ def test_page_shows_why_finished_picture_is_lost(many: Service, finished: str, w
     page.goto(f"{many.url}/#/jobs/{finished}")
     notice = page.locator(".stage-missing")
     expect(notice).to_contain_text(GONE)
+    page.get_by_role("tab", name="Save").click()
     page.get_by_role("link", name="PNG", exact=True).click()
     alert = page.get_by_role("alert")
     expect(alert).to_contain_text("PNG: not saved")

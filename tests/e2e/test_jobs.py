@@ -162,7 +162,7 @@ def test_end_of_job_is_notified_if_enabled(many: Service, watched: Watched) -> N
             many.farm.broadcast.report_change("job", id)
 
     page.goto(f"{many.url}/#/jobs")
-    bell = page.get_by_role("button", name="Tell me when a job ends")
+    bell = page.get_by_role("button", name="Notify me when a job ends")
     for wanted in (False, True):
         turn("running")
         expect(page.get_by_role("link", name="Jobs", exact=False).locator(".tally").first).to_have_text("2")

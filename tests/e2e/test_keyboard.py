@@ -54,7 +54,7 @@ def tab_to(page: Page, wanted: Locator) -> None:
 def test_picture_can_be_rendered_by_keyboard_alone(farm: Farm, watched: Watched) -> None:
     page = watched.page
     keys = page.keyboard
-    glb = {"name": "small.glb", "mimeType": "model/gltf-binary", "buffer": small_glb()}
+    glb = {"name": "small.glb", "mimeType": "model/gltf-binary", "buffer": small_glb("keyboard")}
     page.on("filechooser", lambda chooser: chooser.set_files([glb]))
     page.goto(farm.url)
     tab_to(page, page.get_by_role("button", name="Choose files"))

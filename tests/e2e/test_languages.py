@@ -48,7 +48,7 @@ def assert_nothing_is_english(page: Page, locale: str) -> None:
     catalogue: dict[str, str] = json.loads((ROOT / "web" / "words" / f"{locale[:2]}.json").read_text(encoding="utf-8"))
     english = {key for key, text in catalogue.items() if key != text} - set(catalogue.values())
     shown = page.evaluate(
-        """(selector) => [...document.querySelectorAll(selector)].flatMap((element) => [
+        """(selector) => [...document.querySelectorAll(selector)].flatMap((element) => element.closest("[translate=no]") ? [] : [
             element.textContent, element.title, element.getAttribute("aria-label") ?? "", element.placeholder ?? "",
             ...[...element.childNodes].map((node) => node.nodeValue ?? ""),
         ])""",

@@ -65,7 +65,7 @@ def test_login_by_link_logout_and_login_by_password(service: Service, watched: W
 @pytest.mark.long
 def test_used_login_link_shows_message(service: Service, watched: Watched) -> None:
     watched.page.goto(f"{service.url}/#/login?code=used")
-    expect(watched.page.get_by_role("alert")).to_contain_text("used already")
+    expect(watched.page.get_by_role("alert")).to_contain_text("This link was already used")
     assert "used" not in watched.page.url.partition("#")[2]
 
 

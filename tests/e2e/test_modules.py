@@ -125,7 +125,7 @@ def test_retry_after_is_respected(page: Page) -> None:
             const status = statuses[asked++];
             return new Response("", { status, headers: status === 503 ? { "Retry-After": "1" } : {} });
         };
-        const begun = performance.now(), answer = m.fetchWithRetries("/film", new AbortController().signal);
+        const begun = performance.now(), answer = m.fetchWithRetries("/film");
         await new Promise((done) => setTimeout(done, 200));
         const banner = document.querySelector(".lost-banner.busy");
         const words = banner.hidden ? null : banner.textContent.trim();
@@ -133,7 +133,7 @@ def test_retry_after_is_respected(page: Page) -> None:
         const ms = performance.now() - begun;
         asked = 0;
         const left = new AbortController();
-        const gone = m.fetchWithRetries("/film", left.signal).catch((error) => error.name);
+        const gone = m.fetchWithRetries("/film", { signal: left.signal }).catch((error) => error.name);
         setTimeout(() => left.abort(), 50);
         const name = await gone;
         window.fetch = before;

@@ -53,7 +53,7 @@ def test_dropped_file_is_rendered_and_pixels_equal_film(farm: Farm, watched: Wat
     page.goto(farm.url)
     expect(page.get_by_role("heading", name="Drop a scene anywhere")).to_be_visible()
 
-    drop(page, "small.glb", small_glb())
+    drop(page, "small.glb", small_glb("page"))
     render = page.get_by_role("button", name="Render")
     expect(render).to_be_visible()
     mesh = page.locator(".live-view canvas.mesh")
@@ -151,7 +151,7 @@ def test_invalid_scene_shows_error_of_service(farm: Farm, watched: Watched) -> N
     page.route("**/api/info", lambda route: route.abort("connectionrefused"))
     drop(page, "broken.glb", b"glTF, but not really")
     expect(alert).to_contain_text("broken.glb was not taken")
-    expect(alert).to_contain_text("The service is not allowed to answer")
+    expect(alert).to_contain_text("The service does not answer")
     page.unroute("**/api/info")
     page.route(
         "**/api/scenes", lambda route: route.abort("connectionreset") if route.request.method == "POST" else route.continue_()

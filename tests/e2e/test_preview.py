@@ -26,7 +26,7 @@ def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched
     page.goto(farm.url)
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Choose files").click()
-    chooser.value.set_files([{"name": "cube.glb", "mimeType": "model/gltf-binary", "buffer": small_glb()}])
+    chooser.value.set_files([{"name": "cube.glb", "mimeType": "model/gltf-binary", "buffer": small_glb("preview")}])
     expect(page.get_by_role("button", name="Render", exact=True)).to_be_visible(timeout=90_000)
     mesh = page.locator(".live-view canvas.mesh")
     expect(mesh).to_be_visible()

@@ -46,7 +46,7 @@ def test_queue_options_are_requested(form: Page) -> None:
     fold.get_by_role("button", name="Not after The set").click()
     expect(fold.get_by_label("After", exact=True)).to_be_focused()
     fold.get_by_label("Verified, %").fill("2.5")
-    fold.get_by_label("Render anew, from the first sample").check()
+    fold.get_by_label("Render again from the first sample").check()
     fold.locator("summary").click()
     expect(fold.locator("summary")).to_contain_text(
         "priority 5 · 3 slots · gpu, memory_gb=12 · after 1 job · 2.5 % verified · anew"

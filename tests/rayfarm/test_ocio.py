@@ -11,12 +11,13 @@ from tests.helpers import ROOT
 from tests.rayfarm.program import rayfarm
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
+PQ_VIEW = "ocio:Rec.2100-PQ - Display/ACES 2.0 - HDR 1000 nits (Rec.2020)"
 
 
 def test_views_are_listed_by_the_names_of_tonemap() -> None:
     listed = rayfarm("ocio").stdout
     assert "  ocio:ACES 2.0 - SDR 100 nits (Rec.709), or ocio\n" in listed
-    assert "  ocio:Rec.2100-PQ - Display/ACES 2.0 - HDR 1000 nits (Rec.2020)\n" in listed
+    assert f"  {PQ_VIEW}\n" in listed
     found = json.loads(rayfarm("ocio", "--ocio", "studio", "--json").stdout)
     assert [view["default"] for view in found["views"]].count(True) == 1
     assert len(found["views"]) > 40
@@ -37,6 +38,7 @@ def test_config_is_that_of_the_option_then_of_the_environment(tmp_path: Path) ->
         ("a.png", ["--tonemap", "ocio:nothing"], "'ocio:nothing' is no view of the OCIO config 'cg'"),
         ("a.png", ["--tonemap", "nothing"], "tone curve is 'nothing'"),
         ("a.png", ["--gain-map"], "--gain-map is for .jpg"),
+        ("a.jpg", ["--gain-map", "--tonemap", PQ_VIEW], "a gain map is for pictures of standard range"),
         ("a.avif", ["--tonemap", "ocio", "--size", "64x64"], "take an OCIO view of a Rec.2100-PQ display"),
     ],
 )

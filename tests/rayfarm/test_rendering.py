@@ -1,10 +1,15 @@
-"""Tests of when a locally rendered frame with a target noise is finished."""
+"""Tests of when a locally rendered frame with a target noise is finished, and of layers that it cannot have."""
+
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from rayfarm.rendering import whole_frame
+from rayfarm.frame import PictureOrder, render_to
+from rayfarm.picture import Picture
+from rayfarm.rendering import Clock, whole_frame
 from renderer import film, render
+from renderer.errors import SettingsError
 from renderer.render import RenderStats
 from renderer.settings import RenderSettings, View
 
@@ -27,3 +32,10 @@ def test_noise_ends_no_frame_before_each_pixel_has_enough_samples(monkeypatch, s
     monkeypatch.setattr(film, "noise", lambda sums, exponent: 0.0)
     sums = whole_frame(None, settings, spp, 1, 0.5, None, RenderStats(), lambda part, whole: None)
     assert (sums[film.SAMPLES] == ends).all()
+
+
+def test_alpha_of_an_opaque_picture_is_refused_before_rendering(tmp_path: Path) -> None:
+    settings = RenderSettings(4, 4, View((0, 0, 1), (0, 0, 0)))
+    order = PictureOrder(Picture(), ["alpha"], False, 0.0, "neutral", None, 0, None, 1)
+    with pytest.raises(SettingsError, match="opaque background"):
+        render_to(tmp_path / "a.exr", order, None, {"defaults": {}}, settings, Clock(), lambda part, whole: None)

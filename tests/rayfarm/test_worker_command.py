@@ -152,7 +152,7 @@ def test_cards_are_a_second_worker(gpu: str, cores: list[str], cards: list[str] 
     done = CliRunner().invoke(app, given)
     assert done.exit_code == 0, done.output
     ((_, _, _, sentence, arguments, _, more),) = started
-    common = ["--service", "http://127.0.0.1:9", "--slots", "2", "--nice=5"]
+    common = ["--service", "http://127.0.0.1:9", "--slots", "2", "--transport=auto", "--nice=5"]
     assert arguments == [*common, *cores, "--name", "attic"]
     assert more == ({} if cards is None else {"worker-gpu": [*common, *cards]})
     for options in (arguments, *more.values()):

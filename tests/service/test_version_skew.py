@@ -105,7 +105,7 @@ def test_job_of_missing_kind_is_restarted_on_request(service: Service) -> None:
         assert (left["state"], left["stranded"], left["kind"]) == ("cancelled", False, old_kind)
         assert left["samples"] > 0
         again = service.http.post(f"/api/jobs/{job}/anew")
-        assert (again.status_code, "not over" in again.json()["detail"]) == (409, True)
+        assert (again.status_code, "only an unfinished job" in again.json()["detail"]) == (409, True)
     service.http.patch(f"/api/jobs/{job}", json={"state": "running"}).raise_for_status()
     with OldWorker(*address, name="old", kind=old_kind):
         assert service.wait_for(job, "finished")["kind"] == old_kind

@@ -180,6 +180,11 @@ def test_http_server_in_place_of_redis_is_detected() -> None:
         check_redis(f"redis://127.0.0.1:{port}/0")
 
 
+def test_worker_of_a_site_joins_with_redis() -> None:
+    for transport, site, used in (("auto", "attic", "redis"), ("auto", "", "auto"), ("https", "", "https")):
+        assert program._transport(argparse.Namespace(transport=transport, site=site)) == used
+
+
 def test_invalid_settings_are_rejected_at_start(monkeypatch: pytest.MonkeyPatch) -> None:
     def check(**changed: object) -> None:
         plain = {"redis": None, "tag": [], "hours": "", "idle": 0.0, "nice": None, "memory": 0.0, "site": "", "blender": None}

@@ -74,7 +74,8 @@ class _Relay:
 
     async def serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Handles one Redis connection of the worker."""
-        with contextlib.suppress(OSError, EOFError, ConnectionClosed, TimeoutError):
+        # Cancelled: the relay ends.
+        with contextlib.suppress(OSError, EOFError, ConnectionClosed, TimeoutError, asyncio.CancelledError):
             try:
                 await self._relay(reader, writer)
             except _UnavailableError as error:
@@ -144,26 +145,12 @@ class _Relay:
                 )
             ) from None
         except (OSError, TimeoutError, InvalidHandshake, WebSocketException) as error:
-            raise _UnavailableError(
-                Sentence(
-                    "service-not-reachable",
-                    "no answer from {service} ({error})",
-                    service=self._settings.service,
-                    error=library_message(error),
-                )
-            ) from None
+            raise self._not_reachable(error) from None
         try:
             message = read_service(await asyncio.wait_for(channel.recv(), OPEN_S), CHANNEL_MESSAGES)
         except (ConnectionClosed, TimeoutError, ValueError, AttributeError) as error:
             channel.transport.abort()
-            raise _UnavailableError(
-                Sentence(
-                    "service-not-reachable",
-                    "no answer from {service} ({error})",
-                    service=self._settings.service,
-                    error=library_message(error),
-                )
-            ) from None
+            raise self._not_reachable(error) from None
         match message:
             case ChannelOpen():
                 _limit_unsent_bytes(channel)
@@ -173,6 +160,16 @@ class _Relay:
                 raise _UnavailableError(detail)
         channel.transport.abort()
         raise _UnavailableError(Sentence("channel-foreign", "{service} is not a farm's queue.", service=self._settings.service))
+
+    def _not_reachable(self, error: Exception) -> _UnavailableError:
+        return _UnavailableError(
+            Sentence(
+                "service-not-reachable",
+                "no answer from {service} ({error})",
+                service=self._settings.service,
+                error=library_message(error),
+            )
+        )
 
     def _unknown_token(self) -> Sentence:
         return Sentence(

@@ -1,8 +1,7 @@
 """The AOVs (auxiliary film values) of a path's first vertex: their fields and values.
 
 A new AOV needs a field of `FirstHit` and its value here, its planes in `FIRST_HIT` of renderer/film.py, and its entry in
-renderer/aovs.py. The last four fields have no entry there: only films
-with a transparent background have their planes.
+renderer/aovs.py. The last four fields have no entry in those tables: only films with a transparent background have their planes.
 """
 
 from __future__ import annotations

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import rayfarm
 from rayfarm import Cameras
@@ -45,14 +46,14 @@ def test_views_of_a_farm_have_the_bits_of_this_process(farm: Farm, tmp_path: Pat
 
 
 @pytest.mark.long
-def test_a_varied_scene_has_the_same_bits_on_a_farm(farm: Farm, tmp_path: Path) -> None:
+def test_a_varied_scene_before_a_transparent_background_has_the_same_bits_on_a_farm(farm: Farm, tmp_path: Path) -> None:
     vary = {
         "seed": 5,
         "objects": {"*-box": {"move": {"uniform": [[-0.2, 0, -0.2], [0.2, 0, 0.2]]}, "turn": {"uniform": [0, 360]}}},
         "materials": {"red": {"color": {"uniform": [0, 1]}}, "light": {"power": {"log_uniform": [0.5, 2]}}},
         "environment": {"light": {"choice": ["sky:20,10", "hall.hdr"]}, "rotation": {"uniform": [0, 360]}},
     }
-    request = {**REQUEST, "outputs": ["color", "instance", "boxes"], "vary": vary}
+    request = {**REQUEST, "outputs": ["color", "instance", "boxes"], "vary": vary, "background": "transparent"}
     request["distortion"] = {"model": "fisheye", "coefficients": [0.02, -0.01]}
     cameras = Cameras.sample(5, seed=2, radius=3.5, elevation={"uniform": [0, 20]}, azimuth={"uniform": [-110, -70]})
     scene = tmp_path / "box.yaml"
@@ -64,6 +65,8 @@ def test_a_varied_scene_has_the_same_bits_on_a_farm(farm: Farm, tmp_path: Path) 
     assert {view["variation"]["environment"]["light"] for view in here.views} == {"sky:20,10", "hall.hdr"}
     assert there.views == here.views and len({*here.digests}) == 5
     assert len({str(view["variation"]) for view in here.views}) == 5
+    with Image.open(tmp_path / "here" / here.views[0]["files"]["color"]["path"]) as picture:
+        assert picture.mode == "RGBA" and 0 < np.asarray(picture)[..., 3].mean() < 255
     with Client(farm.url) as client:
         known = client.wait_for_scene(client.upload([CORNELL]).id).id
         for given, message in (

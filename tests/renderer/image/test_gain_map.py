@@ -13,8 +13,10 @@ from PIL.JpegImagePlugin import JpegImageFile
 from renderer.errors import SettingsError
 from renderer.image import tonemap
 from renderer.image.encode import encode, encode_shown
+from renderer.image.ocio import curve_of
 from renderer.luminance import REC_709
 
+PQ_VIEW = "ocio:Rec.2100-PQ - Display/ACES 2.0 - HDR 1000 nits (Rec.2020)"
 XMP = re.compile(rb"http://ns.adobe.com/xap/1.0/\x00(<.*?</x:xmpmeta>)", re.DOTALL)
 
 
@@ -71,6 +73,8 @@ def test_dark_picture_has_an_empty_map() -> None:
     assert np.asarray(second).max() == 0
 
 
-def test_unknown_curve_is_refused() -> None:
+def test_unknown_curve_and_view_of_pq_display_are_refused() -> None:
     with pytest.raises(SettingsError, match="tone curve is 'x'"):
         encode(picture(), "jpg", 0.0, "x", gain_map=True)
+    with pytest.raises(SettingsError, match="pictures of standard range"):
+        encode(picture(), "jpg", 0.0, curve_of(PQ_VIEW, "cg"), gain_map=True)

@@ -312,11 +312,13 @@ def test_unchanged_picture_gives_304(service: Service, job: str) -> None:
 
 
 @pytest.mark.long
-def test_openapi_lists_tone_curves(service: Service, job: str) -> None:
+def test_openapi_names_tone_curves(service: Service, job: str) -> None:
+    """The curves are named in the description: `tonemap` also takes OpenColorIO views, so it has no list of allowed values."""
     paths = service.http.get("/openapi.json").json()["paths"]
     parameters = paths["/api/jobs/{id}/frames/{n}/image.{extension}"]["get"]["parameters"]
-    (curves,) = (each["schema"]["enum"] for each in parameters if each["name"] == "tonemap")
-    assert curves == service.http.get("/api/info").json()["curves"]
+    (described,) = (each["description"] for each in parameters if each["name"] == "tonemap")
+    curves = service.http.get("/api/info").json()["curves"]
+    assert ", ".join(curves) in described
     for curve in curves:
         assert service.http.get(f"/api/jobs/{job}/frames/0/image.png", params={"tonemap": curve}).status_code == 200
 

@@ -21,6 +21,7 @@ from tests.service.peer_worker import PeerWorker
 
 SIZE = {"width": 32, "height": 32, "tile_size": 16}
 SAMPLES = 32 * 32 * 4  # size of a job with 4 samples per pixel
+LARGE = 1_000_000  # bytes: more than a film's journal, which is deleted a moment after the film is finished
 
 
 @pytest.fixture(scope="module")
@@ -133,15 +134,15 @@ def test_stored_bytes_are_limited(service: Service, chief: httpx.Client) -> None
         until(lambda: cleo.get(f"/api/jobs/{job}").json()["state"] == "finished", "it is rendered")
         assert used(cleo)["bytes"] > mine + 1000, "its film"
         set_limits(chief, "users/cleo", bytes=used(cleo)["bytes"] + 20_000)
-        large = cleo.post("/api/scenes", files={"files": ("b.obj", OBJ + b"#" * 50_000)})
+        large = cleo.post("/api/scenes", files={"files": ("b.obj", OBJ + b"#" * LARGE)})
         assert (large.status_code, "Delete jobs or scenes" in large.json()["detail"]) == (507, True)
         packed = io.BytesIO()
         with zipfile.ZipFile(packed, "w", zipfile.ZIP_DEFLATED) as archive:
-            archive.writestr("c.obj", OBJ + b"#" * 50_000)
+            archive.writestr("c.obj", OBJ + b"#" * LARGE)
         assert len(packed.getvalue()) < 2000
         assert cleo.post("/api/scenes", files={"files": ("c.zip", packed.getvalue())}).status_code == 507
         for kind in ("references", "environments"):
-            assert cleo.post(f"/api/{kind}", files={"file": ("b.png", b"#" * 50_000)}).status_code == 507
+            assert cleo.post(f"/api/{kind}", files={"file": ("b.png", b"#" * LARGE)}).status_code == 507
         set_limits(chief, "users/cleo", bytes=0)
         assert submit(cleo, scene).status_code == 507
         assert cleo.delete(f"/api/jobs/{job}").status_code == 204, "what helps is never refused"

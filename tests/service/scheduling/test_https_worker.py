@@ -19,7 +19,7 @@ from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, View
 from tests.helpers import ROOT, running_redis
-from tests.service.conftest import Service, until
+from tests.service.conftest import TOKEN, Service, until
 from tests.service.started import Started
 
 pytestmark = pytest.mark.long
@@ -104,26 +104,32 @@ def test_killed_slots_and_workers_leave_the_digest_as_it_is(service: Service, ex
             assert finish(service.http, job) == expected
 
 
-def test_worker_behind_a_standby_survives_the_end_of_the_owner(
-    tmp_path: Path, redis_server: running_redis, expected: str
-) -> None:
-    from tests.service.ownership.test_two_services import states_and_logs
+@pytest.fixture
+def two_services(tmp_path: Path) -> Iterator[tuple[Started, Started]]:
+    """Yields (owner, standby) with a Redis of their own, since the other tests' service reads from that of the module."""
+    (tmp_path / "redis").mkdir()
+    with running_redis(tmp_path / "redis") as redis_url:
+        both = [Started(tmp_path / "data", name, redis_url=redis_url) for name in ("one", "two")]
 
-    both = [Started(tmp_path / "data", name, redis_url=redis_server.url) for name in ("one", "two")]
-    try:
-        until(
-            lambda: sorted(each.says() for each in both) == ["ready", "stands by"],
-            "both are there",
-            90,
-            lambda: states_and_logs(both),
-        )
-        owner, standby = sorted(both, key=Started.says)
-        with https_worker(standby.url, "the farm's token", tmp_path, "behind", 1):
-            job = submit(standby.http)
-            until(lambda: standby.job(job)["samples"] > 0, "the job is under way", 60)
-            owner.process.kill()
-            until(lambda: standby.is_ready(), "the standby takes over", 60)
-            assert finish(standby.http, job) == expected
-    finally:
-        for each in both:
-            each.end()
+        def logs() -> str:
+            return "\n".join(each.log.read_text()[-2000:] for each in both)
+
+        try:
+            until(lambda: sorted(each.says() for each in both) == ["ready", "stands by"], "both are there", 90, logs)
+            owner, standby = sorted(both, key=Started.says)
+            yield owner, standby
+        finally:
+            for each in both:
+                each.end()
+
+
+def test_worker_behind_a_standby_survives_the_end_of_the_owner(
+    tmp_path: Path, two_services: tuple[Started, Started], expected: str
+) -> None:
+    owner, standby = two_services
+    with https_worker(standby.url, TOKEN, tmp_path, "behind", 1):
+        job = submit(standby.http)
+        until(lambda: standby.job(job)["samples"] > 0, "the job is under way", 60)
+        owner.process.kill()
+        until(lambda: standby.is_ready(), "the standby takes over", 60)
+        assert finish(standby.http, job) == expected

@@ -20,7 +20,8 @@ export class AlphaPlane {
     this.madeOf = 0;
     this.waiting = false;
     this.fetching = new AbortController();
-    const renew = () => live.film.total > this.madeOf && void this.fetch();
+    // A fetch may take longer than the interval, so one that is under way is left alone.
+    const renew = () => !this.waiting && live.film.total > this.madeOf && void this.fetch();
     this.timer = setInterval(renew, EVERY_MS);
     const unfill = live.onFill(renew);
     const unlisten = live.onTile(() => {

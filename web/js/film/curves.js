@@ -30,7 +30,7 @@ export function curveOptions(selected) {
     ...displays.map((display) =>
       h(
         "optgroup",
-        { label: t("OCIO: {display}", { display }) },
+        { label: t("OCIO: {display}", { display }), translate: "no" }, // names of the config
         offered
           .filter((view) => view.display === display)
           .map(({ name, view }) => h("option", { value: name, selected: name === selected }, view)),

@@ -96,12 +96,13 @@ export function livePicture(job, display, life, changed, frame) {
   };
 }
 
-/** Same width as in the list of jobs, so the browser may have it cached. */
-const POSTER_WIDTH = 320;
+/** As in the list of jobs, so the browser may have it cached. */
+const POSTER = { width: 320, visible: "true" };
 
 /** @param {Job} job @param {number} frame @param {{exposure: number, curve: string, channel: string}} look */
 function posterOf({ id, samples }, frame, { exposure, curve, channel }) {
   if (!samples || channel) return null;
   const usual = exposure === 0 && curve === DEFAULT_CURVE;
-  return imageUrl({ job: id, frame }, "jpg", { width: POSTER_WIDTH, v: samples, ...(!usual && { exposure, tonemap: curve }) });
+  const query = usual ? { ...POSTER, v: samples } : { width: POSTER.width, v: samples, exposure, tonemap: curve };
+  return imageUrl({ job: id, frame }, "jpg", query);
 }

@@ -24,7 +24,7 @@ export function zoomControls(view) {
     {
       class: "icon-button zoom-button",
       type: "button",
-      title: t("Zoom; press for one to one (1)"),
+      title: t("Zoom; click for 1:1 (1)"),
       onclick: () => view()?.actualSize(),
     },
     label,

@@ -21,7 +21,7 @@ export function byProgram(request) {
     "details",
     { class: "by-program" },
     h("summary", null, h("span", { class: "title" }, t("API"))),
-    h("div", { class: "stack" }, h("p", { class: "quiet small" }, t("This request, to go on from in a script.")), ways.map(({ name, code }) => h("div", { class: "stack tight" }, h("div", { class: "row spread" }, h("span", { class: "label" }, name), copying(code, name)), code))),
+    h("div", { class: "stack" }, h("p", { class: "quiet small" }, t("This request as a script.")), ways.map(({ name, code }) => h("div", { class: "stack tight" }, h("div", { class: "row spread" }, h("span", { class: "label" }, name), copying(code, name)), code))),
   );
   const update = () => {
     if (!element.open) return;

@@ -41,7 +41,7 @@ export function queueFold(like) {
         "label",
         { class: "check small", title: t("Otherwise samples that an earlier job has of the same picture are reused") },
         fresh,
-        t("Render anew, from the first sample"),
+        t("Render again from the first sample"),
       ),
     ),
   );

@@ -33,7 +33,7 @@ const WORDS = {
 };
 
 /** @param {number} noise */
-const percent = (noise) => `${(noise * 100).toPrecision(2)} %`;
+const percent = (noise) => `${Number((noise * 100).toPrecision(2))} %`;
 
 /** @param {() => Job} job @param {import("../base/store.js").Disposer} life */
 export function historyPanel(job, life) {

@@ -51,14 +51,14 @@ export async function change(job, change, failure) {
 function beginAnewUndoably(job, button) {
   button.setAttribute("disabled", "");
   const done = () => button.removeAttribute("disabled");
-  undoable(t("“{name}” begins anew", { name: job.name }), {
+  undoable(t("“{name}” starts over", { name: job.name }), {
     commit: () =>
       void beginAnew(job.id)
         .then((made) => {
           putJob(made);
           if (here().path.join("/") === `jobs/${job.id}`) go("jobs", made.id);
         })
-        .catch((error) => showError(t("“{name}” does not begin anew", { name: job.name }), error))
+        .catch((error) => showError(t("“{name}” could not be started over", { name: job.name }), error))
         .finally(done),
     undo: done,
   });
@@ -78,7 +78,7 @@ export function progressPanel() {
     "button",
     { class: "button small for-submit", type: "button", hidden: true, onclick: () => latest && beginAnewUndoably(latest, anew) },
     icon("refresh"),
-    t("Begin anew"),
+    t("Start over"),
   );
   const error = h("div", { class: "notice error", role: "alert", hidden: true });
   const bad = h("div", { class: "quiet small", hidden: true });
@@ -219,7 +219,7 @@ export function actionsPanel() {
   const number = h("span", { class: "number" });
   const more = button("plus", "", moreSamples);
   more.append(number);
-  more.title = t("As many again: the same picture as if all had been asked for at once");
+  more.title = t("Adds samples: the picture is the same as if all had been requested at once");
   const keep = button("keep", t("Keep"), (job) => change(job, { pinned: !job.pinned }, t("The job was not changed")));
   keep.title = t("Never deleted automatically: its picture, and its scene's files");
   const element = h("div", { class: "row actions for-submit" }, resume, pause, cancel, more, keep);

@@ -118,7 +118,7 @@ function withoutGroups(job, life) {
         told,
         has
           ? t("This picture has no light groups. Switch on Light groups, under Advanced, to mix its lights after rendering.")
-          : t("No light of the scene is in a light group. Give lights a light_group in the scene's file, and render with Light groups to mix them."),
+          : t("None of the scene's lights has a light group. Set light_group in the scene file and render with light groups to mix them here."),
       );
     }),
   );

@@ -43,7 +43,7 @@ export function noteThread(first, isShot, deeds) {
   const answers = h("ul", { class: "note-replies" });
   const area = h("textarea", { rows: 2, maxLength: LONGEST_NOTE });
   const send = h("button", { class: "button small", type: "submit" }, t("Reply"));
-  const form = h("form", { class: "stack tight", hidden: true }, area, h("div", { class: "row" }, send, h("button", { class: "text-button small", type: "button", onclick: () => write(false) }, t("Cancel"))));
+  const form = h("form", { class: "stack tight", hidden: true }, area, h("div", { class: "row wraps" }, send, h("button", { class: "text-button small", type: "button", onclick: () => write(false) }, t("Cancel"))));
   const answer = h("button", { class: "text-button small", type: "button", onclick: () => write(true) }, t("Reply"));
   const resolve = h("button", { class: "text-button small", type: "button", onclick: () => deeds.resolve(note, note.resolved === null) });
   const bin = h("button", { class: "icon-button danger", type: "button", "aria-label": t("Delete the note"), title: t("Delete the note"), onclick: () => deeds.remove(note) }, icon("trash"));

@@ -157,9 +157,9 @@ export function pinsPanel(picture, display, life, explain, tell) {
     button,
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
-      { keys: "V", does: t("Pin the pixel under the cursor, or let it go"), run: () => view?.over.cursor && toggle(view.over.cursor) },
+      { keys: "V", does: t("Pin or unpin the pixel under the cursor"), run: () => view?.over.cursor && toggle(view.over.cursor) },
       { keys: "G", does: t("Measure the area from the last pin to the cursor"), run: stretch },
-      { keys: "Shift+V", does: t("Let all pinned pixels go"), run: () => set([]) },
+      { keys: "Shift+V", does: t("Unpin all pixels"), run: () => set([]) },
     ],
   };
 }

@@ -40,7 +40,7 @@ export function stageKeys({ view, display, normalise, inShot = false }) {
   const inspect = ARROWS.flatMap(([arrow, letter, dx, dy]) =>
     [1, 10].map((by) => ({
       keys: `${by > 1 ? "Shift+" : ""}${inShot ? letter : arrow}`,
-      shown: letter === "H" && by === 1 ? (inShot ? "H J K L" : "Arrows") : null, // one line of help for all eight
+      shown: letter === "H" && by === 1 ? (inShot ? "H J K L" : t("Arrows")) : null, // one line of help for all eight
       does: t("Read pixels by keys; with Shift ten at a time"),
       run: () => view?.moveCursor(dx * by, dy * by),
     })),
@@ -105,7 +105,7 @@ export function jobKeys({ job, display, inShot = false }) {
   return [
     ...parts,
     ...planes,
-    { keys: "D", does: t("Denoised: off, beside, instead"), run: denoise },
+    { keys: "D", does: t("Denoise: off, split, on"), run: denoise },
     { keys: "C", does: t("Compare with another picture"), run: compare },
     { keys: "T", does: t("Outline the tiles being rendered"), run: outline },
     { keys: "P", does: t("Pause or resume rendering"), run: () => pauseOrResume(job()) },

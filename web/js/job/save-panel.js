@@ -25,7 +25,7 @@ export function savePanel(display, place) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
   const denoised = h("label", { class: "check" }, clean, t("Denoised"));
   const wide = h("input", { type: "checkbox", role: "switch" });
-  const hdr = h("label", { class: "check", title: t("JPG with a gain map (Ultra HDR): brighter highlights on HDR displays, the same picture on others") }, wide, "HDR");
+  const hdr = h("label", { class: "check", title: t("JPG with a gain map (Ultra HDR): brighter highlights on HDR displays, the same picture on others") }, wide, t("HDR in JPG"));
   const canBeClean = () => display.value.channel === "" && !isMixed(display.value.mix);
   const isClean = () => !denoised.hidden && clean.checked && canBeClean();
   const links = FORMATS.map(([format, hint]) => ({ format, element: link(display, place, format, hint, { isClean, isWide: () => wide.checked }) }));
@@ -46,8 +46,9 @@ export function savePanel(display, place) {
     element: h(
       "section",
       { class: "side-section stack tight", "aria-label": t("Save") },
-      h("div", { class: "row spread" }, h("h2", null, t("Save")), h("span", { class: "grow" }), hdr, denoised),
+      h("h2", null, t("Save")),
       h("div", { class: "split" }, links.map(({ element }) => element)),
+      h("div", { class: "row wraps" }, denoised, hdr),
     ),
     offerDenoised(now) {
       denoised.hidden = !now;

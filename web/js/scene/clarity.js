@@ -14,7 +14,7 @@ const KEY = "rayfarm-view-noise";
  * @param {number | null} slots that render it; null: it is done
  */
 export function clarity(mean, noise, slots) {
-  if (!mean) return t("The first samples are on their way …");
+  if (!mean) return t("Waiting for the first samples …");
   const samples = t("{n} spp", { n: mean < 10 ? Number(mean.toPrecision(2)) : Math.round(mean) });
   const left = noise === null ? "" : t("{noise} noise", { noise: percent(noise) });
   return [samples, left, slots === null ? t("done") : tn(slots, "{n} slot", "{n} slots")].filter(Boolean).join(", ");

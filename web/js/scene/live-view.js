@@ -239,7 +239,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const touch = matchMedia("(pointer: coarse)").matches;
     const usual = touch
       ? t("Two fingers move the view; tap it first to turn it with one.")
-      : t("Drag to turn, Shift and drag to move, scroll to zoom; W A S D Q E to fly.");
+      : t("Drag to turn, Shift-drag to move, scroll to zoom; W A S D Q E to fly.");
     const ofStage = touch
       ? t("A finger across moves the picture, two zoom.")
       : t("Drag moves the picture, the wheel zooms; Escape goes back to the live view.");
@@ -308,7 +308,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     { keys: "L", shown: t("L, arrows"), does: t("Turn the light: hold and drag, or press and use the arrows"), run: lightKey.down },
     {
       keys: "Escape",
-      does: t("Take back what is dragged; lay the tool down; back to the live view"),
+      does: t("Undo the drag; put the tool away; return to the live view"),
       run: () => void (tools.escape() || sides.set({ a: LIVE, b: "" })),
     },
     ...HAND_KEYS.map(({ keys, does }) => ({

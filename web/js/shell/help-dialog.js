@@ -6,6 +6,9 @@ import { table } from "../news/settings-table.js";
 import { setLetterShortcuts, hasLetterShortcuts, shortcuts } from "./shortcuts.js";
 import { t } from "../base/words.js";
 
+/** Names of keys in the language of the page. @type {Record<string, string>} */
+const KEY_NAMES = { Ctrl: t("Ctrl"), Delete: t("Del"), Enter: t("Enter"), Escape: t("Esc"), Shift: t("Shift"), Space: t("Space") };
+
 /** Opens the dialog. Escape, its button or a click outside closes it. */
 export function showHelp() {
   const close = h(
@@ -46,7 +49,7 @@ export function showHelp() {
               h(
                 "dt",
                 null,
-                (shown ?? keys).split(/\+(?=.)/).map((key) => h("kbd", null, key)),
+                (shown ?? keys).split(/\+(?=.)/).map((key) => h("kbd", null, KEY_NAMES[key] ?? key)),
               ),
               h("dd", null, does),
             ),

@@ -36,13 +36,13 @@ function keep(wanted) {
 
 /** The button that enables and disables notifications. Hidden if the browser has none, as on plain HTTP. */
 export function notifyButton() {
-  const button = h("button", { class: "icon-button notify", type: "button", "aria-label": t("Tell me when a job ends") });
+  const button = h("button", { class: "icon-button notify", type: "button", "aria-label": t("Notify me when a job ends") });
   button.hidden = !("Notification" in window) || !isSecureContext;
   const show = () => {
     const on = !button.hidden && isWanted();
     fill(button, icon(on ? "bell" : "bellOff"));
     button.setAttribute("aria-pressed", String(on));
-    button.title = on ? t("A notification comes when a job ends") : t("Tell me when a job ends");
+    button.title = on ? t("A notification comes when a job ends") : t("Notify me when a job ends");
   };
   button.addEventListener("click", async () => {
     if (isWanted()) keep(false);

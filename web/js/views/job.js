@@ -282,7 +282,7 @@ function shotRows(job, life) {
 }
 
 /**
- * The basic settings of a picture, and the others that differ from their defaults.
+ * The basic settings of a picture, and the others that differ from their defaults. A setting that the job lacks has its default.
  *
  * @param {Record<string, any> | null} settings
  * @returns {[string, string][]}
@@ -292,6 +292,6 @@ function told(settings) {
   return known()
     .settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment")
     .filter((setting) => isRead(setting, settings.integrator))
-    .filter(({ name, group, default: usual }) => group === "basic" || String(settings[name]) !== String(usual))
+    .filter(({ name, group, default: usual }) => group === "basic" || String(settings[name] ?? usual) !== String(usual))
     .map((setting) => [labelOf(setting), valueText(setting, settings[setting.name])]);
 }
