@@ -20,29 +20,36 @@ from pathlib import Path
 from types import TracebackType
 from typing import Self
 
+from renderer.arrays.guide import empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import example
 from renderer.jit import COMPILE_PATIENCE_S
-from renderer.kernel.accumulate import pool_stages
+from renderer.kernel.accumulate import pool_stages, samples_guide
 from renderer.preparation_kernels import is_prepared, prepare_first
 from renderer.scene.light_groups import with_group_planes
 from renderer.settings import RenderSettings, View
 from renderer.sources import ROOT
 from renderer.threads import cores
 
-__all__ = ["GROUPS_SUFFIX", "Helpers", "main"]
+__all__ = ["Helpers", "main", "variant_suffix"]
 
-GROUPS_SUFFIX = "-groups"  # of a variant's name: for settings with light groups
+_GROUPS_SUFFIX = "-groups"  # of a variant's name: for settings with light groups,
+_GUIDED_SUFFIX = "-guided"  # and before that for settings with a path guide
 MOST = 3  # helpers: more would wait for each other's parts
 _NO_PART = b"\xff"
 NEEDS = 640 << 20  # bytes that a helper takes while it compiles, with a margin
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
 
+def variant_suffix(settings: RenderSettings) -> str:
+    """Returns what is appended to a variant's name for what these settings add to its kernel."""
+    return f"{_GUIDED_SUFFIX if samples_guide(settings) else ''}{_GROUPS_SUFFIX if settings.light_groups else ''}"
+
+
 class Helpers:
     """A context manager for helper processes that compile parts of a kernel, and the kernels that prepare scenes.
 
-    variant: name of the kernel variant for images, with GROUPS_SUFFIX if it sums light by light group; "" compiles only the
+    variant: name of the kernel variant for images, with `variant_suffix` of the settings; "" compiles only the
     kernels that prepare scenes. wanted: False if nothing has to be compiled: no helpers are started.
 
     The helpers are forked if this process has no other threads, so a worker creates them before it starts threads. Otherwise they
@@ -138,11 +145,15 @@ class _Parts:
     """The parts of a kernel, numbered from 0; each is compiled by one of the processes."""
 
     def __init__(self, variant: str) -> None:
-        has_groups = variant.endswith(GROUPS_SUFFIX)
+        has_groups = variant.endswith(_GROUPS_SUFFIX)
         settings = replace(_PICTURE, light_groups="a") if has_groups else _PICTURE
         nothing = with_group_planes(example(), settings.group_names)
-        variant = variant.removesuffix(GROUPS_SUFFIX)
-        self._stages = pool_stages(strip_absent_features(nothing, variant, has_groups), settings) if variant else []
+        variant = variant.removesuffix(_GROUPS_SUFFIX)
+        plain = variant.removesuffix(_GUIDED_SUFFIX)
+        nothing = strip_absent_features(nothing, plain, has_groups) if variant else nothing
+        if plain != variant:
+            nothing = nothing._replace(path_guide=empty_guide())
+        self._stages = pool_stages(nothing, settings) if variant else []
 
     def __len__(self) -> int:
         return len(self._stages)

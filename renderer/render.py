@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import jit
+from renderer.arrays.guide import empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
 from renderer.arrays.rows import CATCHER
 from renderer.arrays.scene import example
@@ -20,6 +21,7 @@ from renderer.cryptomatte import NOT_FINITE, Hits, count_samples, merged, moved
 from renderer.cuda.render import CardRenderer
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, BadSample, BatchSums, Sums, plane_count
+from renderer.guiding.train import warm_up_pilot, with_guide
 from renderer.kernel import path_trace as record
 from renderer.kernel.accumulate import (
     MAX_BAD,
@@ -30,11 +32,12 @@ from renderer.kernel.accumulate import (
     path_scratch,
     renderer_of,
     samples_caustics,
+    samples_guide,
 )
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.options import kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
-from renderer.parallel_compile import GROUPS_SUFFIX, Helpers
+from renderer.parallel_compile import Helpers, variant_suffix
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
 from renderer.replay import Replay, read_log
 from renderer.scene.caustics import example_tables, with_caustics
@@ -92,6 +95,7 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
 
     The settings' environment and choice among lights are applied, and arrays of absent features are None.
     """
+    stored = scene
     scene = with_environment_changed(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
     scene = with_light_choice(scene, settings.light_choice)
     if samples_caustics(settings):
@@ -101,8 +105,17 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
         scene = environment_sampled_fully(scene)
     else:
         scene = without_environment_sampling(scene)
-    scene = with_group_planes(scene, settings.group_names)
-    return strip_absent_features(scene, variant_for(settings, scene), bool(settings.light_groups))
+    variant = variant_for(settings, scene)
+    grouped = with_group_planes(scene, settings.group_names)
+    prepared = strip_absent_features(grouped, variant, bool(settings.light_groups))
+    if samples_guide(settings):
+        prepared = with_guide(stored, prepared, strip_absent_features(scene, _pilot_variant(variant)), settings)
+    return prepared
+
+
+def _pilot_variant(variant: str) -> str:
+    """Returns the variant of the kernel that follows pilot paths, which has no plain one."""
+    return FULL if variant == PLAIN else variant
 
 
 def _render(
@@ -148,8 +161,10 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings: default strategy, no groups, mattes or alpha."""
-    return has_variants(settings) and not (settings.light_groups or settings.cryptomatte or settings.is_transparent)
+    """Returns True if a graphics card can render with these settings: default strategy, no guide, groups, mattes or alpha."""
+    if not has_variants(settings) or samples_guide(settings):
+        return False
+    return not (settings.light_groups or settings.cryptomatte or settings.is_transparent)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -159,7 +174,8 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, background visible, no light groups, no Cryptomatte and no mistake; leave out the card",
+                "sample, caustics off, guiding off, background visible, no light groups, no Cryptomatte and no mistake; leave "
+                "out the card",
             )
         )
 
@@ -346,7 +362,7 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
 def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) -> str:
     """Returns the cache name of the kernel for these settings and this variant."""
     settings = settings or _PICTURE
-    return f"{renderer_of(settings).__name__.strip('_')}-{variant}{GROUPS_SUFFIX if settings.light_groups else ''}"
+    return f"{renderer_of(settings).__name__.strip('_')}-{variant}{variant_suffix(settings)}"
 
 
 def is_warm(settings: RenderSettings, variant: str) -> bool:
@@ -383,6 +399,8 @@ def warm_up(
     nothing = strip_absent_features(nothing, variant, bool(settings.light_groups))
     if samples_caustics(settings):
         nothing = nothing._replace(caustics=example_tables())
+    if samples_guide(settings):
+        nothing = nothing._replace(path_guide=empty_guide())
     with (
         helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,
@@ -390,6 +408,8 @@ def warm_up(
         if is_cold:
             helping.share()
         _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
+        if samples_guide(settings):
+            warm_up_pilot(strip_absent_features(example(), _pilot_variant(variant)), settings)
         helping.finish()
         if prepares:
             prepare_first() if name == kernel_name() else prepare()
@@ -407,6 +427,6 @@ def load_preparing() -> None:
 def helpers_for(settings: RenderSettings | None = None, variant: str = PLAIN) -> Helpers:
     """Returns the helper processes for `warm_up`; no processes are started if the kernel is in the cache already."""
     settings = settings or _PICTURE
-    parts = f"{variant}{GROUPS_SUFFIX if settings.light_groups else ''}" if has_variants(settings) else ""
+    parts = f"{variant}{variant_suffix(settings)}" if has_variants(settings) else ""
     is_of_use = not jit.is_cached(kernel_name(settings, variant)) and (parts != "" or not is_prepared())
     return Helpers(parts, is_of_use)

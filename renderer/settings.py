@@ -20,6 +20,7 @@ __all__ = [
     "CAUSTICS",
     "ENVIRONMENT",
     "FILTERS",
+    "GUIDING",
     "HEURISTICS",
     "INTEGRATORS",
     "LIGHT_CHOICES",
@@ -123,6 +124,12 @@ CAUSTICS = Choices(
     {
         "off": SettingTexts("Off", "Light through glass and water is found by chance."),
         "on": SettingTexts("On", "Small lamps and suns are sought through smooth glass, water and mirrors: sharp caustics."),
+    }
+)
+GUIDING = Choices(
+    {
+        "off": SettingTexts("Off", "Paths follow surfaces and lights alone."),
+        "on": SettingTexts("On", "Pilot paths learn first where light comes from: for light through water and glass."),
     }
 )
 MAX_CAUSTIC_TRIALS = 4096  # walks that estimate the probability of one: renderer/kernel/manifold/estimate.py
@@ -255,6 +262,16 @@ class RenderSettings:
             "Whether small lamps are sought through one or two smooth interfaces of glass, water and mirrors.",
             integrators=("path",),
             phrase="caustics {}",
+        ),
+    ] = "off"
+    guiding: Annotated[
+        str,
+        Setting(choices=GUIDING),
+        SettingTexts(
+            "Guiding",
+            "Whether paths follow a map of where light comes from, learned before the image is rendered.",
+            integrators=("path",),
+            phrase="guiding {}",
         ),
     ] = "off"
     splitting: Annotated[
@@ -481,6 +498,11 @@ class RenderSettings:
                 ),
                 field="light_groups",
             )
+        if self.guiding == "on" and self.caustics == "on":
+            raise SettingsError(
+                Sentence("guiding-caustics", "guiding cannot be combined with caustics 'on' yet; leave out one of them"),
+                field="guiding",
+            )
         if len(self.views) == 1 or len(self.views) > MOST_KEYS:
             raise SettingsError(
                 Sentence(
@@ -539,7 +561,7 @@ class RenderSettings:
 
 
 SETTINGS = table(RenderSettings)
-_LATER = ("caustics", "transparency_depth", "light_groups", "background", "cryptomatte")
+_LATER = ("caustics", "guiding", "transparency_depth", "light_groups", "background", "cryptomatte")
 
 # Settings with defaults in the scene file, and then in RenderSettings.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)

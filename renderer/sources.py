@@ -59,6 +59,7 @@ ARRAYS = (
     "zips.py",
     "blender",
     "scene",
+    "guiding",
     "image/__init__.py",
     "image/channels.py",
     "image/kinds.py",

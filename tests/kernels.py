@@ -1,7 +1,7 @@
 """Compiles the kernels of the default tests (`python -m tests.kernels`), in a process parallel to the tests.
 
 These are the variants `plain` and `full`, and the kernel for one path at a time. Tests that need others (motion, media, Whitted,
-ambient occlusion, caustics) are marked `long`.
+ambient occlusion, caustics, guiding) are marked `long`.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
     """
     from renderer import render
     from renderer.arrays.scene_features import KERNEL_VARIANTS
-    from renderer.kernel.accumulate import samples_caustics
+    from renderer.kernel.accumulate import samples_caustics, samples_guide
     from renderer.parallel_compile import Helpers
     from renderer.render import FULL, PLAIN
 
@@ -48,7 +48,8 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
     def ready(scene: CompiledScene, settings: RenderSettings) -> Any:
         made = prepared(scene, settings)
         variant = next(name for name, has in KERNEL_VARIANTS.items() if has == made.has._replace(groups=None))
-        is_other = settings.light_groups or settings.integrator in ("whitted", "ao") or samples_caustics(settings)
+        is_other = settings.light_groups or settings.integrator in ("whitted", "ao")
+        is_other = is_other or samples_caustics(settings) or samples_guide(settings)
         if is_ordinary and (is_other or variant not in (PLAIN, FULL)):
             pytest.fail("this would compile one more kernel: mark it `long`")
         if not render.is_warm(settings, variant):

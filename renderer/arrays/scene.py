@@ -142,6 +142,8 @@ class CompiledScene(NamedTuple):
     # (3,) f64: the world-space position of the scene's (0, 0, 0) (renderer/scene/origin.py); positions above are relative to it.
     origin: Array = np.zeros(3)
 
+    path_guide: Any = None  # Guide (renderer/arrays/guide.py) while a kernel samples it; never stored
+
     has: SceneFeatures = EVERYTHING  # the kernel features that the scene needs
     caustics: Any = None  # CausticTables (renderer/scene/caustics.py) while a kernel samples light through casters; never stored
 

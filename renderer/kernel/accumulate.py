@@ -36,6 +36,7 @@ __all__ = [
     "pool_stages",
     "renderer_of",
     "samples_caustics",
+    "samples_guide",
 ]
 
 Renderer = Callable[..., tuple[int, int]]
@@ -141,6 +142,11 @@ def has_variants(settings: RenderSettings) -> bool:
 def samples_caustics(settings: RenderSettings) -> bool:
     """Returns True if the kernel for these settings samples light through casters, in scenes with CausticTables."""
     return renderer_of(settings) is _render_caustics
+
+
+def samples_guide(settings: RenderSettings) -> bool:
+    """Returns True if the kernel for these settings samples a path guide (renderer/arrays/guide.py)."""
+    return settings.guiding == "on" and settings.integrator == "path" and has_variants(settings)
 
 
 def renderer_of(settings: RenderSettings) -> Renderer:

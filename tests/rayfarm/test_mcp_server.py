@@ -8,27 +8,30 @@ import os
 import sys
 from collections.abc import Callable, Coroutine
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import anyio
 import httpx
 import pytest
-from mcp import Client as McpClient
-from mcp import StdioServerParameters
-from mcp.types import CallToolResult
 from PIL import Image
 
 from rayfarm.client import Client
-from rayfarm.mcp_server import create_server
 from tests.helpers import ROOT, Farm, running_redis
 from tests.rayfarm.program import rayfarm
 from tests.service.conftest import Service
+
+if TYPE_CHECKING:  # mcp takes half a second to import, in each process that collects tests
+    from mcp import Client as McpClient
+    from mcp import StdioServerParameters
+    from mcp.types import CallToolResult
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 READ = {"list_scenes", "inspect_scene", "list_jobs", "job_status", "wait_for_job", "list_workers", "get_picture"}
 
 
 def started(url: str, *arguments: str | Path, **environment: str) -> StdioServerParameters:
+    from mcp import StdioServerParameters
+
     return StdioServerParameters(
         command=sys.executable,
         args=["-m", "rayfarm", "mcp", "--server", url, *map(str, arguments)],
@@ -38,6 +41,8 @@ def started(url: str, *arguments: str | Path, **environment: str) -> StdioServer
 
 
 def use(server: Any, act: Callable[[McpClient], Coroutine[Any, Any, None]], mode: str = "auto") -> None:
+    from mcp import Client as McpClient
+
     async def run() -> None:
         with anyio.fail_after(180):
             async with McpClient(server, mode=mode) as client:
@@ -103,6 +108,8 @@ def test_an_assistant_renders_a_picture(farm: Farm, tmp_path: Path) -> None:
 
 
 def test_the_farms_roles_apply(tmp_path: Path, redis_server: running_redis) -> None:
+    from rayfarm.mcp_server import create_server
+
     service = Service(tmp_path / "data", redis_server, host="0.0.0.0", trusted_proxies="127.0.0.1")
     try:
         owner = (tmp_path / "data" / "owner-token").read_text().strip()
@@ -129,6 +136,8 @@ def test_the_farms_roles_apply(tmp_path: Path, redis_server: running_redis) -> N
 
 
 def test_only_files_of_the_given_folders_are_uploaded(service: Service, tmp_path: Path) -> None:
+    from rayfarm.mcp_server import create_server
+
     shared, private = tmp_path / "shared", tmp_path / "private"
     shared.mkdir()
     private.mkdir()

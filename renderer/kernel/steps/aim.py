@@ -33,7 +33,17 @@ from renderer.kernel.sampling.sphere_cone import sample_sphere_direction, sphere
 from renderer.kernel.steps.state import BsdfSample
 from renderer.wide.values import any_of, as_wide, not_, where, where3, zero_like
 
-__all__ = ["NOT_AIMED", "Aim", "Targets", "aim", "aimed_sample", "mixture_pdf", "targets_in_view", "unguided_factor"]
+__all__ = [
+    "NOT_AIMED",
+    "Aim",
+    "Targets",
+    "aim",
+    "aimed_sample",
+    "mixed_sample",
+    "mixture_pdf",
+    "targets_in_view",
+    "unguided_factor",
+]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -155,6 +165,25 @@ def unguided_factor(pdf, bsdf_pdf):
 
 
 @device
+def mixed_sample(chance, is_other, sample, wi, f, own, pdf):
+    """Returns the BsdfSample of a one-sample mixture of a BSDF and another distribution of directions.
+
+    chance: probability of sampling the other distribution. is_other: whether it was sampled. sample: the BSDF's. wi: the other
+    distribution's direction in the shading frame. f: f |cos| for wi. own, pdf: of the direction sampled, by the BSDF alone and by
+    the mixture.
+    """
+    is_discrete = not_(is_other) & (sample.pdf == _ZERO)
+    scale = where(is_discrete, _ONE / (_ONE - chance), sample.pdf / max(pdf, _LEAST))
+    return BsdfSample(
+        where3(is_other, wi, sample.wi),
+        where3(is_other, vec.scale(f, _ONE / max(pdf, _LEAST)), vec.scale(sample.weight, scale)),
+        where(is_discrete, zero_like(pdf), pdf),
+        where(is_other, zero_like(pdf) + _ONE, sample.eta2),
+        where(is_discrete, _ONE - chance, unguided_factor(pdf, own)),
+    )
+
+
+@device
 def aimed_sample(scene, last, targets, chosen, frame, sample, wi, f, bsdf_pdf):
     """Returns the BsdfSample of the mixture.
 
@@ -166,15 +195,5 @@ def aimed_sample(scene, last, targets, chosen, frame, sample, wi, f, bsdf_pdf):
         own = where(chosen.is_aimed, bsdf_pdf, sample.pdf)
         d = where3(chosen.is_aimed, chosen.direction, vec.to_world(s, t, n, sample.wi))
         pdf = mixture_pdf(scene, last, targets, d, own, chosen.target)
-        is_discrete = not_(chosen.is_aimed) & (sample.pdf == _ZERO)
-        scale = where(is_discrete, _ONE / (_ONE - targets.chance), sample.pdf / max(pdf, _LEAST))
-        weight = where3(chosen.is_aimed, vec.scale(f, _ONE / max(pdf, _LEAST)), vec.scale(sample.weight, scale))
-        unguided = where(is_discrete, _ONE - targets.chance, unguided_factor(pdf, own))
-        sample = BsdfSample(
-            where3(chosen.is_aimed, wi, sample.wi),
-            weight,
-            where(is_discrete, zero_like(pdf), pdf),
-            where(chosen.is_aimed, zero_like(pdf) + _ONE, sample.eta2),
-            unguided,
-        )
+        sample = mixed_sample(targets.chance, chosen.is_aimed, sample, wi, f, own, pdf)
     return sample

@@ -63,6 +63,7 @@ from renderer.kernel.light.light_sample import LightSample
 from renderer.kernel.steps import scatter as scattering
 from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end
+from renderer.kernel.steps.guide import choose_guided, guided_pdf, guided_sample
 from renderer.kernel.steps.mis import light_weight
 from renderer.kernel.steps.random_blocks import draw_scattering
 from renderer.kernel.steps.record_first_hit import FirstHit, record_direct_light
@@ -175,6 +176,10 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
             targets = targets_in_view(scene, here, m.material, shading.list == _RARE_SPECULAR, is_surface, options)
             chosen = aim(scene, here, targets, choose, (u[0], u[1]))
             choose = chosen.choose
+        if is_lit is not None and scene.path_guide is not None:
+            is_rare = shading.list == _RARE_SPECULAR
+            guided = choose_guided(scene, facet.point, n, is_rare, is_surface, choose, (u[0], u[1]))
+            choose = guided.choose
         f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, choose, (u[0], u[1]))
         sample = BsdfSample(on, weight, pdf, eta2, none + _ONE)
         if is_lit is not None and scene.has.targets is not None:
@@ -183,6 +188,16 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
             if any_of(chosen.is_aimed):
                 own_f, own_pdf, _, _, _, _ = answer(scene, m, wo, along, choose, (u[0], u[1]))
             sample = aimed_sample(scene, here, targets, chosen, m.frame, sample, along, own_f, own_pdf)
+        if is_lit is not None and scene.path_guide is not None:
+            if lit and not second:
+                scatter_pdf = guided_pdf(scene, guided, to_light.direction, scatter_pdf)
+            along, own_f, own_pdf = vec.to_local(s, t, n, guided.direction), (none, none, none), none
+            if any_of(guided.is_guided):
+                own_f, own_pdf, _, _, _, _ = answer(scene, m, wo, along, choose, (u[0], u[1]))
+            inner_pdf = own_pdf
+            if scene.has.targets is not None:
+                inner_pdf = mixture_pdf(scene, here, targets, guided.direction, own_pdf, none + NOT_AIMED)
+            sample = guided_sample(scene, guided, m.frame, sample, along, own_f, own_pdf, inner_pdf)
         branches = none + _ONE
         if is_lit is not None:
             branches = where(splits(path.number, shading.list == _RARE_SPECULAR), none + np.float32(options.splitting), branches)

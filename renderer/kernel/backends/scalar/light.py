@@ -28,6 +28,7 @@ from renderer.kernel.steps.emitted_light import (
     emitted_by_sun,
     emitted_light,
 )
+from renderer.kernel.steps.guide import choose_guided, guided_pdf
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.pass_through import counts_emission
 from renderer.kernel.steps.random_blocks import draw_light
@@ -123,6 +124,9 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
                 here = LastVertex(surface.point, vertex.normal, u32(surface.object))
                 targets = targets_in_view(scene, here, surface.material, _NO, is_surface, options)
                 scatter_pdf = mixture_pdf(scene, here, targets, light.direction, scatter_pdf, NOT_AIMED)
+            if scene.path_guide is not None:
+                guided = choose_guided(scene, surface.point, n, _NO, is_surface, _ONE, (_ZERO, _ZERO))
+                scatter_pdf = guided_pdf(scene, guided, light.direction, scatter_pdf)
             branches = branches_to_light(light.alone, path.number, options)
             weight = weigh_light(options, light, scatter_pdf, branches, surface.point)
             if caught:

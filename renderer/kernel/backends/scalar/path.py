@@ -28,9 +28,10 @@ from renderer.kernel.path_trace import (
     record_second_branch,
     record_surface,
 )
-from renderer.kernel.steps.aim import aim, aimed_sample, targets_in_view
+from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end, is_last
 from renderer.kernel.steps.emitted_light import add_light, add_medium_light, brought_light
+from renderer.kernel.steps.guide import choose_guided, guided_sample
 from renderer.kernel.steps.medium_event import medium_event
 from renderer.kernel.steps.pass_through import pass_through
 from renderer.kernel.steps.random_blocks import draw_scattering
@@ -201,6 +202,9 @@ def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, optio
         targets = targets_in_view(scene, here, vertex.surface.material, specular, is_surface, options)
         chosen = aim(scene, here, targets, choose, (u[0], u[1]))
         choose = chosen.choose
+    if scene.path_guide is not None:
+        guided = choose_guided(scene, here.point, vertex.frame[2], is_specular(vertex.material), is_surface, choose, (u[0], u[1]))
+        choose = guided.choose
     sample = sample_bsdf(scene, vertex, options, choose, (u[0], u[1]))
     if scene.has.targets is not None:
         s, t, n = vertex.frame
@@ -208,6 +212,15 @@ def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, optio
         if chosen.is_aimed:
             f, pdf = eval_material(vertex.material, vertex.wo, wi)
         sample = aimed_sample(scene, here, targets, chosen, vertex.frame, sample, wi, f, pdf)
+    if scene.path_guide is not None:
+        s, t, n = vertex.frame
+        wi, f, pdf = vec.to_local(s, t, n, guided.direction), _BLACK, _ZERO
+        if guided.is_guided:
+            f, pdf = eval_material(vertex.material, vertex.wo, wi)
+        own = pdf
+        if scene.has.targets is not None:
+            own = mixture_pdf(scene, here, targets, guided.direction, pdf, NOT_AIMED)
+        sample = guided_sample(scene, guided, vertex.frame, sample, wi, f, pdf, own)
     ray, path, bounce = scatter(vertex.surface, vertex.frame, ray, path, sample, branches, options)
     crossings = cross_surface(scene, vertex.surface, crossings, bounce, is_surface)
     path, survival = continue_or_end(path, ray, u[3], is_surface, options)

@@ -1,0 +1,1 @@
+"""Path guides: `train.py` follows pilot paths, and `histograms.py` makes the guide from what they record."""
