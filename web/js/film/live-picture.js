@@ -103,6 +103,7 @@ const POSTER = { width: 320, visible: "true" };
 function posterOf({ id, samples }, frame, { exposure, curve, channel }) {
   if (!samples || channel) return null;
   const usual = exposure === 0 && curve === DEFAULT_CURVE;
+  /** @type {Record<string, string | number>} */
   const query = usual ? { ...POSTER, v: samples } : { width: POSTER.width, v: samples, exposure, tonemap: curve };
   return imageUrl({ job: id, frame }, "jpg", query);
 }
