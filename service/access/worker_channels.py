@@ -111,8 +111,8 @@ class WorkerChannel:
     async def send(self, data: bytes) -> None:
         """Sends the commands that are complete with `data` to Redis.
 
-        data: at most CHUNK_BYTES. Raises CommandError if that or a command is too large, malformed or not permitted, and OSError if
-        Redis has closed the connection.
+        data: at most CHUNK_BYTES. Raises CommandError if that or a command is too large, malformed or not permitted, and OSError
+        if Redis has closed the connection.
         """
         if len(data) > CHUNK_BYTES:
             raise too_large(len(data), CHUNK_BYTES)

@@ -182,3 +182,24 @@ def test_view_follows_scene_centre_when_up_axis_changes(node: Node) -> None:
             step = (b[:3, :3] - a[:3, :3]) @ shown.T @ centre
             for name in ("eye", "target"):
                 np.testing.assert_allclose(vector(moved, name), vector(VIEW, name) + step, atol=1e-12)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("change", "is_same"),
+    [
+        ({}, True),
+        ({"eye": [3, 2, 5.00001], "aperture": 0.1, "height": 7, "focus": None}, True),
+        ({"eye": [3, 2, 5.1]}, False),
+        ({"fov": 41}, False),
+        ({"shift_x": 0.1}, False),
+        ({"projection": "orthographic", "height": 4}, False),
+    ],
+)
+def test_views_are_the_same_if_they_show_the_same_part_of_the_scene(node: Node, change: dict[str, object], is_same: bool) -> None:
+    assert node.call("scene/orbit", "return m.isSameView(...a);", [VIEW, {**VIEW, **change}]) is is_same
+
+
+def test_zoomed_orthographic_views_differ(node: Node) -> None:
+    flat = {**VIEW, "projection": "orthographic", "height": 4}
+    body = "return [m.isSameView(a, {...a, fov: 20}), m.isSameView(a, {...a, height: 3})];"
+    assert node.call("scene/orbit", body, flat) == [True, False]

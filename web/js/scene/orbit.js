@@ -160,3 +160,14 @@ export function lookAt(view, place) {
   const along = dot(unit(subtract(place, view.eye)), unit(view.up));
   return Math.abs(along) > Math.sin(STEEPEST) ? view : next;
 }
+
+/** Largest difference between the numbers of equal views, relative to the distance of the target. */
+const SAME = 1e-4;
+
+/** @param {View} a @param {View} b @returns {boolean} whether both show the same part of the scene */
+export function isSameView(a, b) {
+  if ((a.projection ?? "perspective") !== (b.projection ?? "perspective")) return false;
+  const numbers = (/** @type {View} */ view) => [...view.eye, ...view.target, ...view.up, heightAtTarget(view), view.shift_x ?? 0, view.shift_y ?? 0];
+  const [p, q, size] = [numbers(a), numbers(b), distanceOf(a)];
+  return p.every((value, i) => Math.abs(value - (q[i] ?? 0)) <= SAME * size);
+}

@@ -3,6 +3,7 @@
 import { h } from "../base/dom.js";
 import { session } from "../news/session.js";
 import { announce } from "../shell/tray.js";
+import { isSameView } from "./orbit.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
@@ -18,7 +19,6 @@ import { t } from "../base/words.js";
 const KEY = "rayfarm.author";
 const SEND_MS = 100;
 const COLOURS = ["#f5a83b", "#4aa8ff", "#5fd38a", "#ff7d9c", "#b88cff", "#38c6c6"];
-const SAME = 1e-4;
 
 /**
  * @param {HTMLElement} surface the view, over which cursors are shown
@@ -64,7 +64,7 @@ export function people(surface, { view, send, turnTo }) {
     const { clientWidth, clientHeight } = surface;
     const mine = view();
     const marks = others.flatMap((person) => {
-      if (!person.cursor || !person.view || !isSame(person.view, mine)) return [];
+      if (!person.cursor || !person.view || !isSameView(person.view, mine)) return [];
       const mark = h("span", { class: "view-cursor" }, nameOf(person));
       mark.style.setProperty("--person", colourOf(person));
       mark.style.translate = `${clientWidth / 2 + person.cursor[0] * clientHeight}px ${clientHeight / 2 + person.cursor[1] * clientHeight}px`;
@@ -107,7 +107,7 @@ export function people(surface, { view, send, turnTo }) {
       others = next;
       if (followed !== null && !others.some(({ id }) => id === followed)) followed = null;
       const leader = others.find(({ id }) => id === followed);
-      if (leader?.view && !isSame(leader.view, view())) turnTo(leader.view);
+      if (leader?.view && !isSameView(leader.view, view())) turnTo(leader.view);
       show();
       if (isFirst) soon();
     },
@@ -139,12 +139,4 @@ function ownName() {
   } catch {
     return null; // storage is blocked
   }
-}
-
-/** @param {View} a @param {View} b whether a picture of both is the same @returns {boolean} */
-function isSame(a, b) {
-  const numbers = (/** @type {View} */ { eye, target, up, fov }) => [...eye, ...target, ...up, fov];
-  const [p, q] = [numbers(a), numbers(b)];
-  const size = Math.hypot(...a.eye.map((value, i) => value - (a.target[i] ?? 0))) || 1;
-  return p.every((value, i) => Math.abs(value - (q[i] ?? 0)) <= SAME * Math.max(size, 1e-9)) && (a.projection ?? "perspective") === (b.projection ?? "perspective");
 }
