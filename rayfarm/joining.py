@@ -45,7 +45,7 @@ def token_to_send(subject: str, token: str, token_file: Path | None) -> str:
     token = token or value_of("RAYFARM_TOKEN")
     if not token:
         raise CommandError(
-            f"{subject} shows the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file; "
+            f"{subject} needs the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file; "
             f"`{PROGRAM} up` prints the whole command."
         )
     return token

@@ -7,6 +7,7 @@ The kernels are compiled or loaded before Celery forks, so that all slots share 
 
 from __future__ import annotations
 
+import atexit
 import gc
 import os
 
@@ -69,6 +70,7 @@ from worker.work.files import memory_budget
 from worker.work.reader import begin_launcher
 
 gc.freeze()  # excludes the imported modules from collections, which saves a tenth of a second each
+atexit.register(gc.unfreeze)  # otherwise OpenImageIO lists its objects on standard error, as if they had leaked
 gc.enable()
 
 EXIT_REFUSED = 3

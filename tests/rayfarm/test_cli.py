@@ -228,7 +228,7 @@ def test_info_prints_text_and_json() -> None:
         (
             ["worker", "--join", "http://127.0.0.1:9"],
             1,
-            "RAYFARM_TOKEN is empty, but a worker needs the farm's token. Set it to the one that `rayfarm up` shows",
+            "A worker needs the farm's token. Set RAYFARM_TOKEN to it, or write it into a file and give --token-file",
         ),
         (["worker", "--join", "http://127.0.0.1:9", "--token-file", sys.executable], 1, "contains no token"),
         (["up", "--no-browser", "--host", "203.0.113.7"], 1, "is not an address of this machine"),

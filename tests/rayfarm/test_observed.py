@@ -70,7 +70,7 @@ def test_log_lines_are_json_with_ids(observed_farm: tuple[Farm, Receiver, str, s
     assert {line["process"] for line in service} == {"service"}
     assert any(line["logger"].startswith("uvicorn") for line in service)
     told = [line["message"] for line in service if line.get("job") == job]
-    assert any(line.startswith("taken up") for line in told) and any(line.startswith("finished") for line in told)
+    assert any(line.startswith("loaded: ") for line in told) and any(line.startswith("finished") for line in told)
 
     (name,) = {line["worker"] for line in worker if "worker" in line}
     batches = [line for line in worker if line.get("job") == job and line["message"] == "batch"]

@@ -68,6 +68,7 @@ def test_every_setting_is_read_from_file(name: str, monkeypatch: pytest.MonkeyPa
     values = {
         "allowed_hosts": '["farm.example"]',
         "blobs": "s3://bucket/prefix",
+        "https_workers": "false",
         "login": "always",
         "oidc_role": "submit",
         "oidc_roles": '{"artists": "submit"}',
