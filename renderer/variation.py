@@ -25,6 +25,7 @@ Form = Literal["number", "triple", "name", "flag", "any"]
 
 _MOST_NAMES = 12  # names that a sentence lists
 _MOST_RULES = 1000
+_MOST_CHARACTERS = 200  # of a name or pattern; translating a long pattern takes a time that grows with its square
 _MOST_CHOICES = 10_000
 _REDRAWS = 64
 _LARGEST = 1e15
@@ -212,7 +213,7 @@ class Variation:
                         "vary-not-whole-number",
                         "vary.{name} is {value}; it must be a whole number of at least {low}",
                         name=name,
-                        value=repr(value)[:80],
+                        value=_shown(value)[:80],
                         low=low,
                     ),
                     field="vary",
@@ -307,13 +308,13 @@ def _mapping(given: Any, place: str, known: Iterable[str] | None = None) -> dict
             field="vary",
         )
     for name in given:
-        if not isinstance(name, str) or (names is not None and name not in names):
+        if not isinstance(name, str) or len(name) > _MOST_CHARACTERS or (names is not None and name not in names):
             raise SettingsError(
                 Sentence(
                     "vary-field-unknown",
                     "{place} has {name}, which is not known; known are {names}",
                     place=place[:200],
-                    name=repr(name)[:60],
+                    name=_shown(name)[:60],
                     names=names or ["-"],
                 ),
                 field="vary",
@@ -329,11 +330,11 @@ def _value(given: Any, place: str, form: Form) -> Value:
         is_valid = form in ("number", "any") and abs(given) <= _LARGEST
         found = float(given) if is_valid else None
     elif isinstance(given, str):
-        found = given if form in ("name", "any") and len(given) <= 200 else None
+        found = given if form in ("name", "any") and len(given) <= _MOST_CHARACTERS else None
     elif isinstance(given, list | tuple) and form in ("triple", "any"):
-        numbers = [float(each) for each in given if isinstance(each, int | float) and not isinstance(each, bool)]
+        numbers = [each for each in given if isinstance(each, int | float) and not isinstance(each, bool)]
         is_valid = len(numbers) == len(given) and (len(numbers) == 3 or (form == "any" and len(numbers) == 2))
-        found = tuple(numbers) if is_valid and all(abs(each) <= _LARGEST for each in numbers) else None
+        found = tuple(map(float, numbers)) if is_valid and all(abs(each) <= _LARGEST for each in numbers) else None
     else:
         found = None
     if found is None:
@@ -369,10 +370,18 @@ def _no_distribution(place: str, given: Any) -> SettingsError:
             "{place} is {value}; give a value that fits, or one of uniform: [low, high], log_uniform: [low, high], "
             "normal: [mean, deviation], choice: [values], and for positions shell: [radius, radius]",
             place=place[:200],
-            value=repr(given)[:120],
+            value=_shown(given)[:120],
         ),
         field="vary",
     )
+
+
+def _shown(given: Any) -> str:
+    """Returns a value as text for an error; "..." if it is nested too deeply, or has a number of too many digits, to be shown."""
+    try:
+        return repr(given)
+    except (RecursionError, ValueError):
+        return "..."
 
 
 def _listed(value: Any) -> tuple[float, ...]:

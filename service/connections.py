@@ -22,6 +22,7 @@ MAX_HEAD_BYTES = 1 << 16  # bytes, in addition to those received together with i
 BODY_TIMEOUT_S = 60.0  # seconds, plus one second for each MIN_BODY_RATE received
 MIN_BODY_RATE = 1 << 10
 MAX_SHORT_BODY = 1 << 16  # bytes; uvicorn buffers as many before it pauses reading
+BODY_HEADERS = (b"content-length", b"transfer-encoding")
 WANTED_DESCRIPTORS = 1 << 16  # file descriptors that the service requests from the system
 RESERVED_DESCRIPTORS = 512  # the minimum of these that is left for films, blobs and the database
 REFUSAL_RESPONSE = b"HTTP/1.1 %s\r\ncontent-type: text/plain\r\ncontent-length: %d\r\nconnection: close\r\n\r\n%s"
@@ -89,7 +90,13 @@ class Connection(HttpToolsProtocol):
             self._send_refusal(b"431 Request Header Fields Too Large", b"The request's address and headers are too long.")
 
     def handle_websocket_upgrade(self) -> None:
-        """Passes the connection to the WebSocket protocol and cancels its timeout."""
+        """Passes the connection to the WebSocket protocol and cancels its timeout.
+
+        Rejects a request with a body, for which the WebSocket protocol would wait without limit.
+        """
+        if any(name in BODY_HEADERS and value != b"0" for name, value in self.scope["headers"]):
+            self._send_refusal(b"400 Bad Request", b"A request for a WebSocket has no body.")
+            return
         self._cancel_timer()
         super().handle_websocket_upgrade()
 

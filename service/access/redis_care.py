@@ -75,7 +75,7 @@ class RedisCare:
         Raises redis.RedisError.
         """
         self._close_excess_connections()
-        self._remove_largest_keys()
+        self._free_memory()
         self._redis.script_load(Lock.LUA_RELEASE_SCRIPT)  # older workers release locks with it, and may not load scripts
         if self._rounds % ROUNDS_BETWEEN_SCANS == 0:
             self._warn()
@@ -110,12 +110,27 @@ class RedisCare:
                 log.warning("the Redis user %s of a worker has %d connections; all of them are closed", user, count)
                 self._redis.execute_command("CLIENT", "KILL", "USER", user)
 
-    def _remove_largest_keys(self) -> None:
-        """If Redis has used half of its memory, deletes the largest keys of each kind that exceeds its normal size."""
+    def _free_memory(self) -> None:
+        """If Redis has used half of its memory, closes the connections that fill it, and deletes the largest excess keys."""
         memory = self._redis.info("memory")
         limit = int(memory.get("maxmemory") or 0)
         if not limit or int(memory["used_memory"]) < EXCESS_SHARE * limit:
             return
+        self._close_largest_connections(MAX_MEMORY_FRACTION * limit)
+        self._remove_largest_keys(limit)
+
+    def _close_largest_connections(self, most: float) -> None:
+        """Closes all connections of each worker user whose commands and unread replies use more than `most` bytes."""
+        sizes: Counter[str] = Counter()
+        for client in self._redis.client_list():
+            sizes[str(client.get("user", ""))] += int(client.get("tot-mem") or 0)
+        for user, size in sizes.items():
+            if user.startswith(WORKER_USER) and size > most:
+                log.warning("the Redis user %s of a worker uses %d bytes for its connections; all of them are closed", user, size)
+                self._redis.execute_command("CLIENT", "KILL", "USER", user)
+
+    def _remove_largest_keys(self, limit: int) -> None:
+        """Deletes the largest keys of each kind that exceeds its normal size. limit: Redis's memory, bytes."""
         kinds: dict[bytes, list[tuple[int, bytes]]] = {}
         for names in self._key_batches():
             with self._redis.pipeline(transaction=False) as sizes:

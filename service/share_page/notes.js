@@ -28,6 +28,20 @@ function make(tag, props = {}, ...children) {
 /** @param {string} label @param {() => void} run @param {Record<string, any>} [props] */
 const button = (label, run, props = {}) => make("button", { type: "button", class: "button", onclick: run, ...props }, label);
 
+/**
+ * Ctrl-Enter in a text sends its form, Escape cancels it.
+ *
+ * @param {HTMLElement} area
+ * @param {HTMLFormElement} form
+ * @param {() => void} cancel
+ */
+function sendsOrCancels(area, form, cancel) {
+  area.addEventListener("keydown", (event) => {
+    if (event.key === "Escape") cancel();
+    else if (event.key === "Enter" && (event.ctrlKey || event.metaKey)) form.requestSubmit();
+  });
+}
+
 /** The guest's name of an earlier visit; empty: none. */
 function storedName() {
   try {
@@ -63,6 +77,7 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
   const hint = make("p", { class: "quiet" });
   const place = button(words.pin, () => (setSpot(spot ?? { x: 0.5, y: 0.5 }), draft.focus()));
   const form = make("form", { hidden: true }, area, hint, make("div", { class: "row" }, make("button", { class: "button primary" }, words.saveNote), place, button(words.cancel, () => close())));
+  sendsOrCancels(area, form, () => close());
   const none = make("p", { class: "quiet" }, words.noNotes);
   const list = make("ol");
   const done = make("ol");
@@ -191,6 +206,7 @@ export function notesPanel(ask, { picture, frame, frames, show: showFrame }) {
   const rowOf = (note, number, replies) => {
     const area = make("textarea", { rows: 2, maxlength: LONGEST, "aria-label": `${words.reply} ${number}` });
     const answer = make("form", { hidden: true }, area, make("div", { class: "row" }, make("button", { class: "button" }, words.reply), button(words.cancel, () => (answer.hidden = true))));
+    sendsOrCancels(area, answer, () => (answer.hidden = true));
     answer.addEventListener("submit", async (event) => {
       event.preventDefault();
       if (!area.value.trim()) return area.focus();

@@ -212,6 +212,9 @@ def test_history_shows_events_of_job(farm: Farm, finished: str, watched: Watched
     page = watched.page
     open_job(page, farm, finished)
     page.get_by_role("tab", name="Info").click()
+    details = page.get_by_role("region", name="Details")
+    expect(details).to_contain_text("Path tracing")
+    expect(details).not_to_contain_text("Caustics")  # its request leaves it out: the default
     page.get_by_text("History", exact=True).click()
     timeline = page.locator(".timeline")
     expect(timeline.get_by_role("listitem").first).to_contain_text("Asked for")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import Any
 
@@ -74,6 +75,10 @@ WRONG: dict[str, tuple[Any, str]] = {
     "not finite": ({"environment": {"rotation": math.nan}}, "environment.rotation is nan"),
     "within": ({"environment": {"rotation": {"normal": [0, 1], "within": [2, 1]}}}, "rotation.within is"),
     "flag": ({"objects": {"a": {"tumble": 3}}}, "a.tumble is 3"),
+    "large number in a triple": ({"lights": {"a": {"move": [10**400, 0, 0]}}}, "a.move is"),
+    "number of too many digits": ({"seed": 10**5000}, "vary.seed is"),
+    "deep": ({"lights": {"a": {"power": functools.reduce(lambda inner, _: [inner], range(10**5), [])}}}, "a.power is"),
+    "long pattern": ({"objects": {"[" * 10**5: {"turn": 1}}}, "vary.objects has"),  # it would take minutes to translate
 }
 
 

@@ -107,6 +107,16 @@ def test_incomplete_request_times_out(server: Server, monkeypatch: pytest.Monkey
     until(lambda: not server.server.server_state.tasks, "nothing waits for it any more")
 
 
+@pytest.mark.parametrize("field", [b"Content-Length: 5", b"Transfer-Encoding: chunked"])
+def test_websocket_request_with_a_body_is_rejected(server: Server, field: bytes) -> None:
+    """The WebSocket protocol would wait for the body without limit, and such connections are not counted."""
+    upgrade = (
+        b"Upgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: AAAAAAAAAAAAAAAAAAAAAA=="
+    )
+    with server.connect(b"GET / HTTP/1.1\r\nHost: x\r\n" + field + b"\r\n" + upgrade + b"\r\n\r\n") as client:
+        assert b"400 Bad Request" in answer(client)
+
+
 def test_excess_connection_aborts_longest_waiting_one(server: Server) -> None:
     Connection.most = 20
     working = server.connect(b"GET / HTTP/1.1\r\nHost: h\r\n\r\n")

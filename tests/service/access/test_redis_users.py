@@ -190,6 +190,30 @@ def test_keys_of_wrong_type_are_deleted(service: Service) -> None:
         assert not store.exists("rayfarm.render.mistaken", "rayfarm:worker:mistaken")
 
 
+def test_connections_of_a_worker_that_fill_redis_are_closed(service: Service) -> None:
+    """A transaction that is never executed uses Redis's memory, but no key."""
+    with (
+        redis.Redis.from_url(service.options["redis_url"]) as store,
+        join_farm(service, create_token(service)["secret"]) as worker,
+    ):
+        before = store.config_get("maxmemory")["maxmemory"]
+        store.config_set("maxmemory", int(store.info("memory")["used_memory"]) + (32 << 20))
+        connection = worker.connection_pool.get_connection()
+        try:
+            connection.send_command("MULTI")
+            connection.read_response()
+            for _ in range(24):
+                connection.send_command("SET", "rayfarm:log:mine", b"x" * (1 << 20), "EX", "60")
+                connection.read_response()
+            RedisCare(store).maintain()
+            with pytest.raises(redis.ConnectionError):
+                connection.send_command("PING")
+                connection.read_response()
+            assert int(store.info("memory")["used_memory"]) < int(store.config_get("maxmemory")["maxmemory"]) / 2
+        finally:
+            store.config_set("maxmemory", before)
+
+
 def test_worker_filling_redis_is_disconnected(service: Service) -> None:
     """A worker that fills Redis with large or many keys is disconnected, while other workers' keys stay."""
     with (

@@ -145,11 +145,13 @@ def test_link_allows_notes_only_while_its_creator_may_change_the_job(people: Peo
     [
         ({"text": ""}, 422, "note-empty"),
         ({"text": " \n\t "}, 422, "note-empty"),
+        ({"text": "\u200b \u2060"}, 422, "note-empty"),
         ({"text": "a" * 2001}, 422, None),
         ({"text": "a\x1b[31m"}, 422, "note-control-characters"),
         ({"text": "a\u202eb"}, 422, "note-control-characters"),
         ({"author": None}, 422, "note-author-missing"),
         ({"author": "  "}, 422, "note-author-missing"),
+        ({"author": "\u200b"}, 422, "note-author-missing"),
         ({"author": "a\nb"}, 422, "name-control-characters"),
         ({"author": "a" * 61}, 422, None),
         ({"x": 0.5}, 422, None),
