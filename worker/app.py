@@ -121,7 +121,8 @@ def _on_slot_end(**_: Any) -> None:
     forget_frames()
 
 
-def _on_shutdown(signal_name: str = "", **_: Any) -> None:
+def _on_shutdown(how: str = "", **_: Any) -> None:
+    """Receives Celery's signal. how: its name of the kind of shutdown, Warm or Cold."""
     signal.alarm(SHUTDOWN_S)
     if uses_json():
-        logging.getLogger("worker").info("%s shutdown", signal_name)
+        logging.getLogger("worker").info("%s shutdown", how)

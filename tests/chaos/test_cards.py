@@ -79,9 +79,10 @@ def test_a_frame_of_cores_and_a_card_has_the_digest_of_the_cores(farm: Farm, dri
     with ExitStack() as ends:
         join(farm, ends, driver, 8192)
         log = finish(farm, submit(farm, SPP, tile_size=16), expected)
-        workers = {each["name"]: each for each in get(farm, "/api/workers").json()}
-    assert workers["attic-gpu"]["cards"][0]["samples_per_s"] > 0
-    for name in workers:
+        workers = lambda: {each["name"]: each for each in get(farm, "/api/workers").json()}  # noqa: E731
+        wait_until(lambda: workers()["attic-gpu"]["cards"][0]["samples_per_s"] > 0, 20, "the card's speed is reported")
+        names = list(workers())
+    for name in names:
         assert f"{name}: " in log, log
 
 
