@@ -421,7 +421,10 @@ class PeerWorker:
             return
         try:
             self.on_prepare(scene)
-            manifest = self.http.get(f"/api/farm/scenes/{scene}/manifest").raise_for_status().json()
+            answer = self.http.get(f"/api/farm/scenes/{scene}/manifest")
+            if answer.status_code == 404:
+                raise ValueError("The scene was deleted.")
+            manifest = answer.raise_for_status().json()
             main = next(file for file in manifest["files"] if file["path"] == manifest["main"])
             content = self.http.get(f"/api/farm/blobs/{main['sha256']}").raise_for_status().content
             assert hashlib.sha256(content).hexdigest() == main["sha256"]
