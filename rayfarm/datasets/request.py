@@ -170,7 +170,7 @@ def _plain(value: Any) -> Any:
 
 
 def scene_files(scene: Path, vary: Mapping[str, Any] | None) -> dict[str, Path]:
-    """Returns a scene's files by their names in the scene, with the environment images beside it that a variation names."""
+    """Returns the files of a scene by name, including the environment images that a variation names."""
     found = dict(files_to_upload(scene))
     light = None if vary is None else Variation.parse(vary).environment.get("light")
     for value in light.values if light is not None else ():

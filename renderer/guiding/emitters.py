@@ -1,4 +1,4 @@
-"""Lists what emits photons, with its power: area lights, point lights, spots (as points), and distant lights.
+"""Lists the emitters of photons with their power: area lights, point lights, spots (as points), and distant lights.
 
 The environment emits none: most of its photons would miss what an image shows, and camera paths find its light.
 """
@@ -35,11 +35,11 @@ F64 = npt.NDArray[np.float64]
 
 
 class Emitters(NamedTuple):
-    """What emits photons."""
+    """The emitters of a scene, from which photons start."""
 
     table: npt.NDArray[np.float32]  # (n, EMITTER_COLUMNS)
-    cdf: npt.NDArray[np.float64]  # (n,), by power; ends with 1
-    power: float  # luminous, of all
+    cdf: npt.NDArray[np.float64]  # (n,), of the choice by power; ends with 1
+    power: float  # sum of the luminous powers
 
 
 def emitters_of(scene: CompiledScene) -> Emitters:

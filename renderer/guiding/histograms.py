@@ -32,10 +32,11 @@ F64 = npt.NDArray[np.float64]
 CUBES = 32  # along the longest side of the region of the records
 _LEVELS = 4  # cubes of 1, 2, 4, 8 times that size
 _ENOUGH = 512  # records with light for a histogram
-_ENOUGH_WITHIN = 64  # records with light in a bin, to divide it,
-_LEAST_SHARE = 64  # and one part in so many of the histogram's light
+# A bin is divided if it has this many records with light, and at least this fraction of the histogram's light (its reciprocal).
+_ENOUGH_WITHIN = 64
+_LEAST_SHARE = 64
 _SHARE = 0.5  # probability of sampling the guide
-_FLOOR = 10  # one direction in so many is uniform over the square
+_FLOOR = 10  # 1 / _FLOOR of the directions are uniform over the square
 _UNITS = 1 << 20  # of the largest value
 _OUTSIDE = 0.01  # records beyond these quantiles along an axis lie in the outermost cubes
 _MOST = 0.99999  # quantile of the values with light at which larger ones are cut

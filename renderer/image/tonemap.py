@@ -45,12 +45,12 @@ class DisplayTransform(Protocol):
 
     @property
     def key(self) -> str:
-        """Text that differs for transforms with different results."""
+        """Returns a text that identifies the transform: transforms with different results have different texts."""
         ...
 
     @property
     def is_pq(self) -> bool:
-        """Whether the display takes the PQ signal of BT.2100."""
+        """Returns True if the display expects a PQ signal (ITU-R BT.2100)."""
         ...
 
     def encode(self, rgb: F32) -> F32:

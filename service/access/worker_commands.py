@@ -70,7 +70,7 @@ class WorkerCommands:
 
     @property
     def has_unconfirmed_name(self) -> bool:
-        """Whether the last command names the connection as a worker's, and the report that must follow has not been checked."""
+        """Returns True if the last command named the connection after a worker, and that worker's report has not followed yet."""
         return self._lifeline is not None
 
     def check(self, command: Command) -> None:

@@ -69,7 +69,7 @@ Heights = Annotated[float, Field(ge=-100, le=100, allow_inf_nan=False)]  # lengt
 
 
 class PresenceIn(Strict):
-    """What others see of a person who views the scene: see `Presence`."""
+    """A viewer's name, cursor and view, which are sent to the scene's other viewers (`Presence`)."""
 
     name: str | None = Field(None, max_length=MAX_AUTHOR)
     cursor: tuple[Heights, Heights] | None = None

@@ -1,6 +1,6 @@
 """Results of several workers for one batch. A result that two workers agree on is correct. Independent of clocks and queues.
 
-Workers over HTTPS with the same token count as one, since whoever has the token can start any number of them.
+Workers over HTTPS that share a token have one vote together, since the token's owner can start any number of workers.
 """
 
 from __future__ import annotations

@@ -75,7 +75,7 @@ def test_light_groups_in_extras(scene, tmp_path):
 
 
 def test_extras_make_holdouts_and_shadow_catchers(scene, tmp_path):
-    """Of materials, and of nodes, whose meshes others show as they are; only `true` counts."""
+    """Extras of a material apply to all nodes; extras of a node leave other nodes of its mesh unchanged. Only `true` counts."""
     g = Gltf()
     g.mesh(material=g.material(extras={"shadow_catcher": True}))
     g.node(mesh=0, name="floor")

@@ -25,7 +25,7 @@ _ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND
 
 
 class NodeLook(NamedTuple):
-    """What a node changes about the materials of its meshes. light_group, light_link: empty for the material's own."""
+    """Material properties that a node overrides for its meshes. light_group, light_link: empty to keep the material's."""
 
     unseen: bool  # invisible to the camera
     shadeless: bool  # casts no shadow
