@@ -98,10 +98,20 @@ def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str
     return [] if any(mark.name == "long" for mark in marks) else None
 
 
+class ByPart(EachScheduling):
+    """Scheduler for xdist that lets every process run all that it has collected, which is its part."""
+
+    def schedule(self) -> None:
+        """Starts the tests, and sets their number, which otherwise would be that of one part."""
+        super().schedule()
+        session = self.config.pluginmanager.get_plugin("session")
+        assert isinstance(session, pytest.Session)
+        session.testscollected = sum(len(collected) for collected in self.node2collection.values())
+
+
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> EachScheduling:
-    """Lets every process run all that it has collected, which is its part."""
-    return EachScheduling(config, log)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByPart:
+    return ByPart(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

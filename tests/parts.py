@@ -25,15 +25,17 @@ SHARE_A_FARM = (
 )
 
 # Folders and files below tests/, by part and in the order in which a part runs them. The longest name that fits decides. In the
-# default run, all parts take equally long; each begins with files that render nothing, since kernels are compiled meanwhile.
-PARTS: dict[str, tuple[str, ...]] = {
-    "farm": (*SHARE_A_FARM, "chaos/", "rayfarm/"),
-    "api": ("service/access/", "service/api/", "service/"),
-    "schedule": ("test_", "protocol/", "telemetry/", "page/", "benchmarks/", "service/scheduling/", "service/store/", "worker/"),
-    "scene": ("blender/", "renderer/scene/", "renderer/image/", "renderer/blender/", "renderer/confine/", "lineage/", "peers/"),
-    "kernel": ("renderer/kernel/", "renderer/arrays/", "renderer/guiding/", "renderer/kernel/backends/"),
-    "frame": ("renderer/bvh/", "renderer/cuda/", "renderer/", "renderer/wide/"),
-}
+# default run, all parts take equally long. Each begins with files that use no kernels, which another process compiles meanwhile
+# and which the later tests load.
+PARTS: tuple[tuple[str, ...], ...] = (
+    (*SHARE_A_FARM, "chaos/", "rayfarm/", "lineage/"),
+    ("service/access/", "service/api/", "service/", "renderer/kernel/", "renderer/guiding/"),
+    ("service/scheduling/", "service/store/", "worker/", "renderer/arrays/", "renderer/", "renderer/wide/", "peers/"),
+    (
+        *("test_", "protocol/", "telemetry/", "page/", "benchmarks/", "blender/"),
+        *("renderer/blender/", "renderer/confine/", "renderer/image/", "renderer/scene/", "renderer/bvh/", "renderer/cuda/"),
+    ),
+)
 
 
 @cache
@@ -42,7 +44,7 @@ def place(file: str) -> tuple[int, int]:
 
     Raises KeyError if no part has the file.
     """
-    fits = [(len(name), n, m) for n, names in enumerate(PARTS.values()) for m, name in enumerate(names) if file.startswith(name)]
+    fits = [(len(name), n, m) for n, names in enumerate(PARTS) for m, name in enumerate(names) if file.startswith(name)]
     if not fits:
         raise KeyError(f"tests/{file} has no part: enter its folder in tests/parts.py")
     return max(fits)[1:]

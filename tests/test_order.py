@@ -22,7 +22,7 @@ def test_every_file_is_run_by_one_process(count: int) -> None:
 
 def test_every_folder_of_a_part_has_tests() -> None:
     places = {place(file) for file in FILES}
-    assert places == {(n, m) for n, names in enumerate(PARTS.values()) for m in range(len(names))}
+    assert places == {(n, m) for n, names in enumerate(PARTS) for m in range(len(names))}
 
 
 def test_files_that_use_the_shared_farm_are_run_by_one_process() -> None:
