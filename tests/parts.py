@@ -28,13 +28,11 @@ SHARE_A_FARM = (
 # default run, all parts take equally long. Each begins with files that use no kernels, which another process compiles meanwhile
 # and which the later tests load.
 PARTS: tuple[tuple[str, ...], ...] = (
-    (*SHARE_A_FARM, "chaos/", "rayfarm/", "lineage/"),
-    ("service/access/", "service/api/", "service/", "renderer/kernel/", "renderer/guiding/"),
-    ("service/scheduling/", "service/store/", "worker/", "renderer/arrays/", "renderer/", "renderer/wide/", "peers/"),
-    (
-        *("test_", "protocol/", "telemetry/", "page/", "benchmarks/", "blender/"),
-        *("renderer/blender/", "renderer/confine/", "renderer/image/", "renderer/scene/", "renderer/bvh/", "renderer/cuda/"),
-    ),
+    (*SHARE_A_FARM, "chaos/", "rayfarm/"),
+    ("service/access/", "service/api/", "service/", "lineage/", "peers/", "renderer/arrays/", "renderer/guiding/", "renderer/"),
+    ("service/scheduling/", "service/store/", "renderer/kernel/bsdf/", "renderer/kernel/light/", "renderer/kernel/surface/"),
+    ("test_", "protocol/", "telemetry/", "page/", "worker/", "benchmarks/", "renderer/bvh/", "renderer/cuda/", "renderer/wide/"),
+    ("blender/", "renderer/blender/", "renderer/confine/", "renderer/image/", "renderer/scene/", "renderer/kernel/"),
 )
 
 
