@@ -47,6 +47,7 @@ SHARE_A_FARM = (
     "tests/rayfarm/datasets/test_dataset_of_farm.py",
     "tests/rayfarm/test_job_template.py",
     "tests/rayfarm/test_mcp_server.py",
+    "tests/submitters/test_submitters.py",
     "tests/chaos/test_kernels",
     "tests/chaos/test_digest",
 )
