@@ -12,7 +12,6 @@ from typing import Any
 import pyblish.api
 from ayon_core.lib import BoolDef, NumberDef, TextDef
 from ayon_core.pipeline.publish import AYONPyblishPluginMixin
-
 from rayfarm_submit.farm import frames_of, submit
 
 __all__ = ["SubmitRayfarm"]
