@@ -12,7 +12,7 @@ from pathlib import Path, PurePath
 from typing import Any
 
 from renderer.errors import SettingsError
-from renderer.frames import MAX_FRAMES, frames_text
+from renderer.frames import MAX_FRAME, MAX_FRAMES, frames_text
 from renderer.sentences import Sentence
 
 __all__ = ["CHUNKING", "MIB_PER_GB", "TemplateCall", "has_model", "read_call"]
@@ -68,7 +68,7 @@ def read_call(document: Any, values: Mapping[str, Any], folder: Path, current: P
             job_template=template, job_parameter_values=given, job_template_dir=folder, current_working_dir=current
         )
         job = create_job(job_template=template, job_parameter_values=parameters)
-    except (DecodeValidationError, ValueError, NotImplementedError) as error:
+    except (DecodeValidationError, ValueError, NotImplementedError, OverflowError) as error:
         raise _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error))) from None
     _check_parts(job)
     step = job.steps[0]
@@ -217,7 +217,10 @@ def _numbers(definition: Any, name: str) -> list[float]:
             )
         )
     numbers: Iterable[Any] = definition.range
-    found = [float(number) for number in islice(numbers, MAX_FRAMES + 1)]
+    try:
+        found = [int(number) for number in islice(numbers, MAX_FRAMES + 1)]  # some of a list stay texts
+    except ValueError as error:
+        raise _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error))) from None
     if len(found) > MAX_FRAMES:
         raise _fault(
             Sentence("template-frames-many", "it has more than {most} frames. Split them into several jobs", most=MAX_FRAMES)
@@ -227,10 +230,19 @@ def _numbers(definition: Any, name: str) -> list[float]:
             Sentence(
                 "template-frame-negative",
                 "it has the frame {frame}; a farm's frames begin at 0",
-                frame=f"{min(found):g}",
+                frame=str(min(found))[:20],
             )
         )
-    return found
+    if max(found) > MAX_FRAME:
+        raise _fault(
+            Sentence(
+                "frame-invalid",
+                "{frame} is not a frame; give a number from 0 to {most}, in steps of a half",
+                frame=str(max(found))[:20],
+                most=MAX_FRAME,
+            )
+        )
+    return [float(number) for number in found]
 
 
 def _needs(requirements: Any) -> list[str]:

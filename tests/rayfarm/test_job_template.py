@@ -127,6 +127,8 @@ def check_rest(farm: Farm, scene: str, template: dict[str, Any], settings: dict[
         for change, code in (
             ({"template": wrong}, "template-option-unknown"),
             ({"parameters": {"Frames": "1-99999999999"}}, "template-frames-many"),
+            ({"parameters": {"Frames": "9" * 400}}, "frame-invalid"),
+            ({"parameters": {"Frames": "1-" + "9" * 400}}, "template-invalid"),
             ({"template": {}}, "template-invalid"),
             ({"scene": "none"}, "scene-id-unknown"),
         ):
