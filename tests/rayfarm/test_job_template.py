@@ -284,6 +284,21 @@ def test_requirements_become_needs(tmp_path: Path) -> None:
     assert read_template(tmp_path / "job.yaml").needs == ["memory_gb=32"]
 
 
+def test_frames_may_be_a_list(tmp_path: Path) -> None:
+    """A list of numbers and expressions, of which OpenJD's library returns some as texts."""
+    (tmp_path / "box.yaml").write_text("shapes: [{type: sphere}]\n")
+    template, _ = template_of([str(tmp_path / "box.yaml"), "-o", str(tmp_path / "a.#.png"), "--frames=5"], tmp_path)
+    space = template["steps"][0]["parameterSpace"]["taskParameterDefinitions"][0]
+    for given, frames in ((["1", "{{Param.Frames}}", 3], "1,3,5"), (["1", "{{Param.Scene}}"], None)):
+        space["range"] = given
+        (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
+        if frames is not None:
+            assert read_template(tmp_path / "job.yaml").frames == frames
+        else:
+            with pytest.raises(CommandError, match="no valid job template"):
+                read_template(tmp_path / "job.yaml")
+
+
 def test_a_scene_file_is_no_template(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     assert not is_template(CORNELL)
     assert not is_template(tmp_path)
