@@ -20,6 +20,7 @@ SHARE_A_FARM = (
     "rayfarm/datasets/test_dataset_of_farm.py",
     "rayfarm/test_job_template.py",
     "rayfarm/test_mcp_server.py",
+    "submitters/",
     "chaos/test_kernels",
     "chaos/test_digest",
 )
