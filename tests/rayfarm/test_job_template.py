@@ -135,8 +135,31 @@ def check_rest(farm: Farm, scene: str, template: dict[str, Any], settings: dict[
             problem = http.post("/api/jobs/openjd", json={**body, **change}).json()
             sentence = problem["params"].get("sentence", problem)
             assert code in (problem["code"], sentence["code"]), problem
+        check_hostile(http, body)
         many = json.loads(json.dumps(template).replace('"4"', '"0"'))
         assert http.post("/api/jobs/openjd", json={**body, "template": many}).json()["errors"][0]["field"] == "spp"
+
+
+def check_hostile(http: httpx.Client, body: dict[str, Any]) -> None:
+    """Checks that templates that are too large, too deep or no JSON are refused before OpenJD's library reads them."""
+    deep: Any = 1
+    for _ in range(500):
+        deep = [deep]
+    template = body["template"]
+    long = json.loads(json.dumps(template))
+    long["steps"][0]["script"]["actions"]["onRun"]["args"] += ["--camera", "{{Param.Frames}}" * 1000]
+    for change, code in (
+        ({**template, "steps": deep}, "template-too-large"),
+        ({**template, "steps": [0] * 300_000}, "template-too-large"),
+        ({**template, "description": "{{a}}" * 9000}, "template-too-large"),
+        (long, "template-too-large"),
+        ({**template, "steps": [{"min": float("nan")}]}, "template-invalid"),
+        ({**template, "\ud800": 1}, "template-invalid"),
+    ):
+        content = json.dumps({**body, "template": change, "parameters": {"Frames": "1," * 500 + "2"}})
+        answer = http.post("/api/jobs/openjd", content=content, headers={"Content-Type": "application/json"})
+        assert answer.status_code == 422
+        assert answer.json()["params"]["sentence"]["code"] == code, answer.text
 
 
 def test_the_rest_api_takes_the_options_of_render() -> None:
