@@ -190,6 +190,7 @@ def test_the_rest_api_takes_the_options_of_render() -> None:
         (["a.glb", "--fov=2"], "template-view-unprepared"),
         (["a.glb", "--gpu"], "template-option-local"),
         (["a.glb", "--spp"], "template-option-empty"),
+        (["a.glb", "--denoise=no"], "template-option-flag"),
         (["a.glb", "b.glb"], "template-scene-count"),
     ):
         with pytest.raises(SettingsError) as refused:
