@@ -237,6 +237,11 @@ def _without_frame(one: list[str], other: list[str], name: str) -> list[str]:
         found = True
     if not found:
         raise _frame_elsewhere(name, "--frames")
+    for word in kept:
+        if word.partition("=")[0] in FRAME_OPTIONS:
+            raise _fault(
+                Sentence("template-frame-twice", "{option} is given beside the task's frame", option=word.partition("=")[0])
+            )
     return kept
 
 

@@ -274,6 +274,7 @@ REFUSED: dict[str, tuple[Edit, str]] = {
         "task parameters Frame, Seed",
     ),
     "a task parameter elsewhere": (lambda t: arguments(t).extend(["--seed", "{{Task.Param.Frame}}"]), "is in --seed"),
+    "another frame": (lambda t: arguments(t).append("--frames=7"), "--frames is given beside the task's frame"),
     "negative frames": (lambda t: t["parameterDefinitions"][-1].update(default="-3-3"), "begin at 0"),
     "a wrong range": (lambda t: t["parameterDefinitions"][-1].update(default="many"), "no valid job template"),
     "a requirement": (
