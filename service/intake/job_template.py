@@ -16,10 +16,10 @@ from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAME, MAX_FRAMES, frames_text
 from renderer.sentences import Sentence
 
-__all__ = ["CHUNKING", "MIB_PER_GB", "TemplateCall", "has_model", "read_call"]
+__all__ = ["CHUNKING", "TemplateCall", "has_model", "read_call"]
 
 CHUNKING = "TASK_CHUNKING"
-MIB_PER_GB = 1e9 / (1 << 20)
+GB_PER_MIB = (1 << 20) / 1e9
 MEMORY = "amount.worker.memory"  # MiB
 FRAME_OPTIONS = ("--frames", "--frame")
 MAX_MESSAGE = 600  # characters
@@ -304,7 +304,8 @@ def _needs(requirements: Any) -> list[str]:
     needs = []
     for each in requirements.amounts or ():
         if str(each.name) == MEMORY and each.min is not None and each.max is None:
-            needs.append(f"memory_gb={float(each.min) / MIB_PER_GB:.4g}")
+            gigabytes = f"{max(float(each.min) * GB_PER_MIB - 0.0005, 0.0):.3f}"  # rounded down
+            needs.append(f"memory_gb={gigabytes.rstrip('0').rstrip('.')}")
         else:
             names.append(str(each.name))
     if names:
