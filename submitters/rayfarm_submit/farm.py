@@ -61,8 +61,8 @@ def frames_of(first: float, last: float, step: float = 1.0) -> str:
     """Returns a range of frames as `rayfarm submit --frames` takes it. Raises FarmError for frames before 0."""
     if first < 0:
         raise FarmError(f"The range begins at frame {first:g}; a farm's frames begin at 0.")
-    text = f"{first:g}-{last:g}" if last > first else f"{first:g}"
-    return text if step == 1 or last <= first else f"{text}x{step:g}"
+    text = f"{first:.10g}-{last:.10g}" if last > first else f"{first:.10g}"
+    return text if step == 1 or last <= first else f"{text}x{step:.10g}"
 
 
 def keep_frame_numbers(stage: Path) -> None:

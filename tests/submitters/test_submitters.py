@@ -192,6 +192,7 @@ def test_faults_are_sentences(tmp_path: Path, calls: Path, monkeypatch: pytest.M
         farm.submit(tmp_path / "a.usd", options=["bad"])
     with pytest.raises(farm.FarmError, match="frames begin at 0"):
         farm.frames_of(-5, 10)
+    assert farm.frames_of(1001001, 1001100.5, 0.5) == "1001001-1001100.5x0.5"
     monkeypatch.delenv("RAYFARM_PROGRAM")
     monkeypatch.setenv("PATH", "")
     with pytest.raises(farm.FarmError, match="RAYFARM_PROGRAM"):
