@@ -8,9 +8,11 @@ import shutil
 import subprocess
 import urllib.error
 import urllib.request
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from http.client import HTTPException, IncompleteRead
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 __all__ = ["Farm", "FarmError", "frames_of", "keep_frame_numbers", "submit"]
 
@@ -91,29 +93,41 @@ class Farm:
 
     def job(self, job: str) -> dict[str, Any]:
         """Returns a job, as GET /api/jobs/{id} describes it."""
-        return dict(json.loads(self._open(f"/api/jobs/{job}").read()))
+        return dict(self._json(f"/api/jobs/{quote(job, safe='')}"))
 
     def finished_frames(self, job: str) -> list[int]:
         """Returns the numbers of a job's finished frames, in order. Half frames are left out."""
-        frames = json.loads(self._open(f"/api/jobs/{job}/frames?state=finished").read())
+        frames = self._json(f"/api/jobs/{quote(job, safe='')}/frames?state=finished")
         return sorted(int(frame["number"]) for frame in frames if float(frame["number"]).is_integer())
 
     def fetch(self, job: str, frame: int, path: Path, aov: str = "all") -> None:
         """Writes a frame as an .exr with the planes of `aov`. The file appears once it is complete."""
         part = path.with_name(f"{path.name}.part")
-        with self._open(f"/api/jobs/{job}/frames/{frame}/image.exr?aov={aov}") as answer, part.open("wb") as file:
-            shutil.copyfileobj(answer, file, CHUNK)
+        with part.open("wb") as file:
+            for data in self._read(f"/api/jobs/{quote(job, safe='')}/frames/{frame}/image.exr?aov={quote(aov)}"):
+                file.write(data)
         part.replace(path)
 
-    def _open(self, path: str) -> Any:
+    def _json(self, path: str) -> Any:
+        try:
+            return json.loads(b"".join(self._read(path)))
+        except ValueError:
+            raise FarmError(f"{self.server} is no farm: its answer is not JSON.") from None
+
+    def _read(self, path: str) -> Iterator[bytes]:
+        """Yields the body of an answer in parts. Raises FarmError, also if it ends early."""
         request = urllib.request.Request(self.server + path)
         if self._token:
             request.add_unredirected_header("Authorization", f"Bearer {self._token}")
         try:
-            return urllib.request.urlopen(request, timeout=TIMEOUT_S)
+            with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:
+                while data := answer.read(CHUNK):
+                    yield data
+                if answer.length:  # bytes that did not come, for which read() raises nothing
+                    raise IncompleteRead(b"", answer.length)
         except urllib.error.HTTPError as error:
             raise FarmError(_sentence(error)) from None
-        except (urllib.error.URLError, OSError) as error:
+        except (OSError, HTTPException) as error:
             raise FarmError(f"The farm at {self.server} does not answer ({error}).") from None
 
 

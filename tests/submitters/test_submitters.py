@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 import json
 import sys
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -201,7 +203,33 @@ def test_faults_are_sentences(tmp_path: Path, calls: Path, monkeypatch: pytest.M
     with pytest.raises(farm.FarmError, match="RAYFARM_SERVER"):
         farm.Farm()
     with pytest.raises(farm.FarmError, match="does not answer"):
-        farm.Farm("http://127.0.0.1:9").job("x")
+        farm.Farm("http://127.0.0.1:9").job("x y")
+
+
+class Short(BaseHTTPRequestHandler):
+    """Answers with 3 bytes of 10 to requests for a picture, and with a page to others."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Length", "10" if "image" in self.path else "3")
+        self.end_headers()
+        self.wfile.write(b"<a>")
+
+    def log_message(self, *args: object) -> None:
+        """Writes no log."""
+
+
+def test_broken_answers_are_no_pictures(tmp_path: Path) -> None:
+    farm = hook("farm")
+    with ThreadingHTTPServer(("127.0.0.1", 0), Short) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,)).start()
+        there = farm.Farm(f"http://127.0.0.1:{server.server_port}")
+        with pytest.raises(farm.FarmError, match="does not answer"):
+            there.fetch("x", 1, tmp_path / "a.exr")
+        with pytest.raises(farm.FarmError, match="no farm"):
+            there.job("x")
+        server.shutdown()
+    assert not (tmp_path / "a.exr").exists()
 
 
 def nuke_program() -> ModuleType:
