@@ -54,9 +54,10 @@ def submit(
     # The host's Python must not find its own packages in that of the program.
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONHOME", "PYTHONPATH")}
     done = subprocess.run([*command, *options], capture_output=True, text=True, env=environment, check=False)
-    if done.returncode:
+    printed = done.stdout.strip().splitlines()
+    if done.returncode or not printed:
         raise FarmError(done.stderr.strip() or f"{program} ended with {done.returncode}.")
-    return done.stdout.strip().splitlines()[-1]
+    return printed[-1]
 
 
 def frames_of(first: float, last: float, step: float = 1.0) -> str:

@@ -43,6 +43,7 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     program, written = tmp_path / "rayfarm", tmp_path / "calls.json"
     program.write_text(
         f"#!{sys.executable}\nimport json, sys\n"
+        f"if '-o' in sys.argv: sys.exit(print('All 3 frames are there', file=sys.stderr))\n"
         f"if 'bad' in sys.argv: sys.exit('rayfarm: The scene cannot be read.')\n"
         f"json.dump(sys.argv[1:], open({str(written)!r}, 'w'))\nprint('7f3a1c')\n"
     )
@@ -149,10 +150,10 @@ def test_houdini_exports_a_node_and_removes_its_writer(tmp_path: Path, calls: Pa
     assert written[1:] == [str(stage)]
     assert json.loads(calls.read_text()) == ["submit", str(stage), "--frames", "1001-1004", "--camera", "shotCam"]
     program.writer.errors.return_value = ("No stage.",)
-    with pytest.raises(ValueError, match="No stage"):
+    with pytest.raises(hook("farm").FarmError, match="No stage"):
         hook("houdini").submit("/stage/OUT", "$HIP/render")
     assert program.writer.destroy.call_count == 2
-    with pytest.raises(ValueError, match="no node /stage/NO"):
+    with pytest.raises(hook("farm").FarmError, match="no node /stage/NO"):
         hook("houdini").submit("/stage/NO", "$HIP/render")
 
 
@@ -192,6 +193,8 @@ def test_faults_are_sentences(tmp_path: Path, calls: Path, monkeypatch: pytest.M
     farm = hook("farm")
     with pytest.raises(farm.FarmError, match=r"^rayfarm: The scene cannot be read\.$"):
         farm.submit(tmp_path / "a.usd", options=["bad"])
+    with pytest.raises(farm.FarmError, match="All 3 frames"):
+        farm.submit(tmp_path / "a.usd", options=["-o", "a.#.png"])
     with pytest.raises(farm.FarmError, match="frames begin at 0"):
         farm.frames_of(-5, 10)
     assert farm.frames_of(1001001, 1001100.5, 0.5) == "1001001-1001100.5x0.5"
