@@ -156,7 +156,7 @@ def check_hostile(http: httpx.Client, body: dict[str, Any]) -> None:
         ({**template, "steps": [{"min": float("nan")}]}, "template-invalid"),
         ({**template, "\ud800": 1}, "template-invalid"),
     ):
-        content = json.dumps({**body, "template": change, "parameters": {"Frames": "1," * 500 + "2"}})
+        content = json.dumps({**body, "template": change, "parameters": {"Frames": "0" * 1000 + "1"}})
         answer = http.post("/api/jobs/openjd", content=content, headers={"Content-Type": "application/json"})
         assert answer.status_code == 422
         assert answer.json()["params"]["sentence"]["code"] == code, answer.text
