@@ -155,7 +155,7 @@ def test_long_url_is_not_echoed(service: Service) -> None:
         ({"name": "a\r\nb"}, "name", "line breaks"),
         ({"name": "\ud800"}, "name", "string"),
         ({"integrator": "x" * 5000}, "integrator", " ... "),
-        ({"camera": "9" * 5000}, "camera", "the scene has"),
+        ({"camera": "9" * 1000}, "camera", "the scene has"),
         ({"spp": 10**400}, "spp", "less"),
         ({"tile_size": 1}, "tile_size", "greater"),
         ({"sps": 64}, "sps", "no such field"),
