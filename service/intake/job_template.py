@@ -104,7 +104,7 @@ def _fault(sentence: str) -> SettingsError:
     return SettingsError(sentence, field="template")
 
 
-def _invalid(error: Exception | str) -> SettingsError:
+def _invalid(error: Exception) -> SettingsError:
     return _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error)))
 
 
@@ -133,7 +133,9 @@ def _check_size(document: Any) -> None:
             except UnicodeEncodeError as error:
                 raise _invalid(error) from None
         elif isinstance(value, float) and not isfinite(value):
-            raise _invalid(f"{value} is not a finite number")
+            raise _fault(
+                Sentence("template-number-not-finite", "it has the number {number}, which JSON does not have", number=str(value))
+            )
         parts = [*value, *value.values()] if isinstance(value, dict) else value if isinstance(value, list) else []
         if size > MAX_BYTES or count + len(rest) + len(parts) > MAX_VALUES or depth > MAX_DEPTH:
             raise _too_large()
@@ -150,7 +152,7 @@ def _unsupported(part: str) -> SettingsError:
     )
 
 
-def _one_line(error: Exception | str) -> str:
+def _one_line(error: Exception) -> str:
     return "; ".join(line.strip() for line in str(error).splitlines() if line.strip())[:MAX_MESSAGE]
 
 

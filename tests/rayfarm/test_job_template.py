@@ -153,7 +153,7 @@ def check_hostile(http: httpx.Client, body: dict[str, Any]) -> None:
         ({**template, "steps": [0] * 300_000}, "template-too-large"),
         ({**template, "description": "{{a}}" * 9000}, "template-too-large"),
         (long, "template-too-large"),
-        ({**template, "steps": [{"min": float("nan")}]}, "template-invalid"),
+        ({**template, "steps": [{"min": float("nan")}]}, "template-number-not-finite"),
         ({**template, "\ud800": 1}, "template-invalid"),
     ):
         content = json.dumps({**body, "template": change, "parameters": {"Frames": "0" * 1000 + "1"}})
