@@ -2,7 +2,7 @@
 
     python3 farm.py up                           in one terminal
     python3 farm.py page-pictures                in another: some minutes, since each waits until there is something to see
-    python3 farm.py page-pictures first-steps    those of docs/first-steps.md alone, in the light theme
+    python3 farm.py page-pictures first-steps    those of docs/first-steps.md alone, with a farm that is empty
     python3 farm.py page-pictures tour -o out    every page at three widths, light and dark, for inspection
 
 It drives Debian's Chromium, as the tests do, and submits its jobs through the page as a user does.
@@ -39,7 +39,7 @@ SMALL = {"width": 1200, "height": 750}
 DRAG_OVER = """() => {
   const dragged = new DataTransfer();
   dragged.items.add(new File(["x"], "truck.glb"));
-  document.body.dispatchEvent(new DragEvent("dragenter", { dataTransfer: dragged, bubbles: true }));
+  dispatchEvent(new DragEvent("dragover", { dataTransfer: dragged, bubbles: true, cancelable: true }));
 }"""
 RECORDED_S = 9.0  # a third turning, the rest converging
 
@@ -132,14 +132,14 @@ def _record(chromium: Browser, server: str, folder: Path) -> None:
 
 
 def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
-    """Walks from an empty page to a shared picture as first-steps.md describes it, with a picture of each step."""
+    """Walks on an empty farm from its first page to a shared picture as first-steps.md describes it, with a picture of each step."""
     page = chromium.new_page(viewport=SMALL, color_scheme="light", reduced_motion="reduce")
     page.goto(server)
     page.get_by_text("Examples", exact=True).wait_for()
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "start")
     page.evaluate(DRAG_OVER)
-    page.wait_for_timeout(SETTLE_MS)
+    page.wait_for_timeout(200)
     _save(page, folder, "drop", height=420)
     page.goto(f"{server}/#/scenes/{_scene(server, 'spheres')}")
     page.reload()  # without the file that is dragged
@@ -160,7 +160,6 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     page.mouse.move(5, 5)
     page.wait_for_timeout(7 * SETTLE_MS)
     _save(page, folder, "light")
-    page.locator(".side, aside").last.scroll_into_view_if_needed()
     page.get_by_text("Good", exact=True).click()
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "settings", left=800, width=400)
