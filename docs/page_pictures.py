@@ -140,7 +140,7 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     _save(page, folder, "start")
     page.evaluate(DRAG_OVER)
     page.wait_for_timeout(200)
-    _save(page, folder, "drop", height=420)
+    _save(page, folder, "drop", height=520)
     page.goto(f"{server}/#/scenes/{_scene(server, 'spheres')}")
     page.reload()  # without the file that is dragged
     view = page.locator(".live-view canvas:not(.mesh)").first
