@@ -28,7 +28,7 @@ __all__ = ["GROUPS", "Guides"]
 GROUPS = {
     "Start here": ("first-steps", "page"),
     "Make pictures": ("animation", "compositing", "color", "watching"),
-    "Scenes and Blender": ("scene-format", "blender", "blend-files"),
+    "Scenes and Blender": ("formats", "scene-format", "blender", "blend-files"),
     "Write programs": ("python", "api", "datasets", "pipelines"),
     "Run a farm": ("deployment", "graphics-cards", "queue", "reliability", "scale"),
     "Background": ("correctness", "performance", "architecture", "lineage", "speed-notes"),
