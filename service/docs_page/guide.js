@@ -74,6 +74,13 @@ function foldLists() {
   }
 }
 
+/** Scrolls the list of guides to the current one, without scrolling the page. */
+function showCurrentGuide() {
+  const side = document.querySelector(".side");
+  const current = side?.querySelector("[aria-current]");
+  if (side && current) side.scrollTop = current.offsetTop - side.clientHeight / 2;
+}
+
 /** Marks the section that is being read in the list of sections. */
 function markSection() {
   const links = new Map([...document.querySelectorAll(".contents a")].map((link) => [link.hash.slice(1), link]));
@@ -158,5 +165,6 @@ addCopyButtons();
 addThemeMenu();
 addLanguageNote();
 foldLists();
+showCurrentGuide();
 markSection();
 addSearch();
