@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from html import escape
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
@@ -83,7 +83,8 @@ class Guides(Pages):
         if name == INDEX:
             title, contents, body = "Guides", "", self._index()
         else:
-            title, contents, body = render_guide(self._text(name), self._has)
+            titles = {each: _title(self._text(each)) for each in self._names()}
+            title, contents, body = render_guide(self._text(name), titles)
         parts = {"title": title, "contents": contents, "body": body, "version": __version__}
         parts |= {"guides": self._list(name), "next": self._neighbours(name)}
         return re.sub(r"\{(\w+)\}", lambda found: parts[found[1]], self._template.read_text(encoding="utf-8"))
@@ -127,12 +128,14 @@ class Guides(Pages):
         return f'<h2>{group}</h2><ul class="guides">{items}</ul>' if items else ""
 
 
-def render_guide(text: str, has_guide: Callable[[str], bool]) -> tuple[str, str, str]:
+def render_guide(text: str, titles: Mapping[str, str]) -> tuple[str, str, str]:
     """Returns a guide's title, the links to its sections, and its body as HTML.
 
-    text: the guide in Markdown. has_guide: returns True if there is a guide with a given name. Links to other files are
-    rendered as plain text.
+    text: the guide in Markdown. titles: of all guides, by name. A link whose text is a guide's file name gets its title. Links
+    to other files are rendered as plain text.
     """
+    from markdown_it.token import Token
+
     parser = _parser()
     tokens = parser.parse(text)
     title, contents = "", ""
@@ -150,8 +153,8 @@ def render_guide(text: str, has_guide: Callable[[str], bool]) -> tuple[str, str,
     for cell in tokens:
         if cell.type in ("th_open", "td_open") and "right" in str(cell.attrs.pop("style", "")):
             cell.attrSet("class", "right")  # inline styles are forbidden by the Content-Security-Policy
-    for token in _inline_tokens(tokens):
-        _resolve_link(token, has_guide)
+    for token, following in itertools.pairwise([*_inline_tokens(tokens), Token("", "", 0)]):
+        _resolve_link(token, following, titles)
         if token.type == "image":
             token.attrSet("loading", "lazy")
     body = str(parser.renderer.render(tokens, parser.options, {}))
@@ -227,7 +230,7 @@ def _anchor(words: str, used: dict[str, int]) -> str:
     return f"{anchor}-{count}" if count else anchor
 
 
-def _resolve_link(token: Token, has_guide: Callable[[str], bool]) -> None:
+def _resolve_link(token: Token, following: Token, titles: Mapping[str, str]) -> None:
     """Points a link to another guide's page; removes the target of links to files that are not served."""
     target = token.attrGet("href") if token.type == "link_open" else None
     if not isinstance(target, str):
@@ -236,7 +239,9 @@ def _resolve_link(token: Token, has_guide: Callable[[str], bool]) -> None:
     if parts.scheme or not parts.path:
         return
     name = parts.path.removesuffix(".md")
-    if has_guide(name):
+    if name in titles:
         token.attrSet("href", name + (f"#{parts.fragment}" if parts.fragment else ""))
+        if following.content == parts.path:
+            following.content = titles[name]
     elif not parts.path.startswith("pictures/"):
         del token.attrs["href"]

@@ -32,6 +32,7 @@ export function showHelp() {
       h(
         "p",
         { class: "row wraps help-links" },
+        h("a", { href: "docs/guides/first-steps" }, t("First steps")),
         h("a", { href: "docs/guides/" }, t("Guides")),
         h("a", { href: "docs/" }, t("API documentation")),
         table.value?.version && h("span", { class: "quiet number" }, `Rayfarm ${table.value.version}`),
