@@ -29,7 +29,7 @@ GROUPS = {
     "Start here": ("first-steps", "page"),
     "Make pictures": ("animation", "compositing", "color", "watching"),
     "Scenes and Blender": ("formats", "scene-format", "blender", "blend-files"),
-    "Write programs": ("python", "api", "datasets", "pipelines"),
+    "Write programs": ("python", "api", "datasets", "pipelines", "from-deadline"),
     "Run a farm": ("deployment", "graphics-cards", "queue", "reliability", "scale"),
     "Background": ("correctness", "performance", "architecture", "lineage", "speed-notes"),
 }
