@@ -132,7 +132,7 @@ def _record(chromium: Browser, server: str, folder: Path) -> None:
 
 
 def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
-    """Walks on an empty farm from its first page to a shared picture as first-steps.md describes it, with a picture of each step."""
+    """Walks on an empty farm from its first page to a shared picture, as first-steps.md does; saves a picture of each step."""
     page = chromium.new_page(viewport=SMALL, color_scheme="light", reduced_motion="reduce")
     page.goto(server)
     page.get_by_text("Examples", exact=True).wait_for()
