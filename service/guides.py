@@ -35,6 +35,8 @@ GROUPS = {
 }
 PICTURE_SUFFIXES = (".jpg", ".png", ".webp", ".mp4")
 INDEX, SEARCH = "index", "search.json"
+# Folders of translated guides, and the link to each from the English one. A translation of NAME is served as NAME.LANGUAGE.
+LANGUAGES = {"de": "Auf Deutsch lesen"}
 TEXT = ("text", "code_inline", "softbreak")
 
 
@@ -61,17 +63,23 @@ class Guides(Pages):
         return await super().get_response(path if is_picture or name == INDEX else "no such file", scope)
 
     def _has(self, name: str) -> bool:
-        return any(name in names for names in GROUPS.values()) and (self._folder / f"{name}.md").is_file()
+        english, _, language = name.partition(".")
+        is_known = any(english in names for names in GROUPS.values()) and (not language or language in LANGUAGES)
+        return is_known and self._file(name).is_file()
+
+    def _file(self, name: str) -> Path:
+        english, _, language = name.partition(".")
+        return self._folder / language / f"{english}.md"
 
     def _names(self) -> list[str]:
         return [name for names in GROUPS.values() for name in names if self._has(name)]
 
     def _text(self, name: str) -> str:
-        return (self._folder / f"{name}.md").read_text(encoding="utf-8")
+        return self._file(name).read_text(encoding="utf-8")
 
     def _page(self, name: str) -> Content:
         """Returns the page of a guide, of the index (INDEX) or the text to search (SEARCH). Renders it again after a change."""
-        files = [self._template, *(self._folder / f"{each}.md" for each in self._names())]
+        files = [self._template, *map(self._file, {*self._names(), *([] if name in (INDEX, SEARCH) else [name])})]
         version = tuple(path.stat().st_mtime_ns for path in files)
         known = self._pages.get(name)
         if known is None or known[0] != version:
@@ -85,8 +93,9 @@ class Guides(Pages):
         else:
             titles = {each: _title(self._text(each)) for each in self._names()}
             title, contents, body = render_guide(self._text(name), titles)
-        parts = {"title": title, "contents": contents, "body": body, "version": __version__}
-        parts |= {"guides": self._list(name), "next": self._neighbours(name)}
+        english, _, language = name.partition(".")
+        parts = {"title": title, "contents": contents, "body": body, "version": __version__, "language": language or "en"}
+        parts |= {"guides": self._list(english), "next": self._neighbours(english), "translations": self._translations(name)}
         return re.sub(r"\{(\w+)\}", lambda found: parts[found[1]], self._template.read_text(encoding="utf-8"))
 
     def _search_text(self) -> str:
@@ -106,6 +115,17 @@ class Guides(Pages):
     def _link(self, name: str, is_current: bool) -> str:
         current = ' aria-current="page"' if is_current else ""
         return f'<div role="listitem"><a href="{name}"{current}>{escape(_title(self._text(name)))}</a></div>'
+
+    def _translations(self, name: str) -> str:
+        """Returns links from a guide to its other languages."""
+        english, _, language = name.partition(".")
+        links = {f"{english}.{each}": (each, words) for each, words in LANGUAGES.items() if each != language}
+        links |= {english: ("en", "Read in English")} if language else {}
+        return " ".join(
+            f'<a href="{each}" lang="{tag}" hreflang="{tag}">{words}</a>'
+            for each, (tag, words) in links.items()
+            if self._has(each)
+        )
 
     def _neighbours(self, name: str) -> str:
         """Returns links to the guides before and after one. Empty for the index."""
@@ -157,6 +177,7 @@ def render_guide(text: str, titles: Mapping[str, str]) -> tuple[str, str, str]:
         _resolve_link(token, following, titles)
         if token.type == "image":
             token.attrSet("loading", "lazy")
+            token.attrSet("src", str(token.attrGet("src")).removeprefix("../"))
     body = str(parser.renderer.render(tokens, parser.options, {}))
     body = body.replace("<table>", '<div class="wide" tabindex="0"><table>').replace("</table>", "</table></div>")
     body = re.sub(r"<th(?: [^>]*)?></th>", "<td></td>", body)  # of a column without a name
@@ -238,7 +259,7 @@ def _resolve_link(token: Token, following: Token, titles: Mapping[str, str]) -> 
     parts = urlsplit(target)
     if parts.scheme or not parts.path:
         return
-    name = parts.path.removesuffix(".md")
+    name = parts.path.removeprefix("../").removesuffix(".md")  # a translation is in a folder
     if name in titles:
         token.attrSet("href", name + (f"#{parts.fragment}" if parts.fragment else ""))
         if following.content == parts.path:

@@ -6,8 +6,8 @@ const MOST_FOUND = 12;
 const EXCERPT = 90;
 /** The guides are written in English. */
 const NOTES = {
-  de: "Die Anleitungen gibt es bisher nur auf Englisch.",
-  zh: "这些指南目前只有英文版。",
+  de: "Diese Anleitung gibt es bisher nur auf Englisch.",
+  zh: "这篇指南目前只有英文版。",
 };
 
 /** Creates an element with properties and children; strings become text, never markup. */
@@ -57,7 +57,8 @@ function addLanguageNote() {
     .find((name) => name === "en" || name in NOTES);
   const note = document.querySelector(".language");
   const own = document.documentElement.lang;
-  if (!note || !language || !(language in NOTES) || language === own) return;
+  const translated = document.querySelector(`.translations [hreflang="${language}"]`);
+  if (!note || !language || !(language in NOTES) || language === own || translated) return;
   note.textContent = NOTES[language];
   note.lang = language;
   note.hidden = false;

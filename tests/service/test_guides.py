@@ -19,6 +19,7 @@ from service.main import DOCS
 from tests.helpers import ROOT
 
 NAMES = [name for names in GROUPS.values() for name in names]
+TRANSLATED = [f"{path.stem}.{path.parent.name}" for path in (ROOT / "docs").glob("??/*.md")]
 
 
 class Client:
@@ -56,7 +57,7 @@ def test_the_index_links_to_every_guide_and_states_the_version(client: Client) -
     assert f"Rayfarm {__version__}" in page
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *TRANSLATED])
 def test_guide_links_are_valid(page: Callable[[str], httpx.Response], name: str) -> None:
     answer = page(name)
     assert answer.status_code == 200
@@ -71,6 +72,13 @@ def test_guide_links_are_valid(page: Callable[[str], httpx.Response], name: str)
         found = page(linked or name)
         assert found.status_code == 200, link
         assert not anchor or f'id="{anchor}"' in found.text, link
+
+
+def test_translations_link_to_each_other_and_have_their_language(page: Callable[[str], httpx.Response]) -> None:
+    german = page("first-steps.de").text
+    assert '<html lang="de">' in german and '<a href="first-steps" lang="en" hreflang="en">' in german
+    assert '<a href="first-steps.de" lang="de" hreflang="de">' in page("first-steps").text
+    assert page("page.de").status_code == page("first-steps.xx").status_code == 404
 
 
 def test_only_guides_and_their_pictures_are_served(client: Client) -> None:
