@@ -142,6 +142,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/jobs/{id}/frames/{n}/pixel"): VIEW,
     ("GET", "/api/jobs/{id}/frames/{n}/digest"): VIEW,
     ("GET", "/api/jobs/{id}/frames/{n}/log"): VIEW,
+    ("GET", "/api/jobs/{id}/frames/{n}/workers"): VIEW,
     ("GET", "/api/jobs/{id}/frames.zip"): VIEW,
     ("GET", "/api/jobs/{id}/movie.{extension}"): VIEW,
     ("GET", "/api/workers"): Need(Role.VIEW, workers=True),
