@@ -167,6 +167,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("POST", "/api/farm/blobs/{sha256}/keep"): WORKER,
     ("PUT", "/api/farm/blobs/{sha256}"): WORKER,
     ("GET", "/api/farm/films/{job}/{frame}"): WORKER,
+    ("GET", "/api/farm/views/{message}"): WORKER,
     ("GET", "/api/farm/kernels/{name}"): WORKER,
     ("PUT", "/api/farm/kernels/{name}"): WORKER,
 }

@@ -17,6 +17,7 @@ from protocol.view_parts import (
     VIEW_ANSWERS,
     Part,
     ViewAnswer,
+    ViewDenoise,
     ViewFrame,
     ViewParts,
     view_key,
@@ -42,7 +43,7 @@ log = logging.getLogger(__name__)
 class ViewAnswers:
     """Sends the answers to one view message. If Redis is unreachable, answers are lost and requested again."""
 
-    def __init__(self, worker: WorkerContext, work: ViewParts | ViewFrame) -> None:
+    def __init__(self, worker: WorkerContext, work: ViewParts | ViewFrame | ViewDenoise) -> None:
         self._redis = worker.results.redis
         self._about = (work.watch, work.view, work.message, worker.name)
         self._key, self._view = view_key(work.watch), str(work.view).encode()
