@@ -52,6 +52,11 @@ class Canvas:
         return int(self._counts.min())
 
     @property
+    def most_shown(self) -> int:
+        """Samples per pixel of the tile that was taken with the most."""
+        return int(self._shown.max())
+
+    @property
     def mean_samples(self) -> float:
         """Samples per pixel, averaged over all pixels."""
         return float((self._areas * self._counts).sum() / self._areas.sum())

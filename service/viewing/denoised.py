@@ -63,8 +63,8 @@ class DenoisedView:
         """Returns True if a denoised picture has come that was not taken yet."""
         return self._picture is not None
 
-    def take(self) -> tuple[F32, int]:
-        """Returns the latest picture, (3, h, w), and its samples per pixel, and counts it as shown."""
+    def take(self) -> tuple[F32, float]:
+        """Returns the latest picture, (3, h, w), and its mean samples per pixel, and counts it as shown."""
         assert self._picture is not None
         picture, self._picture, self.has_shown = self._picture, None, True
-        return np.ascontiguousarray(np.moveaxis(picture, -1, 0)), max(1, round(self._samples))
+        return np.ascontiguousarray(np.moveaxis(picture, -1, 0)), self._samples
