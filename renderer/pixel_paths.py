@@ -31,7 +31,7 @@ __all__ = [
     "projected_point",
 ]
 
-MOST_SAMPLES = 65536  # the number of first samples that are examined
+MOST_SAMPLES = 16384  # the number of first samples that are examined
 MOST_SINGLE = 1024  # the number of first samples that are rendered one by one, for the median
 RANGE = 64  # later samples are rendered in ranges of this size, of which only the brightest are split
 

@@ -29,7 +29,7 @@ from service.viewing.explaining import unreadable_answer
 __all__ = ["router"]
 
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
-MAX_SAMPLES = 65536  # limit on rendered samples, as in renderer/pixel_paths.py
+MAX_SAMPLES = 16384  # limit on rendered samples, as in renderer/pixel_paths.py
 
 router = api_router(prefix="/api/jobs", tags=["jobs"])
 
