@@ -84,11 +84,13 @@ class ViewParts:
     settings: RenderSettings
     parts: list[Part]
     is_whole: bool = False  # whether all planes are wanted, and not colour and samples alone
+    has_guides: bool = False  # whether albedo and normal are wanted, too, which guide a denoiser
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the message as JSON data for Celery."""
+        """Returns the message as JSON data for Celery; without guides, as in earlier releases."""
         parts = [[part.number, list(part.tile), part.first, part.count] for part in self.parts]
-        return {**vars(self), "settings": self.settings.to_json(), "parts": parts}
+        fields = {name: value for name, value in vars(self).items() if value or name != "has_guides"}
+        return {**fields, "settings": self.settings.to_json(), "parts": parts}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ViewParts:
@@ -98,6 +100,7 @@ class ViewParts:
             settings=RenderSettings.from_json(data["settings"]),
             parts=[Part(number, Tile(*tile), first, count) for number, tile, first, count in data["parts"]],
             is_whole=bool(data.get("is_whole")),
+            has_guides=bool(data.get("has_guides")),
         )
 
 

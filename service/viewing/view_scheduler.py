@@ -255,8 +255,8 @@ class ViewScheduler:
             parts = [Part(number, tiles[piece.tile], piece.first, piece.count) for number, piece in enumerate(pieces)]
             out = PendingMessage(session, session.view, session.kind, dict(enumerate(pieces)))
             settings = session.settings_of(pieces[0].level)
-            is_whole = session.needs_guides(pieces)
-            self._send(out, ViewParts(out.id, session.id, session.view, session.compiled, settings, parts, is_whole))
+            about = (out.id, session.id, session.view, session.compiled)
+            self._send(out, ViewParts(*about, settings, parts, has_guides=session.needs_guides(pieces)))
 
     def _send(self, out: PendingMessage, work: ViewParts | ViewFrame | ViewDenoise) -> None:
         try:

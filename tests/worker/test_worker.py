@@ -43,7 +43,7 @@ from protocol.view_parts import (
     view_queue,
 )
 from renderer.denoise import denoise, is_available
-from renderer.film import COLOR, DEPTH, SAMPLES
+from renderer.film import COLOR, DEPTH, NORMAL, SAMPLES
 from renderer.image import rgbe9995
 from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
@@ -116,7 +116,7 @@ def test_view_parts_are_exact_and_outdated_ones_dropped(bench: Bench, info: Scen
     parts = [Part(number, Tile(0, 32 * number, 64, 32), 0, 4) for number in range(2)]
     bench.store.set(view_key("me"), 2)
     for view in (1, 2):  # view 1 is outdated
-        work = ViewParts(f"message {view}", "me", view, info.compiled.sha256, settings, parts)
+        work = ViewParts(f"message {view}", "me", view, info.compiled.sha256, settings, parts, has_guides=True)
         bench.celery.send_task(RENDER_VIEW, kwargs={"parts": work.to_json()}, queue=view_queue(kind))
     answers: list[ViewAnswer] = []
 
@@ -138,6 +138,7 @@ def test_view_parts_are_exact_and_outdated_ones_dropped(bench: Bench, info: Scen
         rows = slice(part.tile.y, part.tile.y + 32)
         np.testing.assert_array_equal(got[COLOR], expected[COLOR][:, rows])
         np.testing.assert_array_equal(got[SAMPLES], expected[SAMPLES][rows])
+        np.testing.assert_array_equal(got[NORMAL], expected[NORMAL][:, rows])
         assert not got[DEPTH].any(), "what a view does not show does not travel"
 
 
