@@ -20,6 +20,7 @@ SHARE_A_FARM = (
     "rayfarm/datasets/test_dataset_of_farm.py",
     "rayfarm/test_job_template.py",
     "rayfarm/test_mcp_server.py",
+    "submitters/",
     "chaos/test_kernels",
     "chaos/test_digest",
 )
@@ -28,13 +29,11 @@ SHARE_A_FARM = (
 # default run, all parts take equally long. Each begins with files that use no kernels, which another process compiles meanwhile
 # and which the later tests load.
 PARTS: tuple[tuple[str, ...], ...] = (
-    (*SHARE_A_FARM, "chaos/", "rayfarm/", "lineage/"),
-    ("service/access/", "service/api/", "service/", "renderer/kernel/", "renderer/guiding/"),
-    ("service/scheduling/", "service/store/", "worker/", "renderer/arrays/", "renderer/", "renderer/wide/", "peers/"),
-    (
-        *("test_", "protocol/", "telemetry/", "page/", "benchmarks/", "blender/"),
-        *("renderer/blender/", "renderer/confine/", "renderer/image/", "renderer/scene/", "renderer/bvh/", "renderer/cuda/"),
-    ),
+    (*SHARE_A_FARM, "chaos/", "rayfarm/"),
+    ("service/access/", "service/api/", "service/", "lineage/", "peers/", "renderer/arrays/", "renderer/guiding/", "renderer/"),
+    ("service/scheduling/", "service/store/", "renderer/kernel/bsdf/", "renderer/kernel/light/", "renderer/kernel/surface/"),
+    ("test_", "protocol/", "telemetry/", "page/", "worker/", "benchmarks/", "renderer/bvh/", "renderer/cuda/", "renderer/wide/"),
+    ("blender/", "renderer/blender/", "renderer/confine/", "renderer/image/", "renderer/scene/", "renderer/kernel/"),
 )
 
 
