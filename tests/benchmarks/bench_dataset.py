@@ -55,7 +55,7 @@ def main() -> None:
     request: dict[str, Any] = {"fov": 36, "width": options.size, "height": options.size, "spp": options.spp, "seed": 1}
     request |= {"outputs": options.outputs.split(","), "vary": None if options.still else VARY}
     with tempfile.TemporaryDirectory(prefix="rayfarm-bench-") as name, Receiver() as receiver:
-        collector = {"OTEL_EXPORTER_OTLP_ENDPOINT": receiver.url, "OTEL_BSP_SCHEDULE_DELAY": "200"}
+        collector: dict[str, Any] = {"OTEL_EXPORTER_OTLP_ENDPOINT": receiver.url, "OTEL_BSP_SCHEDULE_DELAY": "200"}
         farm = start_farm(Path(name) / "farm", options.slots, **collector, OTEL_BSP_MAX_QUEUE_SIZE="20000")
         try:
             warm = {**request, "outputs": ["color"]}
