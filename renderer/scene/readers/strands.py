@@ -14,11 +14,14 @@ F64 = npt.NDArray[np.float64]
 Strand = tuple[F64, F64]  # (S, 3) points along it, and (S,) radii
 
 
-def line_of(points: F64, basis: str) -> F64:
-    """Returns sampled points along a cubic curve. points: (N, D) control points; basis: bezier or bspline."""
+def line_of(points: F64, basis: str, steps: int = STEPS) -> F64:
+    """Returns sampled points along a cubic curve, `steps` lines per segment.
+
+    points: (N, D) control points; basis: bezier or bspline.
+    """
     step = 3 if basis == "bezier" else 1
     first = np.arange(0, len(points) - 3, step)
-    u = np.linspace(0, 1, STEPS + 1)
+    u = np.linspace(0, 1, steps + 1)
     weights = np.stack([u**k for k in range(4)], axis=1) @ BASES[basis]
     parts = np.einsum("uk,skx->sux", weights, points[first[:, None] + np.arange(4)])
     return np.concatenate([parts[:, :-1].reshape(-1, points.shape[1]), parts[-1:, -1]])

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import Mesh
 
-__all__ = ["BASES", "STEPS", "Tubes", "curve_weights", "sides_of", "tubes", "tubes_mesh"]
+__all__ = ["BASES", "MAX_FINE_CURVES", "STEPS", "Tubes", "curve_weights", "sides_of", "tubes", "tubes_mesh"]
 
 F64 = npt.NDArray[np.float64]
 STEPS = 6  # lines per cubic segment
@@ -21,7 +21,7 @@ BASES = {
 }
 
 
-_MAX_FINE_CURVES = 500  # up to this many curves get more sides
+MAX_FINE_CURVES = 500  # up to this many curves get more sides
 
 
 class Tubes(NamedTuple):
@@ -37,7 +37,7 @@ class Tubes(NamedTuple):
 
 def sides_of(curves: int, fibres: bool) -> int:
     """Returns the number of sides of each of `curves` tubes; fibres get more, as their light depends on the normal."""
-    if curves <= _MAX_FINE_CURVES:
+    if curves <= MAX_FINE_CURVES:
         return 12
     return 6 if fibres else 4
 
