@@ -52,10 +52,10 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
     if len(colors) == len(pieces):
         mesh.colors = np.ones((len(positions), 4), np.float32)
         mesh.colors[:, :3] = np.clip(np.concatenate(colors), 0, 1)
-    tangents, diameters = ([p[k] for p in pieces if p[k] is not None] for k in (4, 5))
-    if tangents:
-        mesh.tangents = np.concatenate(tangents).astype(np.float32)
-        mesh.diameters = np.concatenate(diameters).astype(np.float32)
+    fibres = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
+    if fibres:
+        mesh.tangents = np.concatenate([tangents for tangents, _ in fibres]).astype(np.float32)
+        mesh.diameters = np.concatenate([diameters for _, diameters in fibres]).astype(np.float32)
     return mesh
 
 
