@@ -15,7 +15,7 @@ from rayfarm.errors import EXIT_FAILED, CommandError
 from rayfarm.frame import PictureOrder, camera_options, moment_options, motion_of, render_to, report_bad_samples, statistics
 from rayfarm.graphics_card import open_card
 from rayfarm.movie import render_movie
-from rayfarm.output_files import check_writable
+from rayfarm.output_files import check_still_size, check_writable
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.reading import open_stage
 from rayfarm.rendering import Clock, load_kernels, load_scene, show_progress
@@ -207,6 +207,7 @@ def render(
     for warning in [*warnings, *picture.floor_notes(summary["floor"])]:
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
+    check_still_size(output, settings.width, settings.height)
     load_kernels(settings, compiled, clock, order.card)
     with show_progress() as show:
         done = render_to(

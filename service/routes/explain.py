@@ -118,10 +118,10 @@ class ExplainedOut(BaseModel):
 def explain(
     id: str,
     farm: FarmDependency,
-    x: int = Query(ge=0),
-    y: int = Query(ge=0),
-    frame: float = Query(0.0, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
-    sample: int | None = Query(None, ge=0, lt=MAX_SPP, description="one more that is to be shown"),
+    x: Annotated[int, Query(ge=0)],
+    y: Annotated[int, Query(ge=0)],
+    frame: Annotated[float, Query(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False)] = 0.0,
+    sample: Annotated[int | None, Query(ge=0, lt=MAX_SPP, description="one more that is to be shown")] = None,
 ) -> ExplainedOut:
     """Returns the paths of a few of a pixel's samples: the first, one of median luminance, and the brightest of all.
 

@@ -99,8 +99,8 @@ def list_frames(
     id: str,
     farm: FarmDependency,
     state: FrameState | None = None,
-    limit: int | None = Query(None, ge=1, le=MAX_FRAMES, description="at most so many; all unless told"),
-    offset: int = Query(0, ge=0, le=MAX_FRAMES, description="from which one on, counted from 0"),
+    limit: Annotated[int | None, Query(ge=1, le=MAX_FRAMES, description="at most so many; all unless told")] = None,
+    offset: Annotated[int, Query(ge=0, le=MAX_FRAMES, description="from which one on, counted from 0")] = 0,
 ) -> Response:
     """Lists the frames of a job in order, each with its state, samples, noise and error."""
     job = find_job(id, farm)
@@ -226,7 +226,9 @@ async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit
 
 
 @router.get("/{n}/pixel", response_model=Pixel)
-async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> Pixel:
+async def pixel(
+    id: str, n: Number, farm: FarmDependency, x: Annotated[int, Query(ge=0)], y: Annotated[int, Query(ge=0)]
+) -> Pixel:
     """Returns the exact values of a pixel and its number of samples. x, y: from the upper left corner."""
     return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
 
@@ -275,7 +277,7 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
 
 
 @router.get("/{n}/log", response_class=PlainTextResponse)
-def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> str:
+def tile_log(id: str, n: Number, farm: FarmDependency, x: Annotated[int, Query(ge=0)], y: Annotated[int, Query(ge=0)]) -> str:
     """Returns the log of the tile with this pixel, one line per batch: worker, samples, duration, and warnings or failure.
 
     Of successful batches, it has only the latest 16 since the service started.
