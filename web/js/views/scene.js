@@ -1,6 +1,6 @@
 /** The page of a scene: being prepared, failed, or ready to render. */
 
-import { createJob, getScene, imageUrl, thumbnailUrl } from "../news/api.js";
+import { createJob, getScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, adoptScene, jobs, putScene, scenes, workers } from "../news/farm.js";
 import { bytes, count, extent } from "../base/format.js";
@@ -248,7 +248,7 @@ function viewOf(scene, form, sides, life) {
   if (linked) form.turn(linked);
   const finished = (jobs.value ?? []).find((job) => job.scene === scene.id && job.state === "finished");
   const seen = finished
-    ? imageUrl({ job: finished.id, frame: firstFrame(finished) }, "jpg", { width: 800, visible: "true", v: finished.samples })
+    ? imageUrl({ job: finished.id, frame: firstFrame(finished) }, thumbnailFormat(finished), { width: 800, visible: "true", v: finished.samples })
     : (scene.thumbnail ? thumbnailUrl(scene.id) : "");
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
