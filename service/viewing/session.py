@@ -103,12 +103,14 @@ class ViewSession:
         sample of a pixel on one slot. slots: number of slots of that kind.
         """
         assert self.request is not None
-        seen = replace(settings, light_groups="", cryptomatte=0, background="visible")
+        seen = replace(settings, light_groups="", cryptomatte=0)
+        if not self.request.has_alpha:
+            seen = replace(seen, background="visible")
         levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1))
         with self._lock:
             self.settings, self.compiled, self.kind = seen, compiled, kind
             self.passes = Passes(levels, cost_s)
-            self._canvases = [Canvas(level, settings.film_exponent, self.request.noise) for level in levels]
+            self._canvases = [Canvas(level, settings.film_exponent, self.request.noise, seen.is_transparent) for level in levels]
 
     def settings_of(self, level: int) -> RenderSettings:
         """Returns the render settings of a level: those of the view, with the level's width and height. level: its index."""
@@ -176,7 +178,9 @@ class ViewSession:
             self._shown_samples, self._taken = canvas.samples, time.monotonic()
             is_whole = level == len(self._canvases) - 1
             tiles = [(canvas.level.tiles[tile], *canvas.take_tile(tile)) for tile in list(canvas.changed)]
-        shown = [ViewTile(rect, mean, samples, is_whole and is_complete) for rect, mean, samples, is_complete in tiles]
+        shown = [
+            ViewTile(rect, mean, samples, is_whole and is_complete, alpha) for rect, mean, samples, is_complete, alpha in tiles
+        ]
         size, whole = (canvas.level.width, canvas.level.height), (request.settings.width, request.settings.height)
         return encode_view(shown, size, whole, request.id, seq)
 

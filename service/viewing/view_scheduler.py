@@ -20,7 +20,7 @@ from protocol.contract import FrameInfo, prepare_queue, render_queue
 from protocol.sums import unpack_sums
 from protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
 from renderer.errors import SettingsError
-from renderer.film import SAMPLES
+from renderer.film import ALPHA_PLANES, SAMPLES, alpha_plane
 from renderer.sentences import Sentence, with_full_stop
 from service.errors import QueueError
 from service.events import Events
@@ -41,6 +41,7 @@ from service.viewing.waker import Waker
 
 __all__ = ["ViewScheduler"]
 
+VIEW_PLANES = (0, 1, 2, SAMPLES, *range(alpha_plane(0), alpha_plane(0) + ALPHA_PLANES))  # of the sums; some have no alpha
 IDLE_S = 0.2  # between two checks of sessions that wait for something
 KEY_TTL_S = 15
 ANSWERS_GRACE_S = 1.0  # after the last session closed, for answers on their way
@@ -354,7 +355,7 @@ class ViewScheduler:
         if piece is None or session.passes is None or session.request is None:
             return
         tile = session.passes.levels[piece.level].tiles[piece.tile]
-        session.add(piece, unpack_sums(answer.sums, tile, planes=[0, 1, 2, SAMPLES]))
+        session.add(piece, unpack_sums(answer.sums, tile, planes=VIEW_PLANES))
         self._costs.update(session.request, seconds / (tile.w * tile.h * piece.count))
         if session.message is not None:
             self._set_message(session, None, self._workers.slots(out.kind))

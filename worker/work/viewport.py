@@ -22,7 +22,7 @@ from protocol.view_parts import (
     view_key,
 )
 from renderer.errors import RayfarmError
-from renderer.film import COLOR, SAMPLES
+from renderer.film import COLOR, SAMPLES, alpha_plane
 from renderer.render import is_warm, render_batch, variant_for
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
@@ -171,7 +171,8 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
 def _view_planes(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
     """Returns a copy of the sums in which the planes that a view does not use are zero, so that they pack into little space."""
     seen = np.zeros_like(sums)
-    seen[COLOR], seen[SAMPLES] = sums[COLOR], sums[SAMPLES]
+    for planes in (COLOR, SAMPLES, slice(alpha_plane(0), None)):
+        seen[planes] = sums[planes]
     return seen
 
 

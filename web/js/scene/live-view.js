@@ -114,7 +114,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     );
   };
   if (!meanwhile || hasMesh(scene.id)) showMesh();
-  if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
+  const hasAlpha = meanwhile.includes("/image.png"); // as thumbnailFormat asks for a transparent background
+  surface.classList.toggle("has-alpha", hasAlpha);
+  if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")${hasAlpha ? ", var(--squares-image)" : ""}`;
 
   const film = new ViewFilm();
   film.onTurn(() => {
@@ -151,6 +153,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const link = new ViewLink(scene.id, {
     picture(next) {
       film.take(next);
+      picture.layers[0].setCoverage(film.film);
       if (performance.now() - lookedAt > DARKNESS_MS) {
         lookedAt = performance.now();
         lookForDarkness();
@@ -203,7 +206,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
-    link.show({ ...request, ...clear.request(), width, height });
+    link.show({ ...request, ...clear.request(), width, height, alpha: true });
     if (!isSampled) mesh.setView(form.view());
     others.changed();
     offer();

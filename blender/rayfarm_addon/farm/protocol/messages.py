@@ -22,7 +22,8 @@ class Look(FromClient):
     """Client message: show a new view, which replaces the previous one. {"id": n, ...} with the fields of a job's request.
 
     Size, camera or view, settings, frame, clip, fps and turntable of POST /api/jobs are used. spp limits the samples per pixel
-    (256 at most); a tile that has reached `noise` is complete with fewer.
+    (256 at most); a tile that has reached `noise` is complete with fewer. With "alpha": true, tiles have
+    alpha if the background is transparent; without it the background is visible.
     """
 
     KEY: ClassVar[str] = "id"
