@@ -81,7 +81,7 @@ class Canvas:
         self._color[half][:, *place] += sums[COLOR]
         self._samples[half][place] += sums[SAMPLES].astype(np.int16)
         if self._alpha is not None:
-            self._alpha[:, *place] += sums[film.alpha_plane(0) :]
+            self._alpha[:, place[0], place[1]] += sums[film.alpha_plane(0) :]
         self._counts[tile] += count
         has = int(self._counts[tile])
         if has >= max(FIRST_ESTIMATE_SAMPLES, 2 * self._measured_at[tile]) or has >= self.level.samples >= FIRST_ESTIMATE_SAMPLES:
