@@ -20,6 +20,7 @@ import { clarity, clarityField } from "./clarity.js";
 import { MeshCanvas } from "./mesh-canvas.js";
 import { people } from "./people.js";
 import { alongSight, lookAt } from "./orbit.js";
+import { examplePictures } from "../news/example-pictures.js";
 import { hasMesh, meshOf } from "./preview-mesh.js";
 import { LIVE } from "./sides.js";
 import { sunHand } from "./sun-hand.js";
@@ -54,7 +55,8 @@ const HAND_KEYS = [
 /**
  * @param {import("../base/types.js").Scene} scene
  * @param {import("./settings-form.js").SettingsForm} form
- * @param {string} meanwhile URL of a picture to show until the view's first picture arrives; "" for none
+ * @param {{url: string, isFinished: boolean}} meanwhile a picture to show until the view's first picture arrives; "" for none. A finished
+ *   one stays until there is a sample per pixel, or something else is asked for
  * @param {(view: View) => void} turned called when the user moves the camera
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides the pictures shown in place of the live view
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, made of their differences
@@ -113,10 +115,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       () => {}, // the samples come without it
     );
   };
-  if (!meanwhile || hasMesh(scene.id)) showMesh();
-  const hasAlpha = meanwhile.includes("/image.png"); // as thumbnailFormat asks for a transparent background
+  const hasMeshFirst = !meanwhile.url || (hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
+  if (hasMeshFirst) showMesh();
+  canvas.classList.toggle("held-back", meanwhile.isFinished && !hasMeshFirst);
+  const release = () => canvas.classList.remove("held-back");
+  const hasAlpha = meanwhile.url.includes("/image.png"); // as thumbnailFormat asks for a transparent background
   surface.classList.toggle("has-alpha", hasAlpha);
-  if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")${hasAlpha ? ", var(--squares-image)" : ""}`;
+  if (meanwhile.url) surface.style.backgroundImage = `url("${meanwhile.url}")${hasAlpha ? ", var(--squares-image)" : ""}`;
 
   const film = new ViewFilm();
   film.onTurn(() => {
@@ -161,15 +166,17 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.dataset.view = String(next.id);
       if (!isSampled) {
         isSampled = true;
+        if (state.textContent === clarity(0, null, null)) say("", false); // the counts come with the next message
         meshed.hidden = true;
         mesh.dispose();
       }
-      surface.style.backgroundImage = "";
+      if (!canvas.classList.contains("held-back")) surface.style.backgroundImage = "";
       picture.invalidate();
     },
     state(told) {
       const { samples, bound, mean, noise, done, slots, message } = told;
       surface.dataset.samples = String(samples);
+      if (mean >= 1) release();
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
     },
@@ -195,6 +202,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     viewport.show(1, width / 2, height / 2);
   };
 
+  /** The first request. @type {string | undefined} */
+  let firstAsked;
   /** Width of the view in CSS pixels. */
   let wide = 0;
   const refresh = () => {
@@ -203,6 +212,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const request = { ...form.request() };
     if (request.frames) request.frame = firstOf(request.frames);
     for (const name of JOB_ONLY_FIELDS) delete request[name];
+    const text = JSON.stringify(request);
+    if (text !== (firstAsked ??= text)) release();
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };

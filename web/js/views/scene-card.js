@@ -118,7 +118,10 @@ export function thumbnail() {
       const url = better ?? (scene.thumbnail ? thumbnailUrl(scene.id) : "");
       if (url === shown) return;
       shown = url;
-      element.replaceChildren(url ? h("img", { src: url, alt: "", loading: "lazy" }) : icon("cube"));
+      if (!url) return element.replaceChildren(icon("cube"));
+      const image = h("img", { src: url, alt: "", loading: "lazy" });
+      image.addEventListener("load", () => image.classList.add("loaded"), { once: true });
+      element.replaceChildren(icon("cube"), image);
     },
   };
 }
