@@ -35,7 +35,7 @@ const ALWAYS = [
   { id: "color", label: t("One colour"), help: t("The same light from every direction.") },
 ];
 /** In the place of the scene's own. @type {Light} */
-const STAND_IN = { id: "own", label: t("Default"), help: t("The file has no light, so a soft studio light stands in.") };
+const STAND_IN = { id: "own", face: "soft", label: t("Default"), help: t("The file has no light, so a soft studio light stands in.") };
 /** @type {Light} */
 const SKY = { id: "sky", label: t("Clear sky"), help: t("A clear day, with the sun where you put it.") };
 const NOON = "noon";
