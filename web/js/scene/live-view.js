@@ -11,6 +11,7 @@ import { darkness } from "../film/darkness.js";
 import { curveOptions } from "../film/curves.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
+import { stops } from "../base/format.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { bookmarks } from "./bookmarks.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
@@ -88,7 +89,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     { "aria-label": t("Tone curve") },
     curveOptions(DEFAULT_CURVE),
   );
-  const shown = h("span", { class: "small number quiet" }, "0 EV");
+  const shown = h("span", { class: "small number quiet" }, `${stops(0)} EV`);
   const clear = clarityField(() => refresh());
   const viewport = new Viewport();
   /** @type {FilmCanvas} */
@@ -370,7 +371,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const relook = () => look.set({ exposure: exposure.valueAsNumber, curve: curve.value });
   look.subscribe((now) => {
     picture.look = now;
-    setText(shown, `${now.exposure > 0 ? "+" : ""}${now.exposure} EV`);
+    setText(shown, `${stops(now.exposure)} EV`);
     picture.invalidate();
   });
   exposure.addEventListener("input", () => ((isExposed = true), relook()));
