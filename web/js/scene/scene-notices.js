@@ -53,7 +53,7 @@ function warningList(scene, some) {
 }
 
 /** Whether the file has no light, so that a studio light stands in. @param {Scene} scene */
-export const isLightless = (scene) => scene.warnings.some((sentence) => hasCode(codedOf(scene, sentence), WITHOUT_LIGHT));
+export const isLightless = (scene) => (scene.warnings ?? []).some((sentence) => hasCode(codedOf(scene, sentence), WITHOUT_LIGHT));
 
 /** The warnings about a scene: ignored or approximated parts. @param {Scene} scene */
 export function warnings(scene) {
