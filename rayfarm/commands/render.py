@@ -142,11 +142,12 @@ def render(
     [bold]Examples[/bold]
 
       rayfarm render scenes/cornell-box.yaml -o cornell.png
-      rayfarm render truck.glb -o truck.exr --size 1920x1080 --spp 256 --aov albedo,normal --denoise
-      rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35 --env sky.exr
+      rayfarm render truck.glb -o truck.png --env studio --denoise
+      rayfarm render truck.glb -o truck.exr --size 1920x1080 --spp 256 --aov all
+      rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35
       rayfarm render shot.glb -o shot.####.exr --frames 0-99 --spp 64
       rayfarm render shot.glb -o shot.mp4 --frames 0-99 --spp 64
-      rayfarm render truck.glb -o truck.png --tonemap "ocio:ACES 2.0 - SDR 100 nits (Rec.709)"
+      rayfarm render truck.glb -o truck.png --tonemap ocio
       rayfarm render scenes/cornell-box.yaml --pixel 480,270 --sample 3
     """
     moment = Moment(frame or 0.0, fps, clip)

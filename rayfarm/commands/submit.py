@@ -125,7 +125,7 @@ def submit(
       rayfarm submit shot.glb --frames 0-99 --wait -o out.####.png
       rayfarm submit shot.glb --frames 0-99 --order breadth-first -o out.mp4
       rayfarm submit shot.glb --frames 0-99 --after 7f3a1c
-      rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
+      rayfarm submit room.obj --spp 512 --server http://studio:8000
       rayfarm submit shot.openjd.yaml --param Frames=1-10:2
     """
     if is_template(scene):

@@ -38,6 +38,7 @@ from service.http.paths import Number
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_out, frames_json
+from service.jobs.frame_workers import FrameWorkersOut, frame_workers
 from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, names_of_ids, without_samples
 from service.jobs.motion import motion_vectors_of
 from service.models.jobs import FrameOut, FrameState
@@ -285,6 +286,12 @@ def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: 
     told = [line for line in farm.engine.logs.text(id).decode(errors="replace").splitlines() if about.search(line)]
     told += farm.engine.logs.tiles.text(id, frame_key(n), at).splitlines()
     return "".join(f"{line}\n" for line in sorted(told))
+
+
+@router.get("/{n}/workers", response_model=FrameWorkersOut)
+def workers(id: str, n: Number, farm: FarmDependency) -> FrameWorkersOut:
+    """Returns which workers rendered the samples of a frame, for each of its tiles."""
+    return frame_workers(find_film(id, n, farm), frame_key(n))
 
 
 @router.get("/{n}/digest", response_model=Digest)
