@@ -101,7 +101,7 @@ class Canvas:
             self._alpha[:, place[0], place[1]] += sums[film.alpha_plane(0) :]
         if self._guides.size and first < GUIDE_SAMPLES:
             for planes, of in ((slice(0, 3), ALBEDO), (slice(3, 6), NORMAL)):
-                self._guides[planes, *place] += (sums[of] * 2.0**-self.film_exponent).astype(np.float32)
+                self._guides[planes, place[0], place[1]] += (sums[of] * 2.0**-self.film_exponent).astype(np.float32)
             self._guides[6][place] += sums[SAMPLES]
         self._counts[tile] += count
         has = int(self._counts[tile])
