@@ -198,5 +198,7 @@ def _view(changes: dict[str, Any], cameras: Sequence[Mapping[str, Any]] | None, 
                 "its options change the view of the scene's camera, and the scene is not prepared yet. Try again later",
             )
         )
-    start = cameras[camera_number([str(each["name"]) for each in cameras], camera)]["view"] if cameras else {}
+    start: dict[str, Any] = {}
+    if cameras:
+        start = cameras[camera_number([str(each["name"]) for each in cameras], camera)]["view"]
     return {**start, **changes}
