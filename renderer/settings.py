@@ -129,6 +129,7 @@ CAUSTICS = Choices(
 GUIDING = Choices(
     {
         "off": SettingTexts("Off", "Paths follow surfaces and lights alone."),
+        "auto": SettingTexts("Auto", "Pilot paths learn first where light comes from, and decide whether that helps."),
         "on": SettingTexts("On", "Pilot paths learn first where light comes from: for light through water and glass."),
     }
 )
@@ -498,7 +499,7 @@ class RenderSettings:
                 ),
                 field="light_groups",
             )
-        if self.guiding == "on" and self.caustics == "on":
+        if self.guiding != "off" and self.caustics == "on":
             raise SettingsError(
                 Sentence("guiding-caustics", "guiding cannot be combined with caustics 'on' yet; leave out one of them"),
                 field="guiding",

@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 from renderer import render
-from renderer.arrays.guide import NO_BLOCK
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES, Sums
 from renderer.guiding import train
@@ -76,7 +75,7 @@ def test_both_backends_have_the_same_bits(monkeypatch: pytest.MonkeyPatch):
     of_pool, of_one = RenderStats(), RenderStats()
     pool = render_frame(ROOMS, PICTURE, 4, stats=of_pool)
     prepared = render._prepared(ROOMS, PICTURE)
-    assert (prepared.path_guide.cell != NO_BLOCK).any(), "nothing was learned"
+    assert (prepared.path_guide.cell[:, 1] > 0).any(), "nothing was learned"
     one = _by_one_path(PICTURE, 4, monkeypatch, of_one)
     assert np.array_equal(pool, one)
     assert of_pool.rays == of_one.rays
