@@ -1,8 +1,8 @@
 """Learns how often each cell of a guide is sampled, from records of pilot paths that the guide was not made from.
 
 The integrand at a vertex is the light that arrives times the cosine; for the light of the next bounces its mean over the next
-vertex's cell. The second moment of its estimate from a mixture of the histogram and the cosine follows from directions of any other
-density: it is the mean of the squared integrand over the product of both densities. A cell gets the share with the smallest second
+vertex's cell. The second moment of its estimate from a mixture of the histogram and the cosine is the mean, over directions of
+any other density, of the squared integrand over the product of both densities. A cell gets the share with the smallest second
 moment, and none if that saves less than what looking up the guide costs.
 """
 
@@ -25,8 +25,8 @@ _SAVED = 0.9  # a cell is guided if its second moment falls below this fraction
 def learn_shares(guide: Guide, other: Guide, records: Records) -> tuple[Guide, float]:
     """Returns (the guide with the shares of its cells, the fraction of the second moment that is left: a mean over records).
 
-    other: a guide made without these records of camera paths, whose histograms stand for the guide's. The fraction is 1 if no cell
-    is guided.
+    other: a guide made without these records of camera paths, whose histograms stand for the guide's. The fraction is 1 if no
+    cell is guided.
     """
     cell = cells_of(records, guide.frame)
     block = guide.cell[cell, 0].astype(np.int64)

@@ -30,7 +30,7 @@ __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
 ROUNDS = (1 << 13, 1 << 14, 1 << 15)  # camera paths
 PHOTONS = 1 << 16
-_MOST_LEFT = 0.8  # of the second moments, beyond which `auto` does without a guide
+MOST_LEFT = 0.8  # of the second moments, beyond which `auto` does without a guide
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
 _MOST_KEPT = 4
@@ -70,7 +70,7 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
         first, earlier, guide = first + count, guide, guide_of(records[:found], of_photons, flux)
         if number > 0:
             guide, left = learn_shares(guide, earlier, records[known:found])
-            if settings.guiding == "auto" and left > _MOST_LEFT:
+            if settings.guiding == "auto" and left > MOST_LEFT:
                 return empty_guide()
         scene = scene._replace(path_guide=guide)
     return guide

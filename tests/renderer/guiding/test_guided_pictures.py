@@ -95,9 +95,19 @@ def test_workers_and_batches_change_no_bit(monkeypatch: pytest.MonkeyPatch):
     assert np.array_equal(whole, parts)
 
 
+@pytest.mark.long
+def test_auto_renders_as_on_or_as_off(monkeypatch: pytest.MonkeyPatch):
+    auto = replace(PICTURE, guiding="auto")
+    for most, same in ((0.0, "off"), (2.0, "on")):
+        monkeypatch.setattr(train, "MOST_LEFT", most)
+        monkeypatch.setattr(train, "_kept", [])
+        assert np.array_equal(render_frame(ROOMS, auto, 4), render_frame(ROOMS, replace(auto, guiding=same), 4))
+
+
 def test_what_guiding_is_not_combined_with():
-    with pytest.raises(SettingsError, match="guiding cannot be combined with caustics"):
-        RenderSettings(2, 2, VIEW, guiding="on", caustics="on")
+    for guiding in ("auto", "on"):
+        with pytest.raises(SettingsError, match="guiding cannot be combined with caustics"):
+            RenderSettings(2, 2, VIEW, guiding=guiding, caustics="on")
     with pytest.raises(SettingsError, match="guiding off"):
         check_for_cards(RenderSettings(2, 2, VIEW, guiding="on"))
     check_for_cards(RenderSettings(2, 2, VIEW, guiding="on", integrator="direct"))
