@@ -2,8 +2,9 @@
 
 The integrand at a vertex is the light that arrives times the cosine; for the light of the next bounces its mean over the next
 vertex's cell. The second moment of its estimate from a mixture of the histogram and the cosine is the mean, over directions of
-any other density, of the squared integrand over the product of both densities. A cell gets the share with the smallest second
-moment, and none if that saves less than what looking up the guide costs.
+any other density, of the squared integrand over the product of both densities. A cell gets the smallest share whose second
+moment is within a tenth of the smallest, since the weights of other directions multiply along a path; and none if that saves less
+than a tenth, for looking up the guide has its cost.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from renderer.guiding.histograms import Records, arriving, cells_of, integers, s
 
 __all__ = ["SHARES", "learn_shares"]
 
-SHARES = (0.0, 0.125, 0.25, 0.375)
+SHARES = (0.0, 0.125, 0.25, 0.375, 0.5)
 _SAVED = 0.9  # a cell is guided if its second moment falls below this fraction
 
 
@@ -46,7 +47,7 @@ def learn_shares(guide: Guide, other: Guide, records: Records) -> tuple[Guide, f
     count = len(guide.bin) // BINS
     units = np.ceil(np.minimum(mixtures / unit, 2.0**21)).astype(np.int64)
     total = np.stack([sums(block, each, count) for each in units])
-    best = np.argmin(total, axis=0)
+    best = np.argmax(total * 10 <= total.min(axis=0) * 11, axis=0)  # the first that is near the smallest
     left = np.take_along_axis(total, best[None], axis=0)[0] / np.maximum(total[0], 1)
     best[left > _SAVED] = 0
     left[best == 0] = 1.0

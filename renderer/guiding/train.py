@@ -28,9 +28,9 @@ from renderer.settings import RenderSettings
 
 __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
-ROUNDS = (1 << 13, 1 << 14, 1 << 15)  # camera paths
-PHOTONS = 1 << 16
-MOST_LEFT = 0.8  # of the second moments, beyond which `auto` does without a guide
+ROUNDS = (1 << 15, 1 << 16, 1 << 17)  # camera paths
+PHOTONS = 1 << 18
+MOST_LEFT = 0.6  # of the second moments, beyond which `auto` does without a guide
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
 _MOST_KEPT = 4
