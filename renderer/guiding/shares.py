@@ -24,7 +24,7 @@ _SAVED = 0.9  # a cell is guided if its second moment falls below this fraction
 
 
 def learn_shares(guide: Guide, other: Guide, records: Records) -> tuple[Guide, float]:
-    """Returns (the guide with the shares of its cells, the fraction of the second moment that is left: a mean over records).
+    """Returns (the guide with the shares of its cells, the fraction of the sum of all second moments that is left).
 
     other: a guide made without these records of camera paths, whose histograms stand for the guide's. The fraction is 1 if no
     cell is guided.
@@ -48,11 +48,9 @@ def learn_shares(guide: Guide, other: Guide, records: Records) -> tuple[Guide, f
     units = np.ceil(np.minimum(mixtures / unit, 2.0**21)).astype(np.int64)
     total = np.stack([sums(block, each, count) for each in units])
     best = np.argmax(total * 10 <= total.min(axis=0) * 11, axis=0)  # the first that is near the smallest
-    left = np.take_along_axis(total, best[None], axis=0)[0] / np.maximum(total[0], 1)
-    best[left > _SAVED] = 0
-    left[best == 0] = 1.0
-    visits = np.bincount(guide.cell[cell, 0].astype(np.int64), minlength=count)
-    return _with_shares(guide, np.array(SHARES)[best]), float((left * visits).cumsum()[-1] / len(records))
+    best[np.take_along_axis(total, best[None], axis=0)[0] > _SAVED * total[0]] = 0
+    left = int(np.take_along_axis(total, best[None], axis=0).sum()) / int(total[0].sum())
+    return _with_shares(guide, np.array(SHARES)[best]), left
 
 
 def _pdf(guide: Guide, block: npt.NDArray[np.int64], direction: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
