@@ -38,7 +38,7 @@ _ENOUGH = 512  # records with light for a histogram
 # A bin is divided if it has this many records with light, and at least this fraction of the histogram's light (its reciprocal).
 _ENOUGH_WITHIN = 64
 _LEAST_SHARE = 64
-_SHARE = 0.25  # probability of sampling the guide before shares.py has learned it
+_SHARE = 0.5  # probability of sampling the guide unless shares.py has learned another
 _FLOOR = 10  # 1 / _FLOOR of the directions are uniform over the square
 _UNITS = 1 << 20  # of the largest value
 _OUTSIDE = 0.01  # records beyond these quantiles along an axis lie in the outermost cubes

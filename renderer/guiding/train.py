@@ -30,7 +30,9 @@ __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
 ROUNDS = (1 << 15, 1 << 16, 1 << 17)  # camera paths
 PHOTONS = 1 << 18
-MOST_LEFT = 0.6  # of the second moments, beyond which `auto` does without a guide
+# Of the second moments. Where more is left, `auto` does without a guide and `on` learns the share of each cell; where less is left,
+# a share of a half everywhere is better, since camera paths tell too little of single cells.
+MOST_LEFT = 0.6
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
 _MOST_KEPT = 4
@@ -63,15 +65,16 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
     ]
     records = np.zeros((sum(rounds) * _RECORDS, RECORD_COLUMNS), np.float32)
     first, found = photons, 0  # samples are numbered through, so that all paths are independent
-    left = 1.0
     for number, count in enumerate(rounds):
         pilot, known = Pilot(first, count, settings.width, settings.height), found
         found += follow_pilot_paths(scene, stack, camera, options, pilot, log, records[found:])
         first, earlier, guide = first + count, guide, guide_of(records[:found], of_photons, flux)
         if number > 0:
-            guide, left = learn_shares(guide, earlier, records[known:found])
-            if settings.guiding == "auto" and left > MOST_LEFT:
-                return empty_guide()
+            learned, left = learn_shares(guide, earlier, records[known:found])
+            if left > MOST_LEFT:
+                if settings.guiding == "auto":
+                    return empty_guide()
+                guide = learned
         scene = scene._replace(path_guide=guide)
     return guide
 
