@@ -137,6 +137,7 @@ CAUSTICS = Choices(
 GUIDING = Choices(
     {
         "off": SettingTexts("Off", "Ordinary path tracing."),
+        "auto": SettingTexts("Auto", "Learns first, and uses what it has learned only where that reduces the noise."),
         "on": SettingTexts("On", "Less noise in light through water and glass; learning takes a moment first."),
     }
 )
@@ -526,7 +527,7 @@ class RenderSettings:
                 ),
                 field="light_groups",
             )
-        if self.guiding == "on" and self.caustics == "on":
+        if self.guiding != "off" and self.caustics == "on":
             raise SettingsError(
                 Sentence("guiding-caustics", "guiding cannot be combined with caustics 'on' yet; leave out one of them"),
                 field="guiding",

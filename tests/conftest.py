@@ -115,6 +115,8 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByPart:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Orders the tests, and drops those of others' files that were named on the command line, which no hook ignores."""
+    items[:] = [item for item in items if not is_of_others(item.path)]
     items.sort(key=lambda item: (*place(path_of(item.path)), path_of(item.path)))
 
 

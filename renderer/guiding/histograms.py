@@ -10,7 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.arrays.guide import (
+    BIN_WIDTH,
     BINS,
+    BLOCK_WIDTH,
+    CELL_WIDTH,
     CELLS_PER_UNIT,
     COUNT,
     FRAME_COLUMNS,
@@ -23,7 +26,7 @@ from renderer.arrays.guide import (
     read_only,
 )
 
-__all__ = ["Records", "guide_of"]
+__all__ = ["Records", "arriving", "cells_of", "guide_of", "integers", "squares", "sums"]
 
 Records = npt.NDArray[np.float32]  # (n, RECORD_COLUMNS): renderer/kernel/guiding/pilot.py
 I64 = npt.NDArray[np.int64]
@@ -35,7 +38,7 @@ _ENOUGH = 512  # records with light for a histogram
 # A bin is divided if it has this many records with light, and at least this fraction of the histogram's light (its reciprocal).
 _ENOUGH_WITHIN = 64
 _LEAST_SHARE = 64
-_SHARE = 0.5  # probability of sampling the guide
+_SHARE = 0.5  # probability of sampling the guide unless shares.py has learned another
 _FLOOR = 10  # 1 / _FLOOR of the directions are uniform over the square
 _UNITS = 1 << 20  # of the largest value
 _OUTSIDE = 0.01  # records beyond these quantiles along an axis lie in the outermost cubes
@@ -55,7 +58,7 @@ def guide_of(paths: Records, photons: Records, flux: float) -> Guide:
     cubes, sides = _cubes(paths[:, :3], frame), _sides(paths[:, 3:6])
     keys = _keys(cubes, counts, sides, 0)
     visits = np.bincount(keys, minlength=int(counts.prod()) * SIDES)
-    value = _arriving(paths, keys, len(visits)) / visits[keys]
+    value = arriving(paths, keys, len(visits)) / visits[keys]
     its_cubes, its_sides = _cubes(photons[:, :3], frame), _sides(photons[:, 3:6])
     its_value = photons[:, 9].astype(np.float64) * (flux * float(frame[CELLS_PER_UNIT]) ** 2)
     its_value[visits[_keys(its_cubes, counts, its_sides, 0)] == 0] = 0  # where camera paths do not come
@@ -64,11 +67,11 @@ def guide_of(paths: Records, photons: Records, flux: float) -> Guide:
     if int(lit.sum()) < _ENOUGH:
         return empty_guide()
     cubes, sides = np.concatenate((cubes, its_cubes))[lit], np.concatenate((sides, its_sides))[lit]
-    square = _squares(np.concatenate((paths[:, 6:9], photons[:, 6:9]))[lit])
-    return _build(frame, counts, cubes, sides, square, _integers(value[lit])[0])
+    square = squares(np.concatenate((paths[:, 6:9], photons[:, 6:9]))[lit])
+    return _build(frame, counts, cubes, sides, square, integers(value[lit])[0])
 
 
-def _integers(value: F64) -> tuple[I64, float]:
+def integers(value: F64) -> tuple[I64, float]:
     """Returns (non-negative values as integers of at most _UNITS, the unit); the largest values are cut."""
     at = int(_MOST * (len(value) - 1))
     unit = float(np.partition(value, at)[at]) / _UNITS
@@ -77,7 +80,7 @@ def _integers(value: F64) -> tuple[I64, float]:
     return np.ceil(np.minimum(value / unit, _UNITS)).astype(np.int64), unit
 
 
-def _arriving(records: Records, key: I64, cells: int) -> F64:
+def arriving(records: Records, key: I64, cells: int) -> F64:
     """Returns the light, times cosine over density, that arrives at each record's vertex by its segment, (n,).
 
     key: the cell of each record. cells: their number. What the next vertex sends back by further bounces is the mean over all
@@ -85,8 +88,8 @@ def _arriving(records: Records, key: I64, cells: int) -> F64:
     """
     near, scale, indirect = (records[:, k].astype(np.float64) for k in (9, 10, 11))
     if indirect.any():
-        units, unit = _integers(indirect)
-        mean = _sums(key, units, cells) * unit / np.maximum(np.bincount(key, minlength=cells), 1)
+        units, unit = integers(indirect)
+        mean = sums(key, units, cells) * unit / np.maximum(np.bincount(key, minlength=cells), 1)
         beyond = np.zeros(len(records))
         beyond[:-1] = mean[key[1:]]
         near = near + np.where(records[:, 12] > 0, beyond, 0.0)
@@ -123,7 +126,13 @@ def _sides(normals: npt.NDArray[np.float32]) -> I64:
     return sides
 
 
-def _squares(directions: npt.NDArray[np.float32]) -> I64:
+def cells_of(records: Records, frame: npt.NDArray[np.float32]) -> I64:
+    """Returns the cells of records in a guide with this frame, (n,)."""
+    counts = frame[COUNT:].astype(np.int64)
+    return _keys(_cubes(records[:, :3], frame), counts, _sides(records[:, 3:6]), 0)
+
+
+def squares(directions: npt.NDArray[np.float32] | F64) -> I64:
     """Returns the bins of unit directions in a square of SIDE * SIDE bins along each axis, (n, 2)."""
     d = directions.astype(np.float64)
     x, y, z = (d / ((np.abs(d[:, 0]) + np.abs(d[:, 1])) + np.abs(d[:, 2]))[:, None]).T
@@ -141,7 +150,7 @@ def _build(frame: npt.NDArray[np.float32], counts: I64, cube: I64, side: I64, sq
     cell = np.full((*counts, SIDES), NO_BLOCK, np.int32)
     cdfs: list[npt.NDArray[np.float32]] = []
     children: list[npt.NDArray[np.int32]] = []
-    blocks = 0
+    blocks = 1  # the first is uniform
     cells = int(counts.prod()) * SIDES
     open_cells = np.flatnonzero(np.bincount(_keys(cube, counts, side, 0), minlength=cells))  # to be given a histogram
     for level in range(_LEVELS):
@@ -162,10 +171,21 @@ def _build(frame: npt.NDArray[np.float32], counts: I64, cube: I64, side: I64, sq
             cell[x, y, z, fine_side[good]] = blocks + own[wanted[good]]
             blocks += len(made)
         open_cells = open_cells[~good]
-    if not blocks:
+    if blocks == 1:
         return empty_guide()
-    shares = np.full(blocks, _SHARE, np.float32)
-    return read_only(frame, cell.reshape(-1), np.concatenate(cdfs).reshape(-1), shares, np.concatenate(children).reshape(-1))
+    empty = empty_guide()
+    cdf = np.concatenate((empty.cdf.reshape(1, BLOCK_WIDTH), *cdfs))
+    bins = np.stack((_densities(cdf), np.concatenate((empty.bin[None, :, 1], *children))), axis=2).astype(np.float32)
+    table = np.stack((cell, np.where(cell == NO_BLOCK, 0, _SHARE)), axis=-1).astype(np.float32)
+    return read_only(frame, table.reshape(-1, CELL_WIDTH), cdf.reshape(-1), bins.reshape(-1, BIN_WIDTH))
+
+
+def _densities(cdf: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+    """Returns the densities of the bins of blocks relative to a uniform one, (n, BINS), with which their cdfs are sampled."""
+    heights = np.diff(cdf[:, :SIDE], axis=1, prepend=np.float32(0))
+    widths = np.diff(cdf[:, SIDE:].reshape(-1, SIDE, SIDE), axis=2, prepend=np.float32(0))
+    densities: npt.NDArray[np.float32] = (heights[:, :, None] * widths * np.float32(BINS)).reshape(-1, BINS)
+    return densities
 
 
 def _keys(cube: I64, counts: I64, side: I64, level: int) -> I64:
@@ -190,7 +210,7 @@ def _histograms(
     own: the histogram of each record. top, within: its bin, and its bin within that. first: the number of the first block.
     """
     place = own * BINS + top
-    mass = _sums(place, units, count * BINS)
+    mass = sums(place, units, count * BINS)
     number = np.bincount(place, minlength=count * BINS)
     total = np.repeat(mass.reshape(count, BINS).sum(axis=1), BINS)
     divided = np.flatnonzero((number >= _ENOUGH_WITHIN) & (mass * _LEAST_SHARE >= total))
@@ -199,13 +219,13 @@ def _histograms(
     inner = np.full(count * BINS, -1, np.int64)
     inner[divided] = np.arange(len(divided))
     mine = inner[place] >= 0
-    finer = _sums(inner[place[mine]] * BINS + within[mine], units[mine], len(divided) * BINS)
+    finer = sums(inner[place[mine]] * BINS + within[mine], units[mine], len(divided) * BINS)
     cdf = _cdf(np.concatenate((mass, finer)).reshape(-1, SIDE, SIDE))
     no_children = np.full((len(divided), BINS), NO_BLOCK, np.int32)
     return cdf, np.concatenate((child.reshape(count, BINS), no_children))
 
 
-def _sums(place: I64, units: I64, count: int) -> I64:
+def sums(place: I64, units: I64, count: int) -> I64:
     """Returns the sums of integers by place, (count,): exact, since all are below 2**53."""
     return np.bincount(place, weights=units.astype(np.float64), minlength=count).astype(np.int64)
 

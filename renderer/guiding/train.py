@@ -17,6 +17,7 @@ from renderer.arrays.scene import CompiledScene, flat
 from renderer.bvh.traverse import new_stack
 from renderer.guiding.emitters import emitters_of
 from renderer.guiding.histograms import guide_of
+from renderer.guiding.shares import learn_shares
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.guiding.photons import Photons, follow_photons
 from renderer.kernel.guiding.pilot import MOST_ROWS, RECORD_COLUMNS, Pilot, follow_pilot_paths
@@ -29,6 +30,9 @@ __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
 ROUNDS = (1 << 15, 1 << 16, 1 << 17)  # camera paths
 PHOTONS = 1 << 18
+# Fraction of the second moments. Where more is left, `auto` does without a guide, and `on` learns the share of each cell; where
+# less is left, a share of a half everywhere is better, since camera paths tell too little of single cells.
+MOST_LEFT = 0.4
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
 _MOST_KEPT = 4
@@ -61,12 +65,18 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
     ]
     records = np.zeros((sum(rounds) * _RECORDS, RECORD_COLUMNS), np.float32)
     first, found = photons, 0  # samples are numbered through, so that all paths are independent
-    for count in rounds:
-        pilot = Pilot(first, count, settings.width, settings.height)
+    for number, count in enumerate(rounds):
+        pilot, known = Pilot(first, count, settings.width, settings.height), found
         found += follow_pilot_paths(scene, stack, camera, options, pilot, log, records[found:])
-        scene, first = scene._replace(path_guide=guide_of(records[:found], of_photons, flux)), first + count
-    trained: Guide = scene.path_guide
-    return trained
+        first, earlier, guide = first + count, guide, guide_of(records[:found], of_photons, flux)
+        if number > 0:
+            learned, left = learn_shares(guide, earlier, records[known:found])
+            if left > MOST_LEFT:
+                if settings.guiding == "auto":
+                    return empty_guide()
+                guide = learned
+        scene = scene._replace(path_guide=guide)
+    return guide
 
 
 def with_guide(

@@ -146,7 +146,7 @@ def samples_caustics(settings: RenderSettings) -> bool:
 
 def samples_guide(settings: RenderSettings) -> bool:
     """Returns True if the kernel for these settings samples a path guide (renderer/arrays/guide.py)."""
-    return settings.guiding == "on" and settings.integrator == "path" and has_variants(settings)
+    return settings.guiding != "off" and settings.integrator == "path" and has_variants(settings)
 
 
 def renderer_of(settings: RenderSettings) -> Renderer:

@@ -15,15 +15,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from renderer.arrays.guide import BINS, BLOCK_WIDTH, CELLS_PER_UNIT, COUNT, LOW, SIDE, SIDES
+from renderer.arrays.guide import BIN_WIDTH, BINS, BLOCK_WIDTH, CELL_WIDTH, CELLS_PER_UNIT, COUNT, LOW, SIDE, SIDES
 from renderer.bvh.simd import bits, less_equal, load, lowest_bit, splat
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
+from renderer.kernel.fetch import columns
 from renderer.kernel.sampling.octahedron import octahedron_to_square, square_to_octahedron, square_to_octahedron_pdf
 from renderer.kernel.steps.aim import mixed_sample, unguided_factor
 from renderer.kernel.steps.state import BsdfSample
 from renderer.wide.lanes import each_lane
-from renderer.wide.values import any_of, not_, where, where3, zero_like
+from renderer.wide.values import any_of, not_, to_float, to_int, u32, where, where3, zero_like
 
 __all__ = ["Guided", "choose_guided", "guided_pdf", "guided_sample", "histogram_pdf", "sample_histogram"]
 
@@ -32,13 +33,17 @@ _ONE = np.float32(1.0)
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _SIDE = np.float32(SIDE)
 _BINS = np.float32(BINS)
+_LAST_BIN = np.float32(SIDE - 1)
+_SIDES = np.float32(SIDES)
+_TWO = np.float32(2.0)
+_FOUR = np.float32(4.0)
 _ALL, _LAST = np.uint32(255), np.uint32(128)
 
 
 class Guided(NamedTuple):
     """A vertex's choice between its guide and its BSDF."""
 
-    block: Any  # of its cell's histogram, uint32; any number if `chance` is 0
+    block: Any  # of its cell's histogram, a float
     chance: Any  # probability of sampling the guide; 0 without a histogram
     is_guided: Any
     direction: Any  # from the guide, world space; any unit vector if not guided
@@ -46,24 +51,27 @@ class Guided(NamedTuple):
 
 
 @device
-def _coordinate(guide, x, axis):
-    at = (x - guide.frame[LOW + axis]) * guide.frame[CELLS_PER_UNIT]
-    return np.int64(min(max(at, _ZERO), guide.frame[COUNT + axis] - _ONE))
+def _floor(x, most):
+    """Returns the integer part, as a float, of x limited to 0 ... most; 0 for NaN."""
+    return to_float(to_int(min(where(x > _ZERO, x, zero_like(x)), most)))
 
 
 @device
-def _block_at(guide, p, n):
-    """Returns the block of the histogram for a point with normal n, or NO_BLOCK."""
+def _coordinate(guide, x, axis):
+    return _floor((x - guide.frame[LOW + axis]) * guide.frame[CELLS_PER_UNIT], guide.frame[COUNT + axis] - _ONE)
+
+
+@device
+def _cell_at(guide, p, n):
+    """Returns (the block of the cell of a point with normal n, the probability of sampling its histogram)."""
+    none = zero_like(p[0])
     x, y, z = _coordinate(guide, p[0], 0), _coordinate(guide, p[1], 1), _coordinate(guide, p[2], 2)
     ax, ay, az = abs(n[0]), abs(n[1]), abs(n[2])
-    axis, component = np.int64(2), n[2]
-    if ax >= ay and ax >= az:
-        axis, component = np.int64(0), n[0]
-    elif ay >= az:
-        axis, component = np.int64(1), n[1]
-    side = axis * 2 + (1 if component < _ZERO else 0)
-    cube = (x * np.int64(guide.frame[COUNT + 1]) + y) * np.int64(guide.frame[COUNT + 2]) + z
-    return np.int64(guide.cell[cube * SIDES + side])
+    by_x, by_y = (ax >= ay) & (ax >= az), ay >= az
+    component = where(by_x, n[0], where(by_y, n[1], n[2]))
+    side = where(by_x, none, where(by_y, none + _TWO, none + _FOUR)) + where(component < _ZERO, none + _ONE, none)
+    cell = ((x * guide.frame[COUNT + 1] + y) * guide.frame[COUNT + 2] + z) * _SIDES + side
+    return columns(guide.cell, u32(to_int(cell)), CELL_WIDTH, 0, 2)
 
 
 @device
@@ -76,55 +84,43 @@ def _step(cdf, first, u):
 
 @device
 def sample_histogram(guide, block, u):
-    """Returns the unit direction sampled from a block of a guide. u: two random numbers in [0, 1)."""
+    """Returns the unit direction sampled from the histogram that begins with a block. u: two random numbers in [0, 1)."""
     a, b = u
     x, y, size = _ZERO, _ZERO, _ONE
     at = np.int64(block)
-    while at >= 0:
+    while True:
         i, a = _step(guide.cdf, at * BLOCK_WIDTH, a)
         j, b = _step(guide.cdf, at * BLOCK_WIDTH + SIDE + i * SIDE, b)
         size = size / _SIDE
         x, y = x + np.float32(i) * size, y + np.float32(j) * size
-        at = np.int64(guide.child[at * BINS + i * SIDE + j])
+        at = np.int64(guide.bin[at * BINS + i * SIDE + j, 1])
+        if at == 0:
+            break
     return square_to_octahedron((x + a * size, y + b * size))
 
 
 @device
+def _bin(guide, block, x, y):
+    """Returns (density, dividing block, x and y within the bin) of the bin of a block at the point (x, y) of its square."""
+    x, y = x * _SIDE, y * _SIDE
+    i, j = _floor(x, _LAST_BIN), _floor(y, _LAST_BIN)
+    density, child = columns(guide.bin, u32(to_int(block * _BINS + i * _SIDE + j)), BIN_WIDTH, 0, 2)
+    return density, child, x - i, y - j
+
+
+@device
 def histogram_pdf(guide, block, w):
-    """Returns the pdf, per steradian, of `sample_histogram` at the unit direction w."""
+    """Returns the pdf, per steradian, of `sample_histogram` at the unit direction w. block: a float."""
     x, y = octahedron_to_square(w)
-    density = square_to_octahedron_pdf(w)
-    at = np.int64(block)
-    while at >= 0:
-        x, y = x * _SIDE, y * _SIDE
-        i, j = min(max(np.int64(x), 0), SIDE - 1), min(max(np.int64(y), 0), SIDE - 1)
-        x, y = x - np.float32(i), y - np.float32(j)
-        rows = at * BLOCK_WIDTH
-        within = rows + SIDE + i * SIDE
-        height = guide.cdf[rows + i] - (guide.cdf[rows + i - 1] if i > 0 else _ZERO)
-        width = guide.cdf[within + j] - (guide.cdf[within + j - 1] if j > 0 else _ZERO)
-        density = density * (height * width * _BINS)
-        at = np.int64(guide.child[at * BINS + i * SIDE + j])
-    return density
+    outer, child, x, y = _bin(guide, block, x, y)
+    inner, _, _, _ = _bin(guide, child, x, y)
+    return outer * inner * square_to_octahedron_pdf(w)
 
 
 @subroutine
-def _choose(scene, x, y, z, nx, ny, nz, choose, a, b):
-    """Returns (block, probability of sampling the guide, its direction) for one vertex."""
+def _sample(scene, block, a, b):
     never_inline()
-    block = _block_at(scene.path_guide, (x, y, z), (nx, ny, nz))
-    chance, d = _ZERO, (_ZERO, _ZERO, _ONE)
-    if block >= 0:
-        chance = scene.path_guide.share[block]
-        if choose < chance:
-            d = sample_histogram(scene.path_guide, block, (a, b))
-    return np.uint32(block), chance, d
-
-
-@subroutine
-def _pdf(scene, block, x, y, z):
-    never_inline()
-    return histogram_pdf(scene.path_guide, np.int64(block), (x, y, z))
+    return sample_histogram(scene.path_guide, block, (a, b))
 
 
 @device
@@ -134,10 +130,11 @@ def choose_guided(scene, point, normal, is_specular, is_surface, choose, u):
     normal: the shading normal on the viewer's side. is_surface: False for a vertex in a medium. choose: the random number for the
     choice of a lobe. u: two numbers for the direction.
     """
-    none = zero_like(choose)
-    wanted = not_(is_specular) & is_surface & (choose == choose)
-    block, chance, d = each_lane(_choose, wanted, (scene, *point, *normal, choose, u[0], u[1]))
+    none = zero_like(point[0])
+    block, share = _cell_at(scene.path_guide, point, normal)
+    chance = where(not_(is_specular) & is_surface, share, none)
     is_guided = choose < chance
+    d = each_lane(_sample, is_guided, (scene, block, u[0], u[1]))
     left = where(is_guided, none, (choose - chance) / (_ONE - chance))
     direction = where3(is_guided, d, (none, none, none + _ONE))
     return Guided(block, chance, is_guided, direction, min(left, none + _BELOW_ONE))
@@ -149,9 +146,11 @@ def guided_pdf(scene, guided, d, bsdf_pdf):
 
     bsdf_pdf: of d by the BSDF alone.
     """
-    has_guide = guided.chance > _ZERO
-    own = each_lane(_pdf, has_guide, (scene, guided.block, *d))
-    return where(has_guide, (_ONE - guided.chance) * bsdf_pdf + guided.chance * own, bsdf_pdf)
+    pdf = bsdf_pdf
+    if any_of(guided.chance > _ZERO):
+        mixed = (_ONE - guided.chance) * bsdf_pdf + guided.chance * histogram_pdf(scene.path_guide, guided.block, d)
+        pdf = where(guided.chance > _ZERO, mixed, bsdf_pdf)
+    return pdf
 
 
 @device

@@ -99,7 +99,13 @@ def test_documented_examples_are_valid_scenes(scene, png, number):
     grid = io.BytesIO()
     np.save(grid, np.ones((2, 3, 4), np.float32))
     images |= {name: grid.getvalue() for name in re.findall(r"[\w-]+\.npy", example)}
-    others = {"cup.glb": cup(), "downlight.ies": profile, "slide.jpg": png(1, 2, 3), **images}
+    others = {
+        "cup.glb": cup(),
+        "downlight.ies": profile,
+        "slide.jpg": png(1, 2, 3),
+        "fur.txt": b"0 0 0 0.1\n0 1 0 0.1\n0 2 0 0.1\n0 3 0 0.1\n",
+        **images,
+    }
     warnings = scene("s.yaml", example, others).warnings
     assert [w for w in warnings if "no light" not in w] == []
 
