@@ -25,6 +25,8 @@ class SceneFeatures(NamedTuple):
     grids: Any  # heterogeneous media (renderer/kernel/medium/volume.py)
     links: Any  # lights that illuminate some objects only (renderer/kernel/light/links.py)
     groups: Any  # planes by light group, which settings request (RenderSettings.light_groups); in no variant by itself
+    light_paths: Any = None  # planes by light path, likewise (RenderSettings.light_paths)
+    by_light: Any = None  # either
 
 
 # From the fastest to compile and run to the most complete. All combinations would be 1,024 variants, each compiled at its first

@@ -103,7 +103,7 @@ class ViewSession:
         sample of a pixel on one slot. slots: number of slots of that kind.
         """
         assert self.request is not None
-        seen = replace(settings, light_groups="", cryptomatte=0, background="visible")
+        seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0, background="visible")
         levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1))
         with self._lock:
             self.settings, self.compiled, self.kind = seen, compiled, kind
