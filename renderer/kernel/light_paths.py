@@ -20,7 +20,7 @@ from renderer.kernel import vec
 from renderer.kernel.light_groups import GROUP_ROW, add_group_light
 from renderer.settings import LIGHT_PATHS
 from renderer.wide.fields import Float, Layout, Vector, accessors
-from renderer.wide.values import as_wide, where, where3, zero_like
+from renderer.wide.values import as_wide, u32, where, where3, zero_like
 
 __all__ = [
     "EMISSION",
@@ -98,11 +98,11 @@ def _add(table, first, share, brought, bounces, from_camera, mask):
     """Adds light to the planes among which it is divided. bounces: number of vertices, a float. from_camera: plane if it is 0."""
     is_seen, later = bounces == _ZERO, where(bounces >= _TWO, as_wide(_NEXT, bounces), as_wide(np.uint32(0), bounces))
     other = where(share.kind == _REFLECTED, as_wide(GLOSSY, bounces), as_wide(TRANSMISSION, bounces))
-    other = where(share.kind == _SCATTERED, as_wide(VOLUME, bounces), other) + later
+    other = u32(where(share.kind == _SCATTERED, as_wide(VOLUME, bounces), other) + later)
     one = zero_like(bounces) + _ONE
     diffuse = where3(is_seen, (one, one, one), share.diffuse)
     rest = vec.sub((one, one, one), diffuse)
-    mine, others = where(is_seen, as_wide(from_camera, bounces), later + DIFFUSE), where(is_seen, later, other)
+    mine, others = where(is_seen, as_wide(from_camera, bounces), u32(later + DIFFUSE)), where(is_seen, later, other)
     add_group_light(table, first + mine, vec.mul(brought, diffuse), mask)
     add_group_light(table, first + others, vec.mul(brought, rest), mask)
 
