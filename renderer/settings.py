@@ -135,6 +135,14 @@ GUIDING = Choices(
         "on": SettingTexts("On", "Pilot paths learn first where light comes from: for light through water and glass."),
     }
 )
+LIGHT_PATH_CHOICES = Choices(
+    {
+        "off": SettingTexts("Off", "The picture alone, with its other planes."),
+        "on": SettingTexts(
+            "On", "Ten images more, which add up to the picture: DiffDir, GlossInd and so on."
+        ),
+    }
+)
 MAX_CAUSTIC_TRIALS = 4096  # walks that estimate the probability of one: renderer/kernel/manifold/estimate.py
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
@@ -147,7 +155,6 @@ MAX_FILM_EXPONENT = 24
 MAX_RADIANCE = 1e9
 MAX_LIGHT_GROUPS = 16  # by name; with that of other lights, as many as renderer/film.py allows
 MOST_RANKS = 16  # of Cryptomatte: renderer/cryptomatte.py
-LIGHT_PATH_CHOICES = ("off", "on")
 LIGHT_PATHS = (  # the planes by light path, behind those of light groups: renderer/kernel/light_paths.py
     "emission",
     "environment",
