@@ -113,7 +113,10 @@ def test_planes_equal_renderings_of_their_lobes_alone() -> None:
     spp = 512
 
     def picture(base: float, **more: object) -> Sums:
-        found = room(Material("metallic_roughness", base_color=gray(base), roughness=0.3), environment=Environment(gray(0.4)))
+        found = room(
+            Material(kind="metallic_roughness", base_color=gray(base), metallic=0.0, roughness=0.3),
+            environment=Environment(gray(0.4)),
+        )
         found.materials[1] = Material(base_color=gray(0.0))  # the ball sees the lamp and the sky only
         found.lights = [Light("point", (3.0, 3.0, 3.0), (4.0, 4.0, 4.0))]
         return render_frame(compile_scene(found), replace(SETTINGS, max_depth=2, **more), spp)
