@@ -37,6 +37,7 @@ VENV = ROOT / ".venv"
 PYTHONS = ((3, 13), (3, 12), (3, 11))
 FOR_TESTS = ("test",)
 FOR_BENCHMARKS = ("docs", "test")
+TEST_PROCESSES = 5  # one for each of the parts in tests/parts.py; many tests mostly wait
 # Scripts that make the pictures of docs/, and their requirements.
 PICTURES = {"sheets": ("scenes", ()), "film": ("scenes", ()), "page-pictures": ("docs", FOR_TESTS)}
 TYPESCRIPT = VENV / "typescript"
@@ -260,21 +261,13 @@ def run_tests(python, arguments):
     is_long = "--long" in arguments
     arguments = [a for a in arguments if a != "--long"]
     is_whole = not arguments
-    is_fresh = not (ROOT / "tests" / "__pycache__").is_dir()
     # Kernels first, since tests wait for them. Checks have the priority of tests; otherwise they would run on alone when the
     # tests have ended.
     beside = []
     if is_whole:
         beside = [ParallelProcess("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(5), is_long)]
-    # Two more than the number of processors, since a third of the tests mostly wait.
-    processes = min(max(os.cpu_count() or 1, 2), 8) + 2
     pytest = [*(nice(5) if is_whole else []), str(python), "-m", "pytest", *([] if is_long else ["-m", "not long"])]
-    if is_whole and is_fresh:
-        # One process writes the bytecode of all test modules. In a fresh clone each of pytest-xdist's would do so by itself.
-        quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-        subprocess.call([*pytest, "--collect-only", "-qq"], cwd=str(ROOT), **quiet)
-    spread = ["-n", str(processes), "--dist", "loadfile", "--no-loadscope-reorder"]
-    failed = subprocess.call([*pytest, *spread, *arguments], cwd=str(ROOT))
+    failed = subprocess.call([*pytest, "-n", str(TEST_PROCESSES), *arguments], cwd=str(ROOT))
     return max([failed, *(each.result() for each in beside)])
 
 

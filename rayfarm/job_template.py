@@ -1,7 +1,7 @@
 """Job templates of Open Job Description (OpenJD, specification 2023-09) whose tasks are calls of `rayfarm render`.
 
 `template_of` makes one from the command line of `rayfarm render`; `read_template` turns one back into the options of such a
-call, for a farm. https://github.com/OpenJobDescription/openjd-specifications/wiki/2023-09-Template-Schemas
+call, for a farm (service/intake/job_template.py). https://github.com/OpenJobDescription/openjd-specifications/wiki/2023-09-Template-Schemas
 """
 
 from __future__ import annotations
@@ -17,36 +17,28 @@ import typer
 import yaml
 
 from rayfarm.errors import CommandError
-from renderer.frames import MAX_FRAMES, equal_steps, frames_text, parse_frames
+from renderer.errors import SettingsError
+from renderer.frames import equal_steps, parse_frames
+from service.intake.job_template import CHUNKING, has_model, read_call
+from service.intake.render_words import LOCAL_ONLY
 
-__all__ = ["RenderCall", "is_template", "range_expression", "read_template", "scene_of", "template_of"]
+__all__ = [
+    "RenderCall",
+    "is_template",
+    "parsed_options",
+    "range_expression",
+    "read_template",
+    "render_command",
+    "scene_of",
+    "template_of",
+]
 
 VERSION = "jobtemplate-2023-09"
-CHUNKING = "TASK_CHUNKING"
 SUFFIXES = (".yaml", ".yml", ".json")
 MAX_TEMPLATE = 1 << 20  # bytes
 MAX_TEXT = 1024  # characters of a parameter's default
-MIB_PER_GB = 1e9 / (1 << 20)
-MEMORY = "amount.worker.memory"  # MiB
 MISSING_MODEL = 'Job templates are read by the package openjd-model: pip install "rayfarm[openjd]"'
 
-# What only this machine can do, or writes besides the picture: a farm has no such options.
-LOCAL_ONLY = (
-    "exposure",
-    "tonemap",
-    "ocio",
-    "gain_map",
-    "stats",
-    "tile",
-    "first",
-    "pixel",
-    "sample",
-    "as_json",
-    "threads",
-    "gpu",
-    "no_bvh",
-    "overwrite",
-)
 # Options whose value is a path: (the parameter's name, its kind, its data flow).
 PATHS = {
     "scene": ("Scene", "", "IN"),
@@ -149,59 +141,40 @@ def read_template(path: Path, values: Mapping[str, str] | None = None) -> Render
 
     Raises CommandError that names the part of the template that a farm has no counterpart for.
     """
+    if not has_model():
+        raise CommandError(MISSING_MODEL)
     try:
-        from openjd.model import create_job, decode_job_template, preprocess_job_parameters
-        from openjd.model._errors import DecodeValidationError
-    except ModuleNotFoundError:
-        raise CommandError(MISSING_MODEL) from None
-    document = _document(path.read_bytes())
-    if not isinstance(document, dict):
-        raise CommandError(f"{path.name} is no job template")
-    try:
-        template = decode_job_template(template=document, supported_extensions=[CHUNKING])
-        parameters = preprocess_job_parameters(
-            job_template=template,
-            job_parameter_values=dict(values or {}),
-            job_template_dir=path.resolve().parent,
-            current_working_dir=Path.cwd(),
-        )
-        job = create_job(job_template=template, job_parameter_values=parameters)
-    except (DecodeValidationError, ValueError, NotImplementedError) as error:
-        raise CommandError(f"{path.name} is no valid job template: {_one_line(error)}") from None
-    part = _unsupported_part(job)
-    if part is not None:
-        raise CommandError(f"{path.name}: {part}. A farm takes templates of one step that calls `rayfarm render`")
-    step = job.steps[0]
-    symbols = _symbols(parameters)
-    names = list(step.parameterSpace.taskParameterDefinitions) if step.parameterSpace else []
-    if len(names) > 1:
-        raise CommandError(f"{path.name}: the task parameters {', '.join(names)} are not supported; one may be the frame")
-    # The words of two tasks differ in the frame and in nothing else.
-    ones, others = (_words(path, step.script.actions.onRun, symbols, names, value) for value in ("1", "2"))
-    one, other = _call(path, ones), _call(path, others)
-    frames = None
-    if names:
-        varying = {key for key in one.keys() | other.keys() if one.get(key) != other.get(key)}
-        taken = {str(call.get("frames", call.get("frame"))).removesuffix(".0") for call in (one, other)}
-        if not varying <= {"frame", "frames"} or taken != {"1", "2"}:
-            wrong = f"--{min(varying - {'frame', 'frames'} or {'frames'}).replace('_', '-')}"
-            raise CommandError(
-                f"{path.name}: the task parameter {names[0]} is in {wrong}; it must be the value of --frames alone"
-            )
-        frames = frames_text(_numbers(path, step.parameterSpace, names[0]))
-    elif "frames" in one:
-        frames = one["frames"]
-    options = {key: value for key, value in one.items() if key != "frames" and not (names and key == "frame")}
-    return RenderCall(options, frames, _needs(path, step.hostRequirements), str(job.name))
+        call = read_call(_document(path.read_bytes()), values or {}, path.resolve().parent, Path.cwd())
+    except SettingsError as error:
+        raise CommandError(f"{path.name}: {error}") from None
+    options = _parsed(call.words)[1]
+    for name in LOCAL_ONLY:
+        if {name.replace("-", "_"), f"as_{name}"} & options.keys():
+            raise CommandError(f"{path.name}: --{name} is not supported by a farm")
+    if call.frames is not None and (twice := {"frame", "frames"} & options.keys()):
+        raise CommandError(f"{path.name}: --{min(twice)} is given beside the task's frame")
+    frames = call.frames if call.frames is not None else options.pop("frames", None)
+    return RenderCall(options, frames, call.needs, call.name)
 
 
-def _parsed(words: Sequence[str]) -> tuple[click.Command, dict[str, Any]]:
-    """Returns the command `render`, and the options that a command line gives it. Raises CommandError."""
+def render_command() -> click.Command:
+    """Returns the program's command `render`."""
     from rayfarm.commands import render
 
     app = typer.Typer()
     render.register(app)
     command: Any = typer.main.get_command(app)
+    return command
+
+
+def parsed_options(words: Sequence[str]) -> dict[str, Any]:
+    """Returns the options that a command line after `rayfarm render SCENE` gives, by parameter name. Raises CommandError."""
+    return _parsed(["scene", *words])[1]
+
+
+def _parsed(words: Sequence[str]) -> tuple[click.Command, dict[str, Any]]:
+    """Returns the command `render`, and the options that a command line gives it. Raises CommandError."""
+    command = render_command()
     try:
         context = command.make_context("rayfarm render", list(words))
     except Exception as error:  # click's own, which Typer brings along
@@ -246,92 +219,3 @@ def _document(data: bytes) -> Any:
         return yaml.safe_load(data)
     except (yaml.YAMLError, UnicodeError, RecursionError, ValueError):
         return None
-
-
-def _one_line(error: Exception) -> str:
-    return "; ".join(line.strip() for line in str(error).splitlines() if line.strip())[:600]
-
-
-def _unsupported_part(job: Any) -> str | None:
-    """Returns the first part of a job that a farm's shot cannot express; None if there is none."""
-    if len(job.steps) != 1:
-        return f"{len(job.steps)} steps are not supported"
-    step = job.steps[0]
-    for part, value in (
-        ("jobEnvironments", job.jobEnvironments),
-        ("dependencies", step.dependencies),
-        ("stepEnvironments", step.stepEnvironments),
-        ("embeddedFiles", step.script.embeddedFiles),
-        ("timeout", step.script.actions.onRun.timeout),
-    ):
-        if value:
-            return f"{part} is not supported"
-    return None
-
-
-def _symbols(parameters: Mapping[str, Any]) -> Any:
-    from openjd.model import SymbolTable
-
-    symbols = SymbolTable()
-    for name, each in parameters.items():
-        symbols[f"Param.{name}"] = symbols[f"RawParam.{name}"] = each.value
-    return symbols
-
-
-def _words(path: Path, action: Any, symbols: Any, names: list[str], frame: str) -> list[str]:
-    """Returns the words that a task runs, with a frame number as the value of its task parameter."""
-    from openjd.model import FormatStringError, SymbolTable
-
-    table = SymbolTable(source=symbols)
-    for name in names:
-        table[f"Task.Param.{name}"] = table[f"Task.RawParam.{name}"] = frame
-    try:
-        return [str(each.resolve(symtab=table)) for each in (action.command, *(action.args or ()))]
-    except FormatStringError as error:
-        raise CommandError(f"{path.name}: {_one_line(error)}: only job and task parameters are supported") from None
-
-
-def _call(path: Path, words: list[str]) -> dict[str, Any]:
-    """Returns the options of a task's call of `rayfarm render`."""
-    program, rest = Path(words[0]).name, words[1:]
-    if program.startswith("python") and rest[:2] == ["-m", "rayfarm"]:
-        program, rest = "rayfarm", rest[2:]
-    if program.removesuffix(".exe") != "rayfarm" or rest[:1] != ["render"]:
-        shown = " ".join(words[:3])
-        raise CommandError(f"{path.name}: the command `{shown}` is not supported; a farm runs `rayfarm render` alone")
-    given = _parsed(rest[1:])[1]
-    for name in LOCAL_ONLY:
-        if name in given and name != "overwrite":
-            raise CommandError(f"{path.name}: --{name.replace('as_', '').replace('_', '-')} is not supported by a farm")
-    return given
-
-
-def _numbers(path: Path, space: Any, name: str) -> list[float]:
-    """Returns the frames of all tasks."""
-    from openjd.model import IntRangeExpr, StepParameterSpaceIterator
-
-    found: list[float] = []
-    for task in StepParameterSpaceIterator(space=space):
-        value = task[name]
-        if value.type.value not in ("INT", "CHUNK[INT]"):
-            raise CommandError(f"{path.name}: the task parameter {name} is of the type {value.type.value}; frames are INT")
-        found += map(float, IntRangeExpr.from_str(str(value.value)))
-        if len(found) > MAX_FRAMES:
-            raise CommandError(f"{path.name} has more than {MAX_FRAMES} frames. Split them into several jobs")
-    if min(found) < 0:
-        raise CommandError(f"{path.name} has the frame {min(found):g}; a farm's frames begin at 0")
-    return found
-
-
-def _needs(path: Path, requirements: Any) -> list[str]:
-    """Returns what a farm's workers must have, from a step's hostRequirements."""
-    if requirements is None:
-        return []
-    if requirements.attributes:
-        raise CommandError(f"{path.name}: the requirement {requirements.attributes[0].name} is not supported")
-    needs = []
-    for each in requirements.amounts or ():
-        if str(each.name) != MEMORY or each.min is None or each.max is not None:
-            raise CommandError(f"{path.name}: the requirement {each.name} is not supported; a minimum of {MEMORY} is")
-        needs.append(f"memory_gb={float(each.min) / MIB_PER_GB:.4g}")
-    return needs

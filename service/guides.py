@@ -38,7 +38,7 @@ GROUPS = {
             "datasets",
             "watching",
         ),
-        *("pipelines", "api"),
+        *("pipelines", "from-deadline", "api"),
     ),
     "Run a farm": ("deployment", "graphics-cards", "queue", "reliability", "scale"),
     "Background": ("correctness", "performance", "architecture", "lineage", "speed-notes"),

@@ -7,55 +7,24 @@ import os
 import re
 import shutil
 import signal
-from collections.abc import Generator, Iterable, Iterator
+from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import hypothesis
 import pytest
 from xdist.remote import Producer
-from xdist.scheduler import LoadFileScheduling
+from xdist.scheduler import EachScheduling
 
 from tests.grids import leave_out_long
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import get_ready, ready_first
+from tests.parts import is_in_part, own_part, place
 
 # A shell that starts the tests in the background makes them ignore Ctrl-C, which their child processes would inherit.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # Plain HTTP needs no certificates, which every client would read; this folder has none.
 os.environ.setdefault("SSL_CERT_DIR", str(Path(__file__).parent))
-
-# Test files in the order in which they start: first those without kernels, while kernels are compiled.
-FIRST = (
-    "test_",
-    "protocol/",
-    "telemetry/",
-    "service/",
-    "renderer/scene/",
-    "renderer/test_target",
-)
-
-# These start processes and mostly wait for them, so they are spread evenly, in this order, among tests that use the processors.
-WAITING = ("worker/", "rayfarm/", "chaos/")
-
-# Files that use `farm` or `browser`. One process runs them all, so that there is one farm and one browser. They start first, in
-# this order, since together they take longest. The last one kills processes of the farm.
-SHARE_A_FARM = (
-    "tests/e2e/",
-    "tests/rayfarm/test_with_farm.py",
-    "tests/rayfarm/library/test_farm_render.py",
-    "tests/rayfarm/datasets/test_dataset_of_farm.py",
-    "tests/rayfarm/test_job_template.py",
-    "tests/rayfarm/test_mcp_server.py",
-    "tests/chaos/test_kernels",
-    "tests/chaos/test_digest",
-)
-
-# Files that use the module of a graphics card's kernel, or build its tree. One process runs them all and compiles each once.
-SHARE_A_CARD = (
-    "tests/renderer/bvh/test_compressed.py",
-    "tests/renderer/cuda/",
-)
 
 # An example's duration depends more on the machine than on the code. Most false properties fail early.
 hypothesis.settings.register_profile("long", deadline=None)
@@ -69,41 +38,32 @@ def is_ordinary(config: pytest.Config) -> bool:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Prepares a default run: loads hypothesis' profile, omits grids' `long` cells, and orders imports.
-
-    Every process of xdist imports every test file, but each begins with a different part of them. In a fresh clone the first
-    import of a file rewrites its assertions and caches the result for the other processes, which takes longer than all other
-    imports.
-    """
+    """Prepares a default run: loads hypothesis' profile and omits grids' `long` cells."""
     if not is_ordinary(config):
         return
     hypothesis.settings.load_profile("ordinary")
     leave_out_long()
-    if config.args == config.getini("testpaths"):
-        count = int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1"))
-        config.args = rotated(int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")), count)
-
-
-def rotated(process: int, count: int) -> list[str]:
-    """Returns the folders and files that process number `process` of `count` collects: all of them, its own part first.
-
-    Folders are named where possible, since pytest lists a folder again for each of its files that is named.
-    """
-    tests = Path(__file__).parent
-    files = [path.relative_to(tests).parts for path in sorted(tests.rglob("test_*.py"))]
-    places = [str(tests.joinpath(*parts[: 2 if parts[0] in ("renderer", "service") else 1])) for parts in files]
-    names = list(dict.fromkeys(places))
-    begin = names.index(places[process * len(places) // count])
-    return names[begin:] + names[:begin]
 
 
 def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool | None:
-    """Skips, in a default run, the import of test files whose tests are all marked `long`.
+    """Skips files of other processes' parts and, in a default run, files whose tests are all marked `long`."""
+    if collection_path.is_dir():
+        return True if all(is_of_others(path) for path in collection_path.rglob("test_*.py")) else None
+    if not (collection_path.name.startswith("test_") and collection_path.suffix == ".py"):
+        return None
+    if is_of_others(collection_path):
+        return True
+    return True if is_ordinary(config) and has_only_long(collection_path.read_text(encoding="utf-8")) else None
 
-    These are an eighth of all files, which every process of xdist would import otherwise.
-    """
-    is_test = collection_path.name.startswith("test_") and collection_path.suffix == ".py"
-    return True if is_test and is_ordinary(config) and has_only_long(collection_path.read_text(encoding="utf-8")) else None
+
+def is_of_others(path: Path) -> bool:
+    """Returns whether another process of xdist runs a test file."""
+    return not is_in_part(path_of(path), *own_part())
+
+
+def path_of(path: Path) -> str:
+    """Returns a test file's path below tests/."""
+    return path.relative_to(Path(__file__).parent).as_posix()
 
 
 def has_only_long(source: str) -> bool:
@@ -138,46 +98,24 @@ def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str
     return [] if any(mark.name == "long" for mark in marks) else None
 
 
-class ByFile(LoadFileScheduling):
-    """Scheduler for xdist that gives all tests of a file to one process, and all files that share something to the same process.
+class ByPart(EachScheduling):
+    """Scheduler for xdist that lets every process run all that it has collected, which is its part."""
 
-    It is used in place of xdist's `loadgroup`, which fails with pytest 9.1 and later.
-    """
-
-    def _split_scope(self, nodeid: str) -> str:
-        if nodeid.startswith(SHARE_A_CARD):
-            return "card"
-        return "farm" if nodeid.startswith(SHARE_A_FARM) else super()._split_scope(nodeid)
+    def schedule(self) -> None:
+        """Starts the tests, and sets their number, which otherwise would be that of one part."""
+        super().schedule()
+        session = self.config.pluginmanager.get_plugin("session")
+        assert isinstance(session, pytest.Session)
+        session.testscollected = sum(len(collected) for collected in self.node2collection.values())
 
 
 @pytest.hookimpl(optionalhook=True)
-def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByFile:
-    return ByFile(config, log)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Producer) -> ByPart:
+    return ByPart(config, log)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    places = hand_out(dict.fromkeys(item.nodeid.partition("::")[0] for item in items))
-    items.sort(key=lambda item: places[item.nodeid.partition("::")[0]])
-
-
-def hand_out(files: Iterable[str]) -> dict[str, tuple[float, str]]:
-    """Returns the sort key of each test file; files are run in the order of their keys.
-
-    Files that share a farm come first; files that mostly wait are spread evenly among the others.
-    files: paths below the clone's root.
-    """
-    groups: dict[str, list[tuple[int, str]]] = {"farm": [], "waiting": [], "busy": []}
-    for file in files:
-        name = file.removeprefix("tests/")
-        group = "farm" if file.startswith(SHARE_A_FARM) else "waiting" if name.startswith(WAITING) else "busy"
-        order = {"farm": SHARE_A_FARM, "waiting": WAITING, "busy": FIRST}[group]
-        name = file if group == "farm" else name
-        rank = next((n for n, prefix in enumerate(order) if name.startswith(prefix)), len(order))
-        groups[group].append((rank, file))
-    places = {file: (0.0, f"{rank} {file}") for rank, file in groups.pop("farm")}
-    for members in groups.values():
-        places |= {file: ((n + 1) / len(members), file) for n, (_, file) in enumerate(sorted(members))}
-    return places
+    items.sort(key=lambda item: (*place(path_of(item.path)), path_of(item.path)))
 
 
 def pytest_collection_finish() -> None:

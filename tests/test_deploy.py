@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import os
 import re
@@ -41,6 +42,19 @@ def test_overlays_do_not_refer_to_their_parent_folders(folder: str) -> None:
         found = (here / resource).resolve()
         assert found.exists(), resource
         assert not here.is_relative_to(found), resource
+
+
+@pytest.mark.skipif(importlib.util.find_spec("cloudcoil") is None, reason="needs cloudcoil.models.keda")
+@pytest.mark.parametrize("file", ["token", "worker-scaling"])
+def test_keda_objects_match_their_resource_definitions(file: str) -> None:
+    """KEDA's typed models accept each object, and know all of its fields: they write it as it was."""
+    keda = importlib.import_module("cloudcoil.models.keda.v1alpha1")
+    part = yaml.safe_load((CLUSTER / "autoscale" / f"{file}.yaml").read_text())
+    model = getattr(keda, part["kind"])
+    assert model.model_validate(part).model_dump(by_alias=True, exclude_none=True) == part
+    part["spec"] = "none"
+    with pytest.raises(ValueError, match="spec"):
+        model.model_validate(part)
 
 
 @pytest.mark.skipif(shutil.which("kubectl") is None, reason="needs kubectl")

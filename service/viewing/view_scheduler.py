@@ -393,9 +393,11 @@ class ViewScheduler:
                 if session.view and not session.is_paused:
                     keys.set(view_key(session.id), session.view, ex=KEY_TTL_S)
             keys.execute()
-        waiting = {queue: bool(self._redis.llen(queue)) for queue in {out.queue for out in self._out.values()}}
+        waiting = {queue: bool(self._dispatcher.queue_length(queue)) for queue in {out.queue for out in self._out.values()}}
         kinds = {out.kind for out in self._out.values()}
-        self._shared = {kind for kind in kinds if any(map(self._redis.llen, (prepare_queue(kind), render_queue(kind))))}
+        self._shared = {
+            kind for kind in kinds if any(map(self._dispatcher.queue_length, (prepare_queue(kind), render_queue(kind))))
+        }
         for out in list(self._out.values()):
             if out.id in in_hand or (not out.has_started and waiting[out.queue] and self._workers.slots(out.kind)):
                 out.last_seen = now

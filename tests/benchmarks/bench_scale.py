@@ -10,11 +10,13 @@ slots run on the same machine.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import itertools
 import json
 import os
 import statistics
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from pathlib import Path
 
@@ -27,6 +29,7 @@ from renderer.settings import RenderSettings, Tile, View
 from tests.benchmarks.scale.measured import Load, Taken, run
 from tests.benchmarks.scale.slots import SAMPLES, of_one_sample
 from tests.helpers import ROOT
+from tests.service.store.postgres import PostgresServer, find_postgres
 
 SCENE = ROOT / "scenes" / "cornell-box.yaml"
 MIB = 1 << 20
@@ -50,6 +53,8 @@ def main() -> None:
     parser.add_argument("--per-worker", type=int, default=32, help="slots of a machine")
     parser.add_argument("--site", action="store_true", help="the machines are of one site, with a reducer")
     parser.add_argument("--simulators", type=int, default=1, help="processes that simulate the slots")
+    parser.add_argument("--cells", type=int, default=1, help="farms at the same time, each with a part of the slots")
+    parser.add_argument("--database", choices=["sqlite", "postgresql"], default="sqlite")
     parser.add_argument("--json", type=Path, help="write all that was measured there too")
     parser.add_argument("--plot", type=Path, help="a picture of it: against slots, tiles or frames, whichever differ")
     options = parser.parse_args()
@@ -62,7 +67,7 @@ def main() -> None:
         if width % tile or height % tile:
             parser.error(f"{width}x{height} is no multiple of {tile}: all tiles have the same sums")
         load = Load(
-            *(slots, tile, width, height),
+            *(slots // options.cells, tile, width, height),
             seconds=options.seconds,
             warm_s=options.warm,
             watchers=watchers,
@@ -72,31 +77,50 @@ def main() -> None:
             site=options.site,
             simulators=options.simulators,
         )
-        with tempfile.TemporaryDirectory(prefix="rayfarm-scale-") as name:
-            taken = run(load, sums, Path(name))
-        if taken.pictures:
-            own = f"{1e3 * max(taken.own_health_s):.0f} ms"
-            at_worst = f"health at worst {1e3 * max(taken.health_s):.0f} ms, {own} at its own port"
-            print(f"pictures by status: {dict(taken.pictures)}, {at_worst}")
-        if taken.repeated:
-            whole = ", ".join(
-                f"{name} {taken.in_all.get(name, 0)}" for name in ("merged", "dropped", "lost", "doubled", "failed")
-            )
-            print(f"from start to end: {whole}; {taken.unread} results were never read")
-        print(line(load, taken, len(pack_sums(sums[:, :tile, :tile] * 8))), flush=True)
-        print(f"    processors: {'; '.join(f'{name} {share}' for name, share in taken.shares.items())}")
-        engine_ms = 1e3 * taken.shares["service"].thread_used * taken.seconds
-        each = f"{engine_ms / max(taken.merged, 1):.2f} ms a batch, {engine_ms / max(taken.results, 1):.2f} ms a result"
-        unfed, held_up = (100 * spent / (load.slots * taken.seconds) for spent in (taken.unfed_s, taken.held_up_s))
-        print(f"    of the slots' time: {unfed:.1f} % without work, {held_up:.1f} % waiting for the process that simulates them")
-        print(f"    the service's busiest thread: {each}", flush=True)
-        rows.append((load, taken))
+        for taken in run_cells(load, sums, options.cells, options.database):
+            report(load, taken, len(pack_sums(sums[:, :tile, :tile] * 8)))
+            rows.append((load, taken))
         if options.json:
             options.json.write_text(json.dumps([{"load": asdict(load), "taken": asdict(taken)} for load, taken in rows]))
         if options.plot:
             from tests.benchmarks.scale.plots import plot  # importing matplotlib takes a second
 
             plot(rows, options.plot)
+
+
+def run_cells(load: Load, sums: Sums, cells: int, database: str) -> list[Taken]:
+    """Measures `cells` farms at the same time, each with that load, its own Redis, service and database of one server."""
+    with contextlib.ExitStack() as stack:
+        urls = [""] * cells
+        if database == "postgresql":
+            binaries = find_postgres()
+            if binaries is None:
+                raise SystemExit("PostgreSQL is not installed. On Debian: apt install postgresql")
+            server = PostgresServer(binaries)
+            stack.callback(server.stop)
+            urls = [server.new() for _ in urls]
+        folders = [Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rayfarm-scale-"))) for _ in urls]
+        environments = [{"RAYFARM_DATABASE_URL": url} if url else {} for url in urls]
+        with ThreadPoolExecutor(cells) as pool:
+            return list(pool.map(lambda folder, told: run(load, sums, folder, **told), folders, environments))
+
+
+def report(load: Load, taken: Taken, size: int) -> None:
+    """Prints a row and what explains it. size: bytes of a result."""
+    if taken.pictures:
+        own = f"{1e3 * max(taken.own_health_s):.0f} ms"
+        at_worst = f"health at worst {1e3 * max(taken.health_s):.0f} ms, {own} at its own port"
+        print(f"pictures by status: {dict(taken.pictures)}, {at_worst}")
+    if taken.repeated:
+        whole = ", ".join(f"{name} {taken.in_all.get(name, 0)}" for name in ("merged", "dropped", "lost", "doubled", "failed"))
+        print(f"from start to end: {whole}; {taken.unread} results were never read")
+    print(line(load, taken, size), flush=True)
+    print(f"    processors: {'; '.join(f'{name} {share}' for name, share in taken.shares.items())}")
+    engine_ms = 1e3 * taken.shares["service"].thread_used * taken.seconds
+    each = f"{engine_ms / max(taken.merged, 1):.2f} ms a batch, {engine_ms / max(taken.results, 1):.2f} ms a result"
+    unfed, held_up = (100 * spent / (load.slots * taken.seconds) for spent in (taken.unfed_s, taken.held_up_s))
+    print(f"    of the slots' time: {unfed:.1f} % without work, {held_up:.1f} % waiting for the process that simulates them")
+    print(f"    the service's busiest thread: {each}", flush=True)
 
 
 def real_sums(side: int) -> Sums:

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import redis
 
+from rayfarm.errors import CommandError
 from rayfarm.local import broker
 from service.access.redis_release import parse_version_output
 from tests.helpers import running_redis
@@ -36,6 +37,19 @@ def test_flawed_server_is_used_if_there_is_no_other(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(broker, "_programs", lambda: iter([old]))
     assert broker.find_server() == old
     assert parse_version_output("Redis server v=7.0.15").flaw is not None
+
+
+def test_server_can_be_chosen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("RAYFARM_REDIS_SERVER", str(flawed := program(tmp_path, "my-redis", "Redis server v=7.0.15")))
+    assert broker.find_server() == flawed
+    for version, said in (
+        ("Redis server v=6.0.16", r"is Redis 6.0.16; a farm needs Redis 6.2"),
+        ("Dragonfly", "no Redis or Valkey"),
+    ):
+        wrong = program(tmp_path, f"server-{len(version)}", version)
+        monkeypatch.setenv("RAYFARM_REDIS_SERVER", str(wrong))
+        with pytest.raises(CommandError, match=said):
+            broker.find_server()
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import httpx
 import numpy as np
 import pytest
 import yaml
@@ -18,13 +19,19 @@ from openjd.model import StepParameterSpaceIterator as Tasks
 from openjd.sessions import ActionState, Session, SessionState
 
 from rayfarm.errors import CommandError
-from rayfarm.job_template import is_template, range_expression, read_template, template_of
+from rayfarm.job_template import is_template, parsed_options, range_expression, read_template, render_command, template_of
+from rayfarm.picture import Picture
+from renderer.errors import SettingsError
 from renderer.frames import parse_frames
-from tests.helpers import ROOT, Farm
+from renderer.settings import View
+from service.intake import render_words
+from service.models.jobs import JobIn
+from tests.helpers import ROOT, Farm, code_of
 from tests.rayfarm.program import rayfarm
 from tests.rayfarm.test_sequence import animated_scene
 from tests.rayfarm.test_with_farm import pixels
 
+WIDE = View((0, 1, 5), (0, 1, 0), (0, 1, 0), 60.0)
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
 Edit = Callable[[dict[str, Any]], Any]
 
@@ -97,11 +104,74 @@ def test_a_farm_takes_the_template_as_a_shot(farm: Farm, shot: Path) -> None:
         assert [frame.number for frame in client.frames(job.id)] == [1, 3]
         assert (job.width, job.height, job.spp) == (24, 16, 4)
         assert job.settings is not None and job.settings["view"]["eye"] == [-1, 0, 5]
+        check_rest(farm, job.scene, template, job.settings)
     near = ["--frames=1,3", "--size=24x16", "--spp=4", "--env=1,1,1", "--eye=-1,0,5", "--target=0,0,0"]
     assert rayfarm("render", shot / "shot.glb", "-o", shot / "near.#.exr", *near).returncode == 0
     for number in (1, 3):
         assert np.array_equal(pixels(shot / f"far.{number}.exr"), pixels(shot / f"near.{number}.exr"))
     assert not (shot / "far.0.exr").exists()
+
+
+def check_rest(farm: Farm, scene: str, template: dict[str, Any], settings: dict[str, Any]) -> None:
+    """Checks that POST /api/jobs/openjd makes the same job as `rayfarm submit`, and refuses by a coded sentence."""
+    body = {"scene": scene, "template": template, "parameters": {"Frames": "1-3:2"}, "needs": ["nowhere"], "priority": -3}
+    with httpx.Client(base_url=farm.url) as http:
+        answer = http.post("/api/jobs/openjd", json=body)
+        assert answer.status_code == 201, answer.text
+        job = answer.json()
+        assert answer.headers["Location"] == f"/api/jobs/{job['id']}"
+        assert job["settings"] == settings
+        assert (job["shot"]["frames"], job["needs"], job["priority"], job["name"]) == ("1,3", ["nowhere"], -3, "shot.glb")
+        http.delete(f"/api/jobs/{job['id']}").raise_for_status()
+        wrong = json.loads(json.dumps(template).replace("--spp", "--sparkle"))
+        for change, code in (
+            ({"template": wrong}, "template-option-unknown"),
+            ({"parameters": {"Frames": "1-99999999999"}}, "template-frames-many"),
+            ({"parameters": {"Frames": "9" * 400}}, "frame-invalid"),
+            ({"parameters": {"Frames": "1-" + "9" * 400}}, "template-invalid"),
+            ({"template": {}}, "template-invalid"),
+            ({"scene": "none"}, "scene-id-unknown"),
+        ):
+            problem = http.post("/api/jobs/openjd", json={**body, **change}).json()
+            sentence = problem["params"].get("sentence", problem)
+            assert code in (problem["code"], sentence["code"]), problem
+        many = json.loads(json.dumps(template).replace('"4"', '"0"'))
+        assert http.post("/api/jobs/openjd", json={**body, "template": many}).json()["errors"][0]["field"] == "spp"
+
+
+def test_the_rest_api_takes_the_options_of_render() -> None:
+    """Every option of `rayfarm render` is translated, left out on purpose, or refused; with the values that `submit` sends."""
+    command = render_command()
+    for parameter in command.params:
+        for option in (*parameter.opts, *parameter.secondary_opts):
+            if option.startswith("--") and "completion" not in option:
+                is_flag = option[2:] in render_words.FLAGS
+                assert is_flag or option[2:] in render_words.VALUES, option
+                assert is_flag == bool(getattr(parameter, "is_flag", False)) or option[2:] in render_words.LOCAL_ONLY, option
+    cameras = [{"name": "left", "view": dict(WIDE.to_json())}, {"name": "right", "view": {**WIDE.to_json(), "fov": 20.0}}]
+    for words in (
+        ["--size=24x16", "--spp", "4", "--clamp=3", "--ambient", "1,2,3", "--env=sky:30,90", "--env-strength=2"],
+        ["--env", "1,1,1", "--camera=right", "--time-limit=2.5", "--light-groups=key,fill", "--integrator", "ao"],
+        ["--camera=1", "--eye=-1,0,5", "--distortion=brown,-0.2,0.05", "--noise=0.1", "--env=noon", "--max-depth=2"],
+    ):
+        wanted = Picture(parsed_options(words)).request(cameras)
+        found = render_words.request_fields(["scene.glb", *words, "-o", "a.png", "--overwrite"], cameras)
+        if "camera" in wanted:
+            wanted["camera"] = cameras[wanted["camera"]]["name"]
+        bodies = [JobIn(scene="x", **each).model_dump(mode="json") for each in (wanted, found)]
+        assert bodies[0] == bodies[1], words
+    for words, code in (
+        (["a.glb", "--eye=1,2"], "template-option-invalid"),
+        (["a.glb", "--size=2"], "template-option-invalid"),
+        (["a.glb", "--env=sky.exr"], "template-environment-file"),
+        (["a.glb", "--fov=2"], "template-view-unprepared"),
+        (["a.glb", "--gpu"], "template-option-local"),
+        (["a.glb", "--spp"], "template-option-empty"),
+        (["a.glb", "b.glb"], "template-scene-count"),
+    ):
+        with pytest.raises(SettingsError) as refused:
+            render_words.request_fields(words, None)
+        assert code_of(refused.value) == code
 
 
 def test_a_still_is_one_task(tmp_path: Path) -> None:
@@ -212,6 +282,21 @@ def test_requirements_become_needs(tmp_path: Path) -> None:
     template["steps"][0]["hostRequirements"] = {"amounts": [{"name": "amount.worker.memory", "min": 30518}]}
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
     assert read_template(tmp_path / "job.yaml").needs == ["memory_gb=32"]
+
+
+def test_frames_may_be_a_list(tmp_path: Path) -> None:
+    """A list of numbers and expressions, of which OpenJD's library returns some as texts."""
+    (tmp_path / "box.yaml").write_text("shapes: [{type: sphere}]\n")
+    template, _ = template_of([str(tmp_path / "box.yaml"), "-o", str(tmp_path / "a.#.png"), "--frames=5"], tmp_path)
+    space = template["steps"][0]["parameterSpace"]["taskParameterDefinitions"][0]
+    for given, frames in ((["1", "{{Param.Frames}}", 3], "1,3,5"), (["1", "{{Param.Scene}}"], None)):
+        space["range"] = given
+        (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
+        if frames is not None:
+            assert read_template(tmp_path / "job.yaml").frames == frames
+        else:
+            with pytest.raises(CommandError, match="no valid job template"):
+                read_template(tmp_path / "job.yaml")
 
 
 def test_a_scene_file_is_no_template(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -95,10 +95,14 @@ def pixel_key(x, y):
 
 @device
 def hash4(seed, pixel, sample, block):
-    """Returns four independent random uint32, hashed from four counters by pcg4d."""
+    """Returns four independent random uint32, hashed from four counters by pcg4d.
+
+    The block is hashed before: pcg4d's numbers are polynomials of a low degree in each counter, and those of the consecutive
+    blocks of one path are not jointly independent: delta tracking was 0.06 to 0.2 % too bright.
+    """
     x = _lcg(u32(pixel))
     y = _lcg(u32(sample))
-    z = _lcg(u32(block))
+    z = _lcg(_mix(u32(block)))
     w = _lcg(u32(seed))
     x = _mad(x, y, w)
     y = _mad(y, z, x)

@@ -128,6 +128,11 @@ class CeleryDispatcher:
         """Sends a request to explain how a pixel got its colour. Raises QueueError."""
         self._send(EXPLAIN, {"pixel": work.to_json()}, queue, work.message)
 
+    def queue_length(self, queue: str) -> int:
+        """Returns the number of messages in a queue that no worker has fetched yet. Raises redis.RedisError."""
+        length: Any = self._redis.llen(queue)
+        return int(length)
+
     def waiting_messages(self, queue: str) -> dict[str, bytes]:
         """Returns the messages in a queue that no worker has fetched yet, by id. Raises redis.RedisError."""
         found = {}

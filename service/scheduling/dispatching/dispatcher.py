@@ -1,6 +1,8 @@
 """Interface through which the service sends work to the workers' queues, and withdraws it.
 
-celery_dispatcher.py implements it with Celery. It is the only module of the service that constructs Celery messages.
+celery_dispatcher.py implements it with Celery. It is the only module of the service that constructs Celery messages. Workers over
+HTTPS need no implementation of their own: the service relays their Redis connections (protocol/channel.py), so their queues are
+those of any worker.
 """
 
 from __future__ import annotations
@@ -59,6 +61,9 @@ class Dispatcher(Protocol):
 
     def send_explain(self, work: ExplainPixel, queue: str) -> None:
         """Sends a request to explain how a pixel got its colour. Raises QueueError."""
+
+    def queue_length(self, queue: str) -> int:
+        """Returns the number of messages in a queue that no worker has fetched yet. Raises redis.RedisError."""
 
     def waiting_messages(self, queue: str) -> dict[str, bytes]:
         """Returns the messages in a queue that no worker has fetched yet, by id. Raises redis.RedisError."""

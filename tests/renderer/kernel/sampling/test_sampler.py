@@ -10,6 +10,7 @@ import pytest
 import scipy.stats
 
 from renderer.jit import entry
+from renderer.kernel.polynomial import log
 from renderer.kernel.sampling.sampler import INDEPENDENT, SOBOL, Stream, draw_film, opposite, pixel_key, uniform4
 from renderer.kernel.sampling.sobol import direction_numbers
 from tests.grids import grid
@@ -94,6 +95,38 @@ def test_sample_means_are_normally_distributed():
     for k in range(4):
         assert scipy.stats.kstest(means[:, k], "norm").pvalue > 0.0025
         assert scipy.stats.chi2.sf((means[:, k] ** 2).sum(), 4096) > 0.0025
+
+
+@entry
+def _passing(paths, majorant, real):
+    """Returns how many paths pass a slab of thickness 1 by delta tracking. real: the probability that a collision is real."""
+    passed = 0
+    for i in range(paths):
+        pixel, sample, block = np.uint32(i & 0xFFFF), np.uint32(i >> 16), np.uint32(1 << 30)
+        t, u = np.float32(0.0), uniform4(INDEPENDENT, np.uint32(7), pixel, sample, np.uint32(5))[0]
+        while True:
+            t -= log(np.float32(1.0) - u) / majorant
+            if t >= np.float32(1.0):
+                passed += 1
+                break
+            chance, u, _, _ = uniform4(INDEPENDENT, np.uint32(7), pixel, sample, block)
+            block = np.uint32(block + np.uint32(1))
+            if chance < real:
+                break
+    return passed
+
+
+@pytest.mark.long
+def test_blocks_of_a_path_are_jointly_independent():
+    """Delta tracking, which draws a block a collision, has the mean exp(-optical depth).
+
+    With unhashed block numbers it was 0.06 % too large, 5 times the standard error of this test.
+    """
+    paths, depth, majorant = 1 << 29, 2.0, 8.8
+    real = np.float32(depth / majorant)
+    expected = math.exp(-majorant * float(real))
+    passed = _passing(paths, np.float32(majorant), real)
+    assert abs(passed / paths - expected) < 4 * math.sqrt(expected * (1 - expected) / paths)
 
 
 @pytest.mark.parametrize("kind", [SOBOL, INDEPENDENT])

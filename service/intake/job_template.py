@@ -1,0 +1,268 @@
+"""Reading job templates of Open Job Description (OpenJD, specification 2023-09) whose tasks are calls of `rayfarm render`.
+
+The REST API and `rayfarm submit` share it. https://github.com/OpenJobDescription/openjd-specifications/wiki
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from itertools import islice
+from pathlib import Path, PurePath
+from typing import Any
+
+from renderer.errors import SettingsError
+from renderer.frames import MAX_FRAME, MAX_FRAMES, frames_text
+from renderer.sentences import Sentence
+
+__all__ = ["CHUNKING", "MIB_PER_GB", "TemplateCall", "has_model", "read_call"]
+
+CHUNKING = "TASK_CHUNKING"
+MIB_PER_GB = 1e9 / (1 << 20)
+MEMORY = "amount.worker.memory"  # MiB
+FRAME_OPTIONS = ("--frames", "--frame")
+MAX_MESSAGE = 600  # characters
+
+
+@dataclass(frozen=True)
+class TemplateCall:
+    """The call of `rayfarm render` that the tasks of a template make.
+
+    words: its command line after `rayfarm render`, without the option whose value is the task's frame. frames: of all tasks, as
+    --frames has them; None if the tasks have no parameter. needs: what workers must have, as the API's `needs`. name: the job's.
+    """
+
+    words: list[str]
+    frames: str | None = None
+    needs: list[str] = field(default_factory=list)
+    name: str = ""
+
+
+def has_model() -> bool:
+    """Returns True if the package openjd-model is installed, without which no template can be read."""
+    from importlib.util import find_spec
+
+    return find_spec("openjd") is not None and find_spec("openjd.model") is not None
+
+
+def read_call(document: Any, values: Mapping[str, Any], folder: Path, current: Path, free_paths: bool = False) -> TemplateCall:
+    """Returns the call that a template stands for. Reads no file.
+
+    document: contents of the template. values: of its job parameters, by name. folder, current: the template's folder and the
+    present one, by which relative paths are completed. free_paths: path parameters without default and value are not an error.
+    Raises SettingsError that names the part of the template for which a farm has no counterpart.
+    """
+    from openjd.model import create_job, decode_job_template, preprocess_job_parameters
+    from openjd.model._errors import DecodeValidationError
+
+    if not isinstance(document, dict):
+        raise _fault(Sentence("template-not-object", "this is no job template"))
+    given = dict(values)
+    try:
+        template = decode_job_template(template=document, supported_extensions=[CHUNKING])
+        if free_paths:
+            for each in template.parameterDefinitions or ():
+                if each.type.value == "PATH" and each.default is None:
+                    given.setdefault(str(each.name), str(each.name))
+        parameters = preprocess_job_parameters(
+            job_template=template, job_parameter_values=given, job_template_dir=folder, current_working_dir=current
+        )
+        job = create_job(job_template=template, job_parameter_values=parameters)
+    except (DecodeValidationError, ValueError, NotImplementedError, OverflowError) as error:
+        raise _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error))) from None
+    _check_parts(job)
+    step = job.steps[0]
+    symbols = _symbols(parameters)
+    definitions = step.parameterSpace.taskParameterDefinitions if step.parameterSpace else {}
+    names = list(definitions)
+    if len(names) > 1:
+        raise _fault(
+            Sentence(
+                "template-parameters-many",
+                "the task parameters {names} are not supported; one may be the frame",
+                names=[str(each) for each in names],
+            )
+        )
+    # The words of two tasks differ in the frame and in nothing else.
+    one, other = (_words(step.script.actions.onRun, symbols, names, frame) for frame in ("1", "2"))
+    words = _arguments(one)
+    frames = None
+    if names:
+        words = _without_frame(words, _arguments(other), str(names[0]))
+        frames = frames_text(_numbers(definitions[names[0]], str(names[0])))
+    return TemplateCall(words, frames, _needs(step.hostRequirements), str(job.name))
+
+
+def _fault(sentence: str) -> SettingsError:
+    return SettingsError(sentence, field="template")
+
+
+def _unsupported(part: str) -> SettingsError:
+    return _fault(
+        Sentence(
+            "template-part-unsupported",
+            "{part} is not supported. A farm takes templates of one step that calls `rayfarm render`",
+            part=part,
+        )
+    )
+
+
+def _one_line(error: Exception) -> str:
+    return "; ".join(line.strip() for line in str(error).splitlines() if line.strip())[:MAX_MESSAGE]
+
+
+def _check_parts(job: Any) -> None:
+    """Raises SettingsError for the first part of a job that a farm's shot cannot express."""
+    if len(job.steps) != 1:
+        raise _fault(
+            Sentence(
+                "template-steps-many",
+                "{count} steps are not supported. A farm takes templates of one step that calls `rayfarm render`",
+                count=len(job.steps),
+            )
+        )
+    step = job.steps[0]
+    for part, value in (
+        ("jobEnvironments", job.jobEnvironments),
+        ("dependencies", step.dependencies),
+        ("stepEnvironments", step.stepEnvironments),
+        ("embeddedFiles", step.script.embeddedFiles),
+        ("timeout", step.script.actions.onRun.timeout),
+    ):
+        if value:
+            raise _unsupported(part)
+
+
+def _symbols(parameters: Mapping[str, Any]) -> Any:
+    from openjd.model import SymbolTable
+
+    symbols = SymbolTable()
+    for name, each in parameters.items():
+        symbols[f"Param.{name}"] = symbols[f"RawParam.{name}"] = each.value
+    return symbols
+
+
+def _words(action: Any, symbols: Any, names: list[str], frame: str) -> list[str]:
+    """Returns the words that a task runs, with a frame number as the value of its task parameter."""
+    from openjd.model import FormatStringError, SymbolTable
+
+    table = SymbolTable(source=symbols)
+    for name in names:
+        table[f"Task.Param.{name}"] = table[f"Task.RawParam.{name}"] = frame
+    try:
+        return [str(each.resolve(symtab=table)) for each in (action.command, *(action.args or ()))]
+    except FormatStringError as error:
+        raise _fault(
+            Sentence(
+                "template-expression-unsupported",
+                "{error}: only job and task parameters are supported",
+                error=_one_line(error),
+            )
+        ) from None
+
+
+def _arguments(words: list[str]) -> list[str]:
+    """Returns the words after `rayfarm render` (or `python -m rayfarm render`)."""
+    program, rest = PurePath(words[0]).name, words[1:]
+    if program.startswith("python") and rest[:2] == ["-m", "rayfarm"]:
+        program, rest = "rayfarm", rest[2:]
+    if program.removesuffix(".exe") != "rayfarm" or rest[:1] != ["render"]:
+        raise _fault(
+            Sentence(
+                "template-command-unsupported",
+                "the command `{command}` is not supported; a farm runs `rayfarm render` alone",
+                command=" ".join(words[:3])[:200],
+            )
+        )
+    return rest[1:]
+
+
+def _without_frame(one: list[str], other: list[str], name: str) -> list[str]:
+    """Returns the words of two tasks without the option that has the frame. Raises SettingsError if they differ elsewhere."""
+    kept: list[str] = []
+    found = False
+    for word, second in zip(one, other, strict=True):
+        if word == second:
+            kept.append(word)
+            continue
+        option, equals, value = word.partition("=") if word.startswith("--") else (kept.pop() if kept else word, "=", word)
+        if option not in FRAME_OPTIONS or not equals or value != "1" or found:
+            raise _frame_elsewhere(name, option if option not in FRAME_OPTIONS else word)
+        found = True
+    if not found:
+        raise _frame_elsewhere(name, "--frames")
+    return kept
+
+
+def _frame_elsewhere(name: str, option: str) -> SettingsError:
+    return _fault(
+        Sentence(
+            "template-frame-elsewhere",
+            "the task parameter {name} is in {option}; it must be the value of --frames alone",
+            name=name,
+            option=option[:60],
+        )
+    )
+
+
+def _numbers(definition: Any, name: str) -> list[float]:
+    """Returns the frames of all tasks, from the only task parameter of a step. Stops at the most that a shot may have."""
+    if definition.type.value not in ("INT", "CHUNK[INT]"):
+        raise _fault(
+            Sentence(
+                "template-parameter-type",
+                "the task parameter {name} is of the type {kind}; frames are INT",
+                name=name,
+                kind=definition.type.value,
+            )
+        )
+    numbers: Iterable[Any] = definition.range
+    try:
+        found = [int(number) for number in islice(numbers, MAX_FRAMES + 1)]  # some of a list stay texts
+    except ValueError as error:
+        raise _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error))) from None
+    if len(found) > MAX_FRAMES:
+        raise _fault(
+            Sentence("template-frames-many", "it has more than {most} frames. Split them into several jobs", most=MAX_FRAMES)
+        )
+    if min(found) < 0:
+        raise _fault(
+            Sentence(
+                "template-frame-negative",
+                "it has the frame {frame}; a farm's frames begin at 0",
+                frame=str(min(found))[:20],
+            )
+        )
+    if max(found) > MAX_FRAME:
+        raise _fault(
+            Sentence(
+                "frame-invalid",
+                "{frame} is not a frame; give a number from 0 to {most}, in steps of a half",
+                frame=str(max(found))[:20],
+                most=MAX_FRAME,
+            )
+        )
+    return [float(number) for number in found]
+
+
+def _needs(requirements: Any) -> list[str]:
+    """Returns what a farm's workers must have, from a step's hostRequirements."""
+    if requirements is None:
+        return []
+    names = [str(each.name) for each in requirements.attributes or ()]
+    needs = []
+    for each in requirements.amounts or ():
+        if str(each.name) == MEMORY and each.min is not None and each.max is None:
+            needs.append(f"memory_gb={float(each.min) / MIB_PER_GB:.4g}")
+        else:
+            names.append(str(each.name))
+    if names:
+        raise _fault(
+            Sentence(
+                "template-requirement-unsupported",
+                "the requirement {name} is not supported; a minimum of {memory} is",
+                name=names[0],
+                memory=MEMORY,
+            )
+        )
+    return needs

@@ -1,0 +1,28 @@
+"""Request for a job by a job template of Open Job Description."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field
+
+from service.models.queue import QueueOptionsIn
+
+__all__ = ["TemplateIn"]
+
+Parameters = dict[Annotated[str, Field(max_length=64)], Annotated[str, Field(max_length=1024)] | int | float]
+
+
+class TemplateIn(QueueOptionsIn):
+    """A job template whose tasks call `rayfarm render`, and the uploaded scene that it renders."""
+
+    scene: str = Field(description="a scene's id; the path of the template's scene is not read", max_length=100)
+    template: dict[str, Any] = Field(description="a template of the specification 2023-09, as JSON")
+    parameters: Parameters = Field(
+        default_factory=dict, max_length=50, description="of the template, by name, as Frames: 1-250:5"
+    )
+    environment: str | None = Field(
+        None, max_length=100, description="an uploaded environment's id, in place of the file that the template names by --env"
+    )
+    priority: int = Field(0, ge=-100, le=100, description="higher is sooner")
+    fresh: bool = Field(False, description="rendered from the first sample, whatever earlier jobs have of the same picture")
