@@ -109,17 +109,17 @@ def test_both_backends_have_the_same_bits(name: str, monkeypatch: pytest.MonkeyP
 
 @pytest.mark.long
 def test_planes_equal_renderings_of_their_lobes_alone() -> None:
-    """Diffuse light is that of a base without microfacets' share; a black base leaves the glossy light; direct is max_depth 2."""
+    """Diffuse light is proportional to the base colour, and glossy light does not depend on it; with max_depth 2 it is direct."""
     spp = 512
 
-    def picture(base: float, **more: object) -> Sums:
+    def picture(base: float) -> Sums:
         found = room(
             Material(kind="metallic_roughness", base_color=gray(base), metallic=0.0, roughness=0.3),
             environment=Environment(gray(0.4)),
         )
         found.materials[1] = Material(base_color=gray(0.0))  # the ball sees the lamp and the sky only
         found.lights = [Light("point", (3.0, 3.0, 3.0), (4.0, 4.0, 4.0))]
-        return render_frame(compile_scene(found), replace(SETTINGS, max_depth=2, **more), spp)
+        return render_frame(compile_scene(found), replace(SETTINGS, max_depth=2), spp)
 
     grey, black = _by_path(picture(0.6)), picture(0.0)
     ball = black[film.MATERIAL] == 1
@@ -128,10 +128,11 @@ def test_planes_equal_renderings_of_their_lobes_alone() -> None:
     assert not of_black["diffuse_direct"][:, ball].any()
     ours, theirs = (each["glossy_direct"][:, ball].mean() for each in (grey, of_black))
     assert abs(ours / theirs - 1) < 0.02
-    brighter = _by_path(picture(0.3))
-    ours, theirs = (each["diffuse_direct"][:, ball].mean() for each in (grey, brighter))
+    darker = _by_path(picture(0.3))
+    ours, theirs = (each["diffuse_direct"][:, ball].mean() for each in (grey, darker))
     assert abs(ours / theirs / 2 - 1) < 0.02
-    assert not any(grey[name].any() for name in LIGHT_PATHS if name.endswith("_indirect"))
+    indirect = sum(plane.sum() for name, plane in grey.items() if name.endswith("_indirect"))
+    assert indirect < 0.01 * sum(plane.sum() for plane in grey.values())  # of rays that hit their own facet again
 
 
 @pytest.mark.long
