@@ -138,9 +138,7 @@ GUIDING = Choices(
 LIGHT_PATH_CHOICES = Choices(
     {
         "off": SettingTexts("Off", "The picture alone, with its other planes."),
-        "on": SettingTexts(
-            "On", "Ten images more, which add up to the picture: DiffDir, GlossInd and so on."
-        ),
+        "on": SettingTexts("On", "Ten images more, which add up to the picture: DiffDir, GlossInd and so on."),
     }
 )
 MAX_CAUSTIC_TRIALS = 4096  # walks that estimate the probability of one: renderer/kernel/manifold/estimate.py

@@ -150,9 +150,10 @@ def test_light_paths_setting_and_its_planes() -> None:
     assert RenderSettings.from_json(SETTINGS.to_json()) == SETTINGS
     assert "light_paths" not in replace(SETTINGS, light_paths="off").to_json()  # an older worker can render it
     assert not render.is_for_cards(SETTINGS)
-    for wrong in ({"integrator": "ao"}, {"caustics": "on"}):
-        with pytest.raises(SettingsError, match="light_paths"):
-            replace(SETTINGS, **wrong)
+    with pytest.raises(SettingsError, match="light_paths"):
+        replace(SETTINGS, integrator="ao")
+    with pytest.raises(SettingsError, match="light_paths"):
+        replace(SETTINGS, caustics="on")
     planes = light_planes("key", "on")
     assert planes == ("key", "rest", *(f"path:{name}" for name in LIGHT_PATHS))
     assert aovs.parse_names(["path:glossy_direct", "lights"], planes) == ["path:glossy_direct", "light:key", "light:rest"]
