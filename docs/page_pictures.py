@@ -1,7 +1,8 @@
-"""Takes the screenshots of the page for README.md and animation.md, while a farm renders.
+"""Takes the screenshots of the page for README.md and the guides, while a farm renders.
 
     python3 farm.py up                           in one terminal
     python3 farm.py page-pictures                in another: some minutes, since each waits until there is something to see
+    python3 farm.py page-pictures first-steps    those of docs/first-steps.md alone, with a farm that is empty
     python3 farm.py page-pictures tour -o out    every page at three widths, light and dark, for inspection
 
 It drives Debian's Chromium, as the tests do, and submits its jobs through the page as a user does.
@@ -32,22 +33,29 @@ FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use
 PATIENCE_S = 3600
 SETTLE_MS = 3000
 WIDTHS = {375: 800, 1440: 900, 2560: 1300}
-TOUR, RECORDING = "tour", "recording"
+TOUR, RECORDING, FIRST_STEPS = "tour", "recording", "first-steps"
+SMALL = {"width": 1200, "height": 750}
+# As if a file were dragged over the page, whose drop area then covers it.
+DRAG_OVER = """() => {
+  const dragged = new DataTransfer();
+  dragged.items.add(new File(["x"], "truck.glb"));
+  dispatchEvent(new DragEvent("dragover", { dataTransfer: dragged, bubbles: true, cancelable: true }));
+}"""
 RECORDED_S = 9.0  # a third turning, the rest converging
 
 
 def main() -> None:
     """Parses the command line, and takes the pictures that it requests."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    known = ", ".join([*TAKEN, RECORDING])
+    known = ", ".join([*TAKEN, RECORDING, FIRST_STEPS])
     parser.add_argument("names", nargs="*", metavar="name", help=f"{known}; all unless told; or {TOUR}")
     parser.add_argument("-o", "--output", type=Path, default=PICTURES, help="docs/pictures unless told")
     parser.add_argument("--server", default="http://127.0.0.1:8000", help="the farm's address")
     parser.add_argument("--job", help="of one picture: a job that is there, in place of a new one")
     options = parser.parse_args()
-    names = options.names or [*TAKEN, RECORDING]
-    if not set(names) <= {*TAKEN, RECORDING, TOUR} or (options.job and len(names) > 1):
-        parser.error(f"pictures are {', '.join([*TAKEN, RECORDING, TOUR])}; --job is of one of them")
+    names = options.names or [*TAKEN, RECORDING, FIRST_STEPS]
+    if not set(names) <= {*TAKEN, *OTHERS} or (options.job and len(names) > 1):
+        parser.error(f"pictures are {', '.join([*TAKEN, *OTHERS])}; --job is of one of them")
     options.output.mkdir(parents=True, exist_ok=True)
     browser = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
     if browser is None:
@@ -55,8 +63,8 @@ def main() -> None:
     with sync_playwright() as playwright:
         chromium = playwright.chromium.launch(executable_path=browser, args=FLAGS)
         for name in names:
-            if name in (TOUR, RECORDING):
-                (_tour if name == TOUR else _record)(chromium, options.server, options.output)
+            if name in OTHERS:
+                OTHERS[name](chromium, options.server, options.output)
                 continue
             request, enough, pose = TAKEN[name]
             job = options.job or _job_id(options.server, **request)
@@ -121,6 +129,75 @@ def _record(chromium: Browser, server: str, folder: Path) -> None:
     images = [image for _, image in frames]
     images[0].save(path, save_all=True, append_images=images[1:], duration=durations, loop=0, quality=70, method=4)
     print(f"{path.name}: {len(frames)} pictures, {path.stat().st_size / 1024:.0f} kB", flush=True)
+
+
+def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
+    """Walks on an empty farm from its first page to a shared picture, as first-steps.md does; saves a picture of each step."""
+    page = chromium.new_page(viewport=SMALL, color_scheme="light", reduced_motion="reduce")
+    page.goto(server)
+    page.get_by_text("Examples", exact=True).wait_for()
+    page.wait_for_timeout(SETTLE_MS)
+    _save(page, folder, "start")
+    page.evaluate(DRAG_OVER)
+    page.wait_for_timeout(200)
+    _save(page, folder, "drop", height=520)
+    page.goto(f"{server}/#/scenes/{_scene(server, 'spheres')}")
+    page.reload()  # without the file that is dragged
+    view = page.locator(".live-view canvas:not(.mesh)").first
+    view.wait_for()
+    page.wait_for_timeout(5 * SETTLE_MS)
+    box = view.bounding_box()
+    assert box is not None
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 60, y - 30, steps=4)
+    page.mouse.up()
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(7 * SETTLE_MS)
+    _save(page, folder, "look")
+    page.get_by_text("Studio", exact=True).click()
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(7 * SETTLE_MS)
+    _save(page, folder, "light")
+    page.get_by_text("Good", exact=True).click()
+    page.wait_for_timeout(SETTLE_MS)
+    _save(page, folder, "settings", left=800, width=400)
+    page.get_by_role("button", name="Render", exact=True).first.click()
+    page.wait_for_url("**/#/jobs/*")
+    job = page.url.rsplit("/", 1)[-1].partition("?")[0]
+    _wait_for_samples(server, job, 0.15)
+    page.wait_for_timeout(SETTLE_MS)
+    _save(page, folder, "grow")
+    _wait_for_samples(server, job, 1.0)
+    page.wait_for_timeout(SETTLE_MS)
+    page.get_by_role("tab", name="Save").click()
+    page.wait_for_timeout(SETTLE_MS)
+    _save(page, folder, "save")
+    page.get_by_role("tab", name="Notes").click()
+    page.get_by_label("Your name").fill("Ben")
+    page.wait_for_timeout(SETTLE_MS)
+    stage = page.locator(".stage-box").bounding_box()
+    assert stage is not None
+    page.get_by_role("button", name="Add note").click()
+    page.mouse.click(stage["x"] + 0.5 * stage["width"], stage["y"] + 0.35 * stage["height"])
+    page.get_by_label("New note", exact=True).fill("Lovely glass. A softer lamp?")
+    page.get_by_role("button", name="Save note").click()
+    page.locator(".note-thread").first.wait_for()
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(SETTLE_MS)
+    _save(page, folder, "share")
+    page.close()
+
+
+def _save(page: Page, folder: Path, step: str, *, left: int = 0, width: int = 0, height: int = 0) -> None:
+    """Saves a part of what a page shows as the picture of a step; without `width` or `height` up to the edge."""
+    picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
+    picture = picture.crop((left, 0, left + width if width else picture.width, height or picture.height))
+    path = folder / FIRST_STEPS / f"{step}.webp"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    picture.save(path, quality=82, method=6)
+    print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
 
 
 def _scene(server: str, example: str) -> str:
@@ -217,6 +294,8 @@ TAKEN = {
         _shot,
     ),
 }
+
+OTHERS = {TOUR: _tour, RECORDING: _record, FIRST_STEPS: _first_steps}
 
 if __name__ == "__main__":
     main()

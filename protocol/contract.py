@@ -72,7 +72,8 @@ WORKER_KEYS = "rayfarm:worker:*"
 HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
-_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport")  # fields of reports, omitted if they have the default
+# Fields of reports that are omitted if they have the default.
+_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport", "denoises_views")
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
@@ -407,6 +408,7 @@ class WorkerReport:
     several: bool = False  # whether it takes several batches in one message
     views: bool = False  # whether it renders interactive views (protocol.view_parts)
     explains: bool = False  # whether it explains pixels (protocol.explained)
+    denoises_views: bool = False  # whether it denoises interactive views
     adds: bool = False  # whether its slots share a tile, and add up its sums (protocol.joint)
     in_hand: list[str] = field(default_factory=list)  # messages of which something waits on the machine, beside `current`
     # Graphics cards with which slots render: {number, name, memory: bytes, capability: "8.6", slot, samples_per_s}

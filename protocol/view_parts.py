@@ -2,6 +2,7 @@
 
 service --- Celery task RENDER_VIEW --> worker     ViewParts, in a queue that slots serve before all others
 service --- Celery task VIEW_FRAME ---> worker     ViewFrame, in the same queue
+service --- Celery task DENOISE_VIEW -> worker     ViewDenoise, in the same queue; the worker fetches the picture by HTTP
 service --- key view_key(watch) ------> worker     the number of the current view; without the key nothing is viewed
 worker ---- list VIEW_ANSWERS --------> service    ViewAnswer; the list expires if no service reads it
 
@@ -20,6 +21,7 @@ from renderer.settings import RenderSettings, Tile
 
 __all__ = [
     "ANSWERS_TTL_S",
+    "DENOISE_VIEW",
     "MAX_ANSWERS",
     "RENDER_VIEW",
     "VIEW_ANSWERS",
@@ -27,6 +29,7 @@ __all__ = [
     "VIEW_QUEUES",
     "Part",
     "ViewAnswer",
+    "ViewDenoise",
     "ViewFrame",
     "ViewParts",
     "view_key",
@@ -35,6 +38,7 @@ __all__ = [
 
 RENDER_VIEW = "rayfarm.render_view"
 VIEW_FRAME = "rayfarm.view_frame"
+DENOISE_VIEW = "rayfarm.denoise_view"
 VIEW_ANSWERS = "rayfarm:view-answers"
 VIEW_QUEUES = "rayfarm.view."
 ANSWERS_TTL_S = 20
@@ -80,11 +84,13 @@ class ViewParts:
     settings: RenderSettings
     parts: list[Part]
     is_whole: bool = False  # whether all planes are wanted, and not colour and samples alone
+    has_guides: bool = False  # whether albedo and normal are wanted, too, which guide a denoiser
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the message as JSON data for Celery."""
+        """Returns the message as JSON data for Celery; without guides, as in earlier releases."""
         parts = [[part.number, list(part.tile), part.first, part.count] for part in self.parts]
-        return {**vars(self), "settings": self.settings.to_json(), "parts": parts}
+        fields = {name: value for name, value in vars(self).items() if value or name != "has_guides"}
+        return {**fields, "settings": self.settings.to_json(), "parts": parts}
 
     @classmethod
     def from_json(cls, data: dict[str, Any]) -> ViewParts:
@@ -94,6 +100,7 @@ class ViewParts:
             settings=RenderSettings.from_json(data["settings"]),
             parts=[Part(number, Tile(*tile), first, count) for number, tile, first, count in data["parts"]],
             is_whole=bool(data.get("is_whole")),
+            has_guides=bool(data.get("has_guides")),
         )
 
 
@@ -120,6 +127,30 @@ class ViewFrame:
 
 
 @dataclass(frozen=True)
+class ViewDenoise:
+    """Request to denoise a live view's picture of width x height pixels.
+
+    The worker downloads it from /api/farm/views/{message}: mean colour, albedo and normal, one after another, each
+    (height, width, 3) float32 little-endian.
+    """
+
+    message: str
+    watch: str
+    view: int
+    width: int
+    height: int
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the message as JSON data for Celery."""
+        return dict(vars(self))
+
+    @classmethod
+    def from_json(cls, data: dict[str, Any]) -> ViewDenoise:
+        """Parses the JSON data from `to_json`. Raises KeyError, ValueError or TypeError."""
+        return cls(data["message"], data["watch"], int(data["view"]), int(data["width"]), int(data["height"]))
+
+
+@dataclass(frozen=True)
 class ViewAnswer:
     """A worker's answer to a view message. Values of `type`, each with its fields:
 
@@ -127,6 +158,7 @@ class ViewAnswer:
     compiling  the worker is compiling its kernel, which may take minutes: message, worker
     part       a part is rendered: number, seconds, with the sums attached
     frame      a frame is prepared: frame, info (FrameInfo)
+    denoised   the picture is denoised, with its RGB9E5 words attached, rows from the top
     over       the message is finished: every part is answered or outdated
     failed     the message cannot be processed: error (a sentence)
     returned   sent back because of a fault of the worker, to be sent again: error; unfit: must be sent to another worker

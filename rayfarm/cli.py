@@ -21,46 +21,29 @@ from renderer.printable import LogRecord
 
 __all__ = ["COMMANDS", "main"]
 
-# In the order of the help. A command's module has its name.
-COMMANDS = (
-    "up",
-    "worker",
-    "site",
-    "render",
-    "husk",
-    "submit",
-    "openjd",
-    "dataset",
-    "jobs",
-    "workers",
-    "shares",
-    "watch",
-    "notes",
-    "mcp",
-    "user",
-    "project",
-    "quota",
-    "token",
-    "info",
-    "ocio",
-    "compare",
-    "blender_addon",
-    "backup",
-    "doctor",
-    "gc",
-    "bench",
-)
+# Commands by what they are for, in the order of the help. A command's module has its name.
+GROUPS = {
+    "Render": ("render", "submit", "watch", "jobs", "notes", "info", "dataset", "ocio"),
+    "Run a farm": ("up", "worker", "workers", "shares", "site"),
+    "Keep it well": ("doctor", "backup", "gc", "bench"),
+    "Let people in": ("user", "token", "project", "quota"),
+    "Work with other programs": ("blender_addon", "husk", "openjd", "mcp", "compare"),
+}
+COMMANDS = tuple(name for names in GROUPS.values() for name in names)
 SHARED_MODULES = {"restore": "backup"}  # commands defined in another command's module
 
 HELP = """A render farm that starts with one command.
 
-[bold]On this machine[/bold]   rayfarm up                                the farm and its page
-[bold]On another[/bold]        rayfarm worker --join URL                 adds its cores to the farm
-[bold]Without a farm[/bold]    rayfarm render scene.glb -o out.png       in this process
-[bold]With one[/bold]          rayfarm submit scene.glb --wait -o out.exr
-[bold]To watch it[/bold]       rayfarm watch                             in the terminal
-[bold]To keep it[/bold]        rayfarm backup /mnt/nas/rayfarm           even while it runs
-[bold]Trouble?[/bold]          rayfarm doctor                            what is wrong here, in sentences
+[bold]Examples[/bold]
+
+  rayfarm up                              start a farm here, and its page
+  rayfarm worker --join URL               add this machine to a farm
+  rayfarm render scene.glb -o out.png     render here, without a farm
+  rayfarm submit scene.glb -o out.exr     render on the farm
+  rayfarm watch                           see the newest job grow
+  rayfarm doctor                          find out what is wrong
+
+`rayfarm COMMAND --help` has the examples of a command. A running farm shows its guides at /docs/guides/ of its page.
 """
 
 
@@ -78,6 +61,14 @@ def _program(commands: Iterable[str]) -> typer.Typer:
     for name in commands:
         import_module(f"rayfarm.commands.{name}").register(app)
     return app
+
+
+def _set_panels(program: Any) -> None:
+    """Shows the commands of each group in a panel of its own."""
+    modules = {name: SHARED_MODULES.get(name, name.replace("-", "_")) for name in program.commands}
+    panels = {name: panel for panel, names in GROUPS.items() for name in names}
+    for name, command in program.commands.items():
+        command.rich_help_panel = panels[modules[name]]
 
 
 def _refuse_nan_and_infinity(command: Any) -> None:
@@ -129,6 +120,7 @@ def main() -> None:
         command = typer.main.get_command(_program(_commands_to_import()))
         _refuse_nan_and_infinity(command)
         set_help_format(command)
+        _set_panels(command)
         command()
     except RayfarmError as error:
         if os.environ.get("RAYFARM_DEBUG"):

@@ -243,12 +243,12 @@ class Client:
                 return found
         raise ClientError(f"The job {job} is not finished after {timeout_s:.0f} s; it goes on at {self.url}.")
 
-    def frames(self, job: str) -> list[Frame]:
-        """Returns all frames of a job.
+    def frames(self, job: str, **query: Any) -> list[Frame]:
+        """Returns the frames of a job, in order; all of them without a query: state, limit, offset.
 
         [frame.number for frame in farm.frames(job.id) if frame.state == "failed"]
         """
-        return self._list(Frame, f"/api/jobs/{_id(job)}/frames")
+        return self._list(Frame, f"/api/jobs/{_id(job)}/frames", **query)
 
     def movie(self, job: str, format: str = "mp4", **query: Any) -> bytes:
         """Returns the frames that have samples as a movie: mp4, webm or webp. query: frames, fps, width, exposure, tonemap.

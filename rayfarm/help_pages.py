@@ -1,4 +1,4 @@
-"""Formats `--help`: refills paragraphs, shows arguments in capitals, and omits types of flags."""
+"""Formats `--help`: moves examples to the top, refills paragraphs, shows arguments in capitals, and omits types of flags."""
 
 from __future__ import annotations
 
@@ -58,8 +58,10 @@ def _value(text_of: Callable[[Any], str | None]) -> Callable[[Any], str | None]:
 
 
 def _join_paragraph_lines(text: str) -> str:
-    """Joins the lines of each paragraph. Indented text, and the table of the first page, are unchanged."""
-    return "\n\n".join(_paragraph(each) for each in inspect.cleandoc(text).split("\n\n"))
+    """Joins the lines of each paragraph. Indented text is unchanged. Examples follow the first paragraph."""
+    first, *others = inspect.cleandoc(text).split("\n\n")
+    at = next((i for i, each in enumerate(others) if each.startswith("[bold]Example")), 0)
+    return "\n\n".join(_paragraph(each) for each in (first, *others[at : at + 2], *others[:at], *others[at + 2 :]))
 
 
 def _paragraph(text: str) -> str:

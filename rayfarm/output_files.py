@@ -8,8 +8,19 @@ import tempfile
 from pathlib import Path
 
 from rayfarm.errors import CommandError
+from renderer.errors import SettingsError
 
-__all__ = ["check_writable", "write"]
+__all__ = ["check_still_size", "check_writable", "write"]
+
+
+def check_still_size(output: Path, width: int, height: int) -> None:
+    """Raises CommandError if a picture of this size, in pixels, is too small for the file's format."""
+    from renderer.image.hdr_still import check_size
+
+    try:
+        check_size(output.suffix.lower().lstrip("."), width, height)
+    except SettingsError as error:
+        raise CommandError(str(error)) from None
 
 
 def check_writable(output: Path) -> None:

@@ -14,7 +14,7 @@ from rayfarm import options
 from rayfarm.console import bar, err
 from rayfarm.errors import CommandError
 from rayfarm.frame import PictureOrder, camera_options, moment_options, motion_of, render_to, report_bad_samples, statistics
-from rayfarm.output_files import check_writable
+from rayfarm.output_files import check_still_size, check_writable
 from rayfarm.reading import ConfinedScene
 from rayfarm.rendering import Clock, Show
 from rayfarm.strict import refuse_warnings
@@ -171,6 +171,7 @@ def _render(
             reported.add(warning)
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
+    check_still_size(shot.file(frame), settings.width, settings.height)
     warm_up(settings, variant_for(settings, compiled), prepares=False)
     clock.end_step("compile_s")
     hold = partial(steadying.add_frame, frame) if is_held else None

@@ -15,7 +15,7 @@ from renderer.errors import SettingsError
 from renderer.library_messages import library_message
 from renderer.sentences import Sentence
 
-__all__ = ["DenoisedPicture", "denoise", "denoise_preview", "denoise_with_guides", "is_available"]
+__all__ = ["DenoisedPicture", "denoise", "denoise_fast", "denoise_preview", "denoise_with_guides", "is_available"]
 
 F32 = npt.NDArray[np.float32]
 _RANGE = np.float32(1e6)  # clamps radiance to half precision's range; infinities would spread
@@ -39,14 +39,21 @@ def denoise(color: F32, albedo: F32, normal: F32, threads: int | None = None) ->
     return denoise_with_guides(color, albedo, normal, threads).color
 
 
+def denoise_fast(color: F32, albedo: F32, normal: F32, threads: int | None = None) -> F32:
+    """Returns a denoised image in a third of the time of `denoise`: the guides are not denoised first, so edges are less sharp.
+
+    threads: None for all cores. Raises SettingsError if Open Image Denoise is not installed or fails.
+    """
+    return _denoise(color, albedo, normal, threads or 0, guides_first=False).color
+
+
 def denoise_preview(color: F32, albedo: F32, normal: F32) -> F32:
     """Returns a denoised preview of a small image of few samples, computed in one thread.
 
-    The guides are used without denoising them first: edges are less sharp than with `denoise_with_guides`, in a third of the
-    time. Returns the image unchanged if Open Image Denoise is not installed or fails.
+    Returns the image unchanged if Open Image Denoise is not installed or fails. See `denoise_fast`.
     """
     try:
-        return _denoise(color, albedo, normal, 1, guides_first=False).color
+        return denoise_fast(color, albedo, normal, 1)
     except SettingsError:
         return color
 

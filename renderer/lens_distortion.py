@@ -73,6 +73,11 @@ class LensDistortion:
             )
         return cls(given["model"], given.get("coefficients", ()))
 
+    @property
+    def is_rational(self) -> bool:
+        """Returns True if the model is brown with a denominator: with one of k4, k5 and k6."""
+        return self.model == "brown" and any(self.coefficients[5:])
+
     def to_json(self) -> dict[str, Any]:
         """Returns a JSON-ready dict for `parse`."""
         return {"model": self.model, "coefficients": list(self.coefficients)}

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from renderer.arrays import rows
 from renderer.kernel.camera import axes_of
 from renderer.luminance import luminance
-from renderer.render import pixel_samples, replay
+from renderer.render import pixel_range_sums, pixel_samples, replay
 from renderer.replay import Replay, Vertex
 from renderer.scene.compiled import CompiledScene
 from renderer.settings import RenderSettings, Vec3, View
@@ -24,11 +26,14 @@ __all__ = [
     "PixelPaths",
     "ProjectedPoint",
     "bounce_of",
+    "brightest_of_ranges",
     "pixel_paths",
     "projected_point",
 ]
 
-MOST_SAMPLES = 4096  # the number of first samples that are examined
+MOST_SAMPLES = 16384  # the number of first samples that are examined
+MOST_SINGLE = 1024  # the number of first samples that are rendered one by one, for the median
+RANGE = 64  # later samples are rendered in ranges of this size, of which only the brightest are split
 
 Choice = Literal["first", "median", "brightest", "asked"]
 Bounce = Literal["reflected", "transmitted"]
@@ -78,26 +83,70 @@ def pixel_paths(
 ) -> PixelPaths:
     """Renders a pixel's first `count` samples (at most MOST_SAMPLES); returns their sum, and the paths of some of them.
 
-    These are the first sample, and those of median and of greatest brightness. sample_number: the number of a further sample
-    whose path is returned; it need not be below `count`. Raises SettingsError if the pixel or the sample is out of range.
+    These are the first sample, that of median brightness among the first MOST_SINGLE, and the brightest of all. sample_number:
+    the number of a further sample whose path is returned; it need not be below `count`. Raises SettingsError if the pixel or the
+    sample is out of range.
     """
     count = min(count, MOST_SAMPLES)
-    values, is_finite = pixel_samples(scene, settings, x, y, count)
+    single = min(count, MOST_SINGLE)
+    values, is_finite = pixel_samples(scene, settings, x, y, single)
+    ranges = [(first, min(RANGE, count - first)) for first in range(single, count, RANGE)]
+    sums, finite = pixel_range_sums(scene, settings, x, y, ranges)
     chosen: dict[int, list[Choice]] = {}
     if sample_number is not None:
         chosen[sample_number] = ["asked"]
     chosen.setdefault(0, []).append("first")
     if count > 0:
-        light = np.where(is_finite, luminance(values), np.inf)  # non-finite samples count as brightest: users look for them
+        light = _brightness(values, is_finite)
         order = np.argsort(light, kind="stable")
-        chosen.setdefault(int(order[(count - 1) // 2]), []).append("median")
-        chosen.setdefault(int(order[-1]), []).append("brightest")
+        chosen.setdefault(int(order[(single - 1) // 2]), []).append("median")
+        bounds = _brightness(sums, finite == [samples for _, samples in ranges])
+        brightest = brightest_of_ranges(
+            (int(order[-1]), float(light[order[-1]])),
+            [(first, samples, float(bound)) for (first, samples), bound in zip(ranges, bounds, strict=True)],
+            lambda first, samples: _brightness(*_single_samples(scene, settings, x, y, first, samples)),
+        )
+        chosen.setdefault(brightest, []).append("brightest")
     paths = []
     for sample, roles in chosen.items():
         found = replay(scene, settings, x, y, sample)
         paths.append(PixelPath(roles, sample, found, *_project_path(settings, found)))
-    red, green, blue = (int(v) for v in values.sum(0))
-    return PixelPaths(count, (red, green, blue), int(is_finite.sum()), paths)
+    red, green, blue = (int(v) for v in values.sum(0) + sums.sum(0))
+    return PixelPaths(count, (red, green, blue), int(is_finite.sum() + finite.sum()), paths)
+
+
+def brightest_of_ranges(
+    known: tuple[int, float],
+    ranges: Sequence[tuple[int, int, float]],
+    light_of: Callable[[int, int], npt.NDArray[np.float64]],
+) -> int:
+    """Returns the number of the brightest sample among a known one and those of several ranges.
+
+    Samples are not darker than 0, so none is brighter than its range, and only ranges brighter than the brightest known sample
+    are split. known: number and brightness of a sample. ranges: first sample, count, brightness of the sum. light_of: returns the
+    brightness of each sample of a range, (count,).
+    """
+    sample, most = known
+    for first, count, bound in sorted(ranges, key=lambda each: -each[2]):
+        if bound <= most:
+            break
+        light = light_of(first, count)
+        at = int(np.argmax(light))
+        if light[at] > most:
+            sample, most = first + at, float(light[at])
+    return sample
+
+
+def _single_samples(
+    scene: CompiledScene, settings: RenderSettings, x: int, y: int, first: int, count: int
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
+    values, finite = pixel_range_sums(scene, settings, x, y, [(first + i, 1) for i in range(count)])
+    return values, finite == 1
+
+
+def _brightness(values: npt.NDArray[np.int64], is_finite: npt.NDArray[np.bool_]) -> npt.NDArray[np.float64]:
+    """Returns the luminance of (n, 3) colours; infinite where a sample was not finite: users look for these."""
+    return np.where(is_finite, luminance(values), np.inf)
 
 
 def bounce_of(vertex: Vertex, following: Vertex | None) -> Bounce | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 
@@ -60,6 +60,7 @@ __all__ = [
     "is_warm",
     "kernel_name",
     "load_preparing",
+    "pixel_range_sums",
     "pixel_samples",
     "render_batch",
     "render_frame",
@@ -313,14 +314,26 @@ def pixel_samples(
     Colours: (count, 3) integers in the film's fixed point; finite: (count,) bool. Raises SettingsError if the pixel is not in the
     image.
     """
+    values, finite = pixel_range_sums(scene, settings, x, y, [(sample, 1) for sample in range(count)])
+    return values, finite == 1
+
+
+def pixel_range_sums(
+    scene: CompiledScene, settings: RenderSettings, x: int, y: int, ranges: Sequence[tuple[int, int]]
+) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]:
+    """Renders ranges of a pixel's samples; returns (the sum of each range's colours, its number of finite samples).
+
+    ranges: n times (first sample, count). Sums: (n, 3) integers in the film's fixed point, without samples that are not finite.
+    Finite: (n,). Raises SettingsError if the pixel is not in the image.
+    """
     _check_pixel(settings, x, y)
     settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0)
     prepared = _prepared(scene, settings)
-    values, is_finite = np.zeros((count, 3), np.int64), np.zeros(count, np.bool_)
-    for sample in range(count):
-        sums = _render(prepared, settings, Tile(x, y, 1, 1), sample, 1)[0].sums
-        values[sample], is_finite[sample] = sums[COLOR, 0, 0], sums[SAMPLES, 0, 0] == 1
-    return values, is_finite
+    values, finite = np.zeros((len(ranges), 3), np.int64), np.zeros(len(ranges), np.int64)
+    for i, (first, count) in enumerate(ranges):
+        sums = _render(prepared, settings, Tile(x, y, 1, 1), first, count)[0].sums
+        values[i], finite[i] = sums[COLOR, 0, 0], sums[SAMPLES, 0, 0]
+    return values, finite
 
 
 def _check_pixel(settings: RenderSettings, x: int, y: int) -> None:

@@ -27,7 +27,7 @@ from protocol.contract import (
 )
 from protocol.explained import EXPLAIN, ExplainPixel
 from protocol.joint import HELP, RENDER_JOINTLY, JointBatch
-from protocol.view_parts import RENDER_VIEW, VIEW_FRAME, ViewFrame, ViewParts
+from protocol.view_parts import DENOISE_VIEW, RENDER_VIEW, VIEW_FRAME, ViewDenoise, ViewFrame, ViewParts
 from renderer.errors import RayfarmError
 from renderer.sentences import Sentence
 from renderer.settings import Tile
@@ -37,6 +37,7 @@ from worker.exchange.retry import retry_temporary
 from worker.process import context
 from worker.telemetry.task_context import Steps, message_ids, traced_task
 from worker.work.deaths import DEATHS_ALLOWED, count_deaths, is_redelivered, reset_deaths
+from worker.work.denoise_view import denoise_view
 from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTORS
 from worker.work.explain import explain_pixel, send_answer
 from worker.work.frames import prepare_frames
@@ -70,6 +71,7 @@ def register(app: Celery) -> None:
         VECTORS: (MOTION_VECTORS, "vectors"),
         RENDER_VIEW: (_render_view, "view"),
         VIEW_FRAME: (_view_frame, "view frame"),
+        DENOISE_VIEW: (_denoise_view, "denoise view"),
         ENVIRONMENT: (ENVIRONMENTS, "environment"),
         EXPLAIN: (_explain, "explain"),
     }
@@ -348,6 +350,19 @@ def _view_frame(task: Any, frame: dict[str, Any]) -> None:
             ViewAnswers(worker, work).send("failed", error=sentence)
         else:
             prepare_view_frame(worker, work)
+
+
+def _denoise_view(task: Any, picture: dict[str, Any]) -> None:
+    """Denoises the picture of a live view (ViewDenoise.to_json)."""
+    worker = context.current()
+    try:
+        work = ViewDenoise.from_json(picture)
+    except (KeyError, TypeError, ValueError) as error:
+        log.warning("a view's picture cannot be parsed and is skipped: %s", error)
+        return
+    with SlotTask(worker, {"view": work.watch, "message": work.message}):
+        if not count_deaths(task, worker, work.message):  # after a death the service sends a later picture
+            denoise_view(worker, work)
 
 
 def _explain(task: Any, pixel: dict[str, Any]) -> None:

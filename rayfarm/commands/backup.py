@@ -39,7 +39,7 @@ def backup(
 
     [bold]Examples[/bold]
 
-      rayfarm backup /mnt/nas/rayfarm              later backups write only new files
+      rayfarm backup /mnt/nas/rayfarm         again: only new files
       rayfarm backup ~/farm-2026-11-22.tar.gz      one file
       rayfarm restore /mnt/nas/rayfarm --data ~/farm && rayfarm up --data ~/farm
     """

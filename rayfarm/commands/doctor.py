@@ -46,7 +46,7 @@ def doctor(
     [bold]Examples[/bold]
 
       rayfarm doctor
-      rayfarm doctor --deep --data ~/farm       before a night of rendering, or after trouble with a disk
+      rayfarm doctor --deep --data ~/farm       every film and file, too
       rayfarm doctor --json | jq '.[] | select(.level == "fault")'
     """
     found = []

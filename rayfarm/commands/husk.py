@@ -110,7 +110,7 @@ def husk(
     [bold]Examples[/bold]
 
       rayfarm husk shot.usd --frame 1001 --frame-count 24 -o out.####.exr
-      rayfarm husk shot.usd -f 1001 -n 24 -s /Render/rendersettings --res-scale 50 --make-output-path
+      rayfarm husk shot.usd -f 1001 -n 24 --res-scale 50 --make-output-path
     """
     unknown = [word for word in (str(stage), *context.args) if word.startswith("-")] or context.args
     if unknown:

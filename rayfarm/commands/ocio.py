@@ -32,7 +32,7 @@ def ocio(
       rayfarm ocio
       rayfarm ocio --ocio studio
       rayfarm ocio --ocio /studio/config.ocio
-      rayfarm render truck.glb -o truck.png --tonemap "ocio:ACES 2.0 - SDR 100 nits (Rec.709)"
+      rayfarm render truck.glb -o truck.png --tonemap ocio:Un-tone-mapped
     """
     found = open_config(config or "")
     default = found.find("ocio").view

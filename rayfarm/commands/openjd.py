@@ -37,7 +37,7 @@ def openjd(
 
     [bold]Examples[/bold]
 
-      rayfarm openjd shot.glb -o out.####.exr --frames 1-250 --size 1920x1080 --spp 256
+      rayfarm openjd shot.glb -o out.####.exr --frames 1-250 --spp 256
       rayfarm openjd shot.glb --frames 1-250x5 --chunk 10 --template shot.yaml
       rayfarm submit shot.yaml --param Frames=1-10:2
     """

@@ -15,7 +15,7 @@ from rayfarm.errors import EXIT_FAILED, CommandError
 from rayfarm.frame import PictureOrder, camera_options, moment_options, motion_of, render_to, report_bad_samples, statistics
 from rayfarm.graphics_card import open_card
 from rayfarm.movie import render_movie
-from rayfarm.output_files import check_writable
+from rayfarm.output_files import check_still_size, check_writable
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.reading import open_stage
 from rayfarm.rendering import Clock, load_kernels, load_scene, show_progress
@@ -142,11 +142,12 @@ def render(
     [bold]Examples[/bold]
 
       rayfarm render scenes/cornell-box.yaml -o cornell.png
-      rayfarm render truck.glb -o truck.exr --size 1920x1080 --spp 256 --aov albedo,normal --denoise
-      rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35 --env sky.exr
+      rayfarm render truck.glb -o truck.png --env studio --denoise
+      rayfarm render truck.glb -o truck.exr --size 1920x1080 --spp 256 --aov all
+      rayfarm render duck.dae -o duck.png --eye 4,2,4 --target 0,1,0 --fov 35
       rayfarm render shot.glb -o shot.####.exr --frames 0-99 --spp 64
       rayfarm render shot.glb -o shot.mp4 --frames 0-99 --spp 64
-      rayfarm render truck.glb -o truck.png --tonemap "ocio:ACES 2.0 - SDR 100 nits (Rec.709)"
+      rayfarm render truck.glb -o truck.png --tonemap ocio
       rayfarm render scenes/cornell-box.yaml --pixel 480,270 --sample 3
     """
     moment = Moment(frame or 0.0, fps, clip)
@@ -206,6 +207,7 @@ def render(
     for warning in [*warnings, *picture.floor_notes(summary["floor"])]:
         err.print(f"note: {warning}", markup=False, soft_wrap=True)
     settings = order.settings(summary, moment)
+    check_still_size(output, settings.width, settings.height)
     load_kernels(settings, compiled, clock, order.card)
     with show_progress() as show:
         done = render_to(

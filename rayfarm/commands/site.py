@@ -45,8 +45,8 @@ def site(
 
     [bold]Examples[/bold]
 
-      rayfarm site attic --join http://studio.example:8000 --token-file ~/farm.token
-      rayfarm worker --join http://studio.example:8000 --token-file ~/farm.token --site attic
+      rayfarm site attic --join http://studio:8000 --token-file ~/farm.token
+      rayfarm worker --join http://studio:8000 --token-file T --site attic
     """
     from renderer.cache_folders import cache_home
 

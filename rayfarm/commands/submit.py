@@ -15,13 +15,14 @@ from rayfarm.console import PROGRAM, PlainProgress, bar, err, out
 from rayfarm.errors import EXIT_INTERRUPTED, CommandError
 from rayfarm.job_template import is_template, read_template
 from rayfarm.login import farm_client
-from rayfarm.output_files import check_writable, write
+from rayfarm.output_files import check_still_size, check_writable, write
 from rayfarm.picture import Picture, takes_picture
 from rayfarm.responses import Job, Scene
 from rayfarm.scene_files import files_to_upload, is_numbered, relative_to_root
 from rayfarm.shot import FarmShot, fetch_shot
 from rayfarm.strict import refuse_warnings
 from renderer.frames import frames_text
+from renderer.work import DEFAULT_SIZE
 from service.clock import deadline_of
 from service.watching.movie import MOVIES
 
@@ -125,7 +126,7 @@ def submit(
       rayfarm submit shot.glb --frames 0-99 --wait -o out.####.png
       rayfarm submit shot.glb --frames 0-99 --order breadth-first -o out.mp4
       rayfarm submit shot.glb --frames 0-99 --after 7f3a1c
-      rayfarm submit room.obj --size 1920x1080 --spp 512 --server http://studio:8000
+      rayfarm submit room.obj --spp 512 --server http://studio:8000
       rayfarm submit shot.openjd.yaml --param Frames=1-10:2
     """
     if is_template(scene):
@@ -179,6 +180,9 @@ def submit(
         for warning in [*warnings, *picture.floor_notes(ready.has_floor)]:
             err.print(f"note: {warning}", markup=False, soft_wrap=True)
         asked = picture.request([asdict(camera) for camera in ready.cameras])
+        if output is not None:
+            size = {"width": DEFAULT_SIZE[0], "height": DEFAULT_SIZE[1], **ready.defaults, **asked}
+            check_still_size(output, size["width"], size["height"])
         if (image := picture.environment().image) is not None:
             asked["environment"]["image"] = farm.upload_environment(image, project).id
         if shot is not None:

@@ -74,7 +74,7 @@ def up(
       rayfarm up
       rayfarm up --blender             .blend files too
       rayfarm up --port 9000 --workers 4 --data ~/farm
-      rayfarm up --host 0.0.0.0        other machines may join; the page asks for a login (it prints a link)
+      rayfarm up --host 0.0.0.0        other machines may join, with a login
       rayfarm up --host 0.0.0.0 --allow-host farm.example
     """
     from rayfarm.local.farm import LocalFarm

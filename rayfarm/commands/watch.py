@@ -93,7 +93,7 @@ def watch(
 
       rayfarm watch                               the newest job
       rayfarm watch 7f3a --graphics blocks
-      rayfarm watch 7f3a --tev --viewer           tev while it grows, the system's viewer at the end
+      rayfarm watch 7f3a --tev --viewer           tev, then the system's viewer
       rayfarm watch 7f3a --viewer blender
       rayfarm watch 7f3a | tee log
     """

@@ -116,12 +116,12 @@ def worker(
     [bold]Examples[/bold]
 
       rayfarm worker --join http://studio.local:8000 --token-file ~/farm.token
-      RAYFARM_TOKEN=T rayfarm worker --join studio.local:8000 --slots 4 --name attic
-      rayfarm worker --join studio.local:8000 --token-file T --hours "Mon-Fri 19:00-07:00, Sat-Sun" --nice 10
-      rayfarm worker --join studio.local:8000 --token-file T --idle 15 --tag bigmem
-      rayfarm worker --join studio.local:8000 --token-file T --blender
-      rayfarm worker --join studio.local:8000 --token-file T --gpu 0,1
-      rayfarm worker https://farm.example --token-file T       from home, or another company
+      RAYFARM_TOKEN=T rayfarm worker --join studio:8000 --slots 4 --name attic
+      rayfarm worker --join studio:8000 --token-file T --hours "19:00-07:00"
+      rayfarm worker --join studio:8000 --token-file T --idle 15 --tag bigmem
+      rayfarm worker --join studio:8000 --token-file T --blender
+      rayfarm worker --join studio:8000 --token-file T --gpu 0,1
+      rayfarm worker https://farm.example --token-file T       from home
     """
     use_log_format(log_format)
     if (farm is None) == (join is None):

@@ -290,9 +290,15 @@ def view_of(pose: F64, intrinsics: F64, width: int, height: int, distortion: Len
 
 
 def _distortion_of(data: Mapping[str, Any]) -> LensDistortion | None:
-    """Returns the distortion of a transforms.json; None if all its coefficients are 0."""
+    """Returns the distortion of a transforms.json; None if all its coefficients are 0.
+
+    Raises SettingsError for a k4 outside a fisheye lens. There it is the coefficient of r^8 of a polynomial (nerfstudio,
+    cameras/camera_utils.py, _compute_residual_and_jacobian), where OpenCV's k4 to k6 are a denominator's.
+    """
     model = "fisheye" if "FISHEYE" in str(data.get("camera_model", "")).upper() else "brown"
     found = LensDistortion(model, tuple(float(data.get(name, 0.0)) for name in COEFFICIENTS[model]))
+    if found.is_rational:
+        raise SettingsError("the cameras have a k4, nerfstudio's coefficient of r^8; only k1 to k3, p1 and p2 can be rendered")
     return found if any(found.coefficients) or model == "fisheye" else None
 
 

@@ -14,6 +14,7 @@ from rayfarm.datasets.cameras import opencv
 from rayfarm.datasets.folder import Folder, plane_bytes
 from rayfarm.datasets.pictures import RenderedView, rendered_by_farm, rendered_here
 from rayfarm.datasets.request import Request, parse_request
+from rayfarm.datasets.s3 import Bucket, check_sink
 from rayfarm.datasets.sinks import SINK_WRITERS
 from rayfarm.library.scene_input import as_files
 from renderer import __version__
@@ -56,6 +57,7 @@ def dataset(
     plane_format: str = "npy",
     vary: Mapping[str, Any] | None = None,
     distortion: Any = None,
+    sink: str | None = None,
     farm: str | Client | None = None,
     base: str | Path = ".",
     watch: Callable[[int, int], None] = lambda done, total: None,
@@ -70,7 +72,8 @@ def dataset(
     cameras, opengl or opencv. intrinsics: 3 x 3, in pixels; or fov, vertical, in degrees (default 50). distortion: of the lens, a
     mapping with `model` (brown, fisheye) and `coefficients` in OpenCV's order. outputs: of OUTPUTS. sinks: further forms: coco,
     transforms, webdataset, hdf5, bop, parquet. categories: names by patterns of object names. picture_format: png, jpg or exr;
-    plane_format: npy or exr. vary: how the scene varies from view to view, by seed (docs/datasets.md). farm: a URL or Client;
+    plane_format: npy or exr. vary: how the scene varies from view to view, by seed (docs/datasets.md). sink:
+    s3://bucket/prefix, where the folder is copied to as views end. farm: a URL or Client;
     None: rendered in this process. watch: called with the number of complete views, and of all. settings: those of `render`:
     width, height, spp, seed ...
 
@@ -82,7 +85,10 @@ def dataset(
         path = stack.enter_context(as_files(scene, base))
         names = (outputs, sinks, categories, picture_format, plane_format, vary, distortion)
         request = parse_request(path, cameras, intrinsics, fov, convention, *names, settings)
+        bucket = None if sink is None else Bucket(check_sink(sink))
         place = Folder(Path(folder).expanduser(), request.identity)
+        if bucket is not None:
+            bucket.open(place)
         missing = [number for number in range(len(request.views)) if number not in place.views]
         watch(len(place.views), len(request.views))
         seconds = {"annotation": 0.0}
@@ -91,16 +97,24 @@ def dataset(
             stage = stack.enter_context(_open_stage(request, path))
             annotator = _annotator(request, stage)
             place.describe(_description(request, path, annotator))
+            if bucket is not None:
+                bucket.begin(place)
             pictures = _pictures(request, path, client, stage, place, missing)
             with closing(pictures):
                 for picture in pictures:
                     if picture is not None:
                         _write_view(request, place, annotator, picture, seconds)
+                        if bucket is not None:
+                            bucket.add_view(place, picture.number)
                         watch(len(place.views), len(request.views))
     description = json.loads((place.path / "dataset.json").read_text())
     views = [place.views[number] for number in sorted(place.views)]
     for name in request.sinks:
         SINK_WRITERS[name](place.path, description, views)
+    if bucket is not None:
+        if not missing:
+            bucket.begin(place)
+        bucket.end(place)
     return Dataset(place.path, description, views, {**seconds, "all": time.perf_counter() - begun})
 
 

@@ -31,6 +31,7 @@ _PASSED = (
     "plane_format",
     "vary",
     "distortion",
+    "sink",
 )
 _KEYS = ("scene", "folder", "cameras", "settings", *_PASSED)
 

@@ -33,7 +33,7 @@ class Folder:
 
     def __init__(self, path: Path, identity: str) -> None:
         """Opens or makes the folder. Raises SettingsError if it holds another data set."""
-        self.path = path
+        self.path, self.identity = path, identity
         path.mkdir(parents=True, exist_ok=True)
         known = self._read(DESCRIPTION)
         if known is not None and known.get("identity") != identity:

@@ -17,11 +17,13 @@ if TYPE_CHECKING:
     from rayfarm.client import Client
     from rayfarm.datasets.folder import Folder
     from rayfarm.reading import ConfinedScene
+    from rayfarm.responses import Frame
 
 __all__ = ["RenderedView", "rendered_by_farm", "rendered_here"]
 
 VIEWS_PER_JOB = 2000  # their JSON fits a request's body
 POLL_S = 0.2
+NEAR = 64  # frames that are requested at a time
 
 
 class RenderedView(NamedTuple):
@@ -88,10 +90,9 @@ def rendered_by_farm(
             ended = states.get("finished", 0) + states.get("failed", 0)
             if ended != finished or found.is_over:
                 finished = ended
-                for frame in farm.frames(job):
+                running = 0 if found.is_over else len(views) - ended
+                for frame in _ended_frames(farm, job, views, left, running):
                     number = int(frame.number)
-                    if number not in left or frame.state not in ("finished", "failed"):
-                        continue
                     left.discard(number)
                     if frame.state == "failed":
                         failures[number] = frame.error or "no reason given"
@@ -107,6 +108,20 @@ def rendered_by_farm(
     if failures:
         number, why = next(iter(sorted(failures.items())))
         raise ClientError(f"{len(failures)} of {len(numbers)} views failed, the first is {number}: {why}")
+
+
+def _ended_frames(farm: Client, job: str, views: list[int], left: set[int], running: int) -> list[Frame]:
+    """Returns the frames of a job that have ended, of the views `left`. views: all of the job, ascending. running: of these.
+
+    Frames end nearly in order, so only those after the first one left are requested, and all if some are missing there: a list
+    of thousands for each view that ends would take the farm longer than the views.
+    """
+
+    def those_ended(frames: list[Frame]) -> list[Frame]:
+        return [frame for frame in frames if frame.state in ("finished", "failed") and frame.number in left]
+
+    near = those_ended(farm.frames(job, offset=views.index(min(left)), limit=NEAR))
+    return near if len(left) - len(near) <= running else those_ended(farm.frames(job))
 
 
 def _unfinished_jobs(farm: Client, folder: Folder, numbers: Sequence[int]) -> dict[str, list[int]]:

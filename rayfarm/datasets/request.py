@@ -122,10 +122,16 @@ def parse_request(
 
 def _check_lens(view: View, width: int, height: int, sinks: Sequence[str]) -> None:
     """Raises SettingsError if a distorted picture's border shows no direction, or a sink cannot say the distortion."""
+    assert view.distortion is not None
     from renderer.vectors import border_angles
 
     if "bop" in sinks:
         raise SettingsError("the sink bop has no lens distortion; leave out one of them")
+    if "transforms" in sinks and view.distortion.is_rational:
+        raise SettingsError(
+            "the sink transforms has no k4, k5 and k6 of the model brown: readers take its k4 for a coefficient of r^8; leave "
+            "out one of them"
+        )
     if None in border_angles(view, width, height):
         raise SettingsError(
             "distortion: parts of the picture show nothing, as the coefficients fold back there; reduce the picture or them"

@@ -23,7 +23,10 @@ _CAMERA_MODELS = {"brown": "OPENCV", "fisheye": "OPENCV_FISHEYE"}
 
 
 def write_transforms(folder: Path, description: Description, views: Views) -> None:
-    """Writes transforms.json as NeRF, Instant-NGP and nerfstudio read it: camera to world, in OpenGL's convention."""
+    """Writes transforms.json as NeRF, Instant-NGP and nerfstudio read it: camera to world, in OpenGL's convention.
+
+    Of the model brown it has k1 to k3, p1 and p2, which nerfstudio's cameras/camera_utils.py reads as OpenCV does.
+    """
     import math
 
     lens = LensDistortion.parse(description.get("distortion"))
@@ -37,7 +40,7 @@ def write_transforms(folder: Path, description: Description, views: Views) -> No
         "cy": k[1][2],
         "w": width,
         "h": height,
-        **({} if lens is None else dict(zip(COEFFICIENTS[lens.model], lens.coefficients, strict=False))),
+        **({} if lens is None else dict(zip(COEFFICIENTS[lens.model][:5], lens.coefficients, strict=False))),
         "frames": [
             {
                 "file_path": view["files"]["color"]["path"],

@@ -68,7 +68,7 @@ class RenderArguments:
 
 def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
     """Parses the keywords of `render`. Raises TypeError for an unknown one, SettingsError for an invalid value."""
-    names = {each.name: each for table in _TABLES for each in table.values()}
+    names = {_keyword(each): each for table in _TABLES for each in table.values()}
     for name in given:
         if name not in names and name not in _LIBRARY_ARGUMENTS:
             near = difflib.get_close_matches(name, [*names, *_LIBRARY_ARGUMENTS], 1)
@@ -102,6 +102,11 @@ def parse_arguments(given: Mapping[str, Any]) -> RenderArguments:
     return RenderArguments(
         picture, moment, _text(given.get("variant")), tuple(planes), bool(given.get("denoise")), given.get("threads"), device
     )
+
+
+def _keyword(setting: DeclaredSetting) -> str:
+    """Returns a setting's keyword: its name, or its option's where the name is taken (`height`, which is in pixels here)."""
+    return setting.option.replace("-", "_") if setting.name in _LIBRARY_ARGUMENTS else setting.name
 
 
 def _text(value: Any) -> str | None:

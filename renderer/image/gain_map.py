@@ -18,7 +18,7 @@ from renderer.image.hdr_still import highlights_rolled
 from renderer.image.tonemap import Curve, apply, check_standard_range, decode_srgb, exposed
 from renderer.luminance import REC_709
 
-__all__ = ["encode_jpeg_with_gain_map"]
+__all__ = ["OFFSET", "encode_jpeg_with_gain_map", "highlight_stops"]
 
 F32 = npt.NDArray[np.float32]
 OFFSET = 1 / 64  # added to both luminances, so that black has a ratio
@@ -54,11 +54,7 @@ def encode_jpeg_with_gain_map(rgb: F32, exposure: float = 0.0, curve: Curve = "n
     """
     check_standard_range(curve)
     shown = apply(rgb, exposure, curve)
-    base = decode_srgb(shown.astype(np.float32) / 255) @ REC_709
-    middle = float(decode_srgb(apply(np.full((1, 1, 3), GREY, np.float32), 0.0, curve)[0, 0, 0] / 255))
-    bright = highlights_rolled(exposed(rgb, exposure) * np.float32(middle / GREY)) @ REC_709
-    share = np.clip((bright - middle) / (1 - middle), 0, 1)  # from middle grey to white
-    stops = np.log2((np.maximum(bright, base) + OFFSET) / (base + OFFSET)) * share * share * (3 - 2 * share)
+    stops = highlight_stops(rgb, shown, exposure, curve)
     most = max(float(stops.max()), MIN_STOPS)
     gains = np.rint(stops / most * 255).astype(np.uint8)
     parameters = _WRAPPED.format(_PARAMETERS.format(most, OFFSET))
@@ -68,6 +64,22 @@ def encode_jpeg_with_gain_map(rgb: F32, exposure: float = 0.0, curve: Curve = "n
     length = len(first) + len(xmp) + _MPF_BYTES
     index_at = _end_of_header(first) + len(xmp) + 8  # of the index, from which offsets count: behind marker, length and "MPF\0"
     return _with_segments(first, xmp + _index(length, len(second), length - index_at)) + second
+
+
+def highlight_stops(rgb: F32, shown: npt.NDArray[np.uint8], exposure: float, curve: Curve) -> npt.NDArray[np.float64]:
+    """Returns by how many stops a pixel of the rendition of high dynamic range is brighter, (h, w).
+
+    The rendition's linear colour is (ordinary + OFFSET) * 2 ** stops - OFFSET. shown: the ordinary rendition of `rgb`. The page
+    has the same formula in its shader (web/js/film/film-shader.js, highRange).
+    """
+    base = decode_srgb(shown.astype(np.float32) / 255) @ REC_709
+    middle = float(decode_srgb(apply(np.full((1, 1, 3), GREY, np.float32), 0.0, curve)[0, 0, 0] / 255))
+    bright = highlights_rolled(exposed(rgb, exposure) * np.float32(middle / GREY)) @ REC_709
+    share = np.clip((bright - middle) / (1 - middle), 0, 1)  # from middle grey to white
+    stops: npt.NDArray[np.float64] = (
+        np.log2((np.maximum(bright, base) + OFFSET) / (base + OFFSET)) * share * share * (3 - 2 * share)
+    )
+    return stops
 
 
 def _jpeg(pixels: npt.NDArray[np.uint8], quality: int) -> bytes:

@@ -21,7 +21,7 @@ from renderer.errors import SettingsError
 from renderer.image.tonemap import Curve, check_pq, exposed
 from renderer.sentences import Sentence
 
-__all__ = ["FORMATS", "encode_still", "highlights_rolled", "pq_of_nits", "pq_picture"]
+__all__ = ["FORMATS", "check_size", "encode_still", "highlights_rolled", "pq_of_nits", "pq_picture"]
 
 F32 = npt.NDArray[np.float32]
 FORMATS = ("avif", "jxl")
@@ -67,6 +67,20 @@ def highlights_rolled(linear: F32) -> F32:
     return linear * np.where(brightest > 1, rolled / np.maximum(brightest, 1), 1)
 
 
+def check_size(format: str, width: int, height: int) -> None:
+    """Raises SettingsError if a picture is too small for a file of this format. width, height: in pixels."""
+    if format == "avif" and min(height, width) < SMALLEST:
+        raise SettingsError(
+            Sentence(
+                "still-too-small",
+                "an .avif has at least {least} x {least} pixels; the picture has {width} x {height}",
+                least=SMALLEST,
+                width=width,
+                height=height,
+            )
+        )
+
+
 def encode_still(signal: F32, format: str) -> bytes:
     """Returns an avif or jxl file of a PQ signal, (h, w, 3) in 0..1. Raises SettingsError if it cannot be written."""
     return _avif(signal) if format == "avif" else _jxl(signal)
@@ -94,16 +108,7 @@ def _avif(signal: F32) -> bytes:
     import av  # only if needed: FFmpeg is large
 
     height, width, _ = signal.shape
-    if min(height, width) < SMALLEST:
-        raise SettingsError(
-            Sentence(
-                "still-too-small",
-                "an .avif has at least {least} x {least} pixels; the picture has {width} x {height}",
-                least=SMALLEST,
-                width=width,
-                height=height,
-            )
-        )
+    check_size("avif", width, height)
     out = io.BytesIO()
     try:
         with av.open(out, "w", format="avif") as container, restored_priorities() as restore:

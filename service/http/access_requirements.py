@@ -143,6 +143,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/jobs/{id}/frames/{n}/pixel"): VIEW,
     ("GET", "/api/jobs/{id}/frames/{n}/digest"): VIEW,
     ("GET", "/api/jobs/{id}/frames/{n}/log"): VIEW,
+    ("GET", "/api/jobs/{id}/frames/{n}/workers"): VIEW,
     ("GET", "/api/jobs/{id}/frames.zip"): VIEW,
     ("GET", "/api/jobs/{id}/movie.{extension}"): VIEW,
     ("GET", "/api/workers"): Need(Role.VIEW, workers=True),
@@ -167,6 +168,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("POST", "/api/farm/blobs/{sha256}/keep"): WORKER,
     ("PUT", "/api/farm/blobs/{sha256}"): WORKER,
     ("GET", "/api/farm/films/{job}/{frame}"): WORKER,
+    ("GET", "/api/farm/views/{message}"): WORKER,
     ("GET", "/api/farm/kernels/{name}"): WORKER,
     ("PUT", "/api/farm/kernels/{name}"): WORKER,
 }

@@ -42,7 +42,11 @@ class Page:
         return here, list(session.scalars(query.limit(left).offset(skipped))) if left else []
 
 
-def _page(response: Response, limit: int = Query(100, ge=1, le=MAX_ITEMS), offset: int = Query(0, ge=0, le=1 << 31)) -> Page:
+def _page(
+    response: Response,
+    limit: Annotated[int, Query(ge=1, le=MAX_ITEMS)] = 100,
+    offset: Annotated[int, Query(ge=0, le=1 << 31)] = 0,
+) -> Page:
     return Page(limit, offset, response)
 
 

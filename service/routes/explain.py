@@ -29,7 +29,7 @@ from service.viewing.explaining import unreadable_answer
 __all__ = ["router"]
 
 SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
-MAX_SAMPLES = 4096  # limit on rendered samples, as in renderer/pixel_paths.py
+MAX_SAMPLES = 16384  # limit on rendered samples, as in renderer/pixel_paths.py
 
 router = api_router(prefix="/api/jobs", tags=["jobs"])
 
@@ -118,12 +118,12 @@ class ExplainedOut(BaseModel):
 def explain(
     id: str,
     farm: FarmDependency,
-    x: int = Query(ge=0),
-    y: int = Query(ge=0),
-    frame: float = Query(0.0, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
-    sample: int | None = Query(None, ge=0, lt=MAX_SPP, description="one more that is to be shown"),
+    x: Annotated[int, Query(ge=0)],
+    y: Annotated[int, Query(ge=0)],
+    frame: Annotated[float, Query(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False)] = 0.0,
+    sample: Annotated[int | None, Query(ge=0, lt=MAX_SPP, description="one more that is to be shown")] = None,
 ) -> ExplainedOut:
-    """Returns the paths of a few of a pixel's samples: the first, the one of median luminance, and the brightest.
+    """Returns the paths of a few of a pixel's samples: the first, one of median luminance, and the brightest of all.
 
     A worker renders the pixel's samples again, with the job's settings and sample numbers. sample: number of one more sample to
     return. 409 if the samples cannot be rendered any more, 503 if no worker can render them now, 504 if no slot was free in

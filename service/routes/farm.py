@@ -129,6 +129,15 @@ def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], 
     )
 
 
+@router.get("/views/{message}", response_class=Response, responses={200: {"content": {"application/octet-stream": {}}}})
+def get_view_means(message: str, farm: FarmDependency) -> Response:
+    """Returns the picture of a live view for a denoiser; layout: protocol.view_parts.ViewDenoise."""
+    found = farm.views.means(message)
+    if found is None:
+        raise NotFound(Sentence("view-picture-gone", "The live view shows something else by now."))
+    return Response(found, media_type="application/octet-stream")
+
+
 @router.put("/blobs/{sha256}", status_code=204)
 async def put_blob(sha256: str, request: Request, farm: FarmDependency) -> Response:
     """Stores a blob. Its content must have the hash in the path."""

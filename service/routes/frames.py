@@ -38,6 +38,7 @@ from service.http.paths import Number
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
 from service.jobs.describe_frames import frame_out, frames_json
+from service.jobs.frame_workers import FrameWorkersOut, frame_workers
 from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, names_of_ids, without_samples
 from service.jobs.motion import motion_vectors_of
 from service.models.jobs import FrameOut, FrameState
@@ -101,8 +102,8 @@ def list_frames(
     id: str,
     farm: FarmDependency,
     state: FrameState | None = None,
-    limit: int | None = Query(None, ge=1, le=MAX_FRAMES, description="at most so many; all unless told"),
-    offset: int = Query(0, ge=0, le=MAX_FRAMES, description="from which one on, counted from 0"),
+    limit: Annotated[int | None, Query(ge=1, le=MAX_FRAMES, description="at most so many; all unless told")] = None,
+    offset: Annotated[int, Query(ge=0, le=MAX_FRAMES, description="from which one on, counted from 0")] = 0,
 ) -> Response:
     """Lists the frames of a job in order, each with its state, samples, noise and error."""
     job = find_job(id, farm)
@@ -228,7 +229,9 @@ async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit
 
 
 @router.get("/{n}/pixel", response_model=Pixel)
-async def pixel(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> Pixel:
+async def pixel(
+    id: str, n: Number, farm: FarmDependency, x: Annotated[int, Query(ge=0)], y: Annotated[int, Query(ge=0)]
+) -> Pixel:
     """Returns the exact values of a pixel and its number of samples. x, y: from the upper left corner."""
     return await anyio.to_thread.run_sync(_pixel, id, n, farm, x, y, limiter=farm.tiles)
 
@@ -277,7 +280,7 @@ def _pixel(id: str, n: float, farm: Farm, x: int, y: int) -> Pixel:
 
 
 @router.get("/{n}/log", response_class=PlainTextResponse)
-def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: int = Query(ge=0)) -> str:
+def tile_log(id: str, n: Number, farm: FarmDependency, x: Annotated[int, Query(ge=0)], y: Annotated[int, Query(ge=0)]) -> str:
     """Returns the log of the tile with this pixel, one line per batch: worker, samples, duration, and warnings or failure.
 
     Of successful batches, it has only the latest 16 since the service started.
@@ -288,6 +291,12 @@ def tile_log(id: str, n: Number, farm: FarmDependency, x: int = Query(ge=0), y: 
     told = [line for line in farm.engine.logs.text(id).decode(errors="replace").splitlines() if about.search(line)]
     told += farm.engine.logs.tiles.text(id, frame_key(n), at).splitlines()
     return "".join(f"{line}\n" for line in sorted(told))
+
+
+@router.get("/{n}/workers", response_model=FrameWorkersOut)
+def workers(id: str, n: Number, farm: FarmDependency) -> FrameWorkersOut:
+    """Returns which workers rendered the samples of a frame, for each of its tiles."""
+    return frame_workers(find_film(id, n, farm), frame_key(n))
 
 
 @router.get("/{n}/digest", response_model=Digest)

@@ -77,8 +77,8 @@ def list_jobs(
     chosen: Choice,
     farm: FarmDependency,
     sort: Order = "newest",
-    limit: int = Query(100, ge=1, le=MAX_JOBS),
-    offset: int = Query(0, ge=0, le=1 << 31),
+    limit: Annotated[int, Query(ge=1, le=MAX_JOBS)] = 100,
+    offset: Annotated[int, Query(ge=0, le=1 << 31)] = 0,
 ) -> Response:
     """Lists the jobs that match the filter, one page. The header X-Total-Count contains the number of all matching jobs."""
     view = farm.engine.snapshot
@@ -91,7 +91,7 @@ def list_jobs(
 
 @router.get("/ids")
 def list_ids(
-    chosen: Choice, farm: FarmDependency, sort: Order = "newest", limit: int = Query(50_000, ge=1, le=50_000)
+    chosen: Choice, farm: FarmDependency, sort: Order = "newest", limit: Annotated[int, Query(ge=1, le=50_000)] = 50_000
 ) -> list[str]:
     """Lists only the ids of all jobs that match the filter, without pages."""
     with farm.sessions() as session:

@@ -19,7 +19,7 @@ import time
 from collections import deque
 from collections.abc import Mapping
 from functools import partial
-from typing import Any
+from typing import Annotated, Any
 
 from fastapi import Query, WebSocket, WebSocketDisconnect
 from sqlalchemy import select
@@ -61,7 +61,7 @@ async def live(
     socket: WebSocket,
     id: str,
     farm: FarmDependency,
-    frame: float | None = Query(None, ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False),
+    frame: Annotated[float | None, Query(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False)] = None,
     snapshot: bool = True,
 ) -> None:
     """Sends a job's state, and the tiles of one frame as they change.

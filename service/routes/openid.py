@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from typing import Annotated
 
 from fastapi import Query, Request
 from starlette.requests import cookie_parser
@@ -53,9 +54,9 @@ def finish(
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
-    state: str = Query("", max_length=MAX_PARAMETER_LENGTH),
-    code: str = Query("", max_length=MAX_PARAMETER_LENGTH),
-    error: str = Query("", max_length=MAX_PARAMETER_LENGTH),
+    state: Annotated[str, Query(max_length=MAX_PARAMETER_LENGTH)] = "",
+    code: Annotated[str, Query(max_length=MAX_PARAMETER_LENGTH)] = "",
+    error: Annotated[str, Query(max_length=MAX_PARAMETER_LENGTH)] = "",
 ) -> RedirectResponse:
     """Completes the login when the provider redirects the browser here: sets the session cookie and redirects to the page."""
     access, oidc = farm.access, _oidc(farm)

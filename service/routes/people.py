@@ -136,7 +136,7 @@ def make_link(body: LinkIn, farm: FarmDependency) -> LinkOut:
 
 
 @router.get("/api/audit", response_model=list[AuditLine])
-def get_audit(farm: FarmDependency, limit: int = Query(100, ge=1, le=MAX_LINES)) -> list[dict[str, Any]]:
+def get_audit(farm: FarmDependency, limit: Annotated[int, Query(ge=1, le=MAX_LINES)] = 100) -> list[dict[str, Any]]:
     """Returns the audit log, newest entries first: who did what, and from where."""
     return farm.access.audit.latest(limit)
 

@@ -121,7 +121,7 @@ async def reference_image(
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
-    exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
+    exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg")] = 0.0,
     tonemap_curve: CurveName = "neutral",
 ) -> Response:
     """Returns a reference picture, as it is compared with renderings, as a picture file. /file returns the uploaded file."""

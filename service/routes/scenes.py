@@ -103,9 +103,9 @@ def list_scenes(
     response: Response,
     visit: VisitDependency,
     project: InProject = None,
-    limit: int = Query(100, ge=1, le=1000),
-    offset: int = Query(0, ge=0, le=1 << 31),
-    search: str = Query("", max_length=200, description="words that its name has, or the begin of its id"),
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+    offset: Annotated[int, Query(ge=0, le=1 << 31)] = 0,
+    search: Annotated[str, Query(max_length=200, description="words that its name has, or the begin of its id")] = "",
 ) -> list[SceneOut]:
     """Lists all scenes, or those that match the search, newest first. The header X-Total-Count contains their number."""
     chosen = SceneFilter(visit.sight, project, search)

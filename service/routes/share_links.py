@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Annotated, Literal
 
 from fastapi import Query, Request
 from fastapi.responses import Response
@@ -116,7 +116,7 @@ async def get_shared_image(
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
-    frame: float = Query(0.0, allow_inf_nan=False, description="number of the frame"),
+    frame: Annotated[float, Query(allow_inf_nan=False, description="number of the frame")] = 0.0,
 ) -> Response:
     """Returns the picture, as rendered so far, of the job that a link shows. The link's secret is sent as the bearer token."""
     job = await run_in_threadpool(_shared_job, share, farm)

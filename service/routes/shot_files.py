@@ -6,7 +6,7 @@ import re
 from collections.abc import AsyncIterator
 from dataclasses import replace
 from functools import partial
-from typing import Literal
+from typing import Annotated, Literal
 
 from fastapi import Query, Request, Response
 from fastapi.responses import StreamingResponse
@@ -42,8 +42,8 @@ router = api_router(prefix="/api/jobs/{id}", tags=["frames"])
 
 CHECK_EVERY_S = 1.0
 DEFAULT_FPS = 24.0
-Frames = Query(None, max_length=2000, description="these alone, as 10-20 or 7,9")
-Exposure = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg")
+Frames = Annotated[str | None, Query(max_length=2000, description="these alone, as 10-20 or 7,9")]
+Exposure = Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg")]
 
 
 @router.get("/frames.zip", response_class=Response, responses={200: {"content": {"application/zip": {}}}})
@@ -54,9 +54,9 @@ async def frames_zip(
     visit: VisitDependency,
     format: Literal["exr", "png", "jpg"] = "exr",
     which: Literal["finished", "all", "coming"] = "finished",
-    frames: str | None = Frames,
-    aov: str = Query("color", max_length=200, description="for exr: layers beside the colour, as normal,depth or all"),
-    exposure: float = Exposure,
+    frames: Frames = None,
+    aov: Annotated[str, Query(max_length=200, description="for exr: layers beside the colour, as normal,depth or all")] = "color",
+    exposure: Exposure = 0.0,
     tonemap_curve: CurveName = "neutral",
 ) -> StreamingResponse:
     """Streams a zip with the frames as numbered files.
@@ -99,10 +99,10 @@ async def get_movie(
     farm: FarmDependency,
     visit: VisitDependency,
     extension: Literal["mp4", "webm", "webp"],
-    frames: str | None = Frames,
-    fps: float | None = Query(None, ge=1, le=240, allow_inf_nan=False, description="the shot's unless told"),
-    width: int | None = Query(None, ge=16, description="a smaller film, at least this wide"),
-    exposure: float = Exposure,
+    frames: Frames = None,
+    fps: Annotated[float | None, Query(ge=1, le=240, allow_inf_nan=False, description="the shot's unless told")] = None,
+    width: Annotated[int | None, Query(ge=16, description="a smaller film, at least this wide")] = None,
+    exposure: Exposure = 0.0,
     tonemap_curve: CurveName = "neutral",
 ) -> StreamingResponse:
     """Returns the frames that have samples as a movie: H.264, AV1, or animated WebP; tone-mapped as for PNG."""

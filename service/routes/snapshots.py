@@ -83,7 +83,7 @@ async def snapshot_image(
     request: Request,
     farm: FarmDependency,
     visit: VisitDependency,
-    exposure: float = Query(0.0, ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg"),
+    exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; for png and jpg")] = 0.0,
     tonemap_curve: CurveName = "neutral",
 ) -> Response:
     """Returns a snapshot as a picture file, with an error of at most 0.2 % of a pixel's brightest channel."""

@@ -10,7 +10,7 @@ from service.store.coverage import Coverage
 from service.store.film_faults import damaged_film_error
 from service.store.film_file import RowHead
 from service.store.film_version import sample_ranges
-from service.store.senders import senders_of
+from service.store.senders import ANY_WORKER, added_shares, senders_of, shares_of
 
 __all__ = ["Contents"]
 
@@ -84,6 +84,13 @@ class Contents:
     def has_sums_of(self, worker: str) -> bool:
         """Returns True if the film contains sums from this worker."""
         return any(worker in senders_of(head.workers) for rows in self._rows.values() for head in rows)
+
+    def shares(self, frame: int, tile: int) -> tuple[int, dict[str, int]]:
+        """Returns the number of samples per pixel of a tile, and by the worker that rendered them as far as it was recorded."""
+        rows = self.rows(frame, tile)
+        found = added_shares(shares_of(head.workers, head.count) for head in rows)
+        known = {name: samples for name, samples in found.items() if samples and name and name != ANY_WORKER}
+        return sum(head.count for head in rows), known
 
     def record_merge(self, coverage: Mapping[FrameTile, Coverage], added: Iterable[RowHead], replaced: Iterable[RowHead]) -> None:
         """Updates the index after a merge.

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from protocol.sums import add_sums, check_sums, merge_hits, pack_sums, unpack_sums
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile
+from service.store.senders import added_shares
 
 __all__ = ["Contribution", "joined_contributions"]
 
@@ -25,7 +27,7 @@ class Contribution:
     sums: bytes
     bad: list[BadSample] = field(default_factory=list)
     bad_count: int = 0
-    workers: tuple[str, ...] = ()  # that sent it
+    workers: Mapping[str, int] = field(default_factory=dict)  # samples per pixel by the worker that rendered them
 
 
 def joined_contributions(
@@ -44,7 +46,7 @@ def joined_contributions(
             contribution.tile,
             contribution.first,
         )
-        if last and follows and (last.workers == contribution.workers or not separates_senders):
+        if last and follows and (last.workers.keys() == contribution.workers.keys() or not separates_senders):
             runs[-1].append(contribution)
         else:
             runs.append([contribution])
@@ -59,7 +61,7 @@ def _joined_run(run: list[Contribution], tile: Tile) -> tuple[Contribution, Sums
     for contribution in run[1:]:
         add_sums(sums, contribution.sums, tile)
     count, bad_count = sum(p.count for p in run), sum(p.bad_count for p in run)
-    workers = tuple({worker for contribution in run for worker in contribution.workers})
+    workers = added_shares(contribution.workers for contribution in run)
     return replace(
         run[0],
         count=count,

@@ -4,6 +4,7 @@
 1   stores image size, tile size and fixed-point exponent, so that another job's film is rejected
 2   each row has a checksum; older rows have none until they are folded
 3   each row names the workers whose sums it contains, and may have several sample ranges
+4   a row with sums of several workers has the number of samples of each
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ __all__ = [
     "select_rows",
 ]
 
-VERSION = 3
+VERSION = 4
 
 Row = tuple[int, int, int, int, int, bytes, str | None, str | None]  # frame, tile, first, count, bad, sums, workers, ranges
 
 # `part`: one merged batch or several: the packed sums, the number of samples per pixel, and the first sample. The samples are
-# first ... first + count - 1, or those in `ranges` if it is set: [[first, count], ...]. `workers`: a JSON list of names; NULL:
-# unknown.
+# first ... first + count - 1, or those in `ranges` if it is set: [[first, count], ...]. `workers`: as service/store/senders.py
+# encodes them; NULL: unknown.
 SCHEMA = (
     """CREATE TABLE IF NOT EXISTS part (
         frame INTEGER, tile INTEGER, first INTEGER, count INTEGER, bad INTEGER, sums BLOB,

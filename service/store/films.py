@@ -278,6 +278,15 @@ class Film:
         with self._lock:
             return self._open_contents().has_sums_of(worker)
 
+    def worker_shares(self, frame: int) -> list[tuple[int, dict[str, int]]]:
+        """Returns, for each tile of a frame, the number of samples per pixel, in total and by worker.
+
+        The sum over the workers is less than the total if the workers of some samples were not recorded.
+        """
+        with self._lock:
+            contents = self._open_contents()
+            return [contents.shares(frame, tile) for tile in range(len(self.tiles))]
+
     def delete_samples_of(self, worker: str) -> int:
         """Deletes all rows that contain sums of a worker, so that their samples are rendered again.
 

@@ -7,7 +7,7 @@ from collections.abc import Collection, Sequence
 
 from service.store.coverage import Coverage
 from service.store.film_file import RowHead, head_sample_ranges
-from service.store.senders import senders_of, senders_text
+from service.store.senders import added_shares, senders_of, senders_text, shares_of
 
 __all__ = ["MAX_ROWS_APART", "MAX_ROWS_UNFOLDED", "folded_head", "rows_to_fold"]
 
@@ -25,7 +25,8 @@ def rows_to_fold(rows: Sequence[RowHead], separates_senders: bool, is_contiguous
     if len(rows) < MAX_ROWS_UNFOLDED:
         return []
     if separates_senders and len(rows) < MAX_ROWS_APART:
-        of_each = ([head for head in rows if head.workers == worker] for worker in {head.workers for head in rows})
+        names = [senders_of(head.workers) for head in rows]
+        of_each = ([head for head, own in zip(rows, names, strict=True) if own == each] for each in set(names))
         return [own for own in of_each if len(own) >= MAX_ROWS_UNFOLDED]
     return [rows] if separates_senders or is_contiguous else []
 
@@ -38,6 +39,6 @@ def folded_head(heads: Collection[RowHead]) -> RowHead:
     frame, tile = next(iter(heads))[:2]
     runs = Coverage(span for head in heads for span in head_sample_ranges(head)).ranges
     ranges = json.dumps([[start, end - start] for start, end in runs]) if len(runs) > 1 else None
-    workers = senders_text({worker for head in heads for worker in senders_of(head.workers)})
+    workers = senders_text(added_shares(shares_of(head.workers, head.count) or {"": head.count} for head in heads))
     total, bad = sum(head.count for head in heads), sum(head.bad for head in heads)
     return RowHead(frame, tile, runs[0][0], total, bad, workers, ranges)

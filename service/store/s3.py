@@ -27,7 +27,7 @@ from service.errors import NotFound, Unavailable
 from service.store.blobs import CHUNK, MIN_AGE_S, ServedBlob, blob_not_found, is_sha256
 from service.store.staging import BlobWriter, Staging
 
-__all__ = ["S3Blobs"]
+__all__ = ["S3Blobs", "open_bucket"]
 
 IN_MEMORY = 8 << 20
 CREDENTIALS = {
@@ -46,17 +46,10 @@ class S3Blobs:
 
     def __init__(self, url: str, temporary: Path) -> None:
         """Connects to a bucket. url: s3://bucket/prefix. temporary: folder for uploads."""
-        address = urlsplit(url)
-        self._bucket = address.netloc
+        self._bucket = urlsplit(url).netloc
         self._temporary = temporary
         self._staging = Staging(temporary)
-        self._store = S3Store(
-            self._bucket,
-            prefix=address.path.strip("/") or None,
-            **_credentials(),
-            client_options={"allow_http": os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://")},
-            retry_config={"max_retries": RETRIES, "retry_timeout": TIMEOUT},
-        )
+        self._store = open_bucket(url)
 
     def writer(self) -> BlobWriter:
         """Returns a writer for a new blob, which is written to a temporary file."""
@@ -152,6 +145,18 @@ class S3Blobs:
                     reason=library_message(error),
                 )
             ) from error
+
+
+def open_bucket(url: str) -> S3Store:
+    """Returns the bucket at s3://bucket/prefix, with keys relative to the prefix. It is not accessed yet."""
+    address = urlsplit(url)
+    return S3Store(
+        address.netloc,
+        prefix=address.path.strip("/") or None,
+        **_credentials(),
+        client_options={"allow_http": os.environ.get("AWS_ENDPOINT_URL", "").startswith("http://")},
+        retry_config={"max_retries": RETRIES, "retry_timeout": TIMEOUT},
+    )
 
 
 def _credentials() -> dict[str, Any]:

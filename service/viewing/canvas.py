@@ -9,14 +9,15 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import film
-from renderer.film import CHANNELS, COLOR, COLOR_HALF, SAMPLES, SAMPLES_HALF, Sums
+from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, NORMAL, SAMPLES, SAMPLES_HALF, Sums
 from service.scheduling.jobs.active_frame import FIRST_ESTIMATE_SAMPLES
 from service.scheduling.jobs.plan import first_check
 from service.viewing.passes import Level
 
-__all__ = ["BYTES_A_PIXEL", "GROWTH", "Canvas"]
+__all__ = ["BYTES_A_PIXEL", "GROWTH", "GUIDE_SAMPLES", "Canvas"]
 
 BYTES_A_PIXEL = 52  # in memory
+GUIDE_SAMPLES = 8  # samples per pixel whose albedo and normal guide the denoiser: more are hardly smoother
 GROWTH = 1.5  # a tile is shown again with so many times the samples: less is hardly visible
 
 
@@ -25,9 +26,10 @@ class Canvas:
 
     Each range of a tile's samples is added once; the order does not matter. noise: relative noise at which a tile is complete,
     checked at 32, 64, 128 ... samples; None: tiles get all samples. Tiles of few pixels are checked later (`first_check`).
+    has_guides: whether the first GUIDE_SAMPLES samples have albedo and normal, too.
     """
 
-    def __init__(self, level: Level, film_exponent: int, noise: float | None = None) -> None:
+    def __init__(self, level: Level, film_exponent: int, noise: float | None = None, *, has_guides: bool = False) -> None:
         self.level = level
         self.film_exponent = film_exponent
         self.changed: dict[int, None] = {}  # tiles to be shown again, oldest change first
@@ -41,11 +43,18 @@ class Canvas:
         self._noise = np.full(len(level.tiles), np.inf)  # noise at that time
         self._color = np.zeros((2, 3, level.height, level.width), np.int64)  # sums of either half of the samples
         self._samples = np.zeros((2, level.height, level.width), np.int16)  # valid samples of either half
+        shape = (7, level.height, level.width) if has_guides else (7, 0, 0)
+        self._guides = np.zeros(shape, np.float32)  # sums of albedo and normal, and their samples
 
     @property
     def samples(self) -> int:
         """Samples per pixel of the tile that has the fewest."""
         return int(self._counts.min())
+
+    @property
+    def most_shown(self) -> int:
+        """Samples per pixel of the tile that was taken with the most."""
+        return int(self._shown.max())
 
     @property
     def mean_samples(self) -> float:
@@ -78,6 +87,10 @@ class Canvas:
         half = 0 if film.in_half(first) else 1
         self._color[half][:, *place] += sums[COLOR]
         self._samples[half][place] += sums[SAMPLES].astype(np.int16)
+        if self._guides.size and first < GUIDE_SAMPLES:
+            for planes, of in ((slice(0, 3), ALBEDO), (slice(3, 6), NORMAL)):
+                self._guides[planes, *place] += (sums[of] * 2.0**-self.film_exponent).astype(np.float32)
+            self._guides[6][place] += sums[SAMPLES]
         self._counts[tile] += count
         has = int(self._counts[tile])
         if has >= max(FIRST_ESTIMATE_SAMPLES, 2 * self._measured_at[tile]) or has >= self.level.samples >= FIRST_ESTIMATE_SAMPLES:
@@ -99,6 +112,13 @@ class Canvas:
         color = self._color[0, :, rows, columns] + self._color[1, :, rows, columns]
         mean: npt.NDArray[Any] = color * (2.0**-self.film_exponent / samples)
         return mean.astype(np.float32), int(self._counts[tile]), self.tile_is_complete(tile)
+
+    def means(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+        """Returns the means of colour, albedo and normal, each (h, w, 3), of a canvas with guides."""
+        samples = np.maximum(self._samples.sum(0), 1)
+        color = (self._color.sum(0) * (2.0**-self.film_exponent / samples)).astype(np.float32)
+        guides = self._guides[:6] / np.maximum(self._guides[6], 1)
+        return np.moveaxis(color, 0, -1), np.moveaxis(guides[:3], 0, -1), np.moveaxis(guides[3:], 0, -1)
 
     def _noise_of(self, tile: int) -> float:
         rows, columns = self._slices(tile)

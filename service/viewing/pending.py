@@ -14,7 +14,7 @@ __all__ = ["PendingMessage"]
 
 @dataclass
 class PendingMessage:
-    """A message sent to a worker: pieces of a view, a pixel to pick, or an animation frame to prepare.
+    """A message sent to a worker: pieces of a view, a pixel to pick, a picture to denoise, or a frame to prepare.
 
     view: number of the view for which it was sent. kind: the worker kind (renderer.jit.kind) that may answer it.
     """
@@ -25,6 +25,7 @@ class PendingMessage:
     pieces: dict[int, Piece] = field(default_factory=dict)  # unanswered
     pick: tuple[int, int] | None = None  # unanswered
     is_frame: bool = False
+    denoises: bool = False
     queue: str = ""  # where it was sent
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
     last_seen: float = field(default_factory=time.monotonic)  # time of the latest report
@@ -33,8 +34,10 @@ class PendingMessage:
     def requeue(self) -> None:
         """Gives the unanswered pieces back to the session, which sends them again if it still shows the same view.
 
-        Also gives back a pixel whose pick is unanswered.
+        Also gives back a pixel whose pick is unanswered, and ends a denoising without a picture.
         """
+        if self.denoises and self.view == self.session.view:
+            self.session.end_denoising(None)
         if self.pieces and self.session.passes is not None and self.view == self.session.view:
             self.session.passes.requeue(list(self.pieces.values()))
         if not self.session.is_closed:

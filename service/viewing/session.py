@@ -11,11 +11,14 @@ import uuid
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from protocol.pictures import ViewTile, encode_view
 from protocol.viewport import Picked
 from renderer.film import Sums
 from renderer.settings import RenderSettings
-from service.viewing.canvas import Canvas
+from service.viewing.canvas import GUIDE_SAMPLES, Canvas
+from service.viewing.denoised import DenoisedView
 from service.viewing.passes import Passes, Piece, levels_of
 from service.viewing.view_request import ViewRequest
 
@@ -58,6 +61,7 @@ class ViewSession:
         self._shown = -1  # level of the latest picture taken
         self._shown_samples = 0
         self._taken = 0.0
+        self._denoised: DenoisedView | None = None  # None: the view is not denoised
 
     @property
     def is_ready_for_next(self) -> bool:
@@ -74,7 +78,7 @@ class ViewSession:
         """Replaces the current view by a requested one, and discards its pictures. view: number of the new view."""
         with self._lock:
             self.request, self.view, self.wanted = request, view, None
-            self.settings, self.passes = None, None
+            self.settings, self.passes, self._denoised = None, None, None
             self.message = self.error = None
             self.begun, self.has_picture = time.monotonic(), False
             self._canvases, self._shown, self._shown_samples = [], -1, 0
@@ -82,12 +86,12 @@ class ViewSession:
     def free_pictures(self) -> None:
         """Frees the pictures of a closed session at once, although other objects may still refer to the session."""
         with self._lock:
-            self.settings, self.passes, self._canvases = None, None, []
+            self.settings, self.passes, self._canvases, self._denoised = None, None, [], None
 
     @property
     def pixels(self) -> int:
-        """Number of pixels of the picture that is held in memory."""
-        return self.settings.width * self.settings.height if self.settings else 0
+        """Number of pixels of the picture that is held in memory; those of a denoised view count twice."""
+        return self.settings.width * self.settings.height * (2 if self._denoised else 1) if self.settings else 0
 
     def restart(self) -> None:
         """Restarts the current view, because the workers that rendered it are gone."""
@@ -96,11 +100,13 @@ class ViewSession:
             self.switch_to(self.request, self.view)
             self.wanted = wanted
 
-    def begin_rendering(self, settings: RenderSettings, compiled: str, kind: str, cost_s: float, slots: int) -> None:
+    def begin_rendering(
+        self, settings: RenderSettings, compiled: str, kind: str, cost_s: float, slots: int, denoises: bool = False
+    ) -> None:
         """Sets what to render, and creates the view's resolution levels.
 
         compiled: SHA-256 of the compiled scene. kind: the worker kind (renderer.jit.kind) that renders it. cost_s: seconds per
-        sample of a pixel on one slot. slots: number of slots of that kind.
+        sample of a pixel on one slot. slots: number of slots of that kind. denoises: whether the view is denoised.
         """
         assert self.request is not None
         seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0, background="visible")
@@ -108,7 +114,11 @@ class ViewSession:
         with self._lock:
             self.settings, self.compiled, self.kind = seen, compiled, kind
             self.passes = Passes(levels, cost_s)
-            self._canvases = [Canvas(level, settings.film_exponent, self.request.noise) for level in levels]
+            self._canvases = [
+                Canvas(level, settings.film_exponent, self.request.noise, has_guides=denoises and level is levels[-1])
+                for level in levels
+            ]
+            self._denoised = DenoisedView() if denoises else None
 
     def settings_of(self, level: int) -> RenderSettings:
         """Returns the render settings of a level: those of the view, with the level's width and height. level: its index."""
@@ -127,6 +137,47 @@ class ViewSession:
             self.has_picture = self.has_picture or canvas.samples > 0
         if self.passes is not None and canvas.tile_is_complete(piece.tile):
             self.passes.complete_tile(piece.level, piece.tile)
+
+    def needs_guides(self, pieces: list[Piece]) -> bool:
+        """Returns True if albedo and normal of these pieces, which are of one level, guide the denoiser."""
+        is_whole = bool(pieces) and pieces[0].level == len(self._canvases) - 1
+        return self._denoised is not None and is_whole and any(piece.first < GUIDE_SAMPLES for piece in pieces)
+
+    def begin_denoising(self) -> tuple[int, int] | None:
+        """Takes the picture to denoise if one is due; returns its width and height. `means_to_denoise` has it then."""
+        with self._lock:
+            if self._denoised is None or not self._canvases:
+                return None
+            canvas = self._canvases[-1]
+            if not self._denoised.is_due(canvas.samples, canvas.mean_samples, canvas.is_complete):
+                return None
+            self._denoised.begin(*canvas.means(), canvas.mean_samples)
+            return canvas.level.width, canvas.level.height
+
+    @property
+    def means_to_denoise(self) -> bytes | None:
+        """The picture that a worker is to denoise: colour, albedo, normal, each (h, w, 3) float32; None: there is none."""
+        denoised = self._denoised
+        return None if denoised is None else denoised.means
+
+    def end_denoising(self, words: bytes | None) -> None:
+        """Stores the denoised picture, which are RGB9E5 words; None: it was lost. Raises ValueError if it has another size."""
+        with self._lock:
+            if self._denoised is None or not self._canvases:
+                return
+            level = self._canvases[-1].level
+            self._denoised.end(None if words is None else np.frombuffer(words, "<u4").reshape(level.height, level.width))
+
+    def stop_denoising(self) -> None:
+        """Shows the view with its noise from now on, since it cannot be denoised."""
+        with self._lock:
+            self._denoised = None
+
+    @property
+    def is_denoised(self) -> bool:
+        """Returns True if a denoised picture of the view has been taken."""
+        denoised = self._denoised
+        return denoised is not None and denoised.has_shown
 
     @property
     def samples(self) -> int:
@@ -160,12 +211,17 @@ class ViewSession:
     def is_picture_due(self) -> bool:
         """Returns True if it is time to send a picture."""
         with self._lock:
-            return self._due_level() is not None
+            return self._has_denoised() or self._due_level() is not None
+
+    def _has_denoised(self) -> bool:
+        return self._denoised is not None and self._denoised.has_picture
 
     def take_packet(self, seq: int) -> bytes | None:
         """Returns the changed tiles of the picture as a packet with sequence number `seq`; None if no picture is due."""
         with self._lock:
             level = self._due_level()
+            if self.request is not None and self._has_denoised():
+                return self._take_denoised(self.request, seq)
             if level is None or self.request is None:
                 return None
             canvas, request = self._canvases[level], self.request
@@ -180,8 +236,22 @@ class ViewSession:
         size, whole = (canvas.level.width, canvas.level.height), (request.settings.width, request.settings.height)
         return encode_view(shown, size, whole, request.id, seq)
 
+    def _take_denoised(self, request: ViewRequest, seq: int) -> bytes:
+        """Returns the packet with the denoised picture. After it, the view's pictures with noise are not sent."""
+        assert self._denoised is not None
+        mean, samples = self._denoised.take()
+        canvas = self._canvases[-1]
+        is_last = canvas.is_complete and samples == canvas.mean_samples
+        told = max(round(samples), canvas.most_shown)  # tiles with noise may have been shown with more
+        self._shown, self._shown_samples, self._taken = len(self._canvases) - 1, canvas.samples, time.monotonic()
+        size = canvas.level.width, canvas.level.height
+        tile = ViewTile((0, 0, *size), mean, told, is_last)
+        return encode_view([tile], size, (request.settings.width, request.settings.height), request.id, seq)
+
     def _due_level(self) -> int | None:
         """Returns the index of the resolution level whose picture is to be sent now, or None."""
+        if self._denoised is not None and self._denoised.has_shown:
+            return None
         for level in range(len(self._canvases) - 1, max(self._shown, 0) - 1, -1):
             canvas = self._canvases[level]
             if not canvas.changed:

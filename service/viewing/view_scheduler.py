@@ -18,9 +18,9 @@ import redis
 
 from protocol.contract import FrameInfo, prepare_queue, render_queue
 from protocol.sums import unpack_sums
-from protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
+from protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewDenoise, ViewFrame, ViewParts, view_key, view_queue
 from renderer.errors import SettingsError
-from renderer.film import SAMPLES
+from renderer.film import ALBEDO, CHANNELS, COLOR, NORMAL, SAMPLES
 from renderer.sentences import Sentence, with_full_stop
 from service.errors import QueueError
 from service.events import Events
@@ -47,6 +47,9 @@ ANSWERS_GRACE_S = 1.0  # after the last session closed, for answers on their way
 REVIEW_EVERY_S = 0.5
 LOST_AFTER_S = 3.0  # without a report of the message by any slot
 FAILURES_ALLOWED = 3
+
+PLAIN = [*range(CHANNELS)[COLOR], SAMPLES]  # planes of sums that a view uses
+GUIDED = sorted({*PLAIN, *range(CHANNELS)[ALBEDO], *range(CHANNELS)[NORMAL]})  # and those that guide the denoiser
 
 log = logging.getLogger(__name__)
 
@@ -221,11 +224,12 @@ class ViewScheduler:
                 self._fail_session(session, with_full_stop(error))
                 return
             compiled = info.compiled.sha256 if info.compiled else base
-        if not fits_in_memory(settings.width * settings.height, self._sessions.values()):
+        denoises = bool(session.request.job_request.get("denoise")) and self._workers.can_denoise(kind)
+        if not fits_in_memory(settings.width * settings.height * (2 if denoises else 1), self._sessions.values()):
             self._set_message(session, MEMORY_LIMIT_REACHED)
             return
-        slots = self._workers.slots(kind)
-        session.begin_rendering(settings, compiled, kind, self._costs.estimate(session.request, kind, self._board.roster), slots)
+        slots, cost_s = self._workers.slots(kind), self._costs.estimate(session.request, kind, self._board.roster)
+        session.begin_rendering(settings, compiled, kind, cost_s, slots, denoises)
         self._set_message(session, None, slots)
 
     def _send_pieces(self) -> None:
@@ -234,6 +238,8 @@ class ViewScheduler:
             is_asked = any(out.pick is not None and out.session is session for out in self._out.values())
             if session.pick is not None and session.passes is not None and not is_asked:
                 self._send_pick(session)
+            if not session.is_paused:
+                self._send_denoise(session)
         waiting = {each.id: each for each in self._sessions.values() if each.passes is not None and not each.is_paused}
         while waiting:
             session = min(waiting.values(), key=lambda each: each.served)
@@ -249,9 +255,10 @@ class ViewScheduler:
             parts = [Part(number, tiles[piece.tile], piece.first, piece.count) for number, piece in enumerate(pieces)]
             out = PendingMessage(session, session.view, session.kind, dict(enumerate(pieces)))
             settings = session.settings_of(pieces[0].level)
-            self._send(out, ViewParts(out.id, session.id, session.view, session.compiled, settings, parts))
+            about = (out.id, session.id, session.view, session.compiled)
+            self._send(out, ViewParts(*about, settings, parts, has_guides=session.needs_guides(pieces)))
 
-    def _send(self, out: PendingMessage, work: ViewParts | ViewFrame) -> None:
+    def _send(self, out: PendingMessage, work: ViewParts | ViewFrame | ViewDenoise) -> None:
         try:
             out.queue = out.queue or view_queue(out.kind)
             self._dispatcher.send_view(work, out.queue)
@@ -277,6 +284,18 @@ class ViewScheduler:
         work = session.request.frame_request.message(session.request.scene, base, session.id, out.id)
         self._frames.add(out.id, session.request.frame_request.cache_key(session.request.scene, base), session.request.scene)
         self._send(out, ViewFrame(out.id, session.id, session.view, work))
+
+    def _send_denoise(self, session: ViewSession) -> None:
+        """Sends a message with the picture to denoise, if one is due."""
+        size = session.begin_denoising()
+        if size is not None:
+            out = PendingMessage(session, session.view, session.kind, denoises=True)
+            self._send(out, ViewDenoise(out.id, session.id, session.view, *size))
+
+    def means(self, message: str) -> bytes | None:
+        """Returns the picture that a worker is to denoise (ViewDenoise); None if the view has changed. message: its id."""
+        out = self._out.get(message)
+        return out.session.means_to_denoise if out is not None and out.denoises and out.view == out.session.view else None
 
     def _send_pick(self, session: ViewSession) -> None:
         assert session.pick is not None
@@ -330,8 +349,16 @@ class ViewScheduler:
                 )
             case "part":
                 self._handle_part(out, answer)
+            case "denoised":
+                self._out.pop(out.id, None)
+                session.end_denoising(answer.sums)
+                session.wake()
             case "over":
                 self._end_message(out)
+            case "failed" if out.denoises:
+                log.info("%s cannot denoise a view: %s", answer.worker, answer.more.get("error"))
+                self._out.pop(out.id, None)
+                session.stop_denoising()
             case "failed":
                 self._end_message(out)
                 self._fail_session(session, str(answer.more.get("error", ""))[:2000])
@@ -354,7 +381,7 @@ class ViewScheduler:
         if piece is None or session.passes is None or session.request is None:
             return
         tile = session.passes.levels[piece.level].tiles[piece.tile]
-        session.add(piece, unpack_sums(answer.sums, tile, planes=[0, 1, 2, SAMPLES]))
+        session.add(piece, unpack_sums(answer.sums, tile, planes=GUIDED if session.needs_guides([piece]) else PLAIN))
         self._costs.update(session.request, seconds / (tile.w * tile.h * piece.count))
         if session.message is not None:
             self._set_message(session, None, self._workers.slots(out.kind))

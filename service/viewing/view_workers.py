@@ -21,6 +21,11 @@ class ViewWorkers:
         """Returns the number of slots of this worker kind that can render views."""
         return sum(report.slots for report in self._board.roster.ready_reports() if report.kind == kind and report.views)
 
+    def can_denoise(self, kind: str) -> bool:
+        """Returns True if all ready workers of this kind denoise views: any of them may take the message."""
+        ready = [report for report in self._board.roster.ready_reports() if report.kind == kind and report.views]
+        return bool(ready) and all(report.denoises_views for report in ready)
+
     def best_kind(self, request: ViewRequest) -> str | None:
         """Returns the worker kind with most slots for which the scene is compiled; None if no such worker is ready."""
         kinds = [kind for kind in request.compiled if self.slots(kind)]

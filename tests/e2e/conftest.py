@@ -35,7 +35,11 @@ FLAGS = [
     "--process-per-site",  # a process per page, which compiles all modules again, takes longer than most tests
 ]
 # A live view ends at a higher noise than by default, since it occupies every slot of the farm until then.
-SOON_CLEAR = "try { localStorage['rayfarm-view-noise'] ??= '0.1'; } catch { /* a page without an origin */ }"
+# It is not denoised either, so that its pixels are known.
+SOON_CLEAR = """try {
+    localStorage['rayfarm-view-noise'] ??= '0.1';
+    localStorage['rayfarm-view-denoise'] ??= 'off';
+} catch { /* a page without an origin */ }"""
 KEPT = "cookies,local_storage,indexeddb,cache_storage,service_workers"  # state left by an earlier page
 
 

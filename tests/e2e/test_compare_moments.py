@@ -54,6 +54,11 @@ def test_snapshot_is_shown_and_compared_with_current_picture(farm: Farm, watched
     expect(page).to_have_url(re.compile(rf"then={spp}\b"))
     page.reload()
     expect(slider).to_have_attribute("aria-valuetext", re.compile(f"^{spp} sample"))
+    page.locator("h1").click()
+    page.keyboard.press("Period")
+    expect(slider).not_to_have_attribute("aria-valuetext", re.compile(f"^{spp} sample"))
+    page.keyboard.press("Comma")
+    expect(slider).to_have_attribute("aria-valuetext", re.compile(f"^{spp} sample"))
     # Planes exist only for the current picture.
     page.get_by_label("Channel").select_option("albedo")
     expect(slider).to_have_attribute("aria-valuetext", "As it is now")

@@ -123,3 +123,36 @@ def test_picture_tools_work(farm: Farm, finished: str, watched: Watched) -> None
     page.keyboard.press("w")
     expect(page.locator(":fullscreen")).to_have_count(0)
     assert watched.errors == []
+
+
+@pytest.mark.long
+def test_workers_and_firefly_are_shown(farm: Farm, finished: str, watched: Watched) -> None:
+    """The tiles are coloured by worker, and a sample that brings most of a pixel's light is named and shown first."""
+    page = watched.page
+    x, y = PIXEL
+    address = f"{farm.url}/api/jobs/{finished}"
+    brought = httpx.get(f"{address}/frames/0/workers").raise_for_status().json()
+    assert sum(worker["samples"] for worker in brought["workers"]) == 192 * 128 * 8
+    open_job(page, farm, finished)
+    over = page.locator(".stage canvas").last
+    expect(over).to_be_hidden()
+    page.get_by_role("checkbox", name="Who rendered it").check()
+    legend = page.get_by_role("list", name="Workers that rendered it")
+    expect(legend.get_by_role("listitem")).to_have_count(len(brought["workers"]))
+    expect(legend).to_contain_text(brought["workers"][0]["name"])
+    expect(over).to_be_visible()
+    expect(page).to_have_url(re.compile(r"[?&]by=1"))
+    page.get_by_role("checkbox", name="Who rendered it").uncheck()
+    expect(over).to_be_hidden()
+
+    told = httpx.get(f"{address}/explain?x={x}&y={y}", timeout=60).raise_for_status().json()
+    bright = next(path for path in told["paths"] if "brightest" in path["chosen"])
+    told["samples"], told["mean"] = 32, [value / 16 for value in bright["value"]]  # as if this one had half of the light
+    page.route("**/explain?*", lambda route: route.fulfill(json=told))
+    page.goto("about:blank")  # another address of the same job keeps the page as it is
+    open_job(page, farm, finished, f"?pins={x},{y}")
+    page.get_by_role("button", name=f"Explain the pixel {x}, {y}").click()
+    panel = page.get_by_role("region", name="Explained pixel")
+    expect(panel).to_contain_text(f"A firefly: sample {bright['sample']} alone brings 50 % of this pixel's light.")
+    expect(panel.get_by_role("radio", name="Brightest")).to_be_checked()
+    assert watched.errors == []

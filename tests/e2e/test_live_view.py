@@ -9,6 +9,7 @@ import psutil
 import pytest
 from playwright.sync_api import Browser, WebSocketRoute, expect
 
+from renderer.denoise import is_available
 from tests.e2e.conftest import SOON_CLEAR, Watched
 from tests.helpers import Farm, wait_until
 
@@ -220,4 +221,20 @@ def test_viewers_see_and_follow_each_other(farm: Farm, browser: Browser, watched
     expect(view.page.locator(".view-cursor")).to_have_count(0)
     context.close()
     expect(view.page.locator(".view-person")).to_have_count(0)
+    assert watched.errors == []
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_live_view_is_denoised_and_can_show_its_noise(farm: Farm, watched: Watched) -> None:
+    watched.page.add_init_script("try { localStorage['rayfarm-view-denoise'] = 'on'; } catch { /* no origin */ }")
+    view = LiveView(farm, watched)
+    expect(view.surface).to_have_attribute("data-denoised", "true", timeout=60_000)
+    switch = view.page.get_by_role("button", name="Denoise", exact=True)
+    expect(switch).to_have_attribute("aria-pressed", "true")
+    first = view.number()
+    switch.click()
+    expect(switch).to_have_attribute("aria-pressed", "false")
+    wait_until(lambda: view.number() > first, 60, "it is rendered again")
+    expect(view.surface).to_have_attribute("data-denoised", "false")
     assert watched.errors == []

@@ -39,6 +39,7 @@ def test_config_is_that_of_the_option_then_of_the_environment(tmp_path: Path) ->
         ("a.png", ["--tonemap", "nothing"], "tone curve is 'nothing'"),
         ("a.png", ["--gain-map"], "--gain-map is for .jpg"),
         ("a.jpg", ["--gain-map", "--tonemap", PQ_VIEW], "a gain map is for pictures of standard range"),
+        ("a.avif", ["--size", "96x63"], "an .avif has at least 64 x 64 pixels; the picture has 96 x 63"),
         ("a.avif", ["--tonemap", "ocio", "--size", "64x64"], "take an OCIO view of a Rec.2100-PQ display"),
     ],
 )

@@ -2,11 +2,12 @@
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES
-from renderer.pixel_paths import pixel_paths, projected_point
+from renderer.pixel_paths import brightest_of_ranges, pixel_paths, projected_point
 from renderer.render import render_batch
 from renderer.scene.description import Material
 from renderer.settings import Tile, View
@@ -57,3 +58,22 @@ def test_projection_of_points_behind_and_directions():
     assert projected_point(view, 20, 20, (1, 0, 5)).w < 0
     middle = projected_point(view, 20, 20, (0, 0, -1), is_far=True)
     assert (middle.x / middle.w, middle.y / middle.w) == (10, 10)
+
+
+def test_brightest_sample_is_found_by_splitting_few_ranges() -> None:
+    """The search gives the maximum, and splits only ranges that may contain it."""
+    light = np.random.default_rng(3).exponential(1.0, 4096)
+    light[2777] = 900.0
+    split = []
+
+    def light_of(first: int, count: int) -> np.ndarray:
+        split.append(first)
+        return light[first : first + count]
+
+    ranges = [(first, 64, float(light[first : first + 64].sum())) for first in range(64, 4096, 64)]
+    known = (int(np.argmax(light[:64])), float(light[:64].max()))
+    assert brightest_of_ranges(known, ranges, light_of) == 2777
+    assert split == [2752]
+    light[2777] = 0.0
+    ranges = [(first, 64, float(light[first : first + 64].sum())) for first in range(64, 4096, 64)]
+    assert brightest_of_ranges(known, ranges, light_of) == int(np.argmax(light))

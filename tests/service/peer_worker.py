@@ -42,8 +42,19 @@ from protocol.contract import (
 from protocol.explained import ExplainPixel, explained_key
 from protocol.sums import pack_sums
 from protocol.terms import Offer, Terms, offer_key, terms_key
-from protocol.view_parts import ANSWERS_TTL_S, VIEW_ANSWERS, Part, ViewAnswer, ViewFrame, ViewParts, view_key, view_queue
+from protocol.view_parts import (
+    ANSWERS_TTL_S,
+    VIEW_ANSWERS,
+    Part,
+    ViewAnswer,
+    ViewDenoise,
+    ViewFrame,
+    ViewParts,
+    view_key,
+    view_queue,
+)
 from renderer.film import CHANNELS, COLOR, COLOR_HALF, DEPTH, NORMAL, SAMPLES, SAMPLES_HALF, Sums, digest, in_half
+from renderer.image import rgbe9995
 from renderer.settings import Tile
 
 __all__ = ["PeerWorker", "expected_digest", "expected_sums"]
@@ -183,6 +194,7 @@ class PeerWorker:
             several=self.several,
             views=self.views,
             explains=self.explains,
+            denoises_views=self.denoises,
             transport=self.transport,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
@@ -234,6 +246,8 @@ class PeerWorker:
             _, arguments, _ = json.loads(base64.b64decode(json.loads(message)["body"]))
             if "parts" in arguments:
                 self._view(ViewParts.from_json(arguments["parts"]))
+            elif "picture" in arguments:
+                self._denoise_view(ViewDenoise.from_json(arguments["picture"]))
             elif "pixel" in arguments:
                 self._explain(ExplainPixel.from_json(arguments["pixel"]))
             elif "watch" in arguments.get("frame", {}):
@@ -352,7 +366,20 @@ class PeerWorker:
         finally:
             self.current = {}
 
-    def _tell(self, work: ViewParts | ViewFrame, type: str, sums: bytes = b"", **more: Any) -> None:
+    def _denoise_view(self, work: ViewDenoise) -> None:
+        """Answers a request to denoise a view's picture: half the colour plus albedo and normal, as of a frame."""
+        self._tell(work, "begun")
+        try:
+            means = self.http.get(f"/api/farm/views/{work.message}").raise_for_status()
+            self.on_denoise(work.watch)
+            color, albedo, normal = np.frombuffer(means.content, "<f4").reshape(3, work.height, work.width, 3)
+            self.denoised.append(work.watch)
+            self._tell(work, "denoised", rgbe9995.pack(color / 2 + albedo + normal).astype("<u4").tobytes())
+            self._tell(work, "over")
+        except (ValueError, httpx.HTTPError) as error:
+            self._tell(work, "failed", error=str(error))
+
+    def _tell(self, work: ViewParts | ViewFrame | ViewDenoise, type: str, sums: bytes = b"", **more: Any) -> None:
         if not self._stop.is_set():
             answer = ViewAnswer(type, work.watch, work.view, work.message, self.name, more, sums)
             self.redis.rpush(VIEW_ANSWERS, answer.to_bytes())

@@ -19,6 +19,7 @@ from service.main import DOCS
 from tests.helpers import ROOT
 
 NAMES = [name for names in GROUPS.values() for name in names]
+TRANSLATED = [f"{path.stem}.{path.parent.name}" for path in (ROOT / "docs").glob("??/*.md")]
 
 
 class Client:
@@ -56,7 +57,7 @@ def test_the_index_links_to_every_guide_and_states_the_version(client: Client) -
     assert f"Rayfarm {__version__}" in page
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize("name", [*NAMES, *TRANSLATED])
 def test_guide_links_are_valid(page: Callable[[str], httpx.Response], name: str) -> None:
     answer = page(name)
     assert answer.status_code == 200
@@ -71,6 +72,13 @@ def test_guide_links_are_valid(page: Callable[[str], httpx.Response], name: str)
         found = page(linked or name)
         assert found.status_code == 200, link
         assert not anchor or f'id="{anchor}"' in found.text, link
+
+
+def test_translations_link_to_each_other_and_have_their_language(page: Callable[[str], httpx.Response]) -> None:
+    german = page("first-steps.de").text
+    assert '<html lang="de">' in german and '<a href="first-steps" lang="en" hreflang="en">' in german
+    assert '<a href="first-steps.de" lang="de" hreflang="de">' in page("first-steps").text
+    assert page("page.de").status_code == page("first-steps.xx").status_code == 404
 
 
 def test_only_guides_and_their_pictures_are_served(client: Client) -> None:
@@ -92,6 +100,23 @@ def test_an_unchanged_guide_is_not_sent_again(client: Client) -> None:
     assert client.get("/docs/guides/page", headers={"If-None-Match": tag}).status_code == 304
 
 
+def test_search_finds_sections_by_anchors_of_their_pages(client: Client, page: Callable[[str], httpx.Response]) -> None:
+    answer = client.get("/docs/guides/search.json")
+    assert answer.headers["content-type"].startswith("application/json")
+    sections = answer.json()
+    assert {each["guide"] for each in sections} == set(NAMES)
+    for each in sections:
+        assert not each["anchor"] or f'id="{each["anchor"]}"' in page(each["guide"]).text, each["heading"]
+    assert any(each["guide"] == "color" and "OpenColorIO" in each["text"] for each in sections)
+
+
+def test_guides_are_listed_with_the_current_one_marked(page: Callable[[str], httpx.Response]) -> None:
+    side = page("color").text.partition("<main>")[0]
+    assert re.findall(r'<a href="([\w-]+)"( aria-current="page")?>', side) == [
+        (name, ' aria-current="page"' if name == "color" else "") for name in NAMES
+    ]
+
+
 def test_a_changed_guide_is_rendered_again(tmp_path: Path) -> None:
     (tmp_path / "page.md").write_text("# First\n\nText.\n")
     client = Client(tmp_path)
@@ -102,20 +127,21 @@ def test_a_changed_guide_is_rendered_again(tmp_path: Path) -> None:
 
 
 def test_links_and_anchors_follow_github() -> None:
-    text = "# A & B\n\n[x](api.md#send-it) [y](../README.md) [z](https://example.org)\n\n## What `it` does?\n\n## What it does\n"
-    title, contents, body = render_guide(text, {"api"}.__contains__)
+    links = "[x](api.md#send-it) [api.md](api.md) [y](../README.md) [z](https://example.org)"
+    text = f"# A & B\n\n{links}\n\n## What `it` does?\n\n## What it does\n"
+    title, contents, body = render_guide(text, {"api": "REST API"})
     assert title == "A &amp; B"
     assert contents.count("<li>") == 2
-    assert '<a href="api#send-it">x</a> <a>y</a> <a href="https://example.org">z</a>' in body
+    assert '<a href="api#send-it">x</a> <a href="api">REST API</a> <a>y</a> <a href="https://example.org">z</a>' in body
     assert '<h2 id="what-it-does">' in body
     assert '<h2 id="what-it-does-1">' in body
 
 
 def test_numbers_of_a_table_are_aligned_without_inline_styles() -> None:
-    body = render_guide("# T\n\n| a | n |\n|---|--:|\n| x | 1 |\n", lambda _: False)[2]
+    body = render_guide("# T\n\n| a | n |\n|---|--:|\n| x | 1 |\n", {})[2]
     assert '<td class="right">1</td>' in body
 
 
 def test_a_column_without_a_name_has_no_empty_header() -> None:
-    body = render_guide("# T\n\n| | n |\n|---|--:|\n| x | 1 |\n", lambda _: False)[2]
+    body = render_guide("# T\n\n| | n |\n|---|--:|\n| x | 1 |\n", {})[2]
     assert body.count("<th") - body.count("<thead") == 1

@@ -7,9 +7,14 @@ rewrites the list: each operation with its parameters, body and response, and ea
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import inspect
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+from fastapi.dependencies.models import Dependant
+from fastapi.params import Depends
+from pydantic.fields import FieldInfo
 
 from service.main import create_app
 from service.settings import Settings
@@ -23,6 +28,27 @@ def test_openapi_equals_stored_list() -> None:
     gone, new = [line for line in listed if line not in found], [line for line in found if line not in listed]
     assert not gone, "clients may use these: keep them, or list the API anew (python -m tests.service.test_openapi)"
     assert not new, "not listed yet: python -m tests.service.test_openapi"
+
+
+def test_parameters_of_routes_have_plain_defaults() -> None:
+    """A function of a route that is called directly gets values: FastAPI's declarations are in Annotated, not the default."""
+    asked = {call for route in create_app(Settings()).routes for call in _functions(getattr(route, "dependant", None))}
+    assert len(asked) > 100
+    wrong = [
+        f"{call.__module__}.{call.__qualname__}: {parameter.name}"
+        for call in asked
+        for parameter in inspect.signature(call).parameters.values()
+        if isinstance(parameter.default, FieldInfo | Depends)
+    ]
+    assert not wrong, "write name: Annotated[TYPE, Query(...)] = DEFAULT"
+
+
+def _functions(dependant: Dependant | None) -> Iterator[Callable[..., Any]]:
+    """Yields the functions of a route and of what it depends on."""
+    if dependant is not None and dependant.call is not None:
+        yield dependant.call
+        for needed in dependant.dependencies:
+            yield from _functions(needed)
 
 
 def surface() -> Iterator[str]:

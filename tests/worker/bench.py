@@ -62,7 +62,7 @@ class FakeService(BaseHTTPRequestHandler):
         elif self.path == "/api/farm/join":
             farm = {"redis_url": self.redis_url, "instance": "i", "data_dir": "", "reduces": "yes" if self.reduces else ""}
             self._answer(200, json.dumps(farm).encode())
-        elif self.path.startswith("/api/farm/films/"):
+        elif self.path.startswith(("/api/farm/films/", "/api/farm/views/")):
             means = self.films.get(self.path)
             self._answer(200 if means else 404, means or b"{}", {VERSION_HEADER: "seven", SAMPLES_HEADER: "12"})
         elif self.path.endswith("/manifest"):

@@ -31,9 +31,20 @@ from protocol.contract import (
     render_queue,
 )
 from protocol.sums import unpack_sums
-from protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, Part, ViewAnswer, ViewParts, view_key, view_queue
+from protocol.view_parts import (
+    DENOISE_VIEW,
+    RENDER_VIEW,
+    VIEW_ANSWERS,
+    Part,
+    ViewAnswer,
+    ViewDenoise,
+    ViewParts,
+    view_key,
+    view_queue,
+)
 from renderer.denoise import denoise, is_available
-from renderer.film import COLOR, DEPTH, SAMPLES
+from renderer.film import COLOR, DEPTH, NORMAL, SAMPLES
+from renderer.image import rgbe9995
 from renderer.render import render_batch
 from renderer.scene import compiled as compiled_file
 from renderer.scene.animation import Moment
@@ -105,7 +116,7 @@ def test_view_parts_are_exact_and_outdated_ones_dropped(bench: Bench, info: Scen
     parts = [Part(number, Tile(0, 32 * number, 64, 32), 0, 4) for number in range(2)]
     bench.store.set(view_key("me"), 2)
     for view in (1, 2):  # view 1 is outdated
-        work = ViewParts(f"message {view}", "me", view, info.compiled.sha256, settings, parts)
+        work = ViewParts(f"message {view}", "me", view, info.compiled.sha256, settings, parts, has_guides=True)
         bench.celery.send_task(RENDER_VIEW, kwargs={"parts": work.to_json()}, queue=view_queue(kind))
     answers: list[ViewAnswer] = []
 
@@ -127,6 +138,7 @@ def test_view_parts_are_exact_and_outdated_ones_dropped(bench: Bench, info: Scen
         rows = slice(part.tile.y, part.tile.y + 32)
         np.testing.assert_array_equal(got[COLOR], expected[COLOR][:, rows])
         np.testing.assert_array_equal(got[SAMPLES], expected[SAMPLES][rows])
+        np.testing.assert_array_equal(got[NORMAL], expected[NORMAL][:, rows])
         assert not got[DEPTH].any(), "what a view does not show does not travel"
 
 
@@ -303,6 +315,30 @@ def test_frame_is_denoised_from_film_means(bench: Bench) -> None:
     assert np.abs(clean - truth).mean() < np.abs(noisy - truth).mean() / 4
     again = denoised(bench, DenoiseFrame("again", "job", 0, 60, 40))
     assert again["sha256"] == event["sha256"]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_view_is_denoised_from_its_means(bench: Bench) -> None:
+    kind = bench.report().kind  # type: ignore[union-attr]
+    assert bench.report().denoises_views  # type: ignore[union-attr]
+    random = np.random.default_rng(5)
+    truth = np.full((40, 60, 3), 0.5, np.float32)
+    noisy = (truth * random.gamma(2, 0.5, truth.shape)).astype(np.float32)
+    bench.service.films["/api/farm/views/there"] = np.stack([noisy, truth, np.zeros_like(truth)]).tobytes()
+    bench.store.set(view_key("me"), 3)
+    for message, expected in (("there", ["begun", "denoised", "over"]), ("gone", ["begun", "failed"])):
+        bench.store.delete(VIEW_ANSWERS)
+        work = ViewDenoise(message, "me", 3, 60, 40)
+        bench.celery.send_task(DENOISE_VIEW, kwargs={"picture": work.to_json()}, queue=view_queue(kind))
+        wait_until(lambda: bench.store.llen(VIEW_ANSWERS) == len(expected), 30, "it is answered")  # noqa: B023
+        answers = [ViewAnswer.from_bytes(data) for data in bench.store.lrange(VIEW_ANSWERS, 0, -1)]  # type: ignore[union-attr]
+        assert [answer.type for answer in answers] == expected
+        if message == "there":
+            clean = rgbe9995.unpack(np.frombuffer(answers[1].sums, "<u4").reshape(40, 60))
+            assert np.abs(clean - truth).mean() < np.abs(noisy - truth).mean() / 4
+        else:
+            assert "answers 404" in answers[1].more["error"]
 
 
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")

@@ -201,6 +201,12 @@ class Link:
                 out.write(chunk)
         return about
 
+    def fetch_view_means(self, message: str, out: BinaryIO) -> None:
+        """Downloads the picture of a live view to `out`; format: protocol.view_parts.ViewDenoise. message: the message's id."""
+        with self._stream("GET", f"/api/farm/views/{message}") as response:
+            for chunk in response.iter_bytes(CHUNK):
+                out.write(chunk)
+
     def store(self, path: Path) -> BlobRef:
         """Uploads a file as a blob, and returns its reference."""
         with path.open("rb") as file:

@@ -122,6 +122,7 @@ class WorkerContext:
             several=True,
             views=True,
             explains=True,
+            denoises_views=denoise.is_available(),
             adds=self.pieces is not None,
             in_hand=self._messages_in_hand(),
             has_card_queue=bool(self.cards),

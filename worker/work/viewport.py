@@ -17,12 +17,13 @@ from protocol.view_parts import (
     VIEW_ANSWERS,
     Part,
     ViewAnswer,
+    ViewDenoise,
     ViewFrame,
     ViewParts,
     view_key,
 )
 from renderer.errors import RayfarmError
-from renderer.film import COLOR, SAMPLES
+from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES
 from renderer.render import is_warm, render_batch, variant_for
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
@@ -42,7 +43,7 @@ log = logging.getLogger(__name__)
 class ViewAnswers:
     """Sends the answers to one view message. If Redis is unreachable, answers are lost and requested again."""
 
-    def __init__(self, worker: WorkerContext, work: ViewParts | ViewFrame) -> None:
+    def __init__(self, worker: WorkerContext, work: ViewParts | ViewFrame | ViewDenoise) -> None:
         self._redis = worker.results.redis
         self._about = (work.watch, work.view, work.message, worker.name)
         self._key, self._view = view_key(work.watch), str(work.view).encode()
@@ -92,7 +93,12 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
             begun = time.perf_counter()
             sums = render_batch(scene, work.settings, part.tile, part.first, part.count).sums
             taken = time.perf_counter() - begun
-            answering.send("part", pack_sums(sums if work.is_whole else _view_planes(sums)), number=part.number, seconds=taken)
+            answering.send(
+                "part",
+                pack_sums(sums if work.is_whole else _view_planes(sums, work.has_guides)),
+                number=part.number,
+                seconds=taken,
+            )
             samples, seconds = samples + _samples(part), seconds + taken
         answering.send("over")
     except TemporaryError as error:
@@ -168,10 +174,15 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         )
 
 
-def _view_planes(sums: np.ndarray[Any, Any]) -> np.ndarray[Any, Any]:
-    """Returns a copy of the sums in which the planes that a view does not use are zero, so that they pack into little space."""
+def _view_planes(sums: np.ndarray[Any, Any], has_guides: bool) -> np.ndarray[Any, Any]:
+    """Returns a copy of the sums in which the planes that a view does not use are zero, so that they pack into little space.
+
+    has_guides: whether it uses albedo and normal.
+    """
     seen = np.zeros_like(sums)
     seen[COLOR], seen[SAMPLES] = sums[COLOR], sums[SAMPLES]
+    if has_guides:
+        seen[ALBEDO], seen[NORMAL] = sums[ALBEDO], sums[NORMAL]
     return seen
 
 

@@ -33,7 +33,7 @@ from protocol.contract import (
 )
 from protocol.explained import EXPLAIN, ExplainPixel
 from protocol.joint import HELP_QUEUES, RENDER_JOINTLY, JointBatch
-from protocol.view_parts import RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewFrame, ViewParts, view_queue
+from protocol.view_parts import DENOISE_VIEW, RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewDenoise, ViewFrame, ViewParts, view_queue
 from service.errors import FarmError, QueueError
 from service.scheduling.jobs.traces import trace_headers
 
@@ -115,9 +115,13 @@ class CeleryDispatcher:
         """Sends a request to compute a frame's motion vectors. Raises QueueError."""
         self._send(VECTORS, {"vectors": work.to_json()}, queue, work.work, ("job", work.job))
 
-    def send_view(self, work: ViewParts | ViewFrame, queue: str) -> None:
-        """Sends a request to render parts of a live view, or to prepare an animation frame for it. Raises QueueError."""
-        name, argument = (RENDER_VIEW, "parts") if isinstance(work, ViewParts) else (VIEW_FRAME, "frame")
+    def send_view(self, work: ViewParts | ViewFrame | ViewDenoise, queue: str) -> None:
+        """Sends a request to render parts of a live view, to denoise it, or to prepare its frame. Raises QueueError."""
+        name, argument = {
+            ViewParts: (RENDER_VIEW, "parts"),
+            ViewFrame: (VIEW_FRAME, "frame"),
+            ViewDenoise: (DENOISE_VIEW, "picture"),
+        }[type(work)]
         self._send(name, {argument: work.to_json()}, queue, work.message)
 
     def send_environment(self, work: ShowEnvironment, queue: str) -> None:

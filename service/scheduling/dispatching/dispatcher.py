@@ -15,7 +15,7 @@ from protocol.card import CardBatches
 from protocol.contract import DenoiseFrame, FrameVectors, PrepareFrames, RenderBatch, ShowEnvironment
 from protocol.explained import ExplainPixel
 from protocol.joint import JointBatch
-from protocol.view_parts import ViewFrame, ViewParts
+from protocol.view_parts import ViewDenoise, ViewFrame, ViewParts
 
 __all__ = ["Dispatcher"]
 
@@ -53,8 +53,8 @@ class Dispatcher(Protocol):
     def send_vectors(self, work: FrameVectors, queue: str) -> None:
         """Sends a request to compute a frame's motion vectors. Raises QueueError."""
 
-    def send_view(self, work: ViewParts | ViewFrame, queue: str) -> None:
-        """Sends a request to render parts of a live view, or to prepare an animation frame for it. Raises QueueError."""
+    def send_view(self, work: ViewParts | ViewFrame | ViewDenoise, queue: str) -> None:
+        """Sends a request to render parts of a live view, to denoise it, or to prepare its frame. Raises QueueError."""
 
     def send_environment(self, work: ShowEnvironment, queue: str) -> None:
         """Sends a request to make a thumbnail of an environment image. Raises QueueError."""

@@ -47,7 +47,7 @@ def merge(job: ActiveJob, answers: list[tuple[BatchDone, bytes]]) -> list[Receiv
             sums,
             [BadSample(*sample) for sample in message.bad],
             message.bad_count,
-            message.senders,
+            message.shares,
         )
         for (message, sums), batch, fault in zip(answers, wanted, faults, strict=True)
         if batch is not None and fault is None

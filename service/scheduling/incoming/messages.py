@@ -136,7 +136,16 @@ class BatchDone(_Batch):
     @property
     def senders(self) -> tuple[str, ...]:
         """Returns the names of the workers that rendered the batches, without duplicates."""
-        return tuple(dict.fromkeys(piece.worker or self.worker for piece in self.pieces))
+        return tuple(self.shares)
+
+    @property
+    def shares(self) -> dict[str, int]:
+        """Returns the number of samples per pixel of each worker that rendered the batches."""
+        found: dict[str, int] = {}
+        for piece in self.pieces:
+            name = piece.worker or self.worker
+            found[name] = found.get(name, 0) + piece.count
+        return found
 
     @model_validator(mode="after")
     def _is_contiguous(self) -> BatchDone:

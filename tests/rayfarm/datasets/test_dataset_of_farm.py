@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,8 @@ from PIL import Image
 import rayfarm
 from rayfarm import Cameras
 from rayfarm.client import Client, ClientError
+from rayfarm.datasets import pictures
+from rayfarm.datasets.pictures import NEAR
 from renderer.image.encode import encode
 from tests.helpers import ROOT, Farm
 
@@ -43,6 +46,27 @@ def test_views_of_a_farm_have_the_bits_of_this_process(farm: Farm, tmp_path: Pat
     here = rayfarm.dataset(CORNELL, CAMERAS, folder=tmp_path / "here", outputs=outputs, sinks=["coco"], **REQUEST)
     assert there.views == here.views and len({*here.digests}) == 3
     assert (tmp_path / "there" / "coco.json").read_bytes() == (tmp_path / "here" / "coco.json").read_bytes()
+
+
+def test_frames_that_ended_are_found_near_the_first_one_left_or_anywhere() -> None:
+    class Asked:
+        """A farm with one job of 1,000 frames, every second view of a data set, of which some have ended."""
+
+        def __init__(self, ended: set[int]) -> None:
+            self.ended, self.sent = ended, 0
+
+        def frames(self, job: str, offset: int = 0, limit: int = 1000) -> list[Any]:
+            found = [
+                SimpleNamespace(number=float(n), state="finished" if n in self.ended else "running") for n in range(0, 2000, 2)
+            ]
+            self.sent += len(found[offset : offset + limit])
+            return found[offset : offset + limit]
+
+    views = [*range(0, 2000, 2)]
+    for ended, taken, most in (({*range(0, 1012, 2)}, 500, NEAR), ({*range(0, 1000, 2), 1998, 1500}, 500, 1000 + NEAR)):
+        farm: Any = Asked(ended)
+        found = pictures._ended_frames(farm, "job", views, {*views[taken:]}, len(views) - len(ended))
+        assert {frame.number for frame in found} == ended - {*views[:taken]} and farm.sent == most
 
 
 @pytest.mark.long

@@ -212,6 +212,10 @@ WRONG: dict[str, tuple[dict[str, Any], str]] = {
     "categories": ({"categories": {"cat*": "cat"}}, "match no object"),
     "convention": ({"convention": "vulkan"}, "opengl or opencv"),
     "lens": ({"distortion": {"model": "brown", "coefficients": [-0.9]}}, "parts of the picture show nothing"),
+    "lens for nerfstudio": (
+        {"distortion": {"model": "brown", "coefficients": [0, 0, 0, 0, 0, 0.01]}, "outputs": ["color"], "sinks": ["transforms"]},
+        "the sink transforms has no k4",
+    ),
     "model of the lens": ({"distortion": {"model": "panini"}}, "distortion has the model 'panini'"),
     "format": ({"plane_format": "tiff"}, "plane_format has 'tiff'"),
 }
@@ -293,6 +297,10 @@ def test_a_distortion_comes_back_from_transforms_and_colmap(tmp_path: Path) -> N
         read = Cameras.from_transforms(tmp_path / name / "transforms.json").distortion
         assert read is not None and read.model == name
         assert [*read.coefficients[:4]] == given["coefficients"] and not any(read.coefficients[4:])
+    of_nerfstudio = tmp_path / "brown" / "transforms.json"
+    of_nerfstudio.write_text(json.dumps({**json.loads(of_nerfstudio.read_text()), "k4": 0.01}))
+    with pytest.raises(SettingsError, match=r"nerfstudio's coefficient of r\^8"):
+        Cameras.from_transforms(of_nerfstudio)
     (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 4 1 000.png\n\n")
     for model, numbers, expected in (
         ("OPENCV", "70 70 30.5 25.25 -0.1 0.02 0.001 0.002", lens),

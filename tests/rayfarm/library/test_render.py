@@ -12,6 +12,7 @@ import trimesh
 import yaml
 
 import rayfarm
+from rayfarm.library.arguments import parse_arguments
 from renderer.errors import SceneError, SettingsError
 from tests.helpers import ROOT
 
@@ -47,6 +48,12 @@ def test_file_and_dict_give_equal_pictures(tmp_path: Path) -> None:
     assert image._repr_png_().startswith(b"\x89PNG")
     with pytest.raises(KeyError, match="it has color, albedo"):
         image["colour"]
+
+
+def test_height_is_in_pixels_and_never_that_of_an_orthographic_camera() -> None:
+    given = parse_arguments({"width": 64, "height": 48, "ortho_height": 3.5}).picture.given
+    assert given["size"] == (64, 48) and given["ortho_height"] == 3.5
+    assert "ortho_height" not in parse_arguments({"width": 64, "height": 48}).picture.given
 
 
 def test_arrays_and_pixels_are_placed_correctly() -> None:

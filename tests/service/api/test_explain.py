@@ -69,6 +69,10 @@ def test_explanation_uses_job_settings_and_is_compared_with_film(service: Servic
     assert (found["samples"], found["worker"]) == (8, "peer")
     pixel = service.http.get(f"/api/jobs/{job}/frames/0/pixel", params={"x": 5, "y": 7}).json()
     assert found["mean"] == pytest.approx(pixel["color"], rel=1e-6)
+    brought = service.http.get(f"/api/jobs/{job}/frames/0/workers").raise_for_status().json()
+    assert brought["workers"] == [{"name": "peer", "samples": 64 * 48 * 8}]
+    assert brought["unknown"] == 0
+    assert {(tile["samples"], *tile["shares"]) for tile in brought["tiles"]} == {(8, 8)}
     worker.on_explain = lambda work: [*explained(work)[:1], {**explained(work)[1], "explained": _other(work)}]
     assert ask(service, job).json()["equals_film"] is False
 

@@ -16,6 +16,7 @@ from renderer.image import rgbe9995
 from renderer.settings import Tile
 from service.scheduling.records import Records
 from service.viewing import memory_limit
+from service.viewing.canvas import GUIDE_SAMPLES
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_sums
 from tests.service.viewer import look
@@ -52,6 +53,38 @@ def test_view_starts_small_and_ends_exact(service: Service, worker: PeerWorker) 
         assert (settings.max_depth, settings.view.eye) == (11, (1.0, 2.0, 3.0))
     until(lambda: not remains_of_views(service), "nothing is left", say=lambda: remains_of_views(service))
     assert blobs(service) == before
+
+
+@pytest.mark.long
+def test_view_is_denoised_and_then_never_noisy(service: Service) -> None:
+    """The last picture is the denoised one of all samples; after the first, no other is sent. A failure shows the noise again."""
+
+    def clean(samples: int) -> np.ndarray:
+        sums = expected_sums(Tile(0, 0, 96, 64), 0, samples, 3)
+        guides = expected_sums(Tile(0, 0, 96, 64), 0, min(samples, GUIDE_SAMPLES), 3)
+        albedo, normal = (film_math.mean(guides, 24, planes) for planes in (film_math.ALBEDO, film_math.NORMAL))
+        return rgbe9995.unpack(rgbe9995.pack(film_math.mean(sums, 24) / 2 + albedo + normal))
+
+    with service.worker(denoises=True) as worker, look(service, service.ready_scene()) as viewer:
+        viewer.show(1, spp=32, seed=3, denoise=True)
+        until(lambda: (viewer.read(), bool(viewer.states) and viewer.states[-1]["denoised"])[1], "it is denoised")
+        until(lambda: (viewer.read(), viewer.is_exact.all())[1], "it is exact")
+        np.testing.assert_allclose(rgbe9995.unpack(viewer.words), clean(32), rtol=0.01, atol=0.01)
+        assert 1 <= len(worker.denoised) <= 7, "at doubled samples, and at the end"
+        viewer.show(2, spp=32, seed=3)
+        until(lambda: (viewer.read(), viewer.pictures[-1][0] == 2 and viewer.is_exact.all())[1], "it is not denoised")
+        np.testing.assert_array_equal(
+            viewer.words, rgbe9995.pack(film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 32, 3), 24))
+        )
+
+        def fail(watch: str) -> None:
+            raise ValueError("it has no memory")
+
+        worker.on_denoise = fail
+        viewer.show(3, spp=32, seed=3, denoise=True)
+        until(lambda: (viewer.read(), viewer.pictures[-1][0] == 3 and viewer.is_exact.all())[1], "it is shown with its noise")
+        until(lambda: (viewer.read(), viewer.states[-1]["done"])[1], "it is done")
+        assert (viewer.states[-1]["id"], viewer.states[-1]["denoised"], viewer.errors) == (3, False, [])
 
 
 @pytest.mark.long

@@ -76,7 +76,7 @@ def test_partly_overlapping_contribution_is_dropped(tmp_path: Path) -> None:
 def test_separate_senders_prevent_replacement(tmp_path: Path) -> None:
     film = make(tmp_path / "job.sqlite")
     film.separates_senders = True
-    assert film.merge([part(film, 0, 4, 2, workers=("honest",))]) == [True]
-    assert film.merge([part(film, 0, 0, 12, workers=("another",))]) == [False]
+    assert film.merge([part(film, 0, 4, 2, workers={"honest": 2})]) == [True]
+    assert film.merge([part(film, 0, 0, 12, workers={"another": 12})]) == [False]
     assert film.has_sums_of("honest")
     film.close()

@@ -14,10 +14,10 @@ from protocol.sums import pack_sums
 from service.store.contributions import Contribution
 from service.store.film_check import film_samples, readable_rows
 from service.store.film_copy import FilmCopy
-from service.store.film_version import VERSION, FilmShape
+from service.store.film_version import FilmShape
 from service.store.films import Film
 from service.store.row_folding import MAX_ROWS_APART, MAX_ROWS_UNFOLDED
-from service.store.senders import MAX_NAMES, senders_of, senders_text
+from service.store.senders import MAX_NAMES, senders_of, senders_text, shares_of
 from service.store.tile_cache import TileCache
 from tests.service.peer_worker import expected_sums
 
@@ -38,7 +38,7 @@ def film(tmp_path: Path) -> Iterator[Film]:
 
 def sent(film: Film, worker: str, first: int, count: int = 1) -> None:
     sums = pack_sums(expected_sums(film.tiles[0], first, count, 0))
-    assert film.merge([Contribution(0, 0, first, count, sums, workers=(worker,))]) == [True]
+    assert film.merge([Contribution(0, 0, first, count, sums, workers={worker: count})]) == [True]
 
 
 def rows(film: Film) -> list[tuple[str, int]]:
@@ -84,10 +84,12 @@ def test_mixed_row_names_all_senders(film: Film) -> None:
     film.separates_senders = False
     for first in range(MAX_ROWS_UNFOLDED):
         sent(film, f"w{first % 3}", first)
-    assert rows(film) == [('["w0", "w1", "w2"]', MAX_ROWS_UNFOLDED)]
+    assert rows(film) == [('{"w0": 3, "w1": 3, "w2": 2}', MAX_ROWS_UNFOLDED)]
+    sent(film, "w0", MAX_ROWS_UNFOLDED, 2)
+    assert film.worker_shares(0) == [(10, {"w0": 5, "w1": 3, "w2": 2})]
     assert film.delete_samples_of("w3") == 0
     assert film.delete_samples_of("w1") == 64 * MAX_ROWS_UNFOLDED
-    assert film.is_empty
+    assert film.worker_shares(0) == [(2, {"w0": 2})]
 
 
 def test_rows_per_tile_are_bounded(film: Film) -> None:
@@ -98,22 +100,22 @@ def test_rows_per_tile_are_bounded(film: Film) -> None:
 
 
 def test_row_with_too_many_senders_matches_any_worker() -> None:
-    few, many = senders_text([f"w{n}" for n in range(MAX_NAMES)]), senders_text([f"w{n}" for n in range(MAX_NAMES + 1)])
+    few, many = (senders_text({f"w{n}": 1 for n in range(names)}) for names in (MAX_NAMES, MAX_NAMES + 1))
     assert ("w1" in senders_of(few), "x" in senders_of(few)) == (True, False)
     assert "x" in senders_of(many)
-    assert "x" in senders_of(senders_text([*senders_of(many), "y"])), "what is added to it stays anybody's"
-    assert senders_text([""]) is None
+    assert "x" in senders_of(senders_text({**shares_of(many, 1), "y": 1})), "what is added to it stays anybody's"
+    assert senders_text({"": 4}) is None
     assert "x" not in senders_of(None)
     assert "x" not in senders_of("{damaged")
 
 
-def test_film_of_previous_version_is_continued(film: Film, tmp_path: Path) -> None:
+def test_film_without_senders_is_continued(film: Film, tmp_path: Path) -> None:
     sent(film, "", 0, 2)
     film.close()
     with closing(sqlite3.connect(tmp_path / "job.sqlite")) as database, database:
         database.execute("ALTER TABLE part DROP COLUMN workers")
         database.execute("ALTER TABLE part DROP COLUMN ranges")
-        database.execute(f"PRAGMA user_version = {VERSION - 1}")
+        database.execute("PRAGMA user_version = 2")
     database.close()
     assert film_samples(tmp_path / "job.sqlite", SHAPE) == {0: 128}
     again = make(tmp_path / "job.sqlite")
@@ -121,3 +123,12 @@ def test_film_of_previous_version_is_continued(film: Film, tmp_path: Path) -> No
     assert rows(again) == [("None", 2), ('["a"]', 1)]
     assert again.delete_samples_of("a") == 64
     again.close()
+
+
+def test_numbers_of_older_rows_stay_unknown() -> None:
+    """A list of several names, as in films of version 3, has no numbers; one name has all samples."""
+    assert shares_of('["a", "b"]', 8) == {"a": 0, "b": 0}
+    assert shares_of('["a"]', 8) == {"a": 8}
+    text = senders_text({"a": 0, "b": 3})
+    assert (shares_of(text, 11), set(senders_of(text))) == ({"a": 0, "b": 3}, {"a", "b"})
+    assert shares_of(senders_text({"a": 3, "": 5}), 8) == {"a": 3}, "the samples of nobody known are not a's"

@@ -318,6 +318,11 @@
  *
  * @typedef {{chosen: string[], sample: number, value: number[] | null, end: string | null, vertices: PathVertex[]}} PixelPath
  *
+ * @typedef {object} FrameWorkers who rendered the samples of a frame; numbers of a tile are per pixel, of others over all pixels
+ * @property {{name: string, samples: number}[]} workers
+ * @property {number} unknown
+ * @property {{x: number, y: number, w: number, h: number, samples: number, shares: number[]}[]} tiles shares: in the order of `workers`
+ *
  * @typedef {{x: number, y: number, frame: number, samples: number, mean: number[] | null, equals_film: boolean | null, worker: string | null, paths: PixelPath[]}} Explained
  *
  * @typedef {Record<string, any> & {samples: number, lights?: Record<string, number[]> | null}} PixelValue by channel, `color` being the light

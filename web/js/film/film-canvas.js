@@ -11,12 +11,12 @@ import { t } from "../base/words.js";
 
 /** @typedef {import("./viewport.js").Viewport} Viewport */
 
-/** @typedef {{exposure: number, curve: string, part?: string}} Look */
+/** @typedef {{exposure: number, curve: string, part?: string, high?: boolean}} Look high: with the display's high dynamic range */
 
 /** Side of the squares behind a transparent picture, in CSS pixels. */
 const SQUARE = 8;
 
-const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "viewTable", "raw", "part", "alpha", "hasAlpha", "square"]);
+const UNIFORMS = /** @type {const} */ (["film", "canvasSize", "origin", "scale", "gain", "curve", "viewTable", "raw", "part", "alpha", "hasAlpha", "square", "high"]);
 
 /** Error: the browser cannot show a film; the message is the reason. */
 export class CannotShow extends Error {}
@@ -56,6 +56,8 @@ export class FilmCanvas {
     ]);
     /** An image over both layers, such as a difference map. */
     this.cover = new FilmLayer(gl, () => this.invalidate());
+    /** Shows pictures of high dynamic range over this canvas; null: they have standard range. @type {import("./high-range.js").HighRange | null} */
+    this.high = null;
     /** Whether each layer is shown in its own half of the canvas, with the same part of the picture. */
     this.sideBySide = false;
     this.build();
@@ -136,7 +138,7 @@ export class FilmCanvas {
     const top = Math.ceil(box.top * ratio - 1e-3);
     const width = Math.max(1, Math.floor(box.right * ratio + 1e-3) - left);
     const height = Math.max(1, Math.floor(box.bottom * ratio + 1e-3) - top);
-    for (const canvas of [this.canvas, this.over]) {
+    for (const canvas of [this.canvas, this.over, ...(this.high ? [this.high.canvas] : [])]) {
       const style = {
         left: left / ratio - box.left,
         top: top / ratio - box.top,
@@ -145,6 +147,7 @@ export class FilmCanvas {
       };
       for (const [name, value] of Object.entries(style)) canvas.style.setProperty(name, `${value}px`);
     }
+    if (this.high) Object.assign(this.high.canvas, { width, height });
     if (width !== this.canvas.width || height !== this.canvas.height) {
       this.canvas.width = width;
       this.canvas.height = height;
@@ -162,6 +165,8 @@ export class FilmCanvas {
     this.pending = 0;
     const { gl, canvas, wipe } = this;
     if (gl.isContextLost() || !this.uniforms) return;
+    if (this.high && !this.high.begin(gl, canvas.width, canvas.height)) this.setHigh(null);
+    gl.uniform1i(this.uniforms.high ?? null, this.high ? 1 : 0);
     gl.viewport(0, 0, canvas.width, canvas.height);
     gl.disable(gl.SCISSOR_TEST);
     gl.clearColor(0, 0, 0, 0);
@@ -179,7 +184,21 @@ export class FilmCanvas {
       this.drawLayer(first, 0, split);
       this.drawLayer(second, split, canvas.width - split);
     }
+    if (this.high) {
+      this.high.end(gl);
+      gl.disable(gl.SCISSOR_TEST);
+      gl.clear(gl.COLOR_BUFFER_BIT); // it lies under the other canvas, which is transparent beside the picture
+    }
     this.afterDraw();
+  }
+
+  /** @param {import("./high-range.js").HighRange | null} high */
+  setHigh(high) {
+    if (this.high === high) return;
+    this.high?.dispose(this.gl);
+    this.high = high;
+    this.resize();
+    this.invalidate();
   }
 
   /** The panes of the canvas that each show the picture: position, width, and offset from the viewport. */
@@ -221,6 +240,7 @@ export class FilmCanvas {
     gl.uniform1i(uniforms?.curve ?? null, this.curve());
     gl.uniform1i(uniforms?.part ?? null, 0);
     gl.uniform1i(uniforms?.hasAlpha ?? null, 0);
+    gl.uniform1i(uniforms?.high ?? null, 0);
     gl.uniform1i(uniforms?.raw ?? null, layer.image ? 1 : 0);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     const below = new Uint8Array(4 * width * height);
@@ -266,6 +286,8 @@ export class FilmCanvas {
   }
 
   dispose() {
+    this.high?.dispose(this.gl);
+    this.high = null;
     for (const layer of [...this.layers, this.cover]) layer.clear();
     cancelAnimationFrame(this.pending);
     this.gl.getExtension("WEBGL_lose_context")?.loseContext(); // browsers allow only some 16 contexts

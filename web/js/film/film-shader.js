@@ -50,6 +50,7 @@ uniform int part;
 uniform sampler2D alpha;     // the film's coverage, as grey, where hasAlpha is set
 uniform bool hasAlpha;
 uniform float square;        // side of the checkerboard's squares, in device pixels
+uniform bool high;           // the target is of high dynamic range, and its first row is the upper one
 out vec4 color;
 
 // At most this many texels an axis are averaged; beyond, they are taken at equal steps.
@@ -63,6 +64,36 @@ vec3 shown(vec3 c) {
   if (part == 5) return falseColour(y);
   if (part > 0) c = vec3(part == 1 ? c.r : part == 2 ? c.g : part == 3 ? c.b : y);
   return curve == ${VIEW_CURVE} ? viewed(c) : displayed(c, curve);
+}
+
+vec3 srgbDecode(vec3 v) {
+  return mix(v / 12.92, pow((v + 0.055) / 1.055, vec3(2.4)), greaterThan(v, vec3(0.04045)));
+}
+
+// Without an upper bound
+vec3 srgbExtended(vec3 c) {
+  return mix(12.92 * c, 1.055 * pow(max(c, 0.0), vec3(1.0 / 2.4)) - 0.055, greaterThan(c, vec3(0.0031308)));
+}
+
+// Values above 1 approach 1000 nits at a white of 203, as highlights_rolled of renderer/image/hdr_still.py
+vec3 highlightsRolled(vec3 c) {
+  const float room = 1000.0 / 203.0 - 1.0;
+  float brightest = max(c.r, max(c.g, c.b));
+  return brightest > 1.0 ? c * (1.0 + room * (1.0 - exp((1.0 - brightest) / room))) / brightest : c;
+}
+
+// The rendition of high dynamic range of a JPEG with a gain map (renderer/image/gain_map.py): that of the curve up to middle
+// grey, and the radiance above white.
+vec3 highRange(vec3 c) {
+  const vec3 weights = vec3(0.2126, 0.7152, 0.0722);
+  const float offset = 1.0 / 64.0;
+  vec3 ordinary = srgbDecode(shown(c));
+  float base = dot(ordinary, weights);
+  float middle = srgbDecode(shown(vec3(0.18))).r;
+  float bright = dot(highlightsRolled(c * (middle / 0.18)), weights);
+  float share = clamp((bright - middle) / (1.0 - middle), 0.0, 1.0);
+  float stops = log2((max(bright, base) + offset) / (base + offset)) * share * share * (3.0 - 2.0 * share);
+  return srgbExtended((ordinary + offset) * exp2(stops) - offset);
 }
 
 // Display values of premultiplied light before a checkerboard, as a PNG with straight alpha has them.
@@ -93,7 +124,7 @@ vec3 footprint(sampler2D picture, vec2 lo, vec2 hi) {
 }
 
 void main() {
-  vec2 p = vec2(gl_FragCoord.x, canvasSize.y - gl_FragCoord.y);
+  vec2 p = vec2(gl_FragCoord.x, high ? gl_FragCoord.y : canvasSize.y - gl_FragCoord.y);
   vec2 lo = (p - 0.5 - origin) / scale;
   vec2 hi = (p + 0.5 - origin) / scale;
   vec2 size = vec2(textureSize(film, 0));
@@ -104,6 +135,7 @@ void main() {
   }
   vec3 linear = footprint(film, lo, hi);
   color = vec4(raw ? linear : shown(linear * gain), 1.0);
+  if (high && !raw && part == 0) color.rgb = highRange(linear * gain);
   if (hasAlpha && part == 0) color = vec4(beforeSquares(linear, footprint(alpha, lo, hi).r, p), 1.0);
 }`;
 

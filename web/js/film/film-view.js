@@ -5,6 +5,7 @@
 
 import { h } from "../base/dom.js";
 import { FilmCanvas } from "./film-canvas.js";
+import { highRangeOn } from "./high-range.js";
 import { panAndZoom } from "./pan-zoom.js";
 import { PixelOverlay } from "./pixel-overlay.js";
 import { Poster } from "./poster.js";
@@ -39,6 +40,8 @@ export class FilmView {
     this.layers = this.canvas.layers;
     /** @type {Poster | null} */
     this.poster = null;
+    this.wantsHigh = false;
+    this.isDisposed = false;
     this.canvas.afterDraw = () => {
       this.over.draw();
       this.placePoster();
@@ -121,8 +124,28 @@ export class FilmView {
     this.element.dataset.film = "here";
   }
 
+  /** Shows the picture with the display's high dynamic range, where that can be had. @param {boolean} on */
+  async setHighRange(on) {
+    if (on === this.wantsHigh) return;
+    this.wantsHigh = on;
+    if (!on) {
+      this.canvas.setHigh(null);
+      return;
+    }
+    const canvas = h("canvas", { class: "high-range", "aria-hidden": "true" });
+    const high = await highRangeOn(canvas);
+    if (!high || !this.wantsHigh || this.isDisposed) {
+      high?.device.destroy();
+      return;
+    }
+    void high.device.lost.then(() => this.canvas.high === high && this.canvas.setHigh(null));
+    this.canvas.canvas.after(canvas);
+    this.canvas.setHigh(high);
+  }
+
   /** @param {Look} look */
   setLook(look) {
+    void this.setHighRange(look.high === true);
     this.canvas.look = look;
     this.over.exposure = look.exposure;
     this.canvas.invalidate();
@@ -181,6 +204,7 @@ export class FilmView {
   }
 
   dispose() {
+    this.isDisposed = true;
     this.undoPan();
     this.resizing.disconnect();
     this.canvas.dispose();

@@ -5,6 +5,7 @@
 
 import { channels, lightGroupOf, lightGroups } from "../film/channels.js";
 import { PARTS } from "../film/film-shader.js";
+import { mayHaveHighRange } from "../film/high-range.js";
 import { isMixed, mixFrom, mixText } from "../film/light-mix.js";
 import { heatBar, partFields } from "./part-fields.js";
 import { pinsFrom, pinsText } from "./pins.js";
@@ -30,10 +31,13 @@ import { t, tn } from "../base/words.js";
  * @property {number} wipe how much of the width is the raw picture's, where it lies beside the denoised one
  * @property {readonly import("../film/light-mix.js").Strip[]} mix one per light group of the job; the colour is shown so
  * @property {boolean} outlines of the tiles that are being rendered
+ * @property {boolean} high whether the display's high dynamic range is used
  */
 
 export const EXPOSURE_STEP = 0.5;
 const EXPOSURE_RANGE = 16;
+/** The choice of high dynamic range is this browser's, not the link's: it depends on the display. */
+const HIGH_KEY = "rayfarm-hdr";
 
 /**
  * @param {Record<string, any> | null} settings the job's, for its light groups
@@ -53,6 +57,7 @@ export function displayFromUrl(settings) {
     wipe: wipeFrom(params.get("wipe")),
     mix: mixFrom(params.get("mix"), lightGroups(settings)),
     outlines: params.get("tiles") !== "0",
+    high: mayHaveHighRange() && readHigh(),
   });
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
@@ -75,6 +80,23 @@ export function displayFromUrl(settings) {
     }, 300);
   });
   return store;
+}
+
+function readHigh() {
+  try {
+    return localStorage.getItem(HIGH_KEY) === "on";
+  } catch {
+    return false; // storage is blocked
+  }
+}
+
+/** @param {boolean} on */
+function keepHigh(on) {
+  try {
+    localStorage.setItem(HIGH_KEY, on ? "on" : "off");
+  } catch {
+    // Storage is blocked: the choice lasts until the page is closed.
+  }
 }
 
 /** @param {URLSearchParams} params @returns {{exposure: number, curve: string}} */
@@ -124,8 +146,10 @@ export function displayPanel(display, settings, { normalise, denoise: renew }) {
     onchange: () => display.update((d) => ({ ...d, outlines: outlines.checked })),
   });
   const outline = h("label", { class: "check" }, outlines, t("Outline tiles being rendered"));
+  const high = h("input", { type: "checkbox", checked: display.value.high, onchange: () => (keepHigh(high.checked), display.update((d) => ({ ...d, high: high.checked }))) });
+  const highLabel = h("label", { class: "check", title: t("Highlights brighter than white, on displays of high dynamic range"), hidden: !mayHaveHighRange() }, high, "HDR");
   const denoiseBox = h("div", null, denoise.element);
-  const colourOnly = h("div", { class: "stack" }, partFields(display), look, denoiseBox);
+  const colourOnly = h("div", { class: "stack" }, partFields(display), look, highLabel, denoiseBox);
   const heat = h("div", { hidden: true });
   display.subscribe((d) => {
     channel.value = d.channel;

@@ -41,11 +41,18 @@ const sum = (a, b) => a.map((value, i) => value + (b[i] ?? 0));
 /** @param {number} share */
 const percent = (share) => `${Number((share * 100).toPrecision(3))} %`;
 
+/** Part of a pixel's light from which a single sample is a firefly, and shown first. */
+const FIREFLY = 0.25;
+/** Number of samples from which one that brings so much is conspicuous. */
+const FEW = 16;
+
 /**
  * @param {import("../film/live-picture.js").LivePicture} picture
  * @param {import("../base/store.js").Disposer} life
+ * @param {{around: (sample: number) => {without: number | null, with: number | null}, goTo: (spp: number | null) => void} | null} moments
+ *   the picture's sample history, if it has one
  */
-export function explainPanel(picture, life) {
+export function explainPanel(picture, life, moments) {
   const { view, live } = picture;
   const title = h("h2", null, t("Explained pixel"));
   const shut = h("button", { class: "icon-button", type: "button", "aria-label": t("Close the explanation"), title: t("Close (Escape)"), onclick: () => close() }, icon("close"));
@@ -97,28 +104,38 @@ export function explainPanel(picture, life) {
   /** @param {Explained} found @param {number | null} sample */
   const show = (found, sample) => {
     const detail = h("div", { class: "stack tight" });
+    const brightest = found.paths.find((path) => path.chosen.includes("brightest"));
+    const share = shareOf(found, brightest);
+    const isFirefly = found.samples >= FEW && share > FIREFLY;
+    const first = (sample === null ? isFirefly && brightest : found.paths.find((path) => path.sample === sample)) || found.paths[0];
     const name = `path-${found.x}-${found.y}`;
-    const choices = found.paths.map((path, i) => {
+    const choices = found.paths.map((path) => {
       const words = path.chosen.map((choice) => CHOSEN[choice] ?? choice).join(", ");
       const radio = h("input", { type: "radio", name, onchange: () => pick(path) });
-      radio.checked = sample === null ? i === 0 : path.sample === sample;
+      radio.checked = path === first;
       return h("label", null, radio, h("span", { class: "grow" }, words), h("span", { class: "quiet number" }, `#${path.sample}`), h("span", { class: "mono" }, path.value ? radiance(luminanceOf(path.value)) : t("no number")));
     });
     const pick = (/** @type {PixelPath} */ path) => {
       shown = { path, chosen: null };
-      fill(detail, pathDetail(path, (chosen) => ((shown = { path, chosen }), draw())));
+      fill(detail, inHistory(path.sample), ...pathDetail(path, (chosen) => ((shown = { path, chosen }), draw())));
       draw();
+    };
+    const inHistory = (/** @type {number} */ sample) => {
+      const { without = null, with: having = null } = moments?.around(sample) ?? {};
+      const link = (/** @type {number | null} */ spp, /** @type {string} */ text) => spp !== null && h("button", { class: "text-button small", type: "button", onclick: () => moments?.goTo(spp) }, text);
+      if (without === null && having === null) return null;
+      return h("p", { class: "row small" }, h("span", { class: "quiet" }, t("Sample history")), link(without, t("Without it: {n} spp", { n: count(without ?? 0) })), link(having, t("With it: {n} spp", { n: count(having ?? 0) })));
     };
     const number = h("input", { type: "number", min: 0, max: LAST_SAMPLE, step: 1, "aria-label": t("Number of a sample"), value: sample === null ? "" : String(sample) });
     const other = h("form", { class: "row other-sample", onsubmit: (/** @type {Event} */ event) => (event.preventDefault(), number.value && void explain({ x: found.x, y: found.y }, number.valueAsNumber)) }, h("span", { class: "quiet" }, t("Another sample")), number, h("button", { class: "button", type: "submit" }, t("Follow")));
     fill(
       body,
+      isFirefly && h("p", { class: "small" }, t("A firefly: sample {n} alone brings {share} of this pixel's light.", { n: brightest?.sample ?? 0, share: percent(share) })),
       h("p", { class: "quiet small", role: "status" }, verdict(found)),
       h("div", { class: "paths", role: "radiogroup", "aria-label": t("Samples of this pixel, with their luminance") }, choices),
       other,
       detail,
     );
-    const first = (sample === null ? null : found.paths.find((path) => path.sample === sample)) ?? found.paths[0];
     if (first) pick(first);
     announce(t("The pixel's paths are shown"));
   };
@@ -153,6 +170,17 @@ export function explainPanel(picture, life) {
       { keys: "Escape", does: t("Close the explanation"), run: () => (pixel || isOn) && close() },
     ],
   };
+}
+
+/**
+ * The part of a pixel's light that one of its samples brings; 1 if the sample is not finite.
+ *
+ * @param {Explained} found
+ * @param {PixelPath | undefined} path
+ */
+function shareOf({ samples, mean }, path) {
+  if (!path || !mean) return 0;
+  return path.value ? luminanceOf(path.value) / (luminanceOf(mean) * samples || 1) : 1;
 }
 
 /** @param {Explained} found @returns {string} */

@@ -5,6 +5,7 @@ import { fill, h, setText } from "../base/dom.js";
 import { clock, count } from "../base/format.js";
 import { Film } from "../film/film.js";
 import { here, linkTo, setParams } from "../shell/router.js";
+import { announce } from "../shell/tray.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -82,13 +83,20 @@ export function momentsPanel(job, picture, display, life) {
       if (at === snapshot.spp && !abort.signal.aborted) setText(said, error instanceof Error ? error.message : String(error));
     }
   };
-  slider.addEventListener("input", () => {
-    at = known[slider.valueAsNumber]?.spp ?? null;
+  /** @param {number | null} spp samples per pixel of a snapshot; null: the current picture */
+  const goTo = (spp) => {
+    at = spp;
     setParams({ then: at === null ? null : String(at) });
     // Snapshots contain only colour.
     if (at !== null) display.update((look) => ({ ...look, channel: "", denoise: "off" }));
     void show();
-  });
+  };
+  slider.addEventListener("input", () => goTo(known[slider.valueAsNumber]?.spp ?? null));
+  const step = (/** @type {number} */ by) => {
+    if (known.length === 0) return;
+    goTo(known[Math.min(Math.max(slider.valueAsNumber + by, 0), known.length)]?.spp ?? null);
+    announce(said.textContent ?? "");
+  };
   // Planes and the denoised picture exist only for the current picture.
   life.add(
     display.subscribe(({ channel, denoise }) => {
@@ -115,6 +123,21 @@ export function momentsPanel(job, picture, display, life) {
   let state = job().state;
   return {
     element,
+    goTo,
+    /**
+     * @param {number} sample number of a sample
+     * @returns {{without: number | null, with: number | null}} the last snapshot in which no tile has the sample, and the first in
+     *   which all have it
+     */
+    around: (sample) => ({
+      without: known.findLast(({ most }) => most <= sample)?.spp ?? null,
+      with: known.find(({ least }) => least > sample)?.spp ?? null,
+    }),
+    /** @type {import("../shell/shortcuts.js").Shortcut[]} */
+    keys: [
+      { keys: ",", does: t("Sample history: the picture with fewer samples"), run: () => step(-1) },
+      { keys: ".", does: t("Sample history: the picture with more samples"), run: () => step(1) },
+    ],
     update: (/** @type {Job} */ next) => {
       if (next.state !== state) void renew();
       state = next.state;

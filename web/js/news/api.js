@@ -281,6 +281,13 @@ export const jobLogUrl = (id) => `api/jobs/${id}/log`;
 
 /**
  * @param {Place} place
+ * @param {AbortSignal} signal
+ * @returns {Promise<import("../base/types.js").FrameWorkers>}
+ */
+export const getFrameWorkers = ({ job, frame }, signal) => call("GET", `/jobs/${job}/frames/${frame}/workers`, { signal });
+
+/**
+ * @param {Place} place
  * @param {number} x
  * @param {number} y
  * @param {AbortSignal} signal

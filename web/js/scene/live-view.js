@@ -19,6 +19,7 @@ import { heldKey, lightHand } from "./light-hand.js";
 import { clarity, clarityField } from "./clarity.js";
 import { MeshCanvas } from "./mesh-canvas.js";
 import { people } from "./people.js";
+import { denoiseView } from "./denoise-view.js";
 import { alongSight, lookAt } from "./orbit.js";
 import { hasMesh, meshOf } from "./preview-mesh.js";
 import { LIVE } from "./sides.js";
@@ -88,6 +89,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   );
   const shown = h("span", { class: "small number quiet" }, "0 EV");
   const clear = clarityField(() => refresh());
+  const denoise = denoiseView(() => refresh());
   const viewport = new Viewport();
   /** @type {FilmCanvas} */
   let picture;
@@ -165,8 +167,9 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       picture.invalidate();
     },
     state(told) {
-      const { samples, bound, mean, noise, done, slots, message } = told;
+      const { samples, bound, mean, noise, done, slots, denoised, message } = told;
       surface.dataset.samples = String(samples);
+      surface.dataset.denoised = String(denoised);
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
     },
@@ -203,7 +206,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
-    link.show({ ...request, ...clear.request(), width, height });
+    link.show({ ...request, ...clear.request(), ...denoise.request(), width, height });
     if (!isSampled) mesh.setView(form.view());
     others.changed();
     offer();
@@ -323,7 +326,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   const look = new Store({ exposure: 0, curve: DEFAULT_CURVE });
   const toolBar = h("div", { class: "view-tool-bar" }, [...tools.buttons.values()], bookmarks(scene.id, form.view, (view) => turn(view)));
-  const looks = h("div", { class: "view-looks" }, h("label", { class: "view-exposure" }, icon("exposure"), exposure, shown), clear.element, curve);
+  const looks = h("div", { class: "view-looks" }, h("label", { class: "view-exposure" }, icon("exposure"), exposure, shown), clear.element, denoise.element, curve);
   const pills = h("div", { class: "view-pills" }, state, said, dark);
   const stage = viewStage({
     ...{ scene: scene.id, sides, live: film, look, names },
@@ -386,6 +389,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       endKeys();
       form.element.removeEventListener(PLACE_SUN, placeSun);
       others.dispose();
+      denoise.dispose();
       link.close();
       mesh.dispose();
       picture.dispose();

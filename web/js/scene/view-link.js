@@ -16,6 +16,7 @@ import { t } from "../base/words.js";
  * @property {number | null} noise relative; null while unknown
  * @property {boolean} done
  * @property {number} slots
+ * @property {boolean} denoised whether the picture that is shown is denoised
  * @property {string | null} message why no new pictures arrive
  * @property {import("../base/types.js").Codes} [codes]
  *

@@ -4,7 +4,7 @@ import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { table } from "../news/settings-table.js";
 import { setLetterShortcuts, hasLetterShortcuts, shortcuts } from "./shortcuts.js";
-import { t } from "../base/words.js";
+import { language, t } from "../base/words.js";
 
 /** Names of keys in the language of the page. @type {Record<string, string>} */
 const KEY_NAMES = { Ctrl: t("Ctrl"), Delete: t("Del"), Enter: t("Enter"), Escape: t("Esc"), Shift: t("Shift"), Space: t("Space") };
@@ -32,6 +32,7 @@ export function showHelp() {
       h(
         "p",
         { class: "row wraps help-links" },
+        h("a", { href: `docs/guides/first-steps${language === "de" ? ".de" : ""}` }, t("First steps")),
         h("a", { href: "docs/guides/" }, t("Guides")),
         h("a", { href: "docs/" }, t("API documentation")),
         table.value?.version && h("span", { class: "quiet number" }, `Rayfarm ${table.value.version}`),

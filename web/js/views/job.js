@@ -19,6 +19,7 @@ import { notesPanel } from "../job/notes-panel.js";
 import { verdictChip } from "../job/verdict.js";
 import { stageNotices } from "../job/stage-notices.js";
 import { momentsPanel } from "../job/moments-panel.js";
+import { whoRendered } from "../job/who-rendered.js";
 import { lightMixer } from "../job/light-mixer.js";
 import { historyPanel } from "../job/history-panel.js";
 import { logPanel } from "../job/log-panel.js";
@@ -122,14 +123,15 @@ function open(page, job, life) {
   const title = jobTitle();
   const note = notePanel();
   progress.element.append(note.element);
-  const explained = explainPanel(picture, life);
+  const explained = explainPanel(picture, life, moments);
+  const whose = whoRendered(() => latest, picture, life);
   const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin), (pin) => (tabs.show("info"), log.ofTile(picture.live.frame, pin)));
   const focus = focusTool(job, picture, life);
   const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button, explained.button]);
   const notes = notesPanel(() => latest, picture, life, { open: () => tabs.show("notes"), goTo: (frame) => shot?.goTo(frame) });
   const histogram = histogramPanel(picture.live, display, life);
   picture.tools.append(tools.element);
-  life.add(addShortcuts([...title.keys, ...focus.keys, ...pins.keys, ...explained.keys, ...tools.keys, ...notes.keys]));
+  life.add(addShortcuts([...title.keys, ...focus.keys, ...pins.keys, ...explained.keys, ...(moments?.keys ?? []), ...tools.keys, ...notes.keys]));
   const chip = stateChip(job.state);
   const judged = verdictChip();
   const line = progressBar(t("Progress"));
@@ -157,7 +159,7 @@ function open(page, job, life) {
   life.add(addShortcuts(jobKeys({ job: () => latest, display, inShot: shot !== null })));
 
   const tabs = sideTabs(t("Picture"), [
-    { name: "view", label: t("View"), content: [look.element, histogram, moments?.element] },
+    { name: "view", label: t("View"), content: [look.element, histogram, moments?.element, whose.element] },
     { name: "lights", label: t("Lights"), content: [lightMixer(display, job, life)] },
     { name: "notes", label: t("Notes"), content: [notes.element], badge: notes.badge, shown: notes.setShown },
     { name: "save", label: t("Save"), content: [save.element, unsaved, session.value.login && may("submit") && sharePanel(job.id)] },
@@ -189,7 +191,7 @@ function open(page, job, life) {
     chip.update(next.state);
     judged.update(next.review);
     line.update(next.progress, next.state);
-    for (const part of [title, note, look, picture, actions, progress, doubt, queue, focus, history, moments, shot, notes]) part?.update(next);
+    for (const part of [title, note, look, picture, actions, progress, doubt, queue, focus, history, moments, whose, shot, notes]) part?.update(next);
   };
 }
 

@@ -22,7 +22,8 @@ class Look(FromClient):
     """Client message: show a new view, which replaces the previous one. {"id": n, ...} with the fields of a job's request.
 
     Size, camera or view, settings, frame, clip, fps and turntable of POST /api/jobs are used. spp limits the samples per pixel
-    (256 at most); a tile that has reached `noise` is complete with fewer.
+    (256 at most); a tile that has reached `noise` is complete with fewer. denoise: show denoised pictures where the workers can
+    make them.
     """
 
     KEY: ClassVar[str] = "id"
@@ -51,6 +52,7 @@ class ViewState(FromService):
     done: bool = False
     slots: int = 0
     message: str | None = None  # why nothing new comes; None while pictures come
+    denoised: bool = False  # whether the picture that is shown is denoised
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,149 @@
+"""Renders the small pictures that show one concept each in the guides, in this process: some minutes on two cores.
+
+    python docs/guide_pictures.py [name ...]
+
+Each picture is a row of panels, one for each value of a setting.
+"""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from PIL import Image
+
+import rayfarm
+from renderer.image.tonemap import Curve, apply, apply_straight
+
+__all__ = ["main"]
+
+ROOT = Path(__file__).parent.parent
+PICTURES = Path(__file__).parent / "pictures"
+GAP = 8  # pixels between panels, white
+CHECKS = (205, 245)  # greys of the board behind transparent pictures
+BOARD = 12  # pixels a square
+
+Panel = npt.NDArray[np.uint8]  # (height, width, 3)
+
+BALLS: dict[str, Any] = {
+    "cameras": [
+        {"name": "perspective", "eye": [0, 1.5, 5.4], "target": [0, 0.55, 0], "fov": 30},
+        {"name": "wide", "eye": [0, 1.0, 2.6], "target": [0, 0.55, 0], "fov": 75},
+        {"name": "lens", "eye": [2.4, 1.1, 4.2], "target": [0.2, 0.5, 0.2], "fov": 30, "aperture": 0.14, "focus": [0, 0.6, 0.5]},
+        {"name": "plan", "eye": [0, 9, 0], "target": [0, 0, 0], "up": [0, 0, -1], "projection": "orthographic", "height": 3.4},
+    ],
+    "materials": {
+        "floor": {"color": 0.5},
+        "gold": {"kind": "conductor", "metal": "gold", "roughness": 0.15},
+        "coral": {"kind": "metallic_roughness", "color": "#e0503a", "roughness": 0.3},
+        "glass": {"kind": "glass", "ior": 1.5},
+    },
+    "shapes": [
+        {"type": "quad", "material": "floor", "transform": [{"scale": 30}, {"rotate": {"axis": "x", "degrees": -90}}]},
+        {"type": "sphere", "material": "gold", "center": [-1.15, 0.6, -0.3], "radius": 0.6},
+        {"type": "sphere", "material": "coral", "center": [0, 0.6, 0.5], "radius": 0.6},
+        {"type": "sphere", "material": "glass", "center": [1.15, 0.6, -0.3], "radius": 0.6},
+    ],
+}
+SMALL: dict[str, Any] = {"width": 288, "height": 192, "spp": 96, "max_depth": 8, "denoise": True}
+
+
+def environments() -> list[Panel]:
+    """Returns the same balls by each preset of light."""
+    presets = ("studio", "dark-studio", "overcast", "low-sun", "morning", "noon")
+    return [_shown(rayfarm.render(BALLS, environment=preset, **SMALL)["denoised"], "neutral") for preset in presets]
+
+
+def cameras() -> list[Panel]:
+    """Returns the same balls by a long lens, a wide one, one with an aperture, and from above without perspective."""
+    return [
+        _shown(rayfarm.render(BALLS, environment="studio", camera=camera["name"], **SMALL)["denoised"], "neutral")
+        for camera in BALLS["cameras"]
+    ]
+
+
+def tone_curves() -> list[Panel]:
+    """Returns one picture, two stops brighter than exposed well, by each tone curve."""
+    light = rayfarm.render(BALLS, environment="noon", **SMALL)["denoised"]
+    return [_shown(light, curve, exposure=0.7) for curve in ("srgb", "reinhard", "filmic", "neutral", "agx")]
+
+
+def backgrounds() -> list[Panel]:
+    """Returns the balls opaque, and on a board before a transparent background: without the floor, and with its shadows."""
+    bare = BALLS | {"shapes": BALLS["shapes"][1:]}
+    caught = BALLS | {"materials": BALLS["materials"] | {"floor": {"color": 0.5, "shadow_catcher": True}}}
+    settings = SMALL | {"environment": "noon", "spp": 192}
+    opaque = _shown(rayfarm.render(BALLS, **settings)["denoised"], "neutral")
+    return [opaque, *(_on_board(rayfarm.render(each, background="transparent", **settings)) for each in (bare, caught))]
+
+
+def motion_blur() -> list[Panel]:
+    """Returns a frame of the caterpillar's shot with the shutter closed, open for half of a frame, and for two frames."""
+    scene = ROOT / "scenes" / "caterpillar" / "caterpillar.yaml"
+    settings: dict[str, Any] = {"frame": 20, "width": 320, "height": 180, "spp": 48, "denoise": True}
+    return [_shown(rayfarm.render(scene, shutter=shutter, **settings)["denoised"], "neutral") for shutter in (0, 0.5, 2)]
+
+
+def denoising() -> list[Panel]:
+    """Returns a still life at 8 samples a pixel, the same denoised, and at 256 samples."""
+    scene = ROOT / "scenes" / "still-life.yaml"
+    few = rayfarm.render(scene, width=320, height=200, spp=8, denoise=True)
+    many = rayfarm.render(scene, width=320, height=200, spp=256)
+    return [_shown(light, "neutral") for light in (few["color"], few["denoised"], many["color"])]
+
+
+def _shown(light: npt.NDArray[np.float32], curve: Curve, exposure: float = 0.0) -> Panel:
+    return apply(np.maximum(light, 0), exposure, curve)
+
+
+def _on_board(image: rayfarm.Image) -> Panel:
+    """Returns a picture with alpha on a board of two greys. The colour is premultiplied and scene-linear."""
+    light = image["color"]
+    height, width = light.shape[:2]
+    shown = apply_straight(light, image["alpha"].reshape(height, width))
+    colour, alpha = shown[..., :3], shown[..., 3:] / 255
+    y, x = np.mgrid[0:height, 0:width] // BOARD
+    board = np.where((x + y) % 2, *CHECKS)[..., None]
+    return (colour * alpha + board * (1 - alpha) + 0.5).astype(np.uint8)
+
+
+def _joined(panels: Sequence[Panel], columns: int) -> Image.Image:
+    """Returns panels of one size in rows of `columns`, with white gaps."""
+    height, width = panels[0].shape[:2]
+    rows = -(-len(panels) // columns)
+    sheet = Image.new("RGB", (columns * (width + GAP) - GAP, rows * (height + GAP) - GAP), "white")
+    for i, panel in enumerate(panels):
+        sheet.paste(Image.fromarray(panel), (i % columns * (width + GAP), i // columns * (height + GAP)))
+    return sheet
+
+
+DRAWN: dict[str, tuple[Callable[[], list[Panel]], int]] = {
+    "environments": (environments, 3),
+    "cameras": (cameras, 2),
+    "tone-curves": (tone_curves, 5),
+    "backgrounds": (backgrounds, 3),
+    "denoising": (denoising, 3),
+    "motion-blur": (motion_blur, 3),
+}
+
+
+def main() -> None:
+    """Parses the command line, and renders the pictures that it names."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("names", nargs="*", metavar="name", help=f"{', '.join(DRAWN)}; all unless told")
+    names = parser.parse_args().names or list(DRAWN)
+    if not set(names) <= set(DRAWN):
+        parser.error(f"pictures are {', '.join(DRAWN)}")
+    for name in names:
+        draw, columns = DRAWN[name]
+        path = PICTURES / f"{name}.webp"
+        _joined(draw(), columns).save(path, quality=85, method=6)
+        print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,70 @@
+"""The denoised pictures of a live view: when the next one is due, and the latest that has come."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import numpy.typing as npt
+
+from renderer.image import rgbe9995
+
+__all__ = ["DenoisedView"]
+
+F32 = npt.NDArray[np.float32]
+LOST_S = 1.0  # until the next is tried after one was lost
+REST = 3.0  # times the duration of the last denoising until the next begins
+
+
+class DenoisedView:
+    """State of a view's denoising. Not thread-safe.
+
+    A picture is denoised at 1, 2, 4, 8 ... samples per pixel and at the end, one at a time, and for at most a quarter of the
+    time. Once one was shown, pictures with noise are not, so that the view does not flicker.
+    """
+
+    def __init__(self) -> None:
+        self.means: bytes | None = None  # of the picture that is being denoised: colour, albedo, normal
+        self.has_shown = False
+        self._samples = 0.0  # mean samples per pixel of the latest denoised picture
+        self._asked = 0.0  # those of the picture that is being denoised
+        self._began = 0.0
+        self._rests_until = 0.0
+        self._lost_until = 0.0
+        self._picture: F32 | None = None  # not shown yet
+
+    def is_due(self, least: int, mean: float, is_complete: bool) -> bool:
+        """Returns True if the next picture is to be denoised now.
+
+        least, mean: samples per pixel of the tile with the fewest, and on average. is_complete: whether no more will come.
+        """
+        now = time.monotonic()
+        if self.means is not None or least == 0 or now < self._lost_until or (now < self._rests_until and not is_complete):
+            return False
+        return mean >= max(1.0, 2 * self._samples) or (is_complete and mean > self._samples)
+
+    def begin(self, color: F32, albedo: F32, normal: F32, mean: float) -> None:
+        """Stores the picture to denoise, (h, w, 3) each, with its mean samples per pixel."""
+        self.means = b"".join(each.astype("<f4").tobytes() for each in (color, albedo, normal))
+        self._asked, self._began = mean, time.monotonic()
+
+    def end(self, words: npt.NDArray[np.uint32] | None) -> None:
+        """Stores the denoised picture, RGB9E5 words (h, w); None: it was lost, and the next is tried after a while."""
+        now = time.monotonic()
+        self._rests_until = now + REST * (now - self._began)
+        self.means = None
+        if words is None:
+            self._lost_until = now + LOST_S
+        else:
+            self._picture, self._samples = rgbe9995.unpack(words), self._asked
+
+    @property
+    def has_picture(self) -> bool:
+        """Returns True if a denoised picture has come that was not taken yet."""
+        return self._picture is not None
+
+    def take(self) -> tuple[F32, float]:
+        """Returns the latest picture, (3, h, w), and its mean samples per pixel, and counts it as shown."""
+        assert self._picture is not None
+        picture, self._picture, self.has_shown = self._picture, None, True
+        return np.ascontiguousarray(np.moveaxis(picture, -1, 0)), self._samples
