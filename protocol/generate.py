@@ -61,6 +61,7 @@ def _copy(module: ModuleType) -> str:
 def _page() -> str:
     constants = (
         f"/** Marks an exact tile in `ViewTileHead.samples`. */\nexport const EXACT = {pictures.EXACT};\n\n"
+        f"/** Likewise a tile with alpha. */\nexport const ALPHA = {pictures.ALPHA};\n\n"
         "/** Codes with which the service closes a WebSocket: what it is about is not there, or was deleted. */\n"
         f"export const NOT_FOUND = {websocket.NOT_FOUND};\nexport const GONE = {websocket.GONE};\n"
     )

@@ -18,6 +18,7 @@ from protocol.layout import U16, U32, Layout
 from renderer.image import rgbe9995
 
 __all__ = [
+    "ALPHA",
     "EXACT",
     "FILM",
     "TILE",
@@ -50,6 +51,7 @@ Rect = tuple[int, int, int, int]  # x, y, width, height; from the upper left cor
 FRAMES = 1 << 16  # numbers of frames are sent modulo this
 NUMBERS = 1 << 32
 EXACT = 1 << 31
+ALPHA = 1 << 30
 RAW = -15  # zlib's wbits for raw DEFLATE
 LEVEL = 1  # noise: higher levels take longer and save nothing
 
@@ -86,7 +88,7 @@ class ViewHead(NamedTuple):
     The data begins with all tiles that are not exact, one after another, rows from the top: differences of brightness codes
     (coarse.py) in zigzag encoding (0, -1, 1, -2 ... as 0, 1, 2, 3 ...), first all low bytes, then all high bytes; then the
     differences of the fractions of red, and of green, modulo 256. Then come all exact tiles as RGB9E5 words in four byte
-    planes, lowest byte first.
+    planes, lowest byte first. Last, if the tiles have alpha, come the coverages of all of them, a byte per pixel.
     """
 
     tiles: Annotated[int, U16, "number of tiles"]
@@ -105,7 +107,7 @@ class ViewTileHead(NamedTuple):
     y: Annotated[int, U16, "upper edge in the picture"]
     w: Annotated[int, U16, "width"]
     h: Annotated[int, U16, "height"]
-    samples: Annotated[int, U32, "samples per pixel; the highest bit marks an exact tile"]
+    samples: Annotated[int, U32, "samples per pixel; the highest bit marks an exact tile, the next one a tile with alpha"]
 
 
 TILE = Layout("tile", TileHead, version=1, kind=1)
@@ -133,12 +135,21 @@ class FilmPicture(NamedTuple):
 
 
 class ViewTile(NamedTuple):
-    """A tile of a live view's picture. mean: radiance, shape (3, h, w). is_exact: whether it is encoded as RGB9E5 words."""
+    """A tile of a live view's picture. mean: radiance, shape (3, h, w). is_exact: whether it is encoded as RGB9E5 words.
+
+    alpha: coverage before a transparent background, (h, w), 0 ... 255; all tiles of a picture have one, or none.
+    """
 
     rect: Rect
     mean: F32
     samples: int
     is_exact: bool
+    alpha: Planes | None = None
+
+    @property
+    def flagged_samples(self) -> int:
+        """Returns the samples per pixel with the flags of the tile's head."""
+        return self.samples | EXACT * self.is_exact | ALPHA * (self.alpha is not None)
 
 
 class ViewPicture(NamedTuple):
@@ -205,7 +216,7 @@ def encode_view(tiles: Sequence[ViewTile], size: tuple[int, int], view_size: tup
     """
     head = [
         VIEW.pack(ViewHead(len(tiles), id % NUMBERS, seq % NUMBERS, *size, *view_size)),
-        *(VIEW_TILE.pack(ViewTileHead(*tile.rect, tile.samples | EXACT * tile.is_exact)) for tile in tiles),
+        *(VIEW_TILE.pack(ViewTileHead(*tile.rect, tile.flagged_samples)) for tile in tiles),
     ]
     packer = zlib.compressobj(LEVEL, zlib.DEFLATED, RAW)
     body = [packer.compress(plane.data) for plane in _body(tiles)]
@@ -227,6 +238,7 @@ def _body(tiles: Sequence[ViewTile]) -> Iterator[Planes]:
     exact = [rgbe9995.pack(np.moveaxis(tile.mean, 0, -1)).ravel() for tile in tiles if tile.is_exact]
     if exact:
         yield from planes_of(np.concatenate(exact))
+    yield from (np.ascontiguousarray(tile.alpha) for tile in tiles if tile.alpha is not None)
 
 
 def decode_view(packet: bytes) -> ViewPicture:
@@ -241,14 +253,15 @@ def decode_view(packet: bytes) -> ViewPicture:
     pixels = sum(tile.w * tile.h for tile in rough)
     hues = sum(count_hues(tile.w, tile.h) for tile in rough)
     exact = sum(tile.w * tile.h for tile in tiles) - pixels
-    if len(body) != 2 * pixels + 2 * hues + 4 * exact:
+    covered = sum(tile.w * tile.h for tile in tiles if tile.samples & ALPHA)
+    if len(body) != 2 * pixels + 2 * hues + 4 * exact + covered:
         raise ValueError(f"a view's tiles have {len(body)} bytes")
     planes = np.frombuffer(body, np.uint8)
     folded = planes[:pixels].astype(np.int32) | planes[pixels : 2 * pixels].astype(np.int32) << 8
     codes = np.cumsum(folded >> 1 ^ -(folded & 1), dtype=np.int32)
     hue = np.cumsum(planes[2 * pixels :][: 2 * hues].reshape(2, hues), axis=1, dtype=np.uint8)
-    words = words_of_planes(planes[2 * pixels + 2 * hues :])
-    found, at, at_hue, at_word = [], 0, 0, 0
+    words = words_of_planes(planes[2 * pixels + 2 * hues :][: 4 * exact])
+    found, at, at_hue, at_word, at_alpha = [], 0, 0, 0, len(body) - covered
     for x, y, w, h, samples in tiles:
         if samples & EXACT:
             light = rgbe9995.unpack(words[at_word : at_word + w * h].reshape(h, w))
@@ -258,5 +271,7 @@ def decode_view(packet: bytes) -> ViewPicture:
             count = count_hues(w, h)
             mean = radiance(codes[at : at + w * h].reshape(h, w), hue[:, at_hue : at_hue + count])
             at, at_hue = at + w * h, at_hue + count
-        found.append(ViewTile((x, y, w, h), mean, samples & ~EXACT, bool(samples & EXACT)))
+        alpha = planes[at_alpha : at_alpha + w * h].reshape(h, w) if samples & ALPHA else None
+        at_alpha += w * h if samples & ALPHA else 0
+        found.append(ViewTile((x, y, w, h), mean, samples & ~(EXACT | ALPHA), bool(samples & EXACT), alpha))
     return ViewPicture(head, found)

@@ -151,8 +151,6 @@ def read_template(path: Path, values: Mapping[str, str] | None = None) -> Render
     for name in LOCAL_ONLY:
         if {name.replace("-", "_"), f"as_{name}"} & options.keys():
             raise CommandError(f"{path.name}: --{name} is not supported by a farm")
-    if call.frames is not None and (twice := {"frame", "frames"} & options.keys()):
-        raise CommandError(f"{path.name}: --{min(twice)} is given beside the task's frame")
     frames = call.frames if call.frames is not None else options.pop("frames", None)
     return RenderCall(options, frames, call.needs, call.name)
 

@@ -138,17 +138,18 @@ def pick_main(names: list[str], preferred: str | None = None) -> tuple[str, list
                         advice=advice,
                     )
                 )
-        formats = [*SCENE_SUFFIXES]
         raise SceneError(
             Sentence(
                 "scene-file-missing",
-                "None of the files is a scene ({files}). A scene is one of {formats}, or a .zip with one.",
+                "None of the files is a scene ({files}). Give a GLB, glTF, USD, FBX, BLEND, OBJ, PLY, STL, DAE or YAML file, "
+                "or a zip with one.",
                 files=first_items(sorted(names), 5),
-                formats=formats,
             )
             if names
             else Sentence(
-                "scene-files-none", "No file was given. A scene is one of {formats}, or a .zip with one.", formats=formats
+                "scene-files-none",
+                "No file was given. A scene is one of {formats}, or a .zip with one.",
+                formats=[*SCENE_SUFFIXES],
             )
         )
     found.sort(key=lambda each: (each[-1] != preferred, each))

@@ -69,7 +69,7 @@ __all__ = [
     "warm_up",
 ]
 
-PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_, LINKED = KERNEL_VARIANTS
+PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_ = KERNEL_VARIANTS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
 _MOST_PARTS = 256  # of Cryptomatte's counts, before they are added up
@@ -359,7 +359,7 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
     if settings.integrator == "ao":  # which has no lights
         scene = scene._replace(object_links=scene.object_links[:0])
     variant = variant_of(scene, len(settings.views) > 0 or settings.view.distortion is not None)
-    if variant == LINKED and settings.integrator == "whitted":
+    if len(scene.object_links) > 0 and settings.integrator == "whitted":
         raise SettingsError(
             Sentence(
                 "light-links-integrator",

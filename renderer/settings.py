@@ -58,81 +58,89 @@ __all__ = [
 
 INTEGRATORS = Choices(
     {
-        "path": SettingTexts("Path tracing", "All light: direct, reflected, refracted, from wall to wall."),
-        "direct": SettingTexts("Direct light", "Light that comes straight from a light; what it would bounce on to stays dark."),
-        "whitted": SettingTexts("Whitted ray tracing", "Direct light, mirrors and glass, as in 1980; matt walls light nothing."),
-        "ao": SettingTexts("Ambient occlusion", "How open each point is to its surroundings; lights and colours play no part."),
+        "path": SettingTexts("Path tracing", "Full lighting: direct light, bounced light, reflections and refractions."),
+        "direct": SettingTexts("Direct light", "Only light that arrives straight from a light source; no bounced light."),
+        "whitted": SettingTexts(
+            "Whitted ray tracing", "Classic ray tracing: direct light, mirrors and glass; matte surfaces do not light each other."
+        ),
+        "ao": SettingTexts(
+            "Ambient occlusion", "Grey picture in which corners and contacts are dark; lights and materials are ignored."
+        ),
     }
 )
 SAMPLERS = Choices(
     {
-        "sobol": SettingTexts("Sobol, scrambled", "Evenly spread samples: the least noise for their number."),
-        "independent": SettingTexts("Independent", "Plain random numbers, to compare with."),
+        "sobol": SettingTexts("Sobol, scrambled", "Evenly distributed samples: the least noise."),
+        "independent": SettingTexts("Independent", "Random samples: more noise, for comparison."),
     }
 )
 FILTERS = Choices(
     {
-        "blackman-harris": SettingTexts("Blackman-Harris", "Smooth edges without ringing."),
-        "tent": SettingTexts("Tent", "A little crisper."),
-        "box": SettingTexts("Box", "Every sample counts the same within its pixel: crisp, with stairs."),
+        "blackman-harris": SettingTexts("Blackman-Harris", "Smooth edges without halos."),
+        "tent": SettingTexts("Tent", "Slightly sharper edges."),
+        "box": SettingTexts("Box", "Sharpest, but edges look stepped."),
     }
 )
 SAMPLINGS = Choices(
     {
-        "mis": SettingTexts("Both, weighted (MIS)", "Lights and surfaces are both sampled, each counts where it is good."),
-        "light": SettingTexts("Lights only", "Good for small lights; mirrors do not see them."),
-        "bsdf": SettingTexts("Surfaces only", "Lights are found by chance: good for large ones and for mirrors."),
-        "uniform": SettingTexts("Uniform", "All directions alike: the most noise, for comparison."),
-        "mixture": SettingTexts("Mixture", "Half by the surface, half aimed at lights and at spheres that guide: for caustics."),
+        "mis": SettingTexts(
+            "Both, weighted (MIS)", "Samples lights and surfaces and combines both: the least noise in most scenes."
+        ),
+        "light": SettingTexts("Lights only", "Samples lights only: good for small lights, but mirrors do not show them."),
+        "bsdf": SettingTexts(
+            "Surfaces only", "Samples surfaces only: good for large lights and mirrors, noisy with small lights."
+        ),
+        "uniform": SettingTexts("Uniform", "Samples all directions equally: the most noise, for comparison."),
+        "mixture": SettingTexts(
+            "Mixture", "Half of the rays follow the surface, half aim at lights and guide spheres: for caustics."
+        ),
     }
 )
 HEURISTICS = Choices(
     {
-        "power": SettingTexts("Power heuristic", "The better strategy's samples count the more."),
-        "balance": SettingTexts("Balance heuristic", "By how often either would have taken the sample."),
+        "power": SettingTexts("Power heuristic", "Strongly prefers the strategy with less noise: the usual choice."),
+        "balance": SettingTexts("Balance heuristic", "Weights each strategy by how likely it was to take the sample."),
     }
 )
 LIGHT_CHOICES = Choices(
     {
-        "tree": SettingTexts("By what they give", "Near, strong and facing lights are taken more often: a light tree."),
-        "power": SettingTexts("By power", "Strong lights are taken more often, wherever they are."),
-        "uniform": SettingTexts("Uniform", "Each as often as the others, for comparison."),
+        "tree": SettingTexts("By contribution", "Prefers lights that are near, bright and face the surface (light tree)."),
+        "power": SettingTexts("By power", "Prefers bright lights, however far away."),
+        "uniform": SettingTexts("Uniform", "All lights equally often, for comparison."),
     }
 )
 SHUTTERS = Choices(
     {
-        "centred": SettingTexts("Centred", "Open as long before the frame's time as after it."),
-        "trailing": SettingTexts("Trailing", "It closes at the frame's time."),
-        "leading": SettingTexts("Leading", "It opens at the frame's time."),
+        "centred": SettingTexts("Centred", "The frame's time is the middle of the exposure."),
+        "trailing": SettingTexts("Trailing", "The exposure ends at the frame's time."),
+        "leading": SettingTexts("Leading", "The exposure starts at the frame's time."),
     }
 )
 MISTAKES = Choices(
     {
-        "": SettingTexts("None", "Other renderers' errors, to see what each does to a picture."),
-        "light-cutoff": SettingTexts(
-            "Lights cut off by distance", "Far light samples are dropped but still counted: the picture darkens."
-        ),
-        "attenuation": SettingTexts(
-            "Attenuation twice", "Radiance falls by the squared distance once more: the picture darkens."
-        ),
+        "": SettingTexts("None", "The correct picture."),
+        "light-cutoff": SettingTexts("Lights cut off by distance", "Ignores light from far away: the picture gets too dark."),
+        "attenuation": SettingTexts("Attenuation twice", "Light fades with distance twice: the picture gets too dark."),
     }
 )
 BACKGROUNDS = Choices(
     {
-        "visible": SettingTexts("Visible", "The environment and suns are seen behind the scene."),
-        "transparent": SettingTexts("Transparent", "The picture has an alpha channel; the environment still lights the scene."),
+        "visible": SettingTexts("Visible", "Shows the environment and the sun behind the objects."),
+        "transparent": SettingTexts(
+            "Transparent", "Saves an alpha channel instead of a background; the environment still lights the objects."
+        ),
     }
 )
 CAUSTICS = Choices(
     {
-        "off": SettingTexts("Off", "Light through glass and water is found by chance."),
-        "on": SettingTexts("On", "Small lamps and suns are sought through smooth glass, water and mirrors: sharp caustics."),
+        "off": SettingTexts("Off", "Light focused by glass and water stays noisy or is missing."),
+        "on": SettingTexts("On", "Clear, sharp light patterns from small lamps and the sun."),
     }
 )
 GUIDING = Choices(
     {
-        "off": SettingTexts("Off", "Paths follow surfaces and lights alone."),
-        "on": SettingTexts("On", "Pilot paths learn first where light comes from: for light through water and glass."),
+        "off": SettingTexts("Off", "Ordinary path tracing."),
+        "on": SettingTexts("On", "Less noise in light through water and glass; learning takes a moment first."),
     }
 )
 LIGHT_PATH_CHOICES = Choices(
@@ -188,14 +196,14 @@ class RenderSettings:
     view: View
     _: KW_ONLY
     integrator: Annotated[
-        str, Setting(choices=INTEGRATORS), SettingTexts("Integrator", "How light is traced.", group="basic")
+        str, Setting(choices=INTEGRATORS), SettingTexts("Integrator", "How lighting is computed.", group="basic")
     ] = "path"
     max_depth: Annotated[
         int,
         Setting(1, MAX_DEPTH),
         SettingTexts(
             "Max depth",
-            "Path segments, the camera's included: 1 shows only what emits.",
+            "Most bounces of a light path, plus 1. Higher is brighter in interiors and glass, and slower.",
             integrators=("path", "whitted"),
             phrase="depth {}",
             usual=(1, 64),
@@ -206,7 +214,7 @@ class RenderSettings:
         Setting(1, MAX_DEPTH, off=0),
         SettingTexts(
             "Transmission depth",
-            "Transmissions of a path through glass and panes; smooth ones do not use up max depth.",
+            "Most passes through glass. Through smooth glass they do not count towards max depth.",
             integrators=("path",),
             off=Sentence("setting-off-depth", "all count as depth"),
             phrase="transmission {}",
@@ -217,7 +225,7 @@ class RenderSettings:
         Setting(1, MAX_DEPTH, off=0),
         SettingTexts(
             "Diffuse depth",
-            "Diffuse bounces of a path; max depth is the total.",
+            "Most bounces off matte surfaces, within max depth.",
             integrators=("path",),
             off=Sentence("setting-off-max-depth", "as many as max depth"),
             phrase="diffuse {}",
@@ -228,7 +236,7 @@ class RenderSettings:
         Setting(1, MAX_DEPTH, off=0),
         SettingTexts(
             "Glossy depth",
-            "Mirrored and glossy bounces of a path; max depth is the total.",
+            "Most bounces off mirrors and glossy surfaces, within max depth.",
             integrators=("path",),
             off=Sentence("setting-off-max-depth", "as many as max depth"),
             phrase="glossy {}",
@@ -239,7 +247,7 @@ class RenderSettings:
         Setting(1, MAX_DEPTH, off=0),
         SettingTexts(
             "Transparency depth",
-            "Surfaces that a path passes by their alpha, with its shadow rays; more of them block light.",
+            "Most transparent (alpha) surfaces that light passes, such as leaves; further ones block it.",
             off=Sentence("setting-off-no-limit", "no limit"),
             phrase="transparency {}",
         ),
@@ -248,8 +256,8 @@ class RenderSettings:
         str,
         Setting(choices=SAMPLINGS),
         SettingTexts(
-            "Finding lights",
-            "Where paths look for light; all agree in the end, and differ in noise.",
+            "Light sampling",
+            "How light sources are found. The final picture is the same, only the noise differs.",
             group="lab",
             integrators=_estimating,
         ),
@@ -257,13 +265,22 @@ class RenderSettings:
     heuristic: Annotated[
         str,
         Setting(choices=HEURISTICS),
-        SettingTexts("Weighed by", "How mis weighs what lights and what surfaces sample.", group="lab", integrators=_estimating),
+        SettingTexts(
+            "MIS heuristic",
+            "How samples of lights and of surfaces are weighted against each other.",
+            group="lab",
+            integrators=_estimating,
+        ),
     ] = "power"
     light_choice: Annotated[
         str,
         Setting(choices=LIGHT_CHOICES),
         SettingTexts(
-            "Choice among lights", "How one light is chosen among many.", group="lab", integrators=_lit, phrase="lights: {}"
+            "Light selection",
+            "Which light is sampled where there are several.",
+            group="lab",
+            integrators=_lit,
+            phrase="lights: {}",
         ),
     ] = "tree"
     light_samples: Annotated[
@@ -271,7 +288,7 @@ class RenderSettings:
         Setting(1, MAX_LIGHT_SAMPLES),
         SettingTexts(
             "Light samples",
-            "Shadow rays where the camera looks; of whitted, 1 is a sharp shadow.",
+            "Shadow rays at what the camera sees: more, smoother soft shadows. With Whitted, 1 gives sharp shadows.",
             integrators=_lit,
             usual=(1, 16),
         ),
@@ -281,7 +298,7 @@ class RenderSettings:
         Setting(choices=CAUSTICS),
         SettingTexts(
             "Caustics",
-            "Whether small lamps are sought through one or two smooth interfaces of glass, water and mirrors.",
+            "Clear patterns of light that glass, water and mirrors focus, from small lamps and the sun.",
             integrators=("path",),
             phrase="caustics {}",
         ),
@@ -291,7 +308,7 @@ class RenderSettings:
         Setting(choices=GUIDING),
         SettingTexts(
             "Guiding",
-            "Whether paths follow a map of where light comes from, learned before the image is rendered.",
+            "Learns before rendering where light comes from, for less noise in difficult light.",
             integrators=("path",),
             phrase="guiding {}",
         ),
@@ -299,14 +316,14 @@ class RenderSettings:
     splitting: Annotated[
         int,
         Setting(1, MAX_SPLITTING),
-        SettingTexts("Splitting", "Branches that a path has behind its first vertex.", group="lab", integrators=_estimating),
+        SettingTexts("Splitting", "Paths that continue from each point the camera sees.", group="lab", integrators=_estimating),
     ] = MAX_SPLITTING
     roulette: Annotated[
         float,
         Setting(0.05, 1.0, off=0.0),
         SettingTexts(
             "Roulette",
-            "The chance of a path to continue at each bounce; otherwise it depends on what the path still carries.",
+            "Chance that a path continues at each bounce; by default lower the less light it carries.",
             group="lab",
             integrators=_estimating,
             off=Sentence("setting-off-throughput", "by throughput"),
@@ -316,8 +333,8 @@ class RenderSettings:
         float,
         Setting(0.0, MAX_FLOOR, off=0.0),
         SettingTexts(
-            "Least chance",
-            "The least chance of a path to continue, if that depends on what it carries.",
+            "Minimum chance",
+            "Lowest chance that a path continues, if that depends on its light.",
             group="lab",
             integrators=("path",),
             off=Sentence("setting-off-none", "none"),
@@ -330,7 +347,7 @@ class RenderSettings:
         Setting(0.0, MAX_RADIANCE, off=0.0),
         SettingTexts(
             "Indirect clamp",
-            "The most that bounced light adds at each vertex: cuts fireflies, and some light with them.",
+            "Brightness limit of bounced light: removes fireflies (bright dots), but also some light.",
             integrators=("path",),
             off=Sentence("setting-off-off", "off"),
             option="clamp",
@@ -342,7 +359,7 @@ class RenderSettings:
         Setting(0.0, MAX_DISTANCE, off=0.0),
         SettingTexts(
             "AO distance",
-            "What is farther away than this, in scene units, does not occlude.",
+            "Only surfaces nearer than this darken a point.",
             unit="scene units",
             integrators=("ao",),
             off=Sentence("setting-off-no-limit", "no limit"),
@@ -354,7 +371,7 @@ class RenderSettings:
         Setting(0.0, MAX_RADIANCE),
         SettingTexts(
             "Ambient light",
-            "A constant in place of all light that surfaces give each other.",
+            "Constant brightness in place of bounced light.",
             unit="radiance",
             integrators=("whitted",),
             phrase="ambient {}",
@@ -364,8 +381,8 @@ class RenderSettings:
         str,
         Setting(choices=MISTAKES),
         SettingTexts(
-            "Mistake on purpose",
-            "An error of other renderers, to show what it does to a picture.",
+            "Deliberate error",
+            "Shows what an error of some renderers does to a picture.",
             group="lab",
             integrators=_lit,
             phrase="mistake: {}",
@@ -376,29 +393,31 @@ class RenderSettings:
         Setting(choices=BACKGROUNDS),
         SettingTexts(
             "Background",
-            "What is seen where no object is.",
+            "What is shown behind the objects.",
             integrators=_estimating,
             section="Samples",
             phrase="background {}",
         ),
     ] = "visible"
     filter: Annotated[
-        str, Setting(choices=FILTERS), SettingTexts("Pixel filter", "How wide a pixel looks.", section="Samples")
+        str,
+        Setting(choices=FILTERS),
+        SettingTexts("Pixel filter", "How samples are blended into pixels: softer or sharper edges.", section="Samples"),
     ] = "blackman-harris"
     sampler: Annotated[
-        str, Setting(choices=SAMPLERS), SettingTexts("Sampler", "Where random numbers come from.", group="lab", section="Samples")
+        str, Setting(choices=SAMPLERS), SettingTexts("Sampler", "How samples are distributed.", group="lab", section="Samples")
     ] = "sobol"
     seed: Annotated[
         int,
         Setting(0, (1 << 32) - 1),
-        SettingTexts("Seed", "Another seed, another noise; the same seed, the same bits.", section="Samples"),
+        SettingTexts("Seed", "Changes the noise pattern. The same seed gives exactly the same picture again.", section="Samples"),
     ] = 0
     shutter: Annotated[
         float,
         Setting(0.001, MAX_SHUTTER, off=0.0),
         SettingTexts(
             "Shutter",
-            "How long the shutter is open, as a fraction of a frame's time: what moves meanwhile is blurred.",
+            "Exposure time in frames: longer blurs motion more. 0.5 is a 180° shutter.",
             unit="fraction",
             section="Samples",
             off=Sentence("setting-off-no-blur", "no motion blur"),
@@ -407,14 +426,21 @@ class RenderSettings:
         ),
     ] = 0.0
     shutter_at: Annotated[
-        str, Setting(choices=SHUTTERS), SettingTexts("Shutter at", "When it is open.", section="Samples", phrase="shutter {}")
+        str,
+        Setting(choices=SHUTTERS),
+        SettingTexts(
+            "Shutter position",
+            "Whether the exposure lies before, around or after the frame's time.",
+            section="Samples",
+            phrase="shutter {}",
+        ),
     ] = "centred"
     shutter_keys: Annotated[
         int,
         Setting(2, MOST_KEYS, off=0),
         SettingTexts(
             "Shutter keys",
-            "How many times motion is sampled while the shutter is open; between two of them nothing may turn by half a turn.",
+            "Time steps of motion blur. Use more for fast rotation: nothing may turn by half a turn in one step.",
             section="Samples",
             off=Sentence("setting-off-turns", "as often as its turns need"),
             phrase="{} keys",
@@ -425,7 +451,7 @@ class RenderSettings:
         Setting(names=MAX_LIGHT_GROUPS),
         SettingTexts(
             "Light groups",
-            "Groups of lights that get images of their own, by name; these add up to the picture.",
+            "Names of light groups whose brightness and colour can be changed after rendering.",
             integrators=_estimating,
             phrase="light groups {}",
         ),
@@ -445,7 +471,7 @@ class RenderSettings:
         Setting(1, MOST_RANKS, off=0),
         SettingTexts(
             "Cryptomatte",
-            "Mattes of objects and materials: how many of them a pixel may have in the file, usually 6.",
+            "Masks of objects and materials in the EXR: how many per pixel, usually 6.",
             section="Samples",
             off=Sentence("setting-off-none", "none"),
             phrase="Cryptomatte {}",
@@ -456,7 +482,7 @@ class RenderSettings:
         Setting(0.0, MAX_RADIANCE, of="environment"),
         SettingTexts(
             "Environment",
-            "One colour from all around, in place of the scene's own.",
+            "One even colour all around in place of the scene's environment.",
             unit="radiance",
             section="Environment",
             off=Sentence("setting-off-scene", "the scene's own"),
@@ -468,7 +494,7 @@ class RenderSettings:
         Setting(0.0, 1e6, of="environment"),
         SettingTexts(
             "Strength",
-            "A factor on the light from all around.",
+            "Brightness of the environment; 1 leaves it as it is.",
             section="Environment",
             option="env-strength",
             phrase="light around × {}",
@@ -480,7 +506,7 @@ class RenderSettings:
         Setting(-360.0, 360.0, of="environment"),
         SettingTexts(
             "Rotation",
-            "Of the light from all around, about +Y: counter-clockwise seen from above.",
+            "Turns the environment about the vertical axis (+Y), counter-clockwise seen from above.",
             unit="°",
             section="Environment",
             option="env-rotation",
@@ -489,7 +515,9 @@ class RenderSettings:
         ),
     ] = 0.0
     film_exponent: Annotated[
-        int, Setting(0, MAX_FILM_EXPONENT, of=""), SettingTexts("Film exponent", "Of the film's quantum.")
+        int,
+        Setting(0, MAX_FILM_EXPONENT, of=""),
+        SettingTexts("Film exponent", "Precision of stored sums: the quantum is 2 to the power of minus this."),
     ] = 24
     views: tuple[View, ...] = ()
 

@@ -20,9 +20,9 @@ MAX_SHIFT = 100.0
 
 PROJECTIONS = Choices(
     {
-        "perspective": SettingTexts("Perspective", "As an eye or a lens sees."),
-        "orthographic": SettingTexts("Orthographic", "Parallel lines stay parallel, as on a plan."),
-        "panorama": SettingTexts("Panorama", "All around the eye, twice as wide as high: an equirectangular picture."),
+        "perspective": SettingTexts("Perspective", "Natural view: distant objects look smaller."),
+        "orthographic": SettingTexts("Orthographic", "Without perspective, as on a plan: distance does not change size."),
+        "panorama": SettingTexts("Panorama", "360° picture around the camera, twice as wide as high (equirectangular)."),
     }
 )
 
@@ -44,22 +44,26 @@ class View:
     """
 
     eye: Annotated[
-        Vec3, Setting(-MAX_DISTANCE, MAX_DISTANCE), SettingTexts("Eye", "Where to look from.", section="View", phrase="from {}")
+        Vec3,
+        Setting(-MAX_DISTANCE, MAX_DISTANCE),
+        SettingTexts("Eye", "Position of the camera.", section="View", phrase="from {}"),
     ]
     target: Annotated[
-        Vec3, Setting(-MAX_DISTANCE, MAX_DISTANCE), SettingTexts("Target", "What to look at.", section="View", phrase="to {}")
+        Vec3,
+        Setting(-MAX_DISTANCE, MAX_DISTANCE),
+        SettingTexts("Target", "Point the camera looks at.", section="View", phrase="to {}"),
     ]
     up: Annotated[
         Vec3,
         Setting(-MAX_DISTANCE, MAX_DISTANCE),
-        SettingTexts("Up", "Which way is up: a direction not along the line of sight.", section="View"),
+        SettingTexts("Up", "Direction that points up in the picture; not along the line of sight.", section="View"),
     ] = (0.0, 1.0, 0.0)
     fov: Annotated[
         float,
         Setting(0.01, 179.0),
         SettingTexts(
             "Field of view",
-            "Vertical: from the picture's lower edge to its upper.",
+            "Vertical angle of view: larger shows more of the scene.",
             unit="°",
             section="View",
             projections=_lens,
@@ -70,14 +74,14 @@ class View:
     projection: Annotated[
         str,
         Setting(choices=PROJECTIONS),
-        SettingTexts("Projection", "How directions are projected onto the picture.", section="View"),
+        SettingTexts("Projection", "With perspective, parallel, or all around.", section="View"),
     ] = "perspective"
     aperture: Annotated[
         float,
         Setting(0.0, MAX_DISTANCE),
         SettingTexts(
             "Aperture",
-            "The lens's radius in scene units: more blurs what is out of focus; 0 is sharp everywhere.",
+            "Radius of the lens in scene units. Larger: more blur before and behind the focus; 0: all sharp.",
             unit="scene units",
             section="View",
             projections=_lens,
@@ -88,7 +92,7 @@ class View:
         Setting(MIN_DISTANCE, MAX_DISTANCE),
         SettingTexts(
             "Focus distance",
-            "The distance at which the picture is sharp; by default the target's.",
+            "Distance from the camera at which objects are sharp; by default the target's.",
             unit="scene units",
             section="View",
             projections=_lens,
@@ -101,7 +105,7 @@ class View:
         Setting(MIN_DISTANCE, MAX_DISTANCE),
         SettingTexts(
             "View height",
-            "Scene units from the picture's lower edge to its upper.",
+            "Height of the visible part of the scene, in scene units.",
             unit="scene units",
             section="View",
             projections=("orthographic",),
@@ -114,7 +118,7 @@ class View:
         Setting(0.0, MAX_DISTANCE),
         SettingTexts(
             "Near plane",
-            "Whatever is nearer than this along the line of sight is cut away.",
+            "Hides everything nearer to the camera than this, to look into closed rooms.",
             unit="scene units",
             section="View",
             projections=("perspective", "orthographic"),
@@ -126,7 +130,7 @@ class View:
         Setting(-MAX_SHIFT, MAX_SHIFT),
         SettingTexts(
             "Shift to the right",
-            "Lens shift, in heights of the picture: shows more of what is to the right.",
+            "Lens shift: shows more on the right without turning the camera, in picture heights.",
             section="View",
             projections=("perspective", "orthographic"),
             phrase="shifted {} to the right",
@@ -138,7 +142,7 @@ class View:
         Setting(-MAX_SHIFT, MAX_SHIFT),
         SettingTexts(
             "Shift up",
-            "Lens shift, in heights of the picture: shows more of what is above, and upright lines stay upright.",
+            "Lens shift: shows more above without tilting the camera, so verticals stay vertical; in picture heights.",
             section="View",
             projections=("perspective", "orthographic"),
             phrase="shifted {} up",

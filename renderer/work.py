@@ -29,7 +29,7 @@ class Work:
         Setting(1, MAX_SPP),
         SettingTexts(
             "Samples per pixel",
-            f"Samples per pixel: {DEFAULT_SPP} by default, or as many as a noise level or a time limit takes.",
+            f"More samples, less noise. {DEFAULT_SPP} by default, unless a noise level or a time limit is set.",
             group="basic",
             section="Size and quality",
             phrase="{} spp",
@@ -41,7 +41,7 @@ class Work:
         Setting(1e-6, 10.0),
         SettingTexts(
             "At noise",
-            "Each tile ends where its relative error is this small.",
+            "Stops each part of the picture once its noise (relative error) is this low.",
             "fraction",
             section="Size and quality",
             phrase="noise {}",
@@ -52,7 +52,7 @@ class Work:
         Setting(1e-3, 1e7),
         SettingTexts(
             "Time limit",
-            "Wall-clock time after which it ends as it is.",
+            "Stops after this time, however noisy the picture is.",
             "s",
             section="Size and quality",
             option="time-limit",
@@ -64,13 +64,15 @@ class Work:
         Setting(8, 512),
         SettingTexts(
             "Tile size",
-            "By default chosen by the picture's size. Changes no sample, only where a noise level ends.",
+            "Size of the parts of the picture that workers render. Leave empty to have it chosen.",
             "px",
             section="Schedule",
         ),
     ] = None
     priority: Annotated[
-        int, Setting(-100, 100, digest=False), SettingTexts("Priority", "Higher is sooner.", section="Schedule")
+        int,
+        Setting(-100, 100, digest=False),
+        SettingTexts("Priority", "Jobs with a higher number are rendered first.", section="Schedule"),
     ] = 0
 
 
@@ -78,13 +80,13 @@ WORK = table(Work)
 
 ORDERS = Choices(
     {
-        "in-turn": SettingTexts("In turn", "Each frame is finished before the next begins."),
-        "every-nth": SettingTexts("Every n-th first", "Every n-th frame first, then those halfway between, until all are there."),
-        "centre-out": SettingTexts("Centre out", "The middle of the shot first."),
-        "breadth-first": SettingTexts("Breadth first", "All frames with 1 sample, then with 2, 4, 8 ..."),
-        "noisiest-first": SettingTexts(
-            "Noisiest first", "What there is to spend is spent where noise is greatest, so that the shot ends at equal noise."
+        "in-turn": SettingTexts("In turn", "One frame after the other."),
+        "every-nth": SettingTexts("Every n-th first", "Every n-th frame first, then those in between."),
+        "centre-out": SettingTexts("Centre out", "From the middle of the shot outwards."),
+        "breadth-first": SettingTexts(
+            "Breadth first", "All frames roughly at first, then better and better: 1, 2, 4, 8 ... samples."
         ),
+        "noisiest-first": SettingTexts("Noisiest first", "The noisiest frames first, so that all end equally clean."),
     }
 )
 
@@ -96,14 +98,14 @@ class ShotWork:
     fps: Annotated[
         float | None,
         Setting(1e-3, 1e4),
-        SettingTexts("Frames a second", "Frame n shows the time n / fps; by default the file's own, else 24.", section="Time"),
+        SettingTexts("Frames a second", "Frame rate; by default that of the file, else 24.", section="Time"),
     ] = None
     turntable: Annotated[
         float | None,
         Setting(1e-3, 1e7),
         SettingTexts(
             "Turntable",
-            "The camera circles what it looks at once in this many seconds.",
+            "The camera circles its target once in this many seconds.",
             "s",
             section="Time",
             phrase="around in {} s",
@@ -114,12 +116,12 @@ class ShotWork:
         Setting(choices=ORDERS, digest=False),
         SettingTexts(
             "Order",
-            "Which frame comes next; by default in turn, or breadth first if only a time limit ends the shot.",
+            "Which frames are rendered first.",
             section="Time",
         ),
     ] = None
     every: Annotated[
-        int, Setting(2, 1024, digest=False), SettingTexts("Every", "The n of the order every-nth.", section="Time")
+        int, Setting(2, 1024, digest=False), SettingTexts("Every", "The n of the order “Every n-th first”.", section="Time")
     ] = 8
 
 

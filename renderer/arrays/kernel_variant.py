@@ -42,6 +42,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "links": len(scene.object_links) > 0,
         "pivots": len(scene.pivot) > 0,
         "grids": len(scene.volume) > 0,
+        "hair": "hair" in parts,
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))

@@ -12,7 +12,7 @@ PART_MATERIAL, PART_OBJECT, PART_SHINES = range(3)
 PART_COLUMNS = 3
 
 # Numbers of material kinds, as in `material_kind`. From CONDUCTOR on, a kernel looks up the whole row (`look_up_layers`).
-DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED, INTERFACE, MEDIUM, PLASTIC = range(11)
+DIFFUSE, MIRROR, GLASS, METALLIC_ROUGHNESS, CONDUCTOR, BLINN_PHONG, UNLIT, LAYERED, INTERFACE, MEDIUM, PLASTIC, HAIR = range(12)
 
 
 class Kind(NamedTuple):
@@ -26,7 +26,7 @@ class Kind(NamedTuple):
     number: int
     name: str  # in scene files, unless the kind is created by packing only
     stage: Literal["diffuse", "metallic_roughness", "conductor", "specular", "rare", "medium", "none"]
-    part: Literal["", "layers", "media"] = ""
+    part: Literal["", "layers", "media", "hair"] = ""
     in_files: bool = True
     faceted: bool = False  # whether its microfacets may have Beckmann's distribution
     model: str | None = None  # its name in the explanation of a path
@@ -42,6 +42,7 @@ KINDS = (
     Kind(UNLIT, "unlit", "none", model="unlit"),
     Kind(METALLIC_ROUGHNESS, "metallic_roughness", "metallic_roughness", model="metallic-roughness"),
     Kind(PLASTIC, "plastic", "rare", "layers", faceted=True, model="plastic"),
+    Kind(HAIR, "hair", "rare", "hair", model="hair"),
     Kind(INTERFACE, "interface", "none"),
     Kind(LAYERED, "layered", "rare", "layers", in_files=False, faceted=True, model="layered"),
     Kind(MEDIUM, "medium", "medium", "media", in_files=False),  # for vertices within a medium
@@ -83,7 +84,11 @@ MEAN_FRESNEL = 50  # a conductor's, over the cosine-weighted hemisphere
 SUBSURFACE = 53
 SUBSURFACE_RADIUS = 54
 SUBSURFACE_ANISOTROPY = 57
-COLUMNS = 58
+HAIR_VARIANCE = 58  # of the longitudinal lobe R
+HAIR_SCALE = 59  # of the azimuthal logistic distribution
+HAIR_TILT = 60  # sine and cosine of the scales' angle
+HAIR_COLOR_SCALE = 62  # the root of absorption is the logarithm of the colour times this
+COLUMNS = 63
 
 # Columns that renderer/kernel/material/layers.py appends to a row when it looks up a material's textures.
 COAT_NORMAL = COLUMNS  # in the shading frame

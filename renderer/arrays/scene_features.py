@@ -24,23 +24,26 @@ class SceneFeatures(NamedTuple):
     pivots: Any  # small lamps in scattering media (renderer/kernel/medium/equiangular.py)
     grids: Any  # heterogeneous media (renderer/kernel/medium/volume.py)
     links: Any  # lights that illuminate some objects only (renderer/kernel/light/links.py)
+    hair: Any  # the hair BSDF, and tubes that are its fibres
     groups: Any  # planes by light group, which settings request (RenderSettings.light_groups); in no variant by itself
     light_paths: Any = None  # planes by light path, likewise (RenderSettings.light_paths)
     by_light: Any = None  # either
 
 
-# From the fastest to compile and run to the most complete. All combinations would be 1,024 variants, each compiled at its first
+# From the fastest to compile and run to the most complete. All combinations would be 2,048 variants, each compiled at its first
 # use, while a render waits.
 KERNEL_VARIANTS = {
-    "plain": SceneFeatures(None, None, None, None, None, None, None, None, None, None, None),
-    "full": SceneFeatures(True, True, True, True, None, None, None, None, None, None, None),
-    "moving": SceneFeatures(True, True, True, True, True, None, None, None, None, None, None),
-    "media": SceneFeatures(True, True, True, True, None, True, None, None, None, None, None),
-    "moving-media": SceneFeatures(True, True, True, True, True, True, None, None, None, None, None),
-    "lit-media": SceneFeatures(True, True, True, True, None, True, None, True, None, None, None),
-    "aimed": SceneFeatures(True, True, True, True, None, None, True, None, None, None, None),
-    "complete": SceneFeatures(True, True, True, True, True, True, True, True, None, None, None),
-    "grids": SceneFeatures(True, True, True, True, True, True, True, True, True, None, None),
-    "linked": SceneFeatures(True, True, True, True, True, True, True, True, True, True, None),
+    "plain": SceneFeatures(None, None, None, None, None, None, None, None, None, None, None, None),
+    "full": SceneFeatures(True, True, True, True, None, None, None, None, None, None, None, None),
+    "moving": SceneFeatures(True, True, True, True, True, None, None, None, None, None, None, None),
+    "media": SceneFeatures(True, True, True, True, None, True, None, None, None, None, None, None),
+    "moving-media": SceneFeatures(True, True, True, True, True, True, None, None, None, None, None, None),
+    "lit-media": SceneFeatures(True, True, True, True, None, True, None, True, None, None, None, None),
+    "aimed": SceneFeatures(True, True, True, True, None, None, True, None, None, None, None, None),
+    "complete": SceneFeatures(True, True, True, True, True, True, True, True, None, None, None, None),
+    "grids": SceneFeatures(True, True, True, True, True, True, True, True, True, None, None, None),
+    "linked": SceneFeatures(True, True, True, True, True, True, True, True, True, True, None, None),
+    "hair": SceneFeatures(True, True, True, True, None, None, None, None, None, None, True, None),
+    "moving-hair": SceneFeatures(True, True, True, True, True, True, True, True, True, True, True, None),
 }
 EVERYTHING = KERNEL_VARIANTS["full"]  # of static scenes

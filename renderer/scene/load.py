@@ -35,7 +35,7 @@ __all__ = ["Shot", "environment_light", "read"]
 F64 = npt.NDArray[np.float64]
 
 _START = Moment()
-_ATTRIBUTES = ("normals", "uvs", "uvs1", "colors", "tangents")
+_ATTRIBUTES = ("normals", "uvs", "uvs1", "colors", "tangents", "diameters")
 _MOST_ENVIRONMENTS = 8  # whose images are kept in memory
 _REASONS = 3  # warnings, or meshes, that a sentence lists
 

@@ -33,6 +33,7 @@ from renderer.settings import Vec3
 
 __all__ = [
     "ALL_REFLECTING_IOR",
+    "HAIR_IOR",
     "MOST_DENSE",
     "MOST_FORWARD",
     "PARAMETERS",
@@ -54,6 +55,7 @@ _BOUNDS = (*_REFRACTS, "interface")
 _MATT = ("diffuse", *PRINCIPLED)
 _METAL = ("conductor",)
 _PHONG = ("blinn_phong",)
+_HAIR = ("hair",)
 
 _PBR = "pbrMetallicRoughness."
 _SPECULAR = "KHR_materials_specular."
@@ -68,6 +70,9 @@ _DIFFUSE = "KHR_materials_diffuse_transmission."
 
 MOST_DENSE = 1e9  # largest absorption or scattering coefficient of media, per scene unit
 MOST_FORWARD = 0.999  # largest absolute value of a phase function's g
+HAIR_IOR = 1.55
+_EUMELANIN = (0.419, 0.697, 1.37)  # absorption per concentration and radius, rgb
+_PHEOMELANIN = (0.187, 0.4, 1.05)
 ALL_REFLECTING_IOR = 1000.0  # reflects 0.996 at normal incidence
 
 
@@ -82,7 +87,8 @@ class Material:
     sigma_s, g. conductor: eta, k, roughness, anisotropy. blinn_phong: base_color (kd), specular_color (ks), shininess. unlit:
     base_color is shown unshaded. metallic_roughness: all from metallic to subsurface_anisotropy, as defined by glTF 2.0 and its
     KHR_materials extensions where these define them. plastic (paint under a rough coat): base_color, ior, roughness, specular,
-    specular_color, nonlinear. interface: no surface, only the boundary of a medium: attenuation, sigma_a, sigma_s, g.
+    specular_color, nonlinear. hair: base_color or sigma_a or eumelanin and pheomelanin, ior, beta_m, beta_n, tilt. interface: no
+    surface, only the boundary of a medium: attenuation, sigma_a, sigma_s, g.
     distribution: for kinds with a roughness.
 
     emission: radiance, multiplied by emission_texture. Emitted from the front face (counter-clockwise side, or a sphere's
@@ -137,7 +143,7 @@ class Material:
     """Of the slopes of microfacets; clearcoat is always ggx."""
     nonlinear: bool = flag_parameter(kinds=("plastic",))
     """Light that the coat throws back onto the paint takes its colour again."""
-    ior: float = number(1.5, rows.IOR, 1.0, ALL_REFLECTING_IOR, (*_REFRACTS, "plastic"))
+    ior: float = number(1.5, rows.IOR, 1.0, ALL_REFLECTING_IOR, (*_REFRACTS, "plastic", *_HAIR))
     specular: float = number(1.0, rows.SPECULAR, kinds=_COATED, gltf=_SPECULAR + "specularFactor")
     specular_texture: int | None = texture(rows.SPECULAR_TEXTURE, layered=False, gltf=_SPECULAR + "specularTexture")
     """Alpha."""
@@ -173,8 +179,8 @@ class Material:
     attenuation_color: Vec3 = color(1.0, kinds=_BOUNDS, gltf=_VOLUME + "attenuationColor")
     """What is left of white after attenuation_distance."""
     attenuation_distance: float = number(math.inf, high=math.inf, above=True, kinds=_BOUNDS)
-    sigma_a: Vec3 = color(0.0, high=MOST_DENSE, kinds=_BOUNDS, form="triple")
-    """What the inside absorbs, per scene unit; beside what attenuation_color says."""
+    sigma_a: Vec3 = color(0.0, high=MOST_DENSE, kinds=_BOUNDS + _HAIR, form="triple")
+    """What the inside absorbs, per scene unit; beside what attenuation_color says. Of hair per radius, in place of its color."""
     sigma_s: Vec3 = color(0.0, high=MOST_DENSE, kinds=_BOUNDS, form="triple")
     """What the inside scatters, per scene unit."""
     g: float = number(0.0, None, -MOST_FORWARD, MOST_FORWARD, _BOUNDS)
@@ -218,6 +224,16 @@ class Material:
     eta: Vec3 = color(0.0, rows.ETA, 100.0, _METAL, form="triple")
     """A conductor's index of refraction is eta + i k, at the primaries."""
     k: Vec3 = color(1.0, rows.K, 1e6, _METAL, form="triple")
+    beta_m: float = number(0.3, None, 0.02, 1.0, _HAIR)
+    """The roughness of hair along the fibre, Chiang's beta_M."""
+    beta_n: float = number(0.3, None, 0.02, 1.0, _HAIR)
+    """Its roughness around the fibre, beta_N."""
+    tilt: float = number(math.radians(2.0), None, -math.pi / 4, math.pi / 4, _HAIR, "degrees")  # radians here
+    """By how many degrees the scales of hair are tilted towards its tip."""
+    eumelanin: float = number(0.0, None, high=100.0, kinds=_HAIR)
+    """The concentration of brown pigment, in place of a color: 1.3 is brown, 8 black."""
+    pheomelanin: float = number(0.0, None, high=100.0, kinds=_HAIR)
+    """The concentration of red pigment."""
     shininess: float = number(32.0, rows.SHININESS, high=1e6, kinds=_PHONG)
     """Blinn and Phong's exponent."""
 
@@ -254,11 +270,36 @@ def derived_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
         return [(rows.BASE, diffuse), (rows.SPECULAR_COLOR, specular)]
     if m.kind == "interface":
         return [(rows.OPACITY, (0.0,))]  # transmits all light unchanged
+    if m.kind == "hair":
+        return _hair_columns(m)
     if m.kind == "conductor":
         cosine = (np.arange(256) + 0.5) / 256
         means = (np.mean(2 * cosine * _conductor_reflectance(cosine, e, k)) for e, k in zip(m.eta, m.k, strict=True))
         return [(rows.MEAN_FRESNEL, tuple(map(float, means)))]
     return []
+
+
+def _hair_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
+    """Returns the columns of hair (Chiang et al. 2016, equations 7, 8 and 9), and its absorption by pigments.
+
+    The absorption of melanin is d'Eon et al.'s (2011), as in pbrt.
+    """
+    along, around = m.beta_m, m.beta_n
+    spread = 0.726 * along + 0.812 * along**2 + 3.7 * along**20
+    scale = math.sqrt(math.pi / 8) * (0.265 * around + 1.194 * around**2 + 5.372 * around**22)
+    powers = (5.969, -0.215, 2.532, -10.73, 5.574, 0.245)
+    columns: list[tuple[int, tuple[float, ...]]] = [
+        (rows.HAIR_VARIANCE, (spread * spread,)),
+        (rows.HAIR_SCALE, (scale,)),
+        (rows.HAIR_TILT, (math.sin(m.tilt), math.cos(m.tilt))),
+        (rows.HAIR_COLOR_SCALE, (1 / sum(c * around**k for k, c in enumerate(powers)),)),
+    ]
+    pigments = (m.eumelanin, _EUMELANIN), (m.pheomelanin, _PHEOMELANIN)
+    sigma = tuple(own + sum(c * each[k] for c, each in pigments) for k, own in enumerate(m.sigma_a))
+    columns.append((rows.ABSORPTION, sigma))
+    if any(sigma):
+        columns.append((rows.BASE, (1.0, 1.0, 1.0)))
+    return columns
 
 
 def _conductor_reflectance(cosine: npt.NDArray[np.float64], eta: float, k: float) -> npt.NDArray[np.float64]:

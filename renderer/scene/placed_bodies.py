@@ -132,7 +132,7 @@ def _group_key(description: SceneDescription, group: Group) -> Any:
 
 
 def _mesh_key(mesh: Mesh) -> Any:
-    return mesh.positions, mesh.triangles, mesh.normals, mesh.uvs, mesh.uvs1, mesh.colors, mesh.tangents
+    return mesh.positions, mesh.triangles, mesh.normals, mesh.uvs, mesh.uvs1, mesh.colors, mesh.tangents, mesh.diameters
 
 
 def _tangent_properties(description: SceneDescription, materials: list[int]) -> Any:

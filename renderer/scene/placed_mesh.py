@@ -24,6 +24,7 @@ __all__ = ["MAX_COORDINATE", "Placed", "finite", "placed", "with_keys"]
 
 MAX_COORDINATE = 1e15  # squares and products of coordinates stay within float32
 _NO_KEYS = np.zeros((0, 2, 0, 3), np.float32)
+_NO_DIAMETER = np.float32(1e-30)
 _ANY = (0.0, 1.0, 0.0)  # the normal of degenerate vertices
 
 
@@ -86,6 +87,8 @@ def placed(
         kept, triangle = split_mirrored(uv, triangle)
         vertex, normal = np.arange(len(position))[vertex][kept], normal[kept]
         tangent = vertex_tangents(position[vertex], normal, uv[kept], triangle)
+    if any(material.kind == "hair" for material in bent):
+        tangent[:, 3] *= _placed_diameters(mesh, transform)[vertex]
     none = np.zeros((0, 4), np.float32)
     return Placed(
         position[vertex],
@@ -169,6 +172,14 @@ def _placed_normals(normals: F32, transform: npt.NDArray[np.float64], position: 
         size = np.linalg.norm(around, axis=1, keepdims=True)
         placed[bad] = np.divide(around, size, out=np.tile(_ANY, (len(bad), 1)), where=size > 0)
     return placed
+
+
+def _placed_diameters(mesh: Mesh, transform: npt.NDArray[np.float64]) -> F32:
+    """Returns the diameters of a mesh's fibres after a transform, (V,), above 0; a tiny one where it has no fibres."""
+    if mesh.diameters is None:
+        return np.full(len(mesh.positions), _NO_DIAMETER)
+    scale = abs(float(np.linalg.det(transform[:3, :3]))) ** (1 / 3)
+    return np.maximum(mesh.diameters * np.float32(scale), _NO_DIAMETER)
 
 
 def _transform_tangents(tangents: F32, transform: np.ndarray, mirrors: bool) -> F32:

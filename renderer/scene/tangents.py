@@ -16,7 +16,9 @@ F64 = npt.NDArray[np.float64]
 
 
 def needs_tangents(material: Material) -> bool:
-    """Returns True if the material depends on tangents: it has a normal map, or is anisotropic."""
+    """Returns True if the material depends on tangents: it has a normal map, or is anisotropic, or hair."""
+    if material.kind == "hair":
+        return True
     return material.normal_texture is not None or material.clearcoat_normal_texture is not None or material.anisotropy != 0.0
 
 

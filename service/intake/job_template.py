@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from itertools import islice
+from math import isfinite
 from pathlib import Path, PurePath
 from typing import Any
 
@@ -15,13 +16,18 @@ from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAME, MAX_FRAMES, frames_text
 from renderer.sentences import Sentence
 
-__all__ = ["CHUNKING", "MIB_PER_GB", "TemplateCall", "has_model", "read_call"]
+__all__ = ["CHUNKING", "TemplateCall", "has_model", "read_call"]
 
 CHUNKING = "TASK_CHUNKING"
-MIB_PER_GB = 1e9 / (1 << 20)
+GB_PER_MIB = (1 << 20) / 1e9
 MEMORY = "amount.worker.memory"  # MiB
 FRAME_OPTIONS = ("--frames", "--frame")
 MAX_MESSAGE = 600  # characters
+
+# Of a template. OpenJD's library takes up to a minute for one of a megabyte.
+MAX_BYTES = 1 << 15  # of text, also in the expanded command line
+MAX_VALUES = 4096
+MAX_DEPTH = 64
 
 
 @dataclass(frozen=True)
@@ -57,6 +63,7 @@ def read_call(document: Any, values: Mapping[str, Any], folder: Path, current: P
 
     if not isinstance(document, dict):
         raise _fault(Sentence("template-not-object", "this is no job template"))
+    _check_size(document)
     given = dict(values)
     try:
         template = decode_job_template(template=document, supported_extensions=[CHUNKING])
@@ -69,7 +76,7 @@ def read_call(document: Any, values: Mapping[str, Any], folder: Path, current: P
         )
         job = create_job(job_template=template, job_parameter_values=parameters)
     except (DecodeValidationError, ValueError, NotImplementedError, OverflowError) as error:
-        raise _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error))) from None
+        raise _invalid(error) from None
     _check_parts(job)
     step = job.steps[0]
     symbols = _symbols(parameters)
@@ -95,6 +102,44 @@ def read_call(document: Any, values: Mapping[str, Any], folder: Path, current: P
 
 def _fault(sentence: str) -> SettingsError:
     return SettingsError(sentence, field="template")
+
+
+def _invalid(error: Exception) -> SettingsError:
+    return _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error)))
+
+
+def _too_large() -> SettingsError:
+    return _fault(
+        Sentence(
+            "template-too-large",
+            "it is too large: it has more than {size} bytes of text, {values} values or {depth} levels",
+            size=MAX_BYTES,
+            values=MAX_VALUES,
+            depth=MAX_DEPTH,
+        )
+    )
+
+
+def _check_size(document: Any) -> None:
+    """Raises SettingsError for a template that is too large, or has a text or number that JSON does not have."""
+    size = count = 0
+    rest = [(document, 1)]
+    while rest:
+        value, depth = rest.pop()
+        count += 1
+        if isinstance(value, str):
+            try:
+                size += len(value.encode())
+            except UnicodeEncodeError as error:
+                raise _invalid(error) from None
+        elif isinstance(value, float) and not isfinite(value):
+            raise _fault(
+                Sentence("template-number-not-finite", "it has the number {number}, which JSON does not have", number=str(value))
+            )
+        parts = [*value, *value.values()] if isinstance(value, dict) else value if isinstance(value, list) else []
+        if size > MAX_BYTES or count + len(rest) + len(parts) > MAX_VALUES or depth > MAX_DEPTH:
+            raise _too_large()
+        rest += [(part, depth + 1) for part in parts]
 
 
 def _unsupported(part: str) -> SettingsError:
@@ -150,7 +195,7 @@ def _words(action: Any, symbols: Any, names: list[str], frame: str) -> list[str]
     for name in names:
         table[f"Task.Param.{name}"] = table[f"Task.RawParam.{name}"] = frame
     try:
-        return [str(each.resolve(symtab=table)) for each in (action.command, *(action.args or ()))]
+        words = [str(each.resolve(symtab=table)) for each in (action.command, *(action.args or ()))]
     except FormatStringError as error:
         raise _fault(
             Sentence(
@@ -159,6 +204,9 @@ def _words(action: Any, symbols: Any, names: list[str], frame: str) -> list[str]
                 error=_one_line(error),
             )
         ) from None
+    if sum(map(len, words)) > MAX_BYTES:
+        raise _too_large()
+    return words
 
 
 def _arguments(words: list[str]) -> list[str]:
@@ -191,6 +239,11 @@ def _without_frame(one: list[str], other: list[str], name: str) -> list[str]:
         found = True
     if not found:
         raise _frame_elsewhere(name, "--frames")
+    for word in kept:
+        if word.partition("=")[0] in FRAME_OPTIONS:
+            raise _fault(
+                Sentence("template-frame-twice", "{option} is given beside the task's frame", option=word.partition("=")[0])
+            )
     return kept
 
 
@@ -220,7 +273,7 @@ def _numbers(definition: Any, name: str) -> list[float]:
     try:
         found = [int(number) for number in islice(numbers, MAX_FRAMES + 1)]  # some of a list stay texts
     except ValueError as error:
-        raise _fault(Sentence("template-invalid", "this is no valid job template: {error}", error=_one_line(error))) from None
+        raise _invalid(error) from None
     if len(found) > MAX_FRAMES:
         raise _fault(
             Sentence("template-frames-many", "it has more than {most} frames. Split them into several jobs", most=MAX_FRAMES)
@@ -253,7 +306,8 @@ def _needs(requirements: Any) -> list[str]:
     needs = []
     for each in requirements.amounts or ():
         if str(each.name) == MEMORY and each.min is not None and each.max is None:
-            needs.append(f"memory_gb={float(each.min) / MIB_PER_GB:.4g}")
+            gigabytes = f"{max(float(each.min) * GB_PER_MIB - 0.0005, 0.0):.3f}"  # rounded down
+            needs.append(f"memory_gb={gigabytes.rstrip('0').rstrip('.')}")
         else:
             names.append(str(each.name))
     if names:

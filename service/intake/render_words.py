@@ -104,6 +104,8 @@ def _options(words: Sequence[str]) -> Iterator[tuple[str, str]]:
             raise _fault(Sentence("template-option-local", "--{option} is not supported by a farm", option=option))
         if option not in VALUES and option not in FLAGS:
             raise _fault(Sentence("template-option-unknown", "`rayfarm render` does not take {word}", word=repr(word[:60])))
+        if option in FLAGS and equals:
+            raise _fault(Sentence("template-option-flag", "--{option} takes no value", option=option))
         if option not in FLAGS and not equals:
             if not rest:
                 raise _fault(Sentence("template-option-empty", "--{option} has no value", option=option))

@@ -17,7 +17,7 @@ from renderer.errors import SceneError
 from renderer.formats import ARCHIVE_SUFFIXES, FORMATS, UP_AXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
 from renderer.presets import PRESETS
-from renderer.sentences import Sentence
+from renderer.sentences import Sentence, first_items
 from service.errors import Invalid, TooLarge
 from service.intake.archives import extract_archive
 from service.intake.examples import TITLE
@@ -448,7 +448,15 @@ def _expand_archives(
 
 def _choose_main_and_environment(form: Form, files: dict[str, BlobWriter], notes: list[str]) -> tuple[str, str | None]:
     """Returns the path of the main file, and the environment: an image's path, a preset or a sky. Raises Invalid."""
-    if not files or all(writer.size == 0 for writer in files.values()):
+    if files and all(writer.size == 0 for writer in files.values()):
+        raise Invalid(
+            Sentence(
+                "upload-files-empty",
+                "The upload is empty ({files}: 0 bytes). Export or copy the scene again.",
+                files=first_items(sorted(files), 5),
+            )
+        )
+    if not files:
         raise Invalid(Sentence("upload-without-scene", "The upload is empty. Choose a scene file and its textures."))
     main = form.fields.get("main", "").strip()
     if main:

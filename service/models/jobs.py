@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import BaseModel, Field, ValidationInfo, field_validator, model_validator
+from pydantic import BaseModel, Field, TypeAdapter, ValidationInfo, field_validator, model_validator
 
 from renderer.cameras import MOST_CAMERAS
 from renderer.errors import SettingsError
@@ -41,6 +41,10 @@ JobState = Literal["queued", "running", "paused", "finished", "failed", "cancell
 
 MAX_VIEWS = 4000  # their JSON fits a request's body
 _WHOLE_FRAMES = ("in-turn", "every-nth", "centre-out")  # orders that finish a frame before the next
+
+
+# With a limit of length, pydantic also refuses surrogates, which no answer can name.
+_CAMERA_NAME = TypeAdapter(Annotated[str, Field(max_length=1000)])
 
 
 def _plain_text(value: str, field: str) -> str:
@@ -195,7 +199,9 @@ class JobIn(QueueOptionsIn):
     @field_validator("camera", mode="before")
     @classmethod
     def _name_or_number(cls, value: Any) -> Any:
-        if value is None or isinstance(value, str) or (isinstance(value, int) and 0 <= value < MOST_CAMERAS):
+        if isinstance(value, str):
+            return _CAMERA_NAME.validate_python(value)
+        if value is None or (isinstance(value, int) and 0 <= value < MOST_CAMERAS):
             return value
         raise ValueError(Sentence("camera-not-name-or-number", "a camera is a name, or a number from 0"))
 

@@ -58,11 +58,15 @@ INVALID_MESSAGE = Sentence(
 
 
 class ViewIn(JobIn):
-    """A requested view: the fields of a job's request, and a number. id: the number, chosen by the page."""
+    """A requested view: the fields of a job's request, and two of its own.
+
+    id: a number, chosen by the page. alpha: whether a transparent background is sent as alpha; otherwise it is visible.
+    """
 
     id: int = Field(ge=0, lt=1 << 32)
     scene: str = Field("", max_length=100)
     noise: float | None = Field(None, gt=0, allow_inf_nan=False)
+    alpha: bool = False
 
 
 Heights = Annotated[float, Field(ge=-100, le=100, allow_inf_nan=False)]  # lengths in heights of the picture
@@ -237,7 +241,7 @@ class _Viewer:
         ask: the requested view. makes: whether to create the scene with the requested lighting if it does not exist; otherwise
         the result is None then. tries_again: with `makes`, whether to prepare a scene again whose preparation failed.
         """
-        request = ask.model_dump(mode="json", exclude={"id"})
+        request = ask.model_dump(mode="json", exclude={"id", "alpha"})
         lighting = self._farm.lighting
         row = None if tries_again else lighting.find_row(self._scene, request)
         if row is None and makes:
@@ -248,7 +252,9 @@ class _Viewer:
             lighting.hold(row.id)
             self.release()
             self._held = row.id
-        return None if row.status == "preparing" else resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0])
+        if row.status == "preparing":
+            return None
+        return resolve_view(ask.id, request, row, ask.is_shot, ask.numbers()[0], ask.alpha)
 
     def release(self) -> None:
         """Releases the scene that was derived for the current view's lighting, so that it can be deleted."""

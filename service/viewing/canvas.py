@@ -9,14 +9,14 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import film
-from renderer.film import ALBEDO, CHANNELS, COLOR, COLOR_HALF, NORMAL, SAMPLES, SAMPLES_HALF, Sums
+from renderer.film import ALBEDO, ALPHA_PLANES, CHANNELS, COLOR, COLOR_HALF, NORMAL, SAMPLES, SAMPLES_HALF, Sums
 from service.scheduling.jobs.active_frame import FIRST_ESTIMATE_SAMPLES
 from service.scheduling.jobs.plan import first_check
 from service.viewing.passes import Level
 
 __all__ = ["BYTES_A_PIXEL", "GROWTH", "GUIDE_SAMPLES", "Canvas"]
 
-BYTES_A_PIXEL = 52  # in memory
+BYTES_A_PIXEL = 52  # in memory; 32 more with alpha
 GUIDE_SAMPLES = 8  # samples per pixel whose albedo and normal guide the denoiser: more are hardly smoother
 GROWTH = 1.5  # a tile is shown again with so many times the samples: less is hardly visible
 
@@ -26,10 +26,19 @@ class Canvas:
 
     Each range of a tile's samples is added once; the order does not matter. noise: relative noise at which a tile is complete,
     checked at 32, 64, 128 ... samples; None: tiles get all samples. Tiles of few pixels are checked later (`first_check`).
-    has_guides: whether the first GUIDE_SAMPLES samples have albedo and normal, too.
+    is_transparent: whether the background is, so that tiles have alpha. has_guides: whether the first GUIDE_SAMPLES samples have
+    albedo and normal, too.
     """
 
-    def __init__(self, level: Level, film_exponent: int, noise: float | None = None, *, has_guides: bool = False) -> None:
+    def __init__(
+        self,
+        level: Level,
+        film_exponent: int,
+        noise: float | None = None,
+        *,
+        is_transparent: bool = False,
+        has_guides: bool = False,
+    ) -> None:
         self.level = level
         self.film_exponent = film_exponent
         self.changed: dict[int, None] = {}  # tiles to be shown again, oldest change first
@@ -43,6 +52,7 @@ class Canvas:
         self._noise = np.full(len(level.tiles), np.inf)  # noise at that time
         self._color = np.zeros((2, 3, level.height, level.width), np.int64)  # sums of either half of the samples
         self._samples = np.zeros((2, level.height, level.width), np.int16)  # valid samples of either half
+        self._alpha = np.zeros((ALPHA_PLANES, level.height, level.width), np.int64) if is_transparent else None
         shape = (7, level.height, level.width) if has_guides else (7, 0, 0)
         self._guides = np.zeros(shape, np.float32)  # sums of albedo and normal, and their samples
 
@@ -79,7 +89,7 @@ class Canvas:
         return bool(self._ended[tile] or self._counts[tile] >= self.level.samples)
 
     def add(self, tile: int, first: int, count: int, sums: Sums) -> None:
-        """Adds the sums of one range of a tile's samples, shape (CHANNELS, h, w).
+        """Adds the sums of one range of a tile's samples, shape (planes, h, w).
 
         tile: the tile's index. first, count: the sample numbers, all of which are in the same half (renderer.film.in_half).
         """
@@ -87,9 +97,11 @@ class Canvas:
         half = 0 if film.in_half(first) else 1
         self._color[half][:, *place] += sums[COLOR]
         self._samples[half][place] += sums[SAMPLES].astype(np.int16)
+        if self._alpha is not None:
+            self._alpha[:, place[0], place[1]] += sums[film.alpha_plane(0) :]
         if self._guides.size and first < GUIDE_SAMPLES:
             for planes, of in ((slice(0, 3), ALBEDO), (slice(3, 6), NORMAL)):
-                self._guides[planes, *place] += (sums[of] * 2.0**-self.film_exponent).astype(np.float32)
+                self._guides[planes, place[0], place[1]] += (sums[of] * 2.0**-self.film_exponent).astype(np.float32)
             self._guides[6][place] += sums[SAMPLES]
         self._counts[tile] += count
         has = int(self._counts[tile])
@@ -100,10 +112,10 @@ class Canvas:
         if self.tile_is_complete(tile) or has >= GROWTH * self._shown[tile]:
             self.changed[tile] = None
 
-    def take_tile(self, tile: int) -> tuple[npt.NDArray[np.float32], int, bool]:
-        """Returns a tile's mean colour, shape (3, h, w), its samples per pixel, and whether it is complete.
+    def take_tile(self, tile: int) -> tuple[npt.NDArray[np.float32], int, bool, npt.NDArray[np.uint8] | None]:
+        """Returns a tile's mean colour, shape (3, h, w), its samples per pixel, and whether it is complete; then its alpha.
 
-        Marks the tile as sent.
+        The alpha is (h, w), 0 ... 255; None for an opaque background. Marks the tile as sent.
         """
         self.changed.pop(tile, None)
         self._shown[tile] = self._counts[tile]
@@ -111,7 +123,16 @@ class Canvas:
         samples = np.maximum(self._samples[:, rows, columns].sum(0), 1)
         color = self._color[0, :, rows, columns] + self._color[1, :, rows, columns]
         mean: npt.NDArray[Any] = color * (2.0**-self.film_exponent / samples)
-        return mean.astype(np.float32), int(self._counts[tile]), self.tile_is_complete(tile)
+        return mean.astype(np.float32), int(self._counts[tile]), self.tile_is_complete(tile), self._alpha_of(rows, columns)
+
+    def _alpha_of(self, rows: slice, columns: slice) -> npt.NDArray[np.uint8] | None:
+        if self._alpha is None:
+            return None
+        planes = self._alpha[:, rows, columns]
+        sums = np.zeros((film.plane_count(0, is_transparent=True), *planes.shape[1:]), np.int64)
+        sums[SAMPLES] = self._samples[:, rows, columns].sum(0)
+        sums[film.alpha_plane(0) :] = planes
+        return np.rint(255 * film.alpha(sums, self.film_exponent, 0)).astype(np.uint8)
 
     def means(self) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32]]:
         """Returns the means of colour, albedo and normal, each (h, w, 3), of a canvas with guides."""

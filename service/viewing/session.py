@@ -109,13 +109,22 @@ class ViewSession:
         sample of a pixel on one slot. slots: number of slots of that kind. denoises: whether the view is denoised.
         """
         assert self.request is not None
-        seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0, background="visible")
+        seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0)
+        if not self.request.has_alpha:
+            seen = replace(seen, background="visible")
         levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1))
         with self._lock:
             self.settings, self.compiled, self.kind = seen, compiled, kind
             self.passes = Passes(levels, cost_s)
+            denoises = denoises and not seen.is_transparent  # the denoiser makes no alpha
             self._canvases = [
-                Canvas(level, settings.film_exponent, self.request.noise, has_guides=denoises and level is levels[-1])
+                Canvas(
+                    level,
+                    settings.film_exponent,
+                    self.request.noise,
+                    is_transparent=seen.is_transparent,
+                    has_guides=denoises and level is levels[-1],
+                )
                 for level in levels
             ]
             self._denoised = DenoisedView() if denoises else None
@@ -232,7 +241,9 @@ class ViewSession:
             self._shown_samples, self._taken = canvas.samples, time.monotonic()
             is_whole = level == len(self._canvases) - 1
             tiles = [(canvas.level.tiles[tile], *canvas.take_tile(tile)) for tile in list(canvas.changed)]
-        shown = [ViewTile(rect, mean, samples, is_whole and is_complete) for rect, mean, samples, is_complete in tiles]
+        shown = [
+            ViewTile(rect, mean, samples, is_whole and is_complete, alpha) for rect, mean, samples, is_complete, alpha in tiles
+        ]
         size, whole = (canvas.level.width, canvas.level.height), (request.settings.width, request.settings.height)
         return encode_view(shown, size, whole, request.id, seq)
 

@@ -20,7 +20,7 @@ from protocol.contract import FrameInfo, prepare_queue, render_queue
 from protocol.sums import unpack_sums
 from protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewDenoise, ViewFrame, ViewParts, view_key, view_queue
 from renderer.errors import SettingsError
-from renderer.film import ALBEDO, CHANNELS, COLOR, NORMAL, SAMPLES
+from renderer.film import ALBEDO, ALPHA_PLANES, CHANNELS, COLOR, NORMAL, SAMPLES, alpha_plane
 from renderer.sentences import Sentence, with_full_stop
 from service.errors import QueueError
 from service.events import Events
@@ -48,7 +48,8 @@ REVIEW_EVERY_S = 0.5
 LOST_AFTER_S = 3.0  # without a report of the message by any slot
 FAILURES_ALLOWED = 3
 
-PLAIN = [*range(CHANNELS)[COLOR], SAMPLES]  # planes of sums that a view uses
+ALPHA = range(alpha_plane(0), alpha_plane(0) + ALPHA_PLANES)  # planes that only a transparent background has
+PLAIN = [*range(CHANNELS)[COLOR], SAMPLES, *ALPHA]  # planes of sums that a view uses
 GUIDED = sorted({*PLAIN, *range(CHANNELS)[ALBEDO], *range(CHANNELS)[NORMAL]})  # and those that guide the denoiser
 
 log = logging.getLogger(__name__)

@@ -50,7 +50,7 @@ class SubmitRayfarm(pyblish.api.InstancePlugin, AYONPyblishPluginMixin):
         frames = frames_of(0, last - first)
         options = ["--spp", str(int(values["rayfarm_spp"])), "--priority", str(int(values["rayfarm_priority"]))]
         instance.data["rayfarmJob"] = submit(path, frames, server=values["rayfarm_server"] or None, options=options)
-        self.log.info(f"Rayfarm's job {instance.data['rayfarmJob']}: its frame 0 is {first:g}.")
+        self.log.info(f"Rayfarm's job {instance.data['rayfarmJob']}: its frame 0 is {first:.10g}.")
 
 
 def published_usd(data: Any) -> Path | None:

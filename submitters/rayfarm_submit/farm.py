@@ -8,9 +8,11 @@ import shutil
 import subprocess
 import urllib.error
 import urllib.request
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from http.client import HTTPException, IncompleteRead
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
 
 __all__ = ["Farm", "FarmError", "frames_of", "keep_frame_numbers", "submit"]
 
@@ -52,17 +54,18 @@ def submit(
     # The host's Python must not find its own packages in that of the program.
     environment = {name: value for name, value in os.environ.items() if name not in ("PYTHONHOME", "PYTHONPATH")}
     done = subprocess.run([*command, *options], capture_output=True, text=True, env=environment, check=False)
-    if done.returncode:
+    printed = done.stdout.strip().splitlines()
+    if done.returncode or not printed:
         raise FarmError(done.stderr.strip() or f"{program} ended with {done.returncode}.")
-    return done.stdout.strip().splitlines()[-1]
+    return printed[-1]
 
 
 def frames_of(first: float, last: float, step: float = 1.0) -> str:
     """Returns a range of frames as `rayfarm submit --frames` takes it. Raises FarmError for frames before 0."""
     if first < 0:
         raise FarmError(f"The range begins at frame {first:g}; a farm's frames begin at 0.")
-    text = f"{first:g}-{last:g}" if last > first else f"{first:g}"
-    return text if step == 1 or last <= first else f"{text}x{step:g}"
+    text = f"{first:.10g}-{last:.10g}" if last > first else f"{first:.10g}"
+    return text if step == 1 or last <= first else f"{text}x{step:.10g}"
 
 
 def keep_frame_numbers(stage: Path) -> None:
@@ -91,29 +94,41 @@ class Farm:
 
     def job(self, job: str) -> dict[str, Any]:
         """Returns a job, as GET /api/jobs/{id} describes it."""
-        return dict(json.loads(self._open(f"/api/jobs/{job}").read()))
+        return dict(self._json(f"/api/jobs/{quote(job, safe='')}"))
 
     def finished_frames(self, job: str) -> list[int]:
         """Returns the numbers of a job's finished frames, in order. Half frames are left out."""
-        frames = json.loads(self._open(f"/api/jobs/{job}/frames?state=finished").read())
+        frames = self._json(f"/api/jobs/{quote(job, safe='')}/frames?state=finished")
         return sorted(int(frame["number"]) for frame in frames if float(frame["number"]).is_integer())
 
     def fetch(self, job: str, frame: int, path: Path, aov: str = "all") -> None:
         """Writes a frame as an .exr with the planes of `aov`. The file appears once it is complete."""
         part = path.with_name(f"{path.name}.part")
-        with self._open(f"/api/jobs/{job}/frames/{frame}/image.exr?aov={aov}") as answer, part.open("wb") as file:
-            shutil.copyfileobj(answer, file, CHUNK)
+        with part.open("wb") as file:
+            for data in self._read(f"/api/jobs/{quote(job, safe='')}/frames/{frame}/image.exr?aov={quote(aov)}"):
+                file.write(data)
         part.replace(path)
 
-    def _open(self, path: str) -> Any:
+    def _json(self, path: str) -> Any:
+        try:
+            return json.loads(b"".join(self._read(path)))
+        except ValueError:
+            raise FarmError(f"{self.server} is no farm: its answer is not JSON.") from None
+
+    def _read(self, path: str) -> Iterator[bytes]:
+        """Yields the body of an answer in parts. Raises FarmError, also if it ends early."""
         request = urllib.request.Request(self.server + path)
         if self._token:
             request.add_unredirected_header("Authorization", f"Bearer {self._token}")
         try:
-            return urllib.request.urlopen(request, timeout=TIMEOUT_S)
+            with urllib.request.urlopen(request, timeout=TIMEOUT_S) as answer:
+                while data := answer.read(CHUNK):
+                    yield data
+                if answer.length:  # bytes that did not come, for which read() raises nothing
+                    raise IncompleteRead(b"", answer.length)
         except urllib.error.HTTPError as error:
             raise FarmError(_sentence(error)) from None
-        except (urllib.error.URLError, OSError) as error:
+        except (OSError, HTTPException) as error:
             raise FarmError(f"The farm at {self.server} does not answer ({error}).") from None
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from .farm import frames_of, keep_frame_numbers
+from .farm import FarmError, frames_of, keep_frame_numbers
 from .farm import submit as submit_scene
 
 __all__ = ["export", "submit"]
@@ -37,12 +37,15 @@ def submit(
 
 
 def export(node: str, folder: str, first: float, last: float) -> Path:
-    """Writes a LOP node's stage, from frame `first` to `last`, with all layers flattened; returns the file's path."""
+    """Writes a LOP node's stage, from frame `first` to `last`, with all layers flattened; returns the file's path.
+
+    Raises FarmError.
+    """
     import hou
 
     source = hou.node(node)
     if source is None:
-        raise ValueError(f"There is no node {node}.")
+        raise FarmError(f"There is no node {node}.")
     path = Path(hou.text.expandString(folder)) / f"{source.name()}.usdc"
     path.parent.mkdir(parents=True, exist_ok=True)
     writer = source.parent().createNode("usd_rop")
@@ -56,7 +59,7 @@ def export(node: str, folder: str, first: float, last: float) -> Path:
         writer.parm("savestyle").set("flattenalllayers")
         writer.parm("execute").pressButton()
         if writer.errors():
-            raise ValueError("; ".join(writer.errors()))
+            raise FarmError("; ".join(writer.errors()))
     finally:
         writer.destroy()
     keep_frame_numbers(path)

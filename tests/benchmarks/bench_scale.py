@@ -53,7 +53,7 @@ def main() -> None:
     parser.add_argument("--per-worker", type=int, default=32, help="slots of a machine")
     parser.add_argument("--site", action="store_true", help="the machines are of one site, with a reducer")
     parser.add_argument("--simulators", type=int, default=1, help="processes that simulate the slots")
-    parser.add_argument("--cells", type=int, default=1, help="farms at the same time, each with a part of the slots")
+    parser.add_argument("--cells", type=int, default=1, help="farms at the same time, among which the slots are divided")
     parser.add_argument("--database", choices=["sqlite", "postgresql"], default="sqlite")
     parser.add_argument("--json", type=Path, help="write all that was measured there too")
     parser.add_argument("--plot", type=Path, help="a picture of it: against slots, tiles or frames, whichever differ")
@@ -102,7 +102,7 @@ def run_cells(load: Load, sums: Sums, cells: int, database: str) -> list[Taken]:
         folders = [Path(stack.enter_context(tempfile.TemporaryDirectory(prefix="rayfarm-scale-"))) for _ in urls]
         environments = [{"RAYFARM_DATABASE_URL": url} if url else {} for url in urls]
         with ThreadPoolExecutor(cells) as pool:
-            return list(pool.map(lambda folder, told: run(load, sums, folder, **told), folders, environments))
+            return list(pool.map(lambda folder, variables: run(load, sums, folder, **variables), folders, environments))
 
 
 def report(load: Load, taken: Taken, size: int) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import pytest
 
 from blender.rayfarm_addon.scene import subsurface
+from blender.rayfarm_addon.scene.fibres import HAIR
 from blender.rayfarm_addon.scene.model import Scene
 from blender.rayfarm_addon.scene.nodes import source_of
 from blender.rayfarm_addon.scene.surfaces import Surfaces
@@ -199,6 +200,14 @@ def test_hair_has_its_colour() -> None:
     assert seen() == [1, 1, 1]
     kind = "COLOR"
     assert seen() == [0.1, 0.1, 0.1]
+
+
+def test_hair_keeps_its_roughness() -> None:
+    said = {"Color": (0.1, 0.1, 0.1, 1.0), "Roughness": 0.25, "Radial Roughness": 0.4, "Offset": 0.05, "IOR": 1.45}
+    found, warnings = material(Node("BSDF_HAIR_PRINCIPLED", said, BSDF, parametrization="COLOR", model="CHIANG"))
+    assert found["extensions"][HAIR] == {"betaM": 0.25, "betaN": 0.4, "tilt": 0.05, "ior": 1.45}
+    assert warnings == []
+    assert HAIR not in material(beneath(0.0))[0].get("extensions", {})
 
 
 def test_connected_radius_causes_a_warning() -> None:

@@ -122,7 +122,7 @@ def test_live_view_navigates_and_survives_killed_slot(farm: Farm, watched: Watch
     wait_until(lambda: view.number() > number or view.samples() >= 1, 60, "and goes on")
     wait_until(lambda: view.samples() >= 2, 60, "with a slot that was killed and came back")
 
-    page.get_by_role("button", name="Keep this view").click()
+    page.get_by_role("button", name="Keep view").click()
     expect(page.get_by_role("button", name="View 1", exact=True)).to_be_visible()
     page.get_by_role("button", name="Pick the focus").click()
     box = surface.bounding_box()

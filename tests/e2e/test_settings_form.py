@@ -304,7 +304,7 @@ def test_whitted_ambient_is_grey(page: Page) -> None:
     open_form(page)
     expect(page.get_by_label("Ambient light")).to_be_hidden()
     page.get_by_label("Integrator").select_option("whitted")
-    expect(page.get_by_label("Finding lights")).to_have_count(0)  # only in the API and in files
+    expect(page.get_by_label("Light sampling")).to_have_count(0)  # only in the API and in files
     page.get_by_label("Ambient light").fill("0.1")
     page.get_by_label("Near plane").fill("1.5")
     page.get_by_label("Shift up").fill("0.25")

@@ -123,6 +123,9 @@ def test_guest_and_user_exchange_notes_on_open_pages(browser: Browser, studio: S
     expect(thread).to_contain_text("<img src=x onerror=alert(1)> too dark")
     expect(thread).to_contain_text("guest")
     expect(anna.locator(".tab-count")).to_have_text("1")
+    anna.get_by_role("tab", name="View").click()
+    anna.get_by_role("button", name="Note 1 by Carla: <img").click()  # seen in every tab, and opens its note
+    expect(thread).to_be_visible()
     anna.get_by_role("button", name="Note 1 by Carla").focus()
     anna.keyboard.press("Enter")
     expect(anna.get_by_role("button", name="Note 1: show its place")).to_be_focused()

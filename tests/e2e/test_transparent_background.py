@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import re
 from pathlib import Path
 
@@ -75,3 +76,19 @@ def test_a_transparent_picture_lies_on_a_checkerboard_and_is_saved_with_alpha(
     saved = Image.open(download.value.path())
     assert saved.mode == "RGBA"
     np.testing.assert_array_equal(np.asarray(saved)[..., 3], np.rint(alpha * 255))
+
+    page.goto(f"{farm.url}/#/jobs")
+    thumbnail = page.locator(f'.job-row img[src*="{job}"]')
+    expect(thumbnail).to_have_attribute("src", re.compile(r"/image\.png\?"))
+    expect(thumbnail).to_have_css("background-image", re.compile("conic-gradient"))
+
+    page.goto(f"{farm.url}/#/scenes/{scene}?like={job}")
+    view = page.locator(".live-view")
+    expect(view).to_have_attribute("data-samples", re.compile("[1-9]"))
+    box = view.bounding_box()
+    assert box
+    edge = page.screenshot(clip={"x": box["x"] + 4, "y": box["y"] + 0.4 * box["height"], "width": 32, "height": 32})
+    values = np.asarray(Image.open(io.BytesIO(edge)).convert("RGB")).astype(int)
+    squares = np.abs(values[..., None] - np.rint(255 * np.array([DARK, BRIGHT])))
+    assert squares.min(-1).max() <= 1, "nothing is at the left edge of the live view"
+    assert (squares <= 1).any((0, 1, 2)).all(), "it has squares of both kinds"

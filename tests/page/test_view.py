@@ -115,16 +115,20 @@ def test_view_picture_packet_is_decoded(node: Node) -> None:
     generator = np.random.default_rng(5)
     rects = [Tile(0, 0, 9, 6), Tile(9, 0, 4, 6), Tile(0, 6, 9, 5), Tile(9, 6, 4, 5)]
     means = [2.0 ** generator.uniform(-20, 14, (3, rect.h, rect.w)).astype(np.float32) for rect in rects]
-    tiles = [ViewTile(*each, number + 1, number % 2 == 1) for number, each in enumerate(zip(rects, means, strict=True))]
+    alphas = [generator.integers(0, 256, (rect.h, rect.w), np.uint8) for rect in rects]
+    together = enumerate(zip(rects, means, alphas, strict=True))
+    tiles = [ViewTile(rect, mean, number + 1, number % 2 == 1, alpha) for number, (rect, mean, alpha) in together]
     message = encode_view(tiles, (13, 11), (26, 22), 7, 9)
     body = """
         const { id, seq, width, height, tiles } = await m.decodeView(new Uint8Array(a).buffer);
-        return { about: [id, seq, width, height], tiles: tiles.map((each) => ({ ...each, words: [...each.words] })) };"""
+        const plain = ({ words, alpha, ...rest }) => ({ ...rest, words: [...words], alpha: [...alpha] });
+        return { about: [id, seq, width, height], tiles: tiles.map(plain) };"""
     found = node.call("scene/view-packet", body, list(message))
     assert found["about"] == [7, 9, 13, 11]
     heads = [(*tile.rect, tile.samples + tile.is_exact * EXACT) for tile in tiles]
-    for tile, told, expected in zip(tiles, found["tiles"], unpacked(heads, body_of(message)), strict=True):
+    for tile, told, expected in zip(tiles, found["tiles"], unpacked(heads, body_of(message)[: -13 * 11]), strict=True):
         assert [told[name] for name in ("x", "y", "w", "h", "spp", "isExact")] == [*tile.rect, tile.samples, tile.is_exact]
+        assert tile.alpha is not None and told["alpha"] == tile.alpha.ravel().tolist()
         words = np.array(told["words"], np.uint32).reshape(expected.shape)
         if tile.is_exact:
             np.testing.assert_array_equal(words, expected)

@@ -135,8 +135,31 @@ def check_rest(farm: Farm, scene: str, template: dict[str, Any], settings: dict[
             problem = http.post("/api/jobs/openjd", json={**body, **change}).json()
             sentence = problem["params"].get("sentence", problem)
             assert code in (problem["code"], sentence["code"]), problem
+        check_hostile(http, body)
         many = json.loads(json.dumps(template).replace('"4"', '"0"'))
         assert http.post("/api/jobs/openjd", json={**body, "template": many}).json()["errors"][0]["field"] == "spp"
+
+
+def check_hostile(http: httpx.Client, body: dict[str, Any]) -> None:
+    """Checks that templates that are too large, too deep or no JSON are refused before OpenJD's library reads them."""
+    deep: Any = 1
+    for _ in range(500):
+        deep = [deep]
+    template = body["template"]
+    long = json.loads(json.dumps(template))
+    long["steps"][0]["script"]["actions"]["onRun"]["args"] += ["--camera", "{{Param.Frames}}" * 1000]
+    for change, code in (
+        ({**template, "steps": deep}, "template-too-large"),
+        ({**template, "steps": [0] * 300_000}, "template-too-large"),
+        ({**template, "description": "{{a}}" * 9000}, "template-too-large"),
+        (long, "template-too-large"),
+        ({**template, "steps": [{"min": float("nan")}]}, "template-number-not-finite"),
+        ({**template, "\ud800": 1}, "template-invalid"),
+    ):
+        content = json.dumps({**body, "template": change, "parameters": {"Frames": "0" * 1000 + "1"}})
+        answer = http.post("/api/jobs/openjd", content=content, headers={"Content-Type": "application/json"})
+        assert answer.status_code == 422
+        assert answer.json()["params"]["sentence"]["code"] == code, answer.text
 
 
 def test_the_rest_api_takes_the_options_of_render() -> None:
@@ -167,6 +190,7 @@ def test_the_rest_api_takes_the_options_of_render() -> None:
         (["a.glb", "--fov=2"], "template-view-unprepared"),
         (["a.glb", "--gpu"], "template-option-local"),
         (["a.glb", "--spp"], "template-option-empty"),
+        (["a.glb", "--denoise=no"], "template-option-flag"),
         (["a.glb", "b.glb"], "template-scene-count"),
     ):
         with pytest.raises(SettingsError) as refused:
@@ -250,6 +274,7 @@ REFUSED: dict[str, tuple[Edit, str]] = {
         "task parameters Frame, Seed",
     ),
     "a task parameter elsewhere": (lambda t: arguments(t).extend(["--seed", "{{Task.Param.Frame}}"]), "is in --seed"),
+    "another frame": (lambda t: arguments(t).append("--frames=7"), "--frames is given beside the task's frame"),
     "negative frames": (lambda t: t["parameterDefinitions"][-1].update(default="-3-3"), "begin at 0"),
     "a wrong range": (lambda t: t["parameterDefinitions"][-1].update(default="many"), "no valid job template"),
     "a requirement": (
@@ -279,9 +304,10 @@ def test_requirements_become_needs(tmp_path: Path) -> None:
     (tmp_path / "box.yaml").write_text("shapes: [{type: sphere}]\n")
     template, _ = template_of([str(tmp_path / "box.yaml")], tmp_path)
     template["parameterDefinitions"][1]["default"] = "a.png"
-    template["steps"][0]["hostRequirements"] = {"amounts": [{"name": "amount.worker.memory", "min": 30518}]}
-    (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
-    assert read_template(tmp_path / "job.yaml").needs == ["memory_gb=32"]
+    for mebibytes, needs in ((30518, "memory_gb=32"), (65536, "memory_gb=68.719")):
+        template["steps"][0]["hostRequirements"] = {"amounts": [{"name": "amount.worker.memory", "min": mebibytes}]}
+        (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
+        assert read_template(tmp_path / "job.yaml").needs == [needs]
 
 
 def test_frames_may_be_a_list(tmp_path: Path) -> None:

@@ -6,11 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from renderer.arrays.kernel_variant import variant_of
 from renderer.film import ALBEDO, DEPTH, NORMAL, mean
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere, Texture
 from renderer.scene.load import read
+from renderer.scene.readers.strands import strands_mesh
 from renderer.settings import RenderSettings
 from tests.renderer.builders import box, disk, emitter, gray, scene, settings, square
 from tests.renderer.judge import assert_mean, mean_and_error
@@ -146,6 +148,18 @@ def test_white_materials_in_a_white_furnace(name):
     ball = scene([WHITES[name]], (), (Sphere((0, 0, 0), 1.0),), environment=1.0)
     sums = render_frame(ball, settings((0, 0, 8), (0, 0, 0), 14.6, max_depth=200), 48)
     assert_mean(sums, 1.0, slack=8e-3 if "glass" in name else 2e-3, tests=len(WHITES))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("sides", [12, 6])
+def test_white_hair_in_a_white_furnace(sides):
+    """Bent strands of white hair are invisible in constant light: every fibre scatters what it receives."""
+    turns = np.linspace(0, 4, 14)
+    helix = np.column_stack([0.4 * np.cos(turns), turns / 2 - 1, 0.4 * np.sin(turns)])
+    strands = [(helix * (s, 1, s), np.full(len(turns), 0.08)) for s in np.linspace(0.5, 2, 1 if sides == 12 else 501)]
+    lit = scene([Material(kind="hair", base_color=gray(1.0))], (strands_mesh(strands, fibres=True),), environment=1.0)
+    assert variant_of(lit) == "hair" and len(lit.tangent) > 0
+    assert_mean(render_frame(lit, settings((0, 0, 6), (0, 0, 0), 30, max_depth=400), 64), 1.0, slack=2e-3, tests=2)
 
 
 def test_image_environment_irradiance():

@@ -8,6 +8,8 @@ from __future__ import annotations
 import importlib
 import json
 import sys
+import threading
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import ModuleType, SimpleNamespace
 from typing import Any
@@ -41,6 +43,7 @@ def calls(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     program, written = tmp_path / "rayfarm", tmp_path / "calls.json"
     program.write_text(
         f"#!{sys.executable}\nimport json, sys\n"
+        f"if '-o' in sys.argv: sys.exit(print('All 3 frames are there', file=sys.stderr))\n"
         f"if 'bad' in sys.argv: sys.exit('rayfarm: The scene cannot be read.')\n"
         f"json.dump(sys.argv[1:], open({str(written)!r}, 'w'))\nprint('7f3a1c')\n"
     )
@@ -147,10 +150,10 @@ def test_houdini_exports_a_node_and_removes_its_writer(tmp_path: Path, calls: Pa
     assert written[1:] == [str(stage)]
     assert json.loads(calls.read_text()) == ["submit", str(stage), "--frames", "1001-1004", "--camera", "shotCam"]
     program.writer.errors.return_value = ("No stage.",)
-    with pytest.raises(ValueError, match="No stage"):
+    with pytest.raises(hook("farm").FarmError, match="No stage"):
         hook("houdini").submit("/stage/OUT", "$HIP/render")
     assert program.writer.destroy.call_count == 2
-    with pytest.raises(ValueError, match="no node /stage/NO"):
+    with pytest.raises(hook("farm").FarmError, match="no node /stage/NO"):
         hook("houdini").submit("/stage/NO", "$HIP/render")
 
 
@@ -190,8 +193,11 @@ def test_faults_are_sentences(tmp_path: Path, calls: Path, monkeypatch: pytest.M
     farm = hook("farm")
     with pytest.raises(farm.FarmError, match=r"^rayfarm: The scene cannot be read\.$"):
         farm.submit(tmp_path / "a.usd", options=["bad"])
+    with pytest.raises(farm.FarmError, match="All 3 frames"):
+        farm.submit(tmp_path / "a.usd", options=["-o", "a.#.png"])
     with pytest.raises(farm.FarmError, match="frames begin at 0"):
         farm.frames_of(-5, 10)
+    assert farm.frames_of(1001001, 1001100.5, 0.5) == "1001001-1001100.5x0.5"
     monkeypatch.delenv("RAYFARM_PROGRAM")
     monkeypatch.setenv("PATH", "")
     with pytest.raises(farm.FarmError, match="RAYFARM_PROGRAM"):
@@ -200,7 +206,33 @@ def test_faults_are_sentences(tmp_path: Path, calls: Path, monkeypatch: pytest.M
     with pytest.raises(farm.FarmError, match="RAYFARM_SERVER"):
         farm.Farm()
     with pytest.raises(farm.FarmError, match="does not answer"):
-        farm.Farm("http://127.0.0.1:9").job("x")
+        farm.Farm("http://127.0.0.1:9").job("x y")
+
+
+class Short(BaseHTTPRequestHandler):
+    """Answers with 3 bytes of 10 to requests for a picture, and with a page to others."""
+
+    def do_GET(self) -> None:
+        self.send_response(200)
+        self.send_header("Content-Length", "10" if "image" in self.path else "3")
+        self.end_headers()
+        self.wfile.write(b"<a>")
+
+    def log_message(self, *args: object) -> None:
+        """Writes no log."""
+
+
+def test_broken_answers_are_no_pictures(tmp_path: Path) -> None:
+    farm = hook("farm")
+    with ThreadingHTTPServer(("127.0.0.1", 0), Short) as server:
+        threading.Thread(target=server.serve_forever, args=(0.01,)).start()
+        there = farm.Farm(f"http://127.0.0.1:{server.server_port}")
+        with pytest.raises(farm.FarmError, match="does not answer"):
+            there.fetch("x", 1, tmp_path / "a.exr")
+        with pytest.raises(farm.FarmError, match="no farm"):
+            there.job("x")
+        server.shutdown()
+    assert not (tmp_path / "a.exr").exists()
 
 
 def nuke_program() -> ModuleType:

@@ -23,7 +23,7 @@ from protocol.view_parts import (
     view_key,
 )
 from renderer.errors import RayfarmError
-from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES
+from renderer.film import ALBEDO, COLOR, NORMAL, SAMPLES, alpha_plane
 from renderer.render import is_warm, render_batch, variant_for
 from renderer.sentences import Sentence
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError
@@ -180,7 +180,8 @@ def _view_planes(sums: np.ndarray[Any, Any], has_guides: bool) -> np.ndarray[Any
     has_guides: whether it uses albedo and normal.
     """
     seen = np.zeros_like(sums)
-    seen[COLOR], seen[SAMPLES] = sums[COLOR], sums[SAMPLES]
+    for planes in (COLOR, SAMPLES, slice(alpha_plane(0), None)):
+        seen[planes] = sums[planes]
     if has_guides:
         seen[ALBEDO], seen[NORMAL] = sums[ALBEDO], sums[NORMAL]
     return seen

@@ -1,4 +1,4 @@
-"""Computes the colour of hair from the absorption of its fibres, for the surface that replaces hair.
+"""Exports Principled Hair: its colour from the absorption of its fibres, and its roughness as a material extension.
 
 Source: Chiang et al., "A practical and controllable hair and fur model for production path tracing", 2016, eq. 9; pigments as
 in intern/cycles/kernel/closure/bsdf_principled_hair_chiang.h.
@@ -11,10 +11,25 @@ from typing import Any
 
 from .nodes import ConstantValue, Source, constant_value
 
-__all__ = ["hair_color"]
+__all__ = ["HAIR", "hair", "hair_color"]
 
+HAIR = "RAYFARM_materials_hair"  # read by renderer/scene/readers/gltf/scattering.py
 EUMELANIN, PHEOMELANIN = (0.506, 0.841, 1.653), (0.343, 0.733, 1.924)
 LEAST = 1e-4
+
+
+def hair(surface: Any) -> dict[str, Any] | None:
+    """Returns the glTF extension of a surface that is hair; None for other surfaces. Inputs with nodes get their defaults."""
+    if surface.input("Hair") is None:
+        return None
+    names = {
+        "betaM": ("Roughness", 0.3),
+        "betaN": ("Radial Roughness", 0.3),
+        "tilt": ("Offset", math.radians(2)),
+        "ior": ("IOR", 1.55),
+    }
+    found = {key: (constant_value(surface.input(f"Hair {name}")), default) for key, (name, default) in names.items()}
+    return {key: value if isinstance(value, float) else default for key, (value, default) in found.items()}
 
 
 def hair_color(source: Source) -> Any:

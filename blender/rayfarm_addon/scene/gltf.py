@@ -171,6 +171,7 @@ class _Writer:
 
     def _attributes(self, mesh: Mesh) -> tuple[dict[str, int], list[dict[str, int]]]:
         arrays: dict[str, npt.NDArray[Any] | None] = {"POSITION": mesh.positions, "NORMAL": mesh.normals, "COLOR_0": mesh.colors}
+        arrays["_FIBRE"] = mesh.fibres
         arrays.update((f"TEXCOORD_{i}", uv) for i, uv in enumerate(mesh.uvs[:2]))
         found = {
             name: self._get_or_create((name, mesh.key), lambda array=array: self._array(mesh.key, array, mesh))

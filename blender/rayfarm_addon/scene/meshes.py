@@ -65,10 +65,10 @@ def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
         return None
     points = _read_attribute(source.points, "position", 3 * count, np.float32).reshape(-1, 3)
     first = np.append(_read_attribute(source.curves, "first_point_index", len(source.curves), np.int32), np.int32(count))
-    positions, normals, triangles = tubes(points, _read_attribute(source.points, "radius", count, np.float32), first)
-    mesh = Mesh(key, positions, [(0, triangles.astype(np.uint32).ravel())], normals)
+    made = tubes(points, _read_attribute(source.points, "radius", count, np.float32), first)
+    mesh = Mesh(key, made.positions, [(0, made.triangles.astype(np.uint32).ravel())], made.normals, fibres=made.fibres)
     nothing = np.zeros(0, np.int32)
-    return mesh, Corners((len(positions), count, len(triangles)), nothing, nothing, "POINT")
+    return mesh, Corners((len(made.positions), count, len(made.triangles)), nothing, nothing, "POINT")
 
 
 def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:

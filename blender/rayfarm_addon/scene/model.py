@@ -37,6 +37,7 @@ class Mesh:
     normals: F32 | None = None  # (V, 3); None: flat
     uvs: tuple[F32, ...] = ()  # (V, 2) each, v downwards
     colors: F32 | None = None  # (V, 4) linear
+    fibres: F32 | None = None  # (V, 4) of hair: its direction and diameter
     shapes: tuple[tuple[F32, F32 | None], ...] = ()
 
 

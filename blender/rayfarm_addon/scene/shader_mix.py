@@ -158,11 +158,15 @@ def _simple(source: Source, warn: Callable[[str], None]) -> PrincipledLook | Non
         inside = {f"Subsurface {name}": at(name) for name in ("Radius", "Scale", "Anisotropy", "IOR")}
         inside |= _skin_input(getattr(source.node, "falloff", ""))
         return _matt({"Base Color": color, "Normal": at("Normal"), "Subsurface Weight": ConstantValue(1.0), **inside})
-    if kind in ("BSDF_DIFFUSE", "BSDF_TOON", "BSDF_HAIR", "BSDF_HAIR_PRINCIPLED"):
+    if kind == "BSDF_HAIR_PRINCIPLED":
+        if getattr(source.node, "model", "CHIANG") != "CHIANG":
+            warn(Sentence("cycles-hair-model", "its hair has the model of Chiang, not that of Huang"))
+        said = {f"Hair {name}": at(name) for name in ("Roughness", "Radial Roughness", "Offset", "IOR")}
+        return _matt({"Base Color": hair_color(source), "Hair": ConstantValue(1.0), **said})
+    if kind in ("BSDF_DIFFUSE", "BSDF_TOON", "BSDF_HAIR"):
         if kind != "BSDF_DIFFUSE":
             warn(Sentence("cycles-shader-matte", "its {shader} is shown as matte", shader=source.node.bl_label or kind))
         rough = {"Diffuse Roughness": at("Roughness")} if kind == "BSDF_DIFFUSE" else {}
-        color = hair_color(source) if kind == "BSDF_HAIR_PRINCIPLED" else color
         return _matt({"Base Color": color, "Normal": at("Normal"), **rough})
     if kind in ("BSDF_GLOSSY", "BSDF_ANISOTROPIC", "BSDF_METALLIC"):
         if kind == "BSDF_METALLIC" and source.node.fresnel_type == "PHYSICAL_CONDUCTOR":

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import Any
 
 from ..farm.protocol.sentences import Sentence
-from . import subsurface
+from . import fibres, subsurface
 from .cycles import warn_of_material
 from .cycles_differences import has_film, warn_of_pictures
 from .displacement import displaced
@@ -171,6 +171,8 @@ class _Reader:
         self._normal(source.input("Normal"), self._said, "normalTexture")
         if (beneath := subsurface.subsurface(source)) is not None:
             self._more[subsurface.SUBSURFACE] = beneath
+        if (hair := fibres.hair(source)) is not None:
+            self._more[fibres.HAIR] = hair
         if _is_some(source.input("Diffuse Roughness")):
             self._warn(Sentence("blend-diffuse-roughness-left-out", "its diffuse roughness is left out"))
 

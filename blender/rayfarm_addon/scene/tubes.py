@@ -2,18 +2,30 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["MOST_POINTS", "tubes"]
+__all__ = ["MOST_POINTS", "Tubes", "tubes"]
 
 F32 = npt.NDArray[np.float32]
-SIDES = 4
+SIDES = 6
+WIDENED = float(np.pi / SIDES / np.sin(np.pi / SIDES))  # a ring has the circumference of the round fibre
 MOST_POINTS = 1_000_000
 
 
-def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32]) -> tuple[F32, F32, npt.NDArray[np.int32]]:
-    """Returns (V, 3) positions, (V, 3) normals and (T, 3) triangles of strands of hair.
+class Tubes(NamedTuple):
+    """Tubes as triangles. fibres: each vertex's unit direction along the hair, and the hair's diameter."""
+
+    positions: F32  # (V, 3)
+    normals: F32  # (V, 3)
+    triangles: npt.NDArray[np.int32]  # (T, 3)
+    fibres: F32  # (V, 4)
+
+
+def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32]) -> Tubes:
+    """Returns the tubes of strands of hair.
 
     points: (P, 3), radii: (P,), strand by strand. first: (S + 1,) start index of each strand, followed by P. Strands of one point
     are omitted.
@@ -33,12 +45,14 @@ def tubes(points: F32, radii: F32, first: npt.NDArray[np.int32]) -> tuple[F32, F
     up = np.cross(side, along)
     turn = 2 * np.pi * np.arange(SIDES) / SIDES
     out = np.cos(turn)[None, :, None] * side[:, None] + np.sin(turn)[None, :, None] * up[:, None]
-    positions = points[:, None] + radii[:, None, None] * out
+    positions = points[:, None] + WIDENED * radii[:, None, None] * out
     here = np.flatnonzero(~is_last)[:, None] * SIDES
     k, l = np.arange(SIDES)[None], (np.arange(SIDES)[None] + 1) % SIDES  # noqa: E741
     a, b, c, d = here + k, here + l, here + SIDES + l, here + SIDES + k
     triangles = np.stack([np.stack([a, d, b], -1), np.stack([b, d, c], -1)], axis=2).reshape(-1, 3)
-    return positions.reshape(-1, 3).astype(np.float32), out.reshape(-1, 3).astype(np.float32), triangles.astype(np.int32)
+    fibres = np.repeat(np.column_stack([along, 2 * WIDENED * radii]), SIDES, axis=0)
+    vertices = positions.reshape(-1, 3).astype(np.float32), out.reshape(-1, 3).astype(np.float32)
+    return Tubes(*vertices, triangles.astype(np.int32), fibres.astype(np.float32))
 
 
 def _unit(vectors: F32) -> F32:

@@ -49,7 +49,7 @@ def _mesh_of(bpy: Any, scene: Any, thing: Any, data: Any, tubes: Any, notes: lis
     data.points.foreach_get("position", points)
     data.points.foreach_get("radius", radii)
     data.curves.foreach_get("first_point_index", first)
-    positions, _, triangles = tubes(points.reshape(-1, 3), radii, np.append(first, np.int32(count)))
+    positions, _, triangles, _ = tubes(points.reshape(-1, 3), radii, np.append(first, np.int32(count)))
     mesh = bpy.data.meshes.new(thing.name)
     mesh.vertices.add(len(positions))
     mesh.vertices.foreach_set("co", positions.ravel())

@@ -5,7 +5,7 @@ All use a local frame whose z is the shading normal on the viewer's side: wo poi
 pdf), with a weight of 0 where nothing is scattered. Discrete (specular) models have only sample_x, since other sampling cannot
 find their directions.
 
-models        diffuse, mirror, glass, metallic_roughness (the fast ones), conductor, blinn_phong, layered (all of glTF)
+models        diffuse, mirror, glass, metallic_roughness (the fast ones), conductor, blinn_phong, layered (all of glTF), hair
 lobes         clearcoat, sheen, rough_glass, iridescence (reflectance of a thin film): the components of layered.py
 foundations   microfacet (GGX), fresnel, energy and glass_energy (multiple scattering), layer_balance (what layers transmit
               to those below), albedo_tables (generates the .npy files)

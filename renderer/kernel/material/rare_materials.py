@@ -5,10 +5,11 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import ALPHA_X, ALPHA_Y, BLINN_PHONG, CONDUCTOR, HAS_BECKMANN, LAYERED, MEDIUM, PLASTIC
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, BLINN_PHONG, CONDUCTOR, HAIR, HAS_BECKMANN, LAYERED, MEDIUM, PLASTIC
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, eval_base_of_blinn_phong, sample_blinn_phong
 from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
+from renderer.kernel.bsdf.hair import eval_and_pdf_hair, sample_hair
 from renderer.kernel.bsdf.layered import eval_and_pdf_layered, eval_diffuse_layered, sample_layered
 from renderer.kernel.bsdf.plastic import eval_and_pdf_plastic, eval_base_of_plastic, sample_plastic
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
@@ -77,6 +78,8 @@ def eval_rare(has, kind, m, eta, wo, wi):
         return eval_and_pdf_blinn_phong(kd, ks, m[rows.SHININESS], wo, wi)
     if has.layers is not None and kind == PLASTIC:
         return eval_and_pdf_plastic(m, wo, wi)
+    if has.hair is not None and kind == HAIR:
+        return eval_and_pdf_hair(m, wo, wi)
     return _BLACK, _ZERO
 
 
@@ -120,5 +123,8 @@ def sample_rare(has, kind, m, eta, wo, choose, u):
         return wi, weight, pdf, _ONE
     if has.layers is not None and kind == PLASTIC:
         wi, weight, pdf = sample_plastic(m, wo, choose, u)
+        return wi, weight, pdf, _ONE
+    if has.hair is not None and kind == HAIR:
+        wi, weight, pdf = sample_hair(m, wo, choose, u)
         return wi, weight, pdf, _ONE
     return (_ZERO, _ZERO, _ONE), _BLACK, _ZERO, _ONE

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arrays.rows import DIFFUSE, PART_COLUMNS, TEXTURED
+from renderer.arrays.rows import DIFFUSE, HAIR, PART_COLUMNS, TEXTURED
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
@@ -43,7 +43,7 @@ _INV_PI = np.float32(1.0 / math.pi)
 _INV_2PI = np.float32(0.5 / math.pi)
 NO_LIGHT = NO_OBJECT = np.uint32(0xFFFFFFFF)
 _NOTHING = np.uint32(0)
-_DIFFUSE = np.uint32(DIFFUSE)
+_DIFFUSE, _HAIR = np.uint32(DIFFUSE), np.uint32(HAIR)
 _TEXTURED = np.uint32(TEXTURED)
 _UNIT = np.float32(1e-6)
 LEAST_COSINE = np.float32(0.01)  # between shading normal and viewer: normals that face away further are bent
@@ -194,6 +194,22 @@ def _tangent(array, i, j, k, u, v):
 
 
 @device
+def is_hair(scene, material):
+    """Returns True if a material is hair: its surfaces are shaded as round fibres."""
+    return u32(lookup(scene.material_kind, material)) == _HAIR
+
+
+@device
+def _diameter(scene, hit, i, j, k, u, v):
+    """Returns the diameter in world space of the fibre around which a triangle i, j, k of hair lies."""
+    a, b, c = row(scene.tangent, i, 4)[3], row(scene.tangent, j, 4)[3], row(scene.tangent, k, 4)[3]
+    diameter = abs((_ONE - u - v) * a + u * b + v * c)
+    if hit.instance is not None and hit.instance >= 0:
+        diameter *= scene.instance_stretch[hit.instance, 0]
+    return diameter
+
+
+@device
 def _facing(shading, geometric, wo):
     """Returns the shading normal in world space, on the geometric normal's side, rotated towards the viewer if it faces away."""
     shading = where3(vec.dot(shading, geometric) < _ZERO, vec.neg(shading), shading)
@@ -268,6 +284,11 @@ def _triangle_surface(scene, wo, hit):
     if any_of(beside):
         moved = vec.add(point, _inward(scene, hit, error, curvature))
         point = where3(beside, moved, point)
+    if scene.has.hair is not None and len(scene.tangent) > 0:
+        # Transmitted rays start on the far side of a fibre, which they would hit again otherwise.
+        hair = is_hair(scene, material)
+        if any_of(hair):
+            error = where(hair, max(error, _diameter(scene, hit, i, j, k, u, v)), error)
     uv = uv1 = none, none
     if scene.has.textures is not None:
         if any_of(_is_textured(scene, material)):
@@ -323,12 +344,17 @@ def _with_normal_towards_viewer(scene, surface, wo):
     shading = _facing(surface.shading, surface.geometric, wo)
     # Materials without reflection keep their normal for any view direction.
     bent = surface.smooth & (u32(lookup(scene.material_kind, surface.material)) != _DIFFUSE)
+    geometric, smooth = surface.geometric, surface.smooth
+    if scene.has.hair is not None:  # a fibre is round for the rays that leave it, too
+        hair = is_hair(scene, surface.material)
+        bent, smooth = bent & not_(hair), smooth & not_(hair)
+        geometric = where3(hair, shading, geometric)
     if any_of(bent):
         shading = where3(bent, consistent_normal(shading, surface.geometric, wo), shading)
     return Surface(
         surface.point,
         surface.error,
-        surface.geometric,
+        geometric,
         shading,
         surface.uv,
         surface.front,
@@ -338,7 +364,7 @@ def _with_normal_towards_viewer(scene, surface, wo):
         surface.uv1,
         surface.color,
         surface.tangent,
-        surface.smooth,
+        smooth,
         surface.lift,
     )
 

@@ -1,52 +1,27 @@
-"""Renders hair fibres as opaque glossy surfaces in the colour of a full head of hair, without transmission through fibres.
-
-Source: Chiang et al., "A practical and controllable hair and fur model for production path tracing", 2016, eq. 9 (absorption and
-colour) and eq. 7 (longitudinal roughness and its variance); d'Eon et al., "An energy-conserving hair reflectance model",
-EGSR 2011 (pigments).
-"""
+"""Makes the material of hair from what scene files say of it."""
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from renderer.scene.description import Material, Vec3
-from renderer.scene.readers.number_ranges import clamped, unit_color
+from renderer.scene.description import Material
+from renderer.scene.material import MOST_DENSE, PARAMETERS
+from renderer.scene.readers.number_ranges import clamped
 
-__all__ = ["BROWN", "color_of", "deviation", "fibre", "pigments"]
+__all__ = ["BROWN", "fibre"]
 
-F64 = npt.NDArray[np.float64]
 BROWN = 1.3  # default concentration of eumelanin
-_EUMELANIN, _PHEOMELANIN = np.array([0.419, 0.697, 1.37]), np.array([0.187, 0.4, 1.05])
+_RANGES = {parameter.name: parameter for parameter in PARAMETERS}
 
 
-def fibre(color: Vec3, along: float, ior: float) -> Material:
-    """Returns the glossy material of a fibre. along: longitudinal roughness, 0..1."""
-    rough = clamped(math.sqrt(deviation(clamped(along, 0.0, 1.0))), 0.0, 1.0)
-    return Material(kind="metallic_roughness", base_color=unit_color(color), ior=clamped(ior, 1.0, 4.0), roughness=rough)
+def fibre(along: float, around: float, tilt: float, ior: float, absorption: Any = (0.0, 0.0, 0.0), **pigments: float) -> Material:
+    """Returns a material of kind hair. along, around: beta_m and beta_n; tilt: radians; absorption: (3,) per radius.
 
-
-def deviation(beta: float) -> float:
-    """Returns the standard deviation, in radians, of a fibre's longitudinal scattering.
-
-    It is the square root of the variance in Chiang et al., eq. 7. beta: longitudinal roughness.
+    pigments: `eumelanin` and `pheomelanin`, concentrations. Numbers outside their ranges are clamped.
     """
-    return 0.726 * beta + 0.812 * beta**2 + 3.7 * beta**20
-
-
-def pigments(eumelanin: float, pheomelanin: float) -> F64:
-    """Returns (3,) RGB absorption coefficients for concentrations of eumelanin and pheomelanin."""
-    return max(eumelanin, 0.0) * _EUMELANIN + max(pheomelanin, 0.0) * _PHEOMELANIN
-
-
-def color_of(absorption: Any, beta: float) -> Vec3:
-    """Returns the colour of hair whose fibres have these absorption coefficients, for a fibre diameter of 2.
-
-    beta: azimuthal roughness.
-    """
-    spread = 5.969 - 0.215 * beta + 2.532 * beta**2 - 10.73 * beta**3 + 5.574 * beta**4 + 0.245 * beta**5
-    r, g, b = (float(v) for v in np.exp(-np.sqrt(np.maximum(np.asarray(absorption, float), 0.0)) * spread))
-    return r, g, b
+    numbers = {"beta_m": along, "beta_n": around, "tilt": tilt, "ior": ior, **pigments}
+    fields: dict[str, Any] = {name: _RANGES[name].clamped(value) for name, value in numbers.items()}
+    r, g, b = (clamped(float(v), 0.0, MOST_DENSE) for v in np.asarray(absorption, float))
+    return Material(kind="hair", sigma_a=(r, g, b), **fields)

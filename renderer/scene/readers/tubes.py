@@ -1,11 +1,15 @@
-"""Converts curves to tubes of triangles."""
+"""Converts curves to tubes of triangles: closed ones, or fibres of hair, which are open and have tangents and diameters."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["BASES", "STEPS", "curve_weights", "tubes"]
+from renderer.scene.description import Mesh
+
+__all__ = ["BASES", "MAX_FINE_CURVES", "STEPS", "Tubes", "curve_weights", "sides_of", "tubes", "tubes_mesh"]
 
 F64 = npt.NDArray[np.float64]
 STEPS = 6  # lines per cubic segment
@@ -15,6 +19,44 @@ BASES = {
     "bspline": np.array([[1, 4, 1, 0], [-3, 0, 3, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], np.float64) / 6,
     "catmullRom": np.array([[0, 2, 0, 0], [-1, 0, 1, 0], [2, -5, 4, -1], [-1, 3, -3, 1]], np.float64) / 2,
 }
+
+
+MAX_FINE_CURVES = 500  # up to this many curves get more sides
+
+
+class Tubes(NamedTuple):
+    """Tubes around curves, as triangles."""
+
+    positions: F64
+    normals: F64
+    colors: F64 | None
+    triangles: npt.NDArray[np.int64]
+    tangents: F64 | None  # (V, 4), of fibres
+    diameters: F64 | None  # (V,), of fibres
+
+
+def sides_of(curves: int, fibres: bool) -> int:
+    """Returns the number of sides of each of `curves` tubes; fibres get more, as their light depends on the normal."""
+    if curves <= MAX_FINE_CURVES:
+        return 12
+    return 6 if fibres else 4
+
+
+def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
+    """Returns one mesh of all pieces, with colours if all have them."""
+    offsets = np.cumsum([0, *(len(p.positions) for p in pieces)])
+    triangles = np.concatenate([p.triangles + o for p, o in zip(pieces, offsets, strict=False)]).astype(np.int32)
+    positions, normals = (np.concatenate([p[k] for p in pieces]).astype(np.float32) for k in (0, 1))
+    mesh = Mesh(name, positions, triangles, normals)
+    colors = [p.colors for p in pieces if p.colors is not None]
+    if len(colors) == len(pieces):
+        mesh.colors = np.ones((len(positions), 4), np.float32)
+        mesh.colors[:, :3] = np.clip(np.concatenate(colors), 0, 1)
+    fibres = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
+    if fibres:
+        mesh.tangents = np.concatenate([tangents for tangents, _ in fibres]).astype(np.float32)
+        mesh.diameters = np.concatenate([diameters for _, diameters in fibres]).astype(np.float32)
+    return mesh
 
 
 def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
@@ -60,11 +102,14 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
     return np.array(rows), np.array(ends)
 
 
-def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int) -> tuple[F64, F64, F64 | None, npt.NDArray[np.int64]]:
-    """Returns (positions, normals, colours, triangles) of tubes around (N, S, 3) polylines, with flat ends.
+def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool = False) -> Tubes:
+    """Returns tubes around (N, S, 3) polylines, with flat ends.
 
-    radii: (N, S); colors: (N, S, 3) or None; sides: number of sides of each tube.
+    radii: (N, S); colors: (N, S, 3) or None; sides: number of sides of each tube. fibres: makes the tubes fibres of hair: without
+    ends, with tangents, and as wide on average as the round fibre, whose circumference they have.
     """
+    if fibres:
+        radii = radii * (np.pi / sides / np.sin(np.pi / sides))
     count, samples = lines.shape[:2]
     tangents = np.empty_like(lines)
     tangents[:, 1:-1] = lines[:, 2:] - lines[:, :-2]
@@ -81,6 +126,21 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int) -> tuple[F64, 
     angle = np.arange(sides) * (2 * np.pi / sides)
     out = across[:, :, None] * np.cos(angle)[:, None] + third[:, :, None] * np.sin(angle)[:, None]  # (N, S, sides, 3)
     rings = lines[:, :, None] + radii[:, :, None, None] * out
+    along, k = np.meshgrid(np.arange(samples - 1), np.arange(sides), indexing="ij")
+    a, b = along * sides + k, along * sides + (k + 1) % sides
+    body = np.stack([np.stack([a, b, b + sides], -1), np.stack([a, b + sides, a + sides], -1)]).reshape(-1, 3)
+    if fibres:
+        triangles = (body[None] + (np.arange(count) * samples * sides)[:, None, None]).reshape(-1, 3)
+        shown = None if colors is None else np.repeat(colors.reshape(-1, colors.shape[2]), sides, axis=0)
+        handed = np.concatenate([tangents, np.ones((count, samples, 1))], axis=2).reshape(-1, 4)
+        return Tubes(
+            rings.reshape(-1, 3),
+            np.broadcast_to(out, rings.shape).reshape(-1, 3),
+            shown,
+            triangles,
+            np.repeat(handed, sides, axis=0),
+            np.repeat(2 * radii.reshape(-1), sides),
+        )
     ends = np.stack([rings[:, 0], rings[:, -1]], axis=1)
     facing = np.broadcast_to(np.stack([-tangents[:, 0], tangents[:, -1]], axis=1)[:, :, None], ends.shape)
     positions = np.concatenate([rings, ends], axis=1).reshape(-1, 3)
@@ -89,10 +149,7 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int) -> tuple[F64, 
     if colors is not None:
         whole = np.concatenate([colors, colors[:, :1], colors[:, -1:]], axis=1)
         shown = np.repeat(whole.reshape(-1, colors.shape[2]), sides, axis=0)
-    along, k = np.meshgrid(np.arange(samples - 1), np.arange(sides), indexing="ij")
-    a, b = along * sides + k, along * sides + (k + 1) % sides
-    body = np.stack([np.stack([a, b, b + sides], -1), np.stack([a, b + sides, a + sides], -1)]).reshape(-1, 3)
     fan = np.stack([np.zeros(sides - 2, int), np.arange(1, sides - 1), np.arange(2, sides)], axis=1)
     one = np.concatenate([body, samples * sides + fan[:, ::-1], (samples + 1) * sides + fan])
     triangles = (one[None] + (np.arange(count) * (samples + 2) * sides)[:, None, None]).reshape(-1, 3)
-    return positions, normals, shown, triangles
+    return Tubes(positions, normals, shown, triangles, None, None)

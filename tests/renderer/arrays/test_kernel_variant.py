@@ -59,13 +59,19 @@ def test_common_scene_uses_the_plain_variant() -> None:
 def test_undeclared_material_kind_is_rejected() -> None:
     scene = compile_scene(described(*PLAIN))
     scene = scene._replace(material_kind=np.full_like(scene.material_kind, len(rows.KINDS)))
-    with pytest.raises(ValueError, match=r"kinds \[11\] are not declared; add them to KINDS in renderer/arrays/rows.py"):
+    with pytest.raises(ValueError, match=r"kinds \[12\] are not declared; add them to KINDS in renderer/arrays/rows.py"):
         variant_of(scene)
 
 
 @pytest.mark.parametrize("name", NEEDS_MORE)
 def test_feature_selects_a_larger_variant(name: str) -> None:
     assert variant_of(compile_scene(described(NEEDS_MORE[name]))) == "full"
+
+
+def test_hair_selects_a_variant_with_hair() -> None:
+    hair = Material(kind="hair")
+    assert variant_of(compile_scene(described(hair))) == "hair"
+    assert variant_of(compile_scene(described(hair)), camera_moves=True) == "moving-hair"
 
 
 def test_punctual_lights_and_instances_select_a_larger_variant() -> None:

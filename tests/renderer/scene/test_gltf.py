@@ -173,6 +173,16 @@ def test_vertex_color_types(scene, dtype, width):
     assert width == 4 or (colors[:, 3] == 1).all()
 
 
+def test_fibres_are_read(scene):
+    """The attribute _FIBRE of hair from Blender becomes tangents and diameters."""
+    g = Gltf()
+    fibres = np.array([(0, 1, 0, 0.25), (0, 1, 0, 0.5), (0, 0, 1, -1)], np.float32)
+    g.mesh(NORMAL=np.tile(np.array([0, 0, 1], np.float32), (3, 1)), _FIBRE=fibres)
+    (mesh,) = scene("a.glb", g.glb()).meshes
+    assert mesh.tangents.tolist() == [[0, 1, 0, 1], [0, 1, 0, 1], [0, 0, 1, 1]]
+    assert mesh.diameters.tolist() == [0.25, 0.5, 0]
+
+
 def test_tangents_are_read(scene):
     g = Gltf()
     tangents = np.tile(np.array([1, 0, 0, -1], np.float32), (3, 1))

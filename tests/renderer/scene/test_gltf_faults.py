@@ -1,5 +1,6 @@
 """Tests of glTF files with an unusable part: the rest is rendered, and a warning counts the part."""
 
+import pickle
 import struct
 
 import numpy as np
@@ -7,6 +8,7 @@ import pytest
 
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
+from renderer.scene.readers.gltf.faults import DamagedError
 from tests.grids import grid
 from tests.renderer.scene.builders import TRIANGLE, Gltf, world
 
@@ -17,6 +19,12 @@ def has_warning_with(description, *words):
     """Returns whether one warning about unusable parts contains all the words."""
     found = [w for w in description.warnings if "unusable part" in w]
     return any(all(word in warning for word in words) for warning in found)
+
+
+def test_fault_leaves_the_process_that_reads_the_file():
+    fault = DamagedError("duck.glb", "accessor 3", "is cut off")
+    found = pickle.loads(pickle.dumps(fault))
+    assert (str(found), found.place, found.what) == (str(fault), "accessor 3", "is cut off")
 
 
 @grid("value", BAD)

@@ -93,6 +93,12 @@ def test_blender_scattering_extensions(look):
     assert (found.subsurface, found.subsurface_radius, found.subsurface_anisotropy) == (0.75, (0.3, 0.2, 0.1), 0.999)
 
 
+def test_blender_hair_extension(look):
+    found = look(RAYFARM_materials_hair={"betaM": 0.25, "betaN": 7, "tilt": 0.1, "ior": 1.4})
+    assert (found.kind, found.beta_m, found.beta_n, found.tilt, found.ior) == ("hair", 0.25, 1.0, 0.1, 1.4)
+    assert found.base_color == (0.1, 0.2, 0.3)
+
+
 def test_blender_medium_is_attenuated_once(look):
     """A material in a medium of Blender's is attenuated only once.
 

@@ -44,6 +44,7 @@ def test_no_two_parameters_share_a_column_or_a_slot():
         rows.ROTATION + 1,
     ]  # columns that packing derives from several parameters, or from None
     made += [c + i for c in (rows.EMISSION, rows.ABSORPTION, rows.F0, rows.MEAN_FRESNEL) for i in range(3)]
+    made += range(rows.HAIR_VARIANCE, rows.HAIR_COLOR_SCALE + 1)
     assert sorted(columns + made) == list(range(rows.COLUMNS))
     slots = [p.slot for p in PARAMETERS if p.slot is not None]
     assert sorted([*slots, rows.EMISSION_TEXTURE]) == list(

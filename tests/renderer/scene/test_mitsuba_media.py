@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import struct
 from pathlib import Path
@@ -11,7 +12,6 @@ import pytest
 from PIL import Image
 
 from renderer.scene.description import Material, Medium, SceneDescription
-from renderer.scene.readers.fibres import color_of
 from tests.renderer.scene.test_mitsuba import BALL, scene_of
 
 SMOKE = (
@@ -136,17 +136,22 @@ def test_area_light_on_interface_is_a_lamp_without_a_body(tmp_path: Path) -> Non
     assert min(made.emission) > 0
 
 
-@pytest.mark.parametrize(
-    ("said", "absorbed"),
-    [
-        ("", 1.3 * np.array([0.419, 0.697, 1.37]) + 0.2 * np.array([0.187, 0.4, 1.05])),
-        ('<rgb name="sigma_a" value="0.1 0.2 0.4"/><float name="scale" value="3"/>', np.array([0.3, 0.6, 1.2])),
-    ],
-)
-def test_hair_color(tmp_path: Path, said: str, absorbed: np.ndarray) -> None:
-    made = of(scene_of(tmp_path, BALL.format(f'<bsdf type="hair">{said}</bsdf>')))[0]
-    np.testing.assert_allclose(made.base_color, color_of(absorbed, 0.3))
-    assert made.ior == pytest.approx(1.55 / 1.000277)
+def test_hair(tmp_path: Path) -> None:
+    """Hair keeps its pigments or its absorption, its roughnesses and its tilt; its fibres are open tubes with tangents."""
+    made = of(scene_of(tmp_path, BALL.format('<bsdf type="hair"/>')))[0]
+    assert (made.kind, made.eumelanin, made.pheomelanin, made.beta_m, made.beta_n) == ("hair", 1.3, 0.2, 0.3, 0.3)
+    assert made.ior == pytest.approx(1.55 / 1.000277) and math.degrees(made.tilt) == pytest.approx(2)
+    said = '<rgb name="sigma_a" value="0.1 0.2 0.4"/><float name="scale" value="3"/><float name="scale_tilt" value="3"/>'
+    (tmp_path / "hair.txt").write_text("0 0 0 0.1\n1 0 0 0.1\n2 0 0 0.1\n3 0 0 0.1\n")
+    curve = f'<shape type="linearcurve"><string name="filename" value="hair.txt"/><bsdf type="hair">{said}</bsdf></shape>'
+    found = scene_of(tmp_path, curve)
+    mesh = found.meshes[found.instances[0].mesh]
+    np.testing.assert_allclose(found.materials[mesh.material].sigma_a, (0.3, 0.6, 1.2))
+    assert mesh.tangents is not None and mesh.diameters is not None
+    np.testing.assert_allclose(mesh.tangents, [(1, 0, 0, 1)] * len(mesh.positions))
+    around = mesh.diameters.max() / 2
+    assert around * 12 * math.sin(math.pi / 12) == pytest.approx(0.1 * math.pi)  # half the circumference of a round fibre
+    np.testing.assert_allclose(np.linalg.norm(mesh.positions[:, 1:], axis=1), around, rtol=1e-6)
 
 
 def test_bump_map_slopes(tmp_path: Path) -> None:

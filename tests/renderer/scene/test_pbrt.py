@@ -169,7 +169,6 @@ def test_motion_while_the_shutter_is_open(tmp_path):
 @pytest.mark.parametrize(
     ("inside", "sentence"),
     [
-        ('Material "hair"' + BALL, "line 9: hair is rendered as a glossy surface"),
         ('Material "measured" "string filename" "a.bsdf"' + BALL, "line 9: material 'measured' is not supported: .*grey diffuse"),
         (BALL + '\nLightSource "beam" "string filename" "a.png"', "line 10: light 'beam' is not supported as a light"),
         (BALL + '\nLightSource "projection"', "line 10: A projection light without an image is left out"),

@@ -8,7 +8,6 @@ import pytest
 
 from renderer.errors import SceneError
 from renderer.scene.description import Medium
-from renderer.scene.readers.fibres import color_of, deviation
 from renderer.scene.readers.scattering import diffuse_reflectance
 from renderer.scene.readers.substances import SUBSTANCES
 from tests.renderer.scene.pbrt_files import BALL as SPHERE
@@ -147,21 +146,25 @@ def test_subsurface_by_coefficients_matches_jensen(pbrt):
     assert min(milk.base_color) > 0.75
 
 
-def test_hair_color_and_roughness(pbrt):
-    """Hair absorption is converted to colour by the polynomial of Chiang et al. 2016, pigments by d'Eon et al. 2011."""
-    assert deviation(0.3) ** 2 == pytest.approx((0.726 * 0.3 + 0.812 * 0.09 + 3.7 * 0.3**20) ** 2)
-    color = np.array([0.6, 0.3, 0.1])
-    spread = 5.969 - 0.215 * 0.3 + 2.532 * 0.3**2 - 10.73 * 0.3**3 + 5.574 * 0.3**4 + 0.245 * 0.3**5
-    np.testing.assert_allclose(color_of((np.log(color) / spread) ** 2, 0.3), color)
-    brown, red, dyed, absorbing = (
+def test_hair(pbrt):
+    """Hair keeps its absorption, its colour or its pigments, in that order, and its roughnesses and tilt."""
+    brown, red, dyed, absorbing, rough = (
         pbrt(f'Material "hair" {said}' + BALL).materials[0]
-        for said in ("", '"float pheomelanin" 2', '"rgb color" [0.6 0.3 0.1]', '"rgb sigma_a" [0.419 0.697 1.37]')
+        for said in (
+            "",
+            '"float pheomelanin" 2',
+            '"rgb color" [0.6 0.3 0.1] "float eumelanin" 1',
+            '"rgb sigma_a" [0.419 0.697 1.37] "rgb color" [0.6 0.3 0.1]',
+            '"float beta_m" 0.25 "float beta_n" 0.5 "float alpha" 3 "float eta" 1.4',
+        )
     )
-    np.testing.assert_allclose(brown.base_color, color_of(1.3 * np.array([0.419, 0.697, 1.37]), 0.3))
-    np.testing.assert_allclose(red.base_color, color_of(2 * np.array([0.187, 0.4, 1.05]), 0.3))
-    np.testing.assert_allclose(absorbing.base_color, color_of(np.array([0.419, 0.697, 1.37]), 0.3))
-    np.testing.assert_allclose(dyed.base_color, color, atol=1e-6)
-    assert (brown.ior, brown.roughness) == (1.55, pytest.approx(math.sqrt(deviation(0.3))))
+    assert (brown.kind, brown.eumelanin, brown.pheomelanin, brown.sigma_a) == ("hair", 1.3, 0.0, (0.0, 0.0, 0.0))
+    assert (brown.beta_m, brown.beta_n, brown.ior, math.degrees(brown.tilt)) == (0.3, 0.3, 1.55, pytest.approx(2))
+    assert (red.eumelanin, red.pheomelanin) == (0.0, 2.0)
+    np.testing.assert_allclose(dyed.base_color, (0.6, 0.3, 0.1), atol=1e-6)
+    assert dyed.eumelanin == 0
+    np.testing.assert_allclose(absorbing.sigma_a, (0.419, 0.697, 1.37))
+    assert (rough.beta_m, rough.beta_n, rough.ior, math.degrees(rough.tilt)) == (0.25, 0.5, 1.4, pytest.approx(3))
 
 
 def heights(columns=64):

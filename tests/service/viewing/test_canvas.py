@@ -27,7 +27,7 @@ def add_samples(canvas: Canvas, samples: int) -> list[int]:
             canvas.add(piece.tile, piece.first, piece.count, expected_sums(rect, piece.first, piece.count, 0))
             for tile in list(canvas.changed):
                 shown += [canvas.take_tile(tile)[1]] * (tile == 0)
-    mean, has, _ = canvas.take_tile(piece.tile)
+    mean, has, *_ = canvas.take_tile(piece.tile)
     assert has == samples
     np.testing.assert_array_equal(mean, np.moveaxis(film.mean(expected_sums(rect, 0, samples, 0), 24), -1, 0))
     return shown
@@ -35,6 +35,18 @@ def add_samples(canvas: Canvas, samples: int) -> list[int]:
 
 def canvas_of(samples: int, noise: float | None = None) -> Canvas:
     return Canvas(Level(64, 48, samples, tiles_of(64, 48, 32)), 24, noise)
+
+
+def test_tile_of_transparent_view_has_alpha() -> None:
+    coverage = np.random.default_rng(1).uniform(0, 1, (32, 32))
+    sums = np.zeros((film.plane_count(0, is_transparent=True), 32, 32), np.int64)
+    sums[film.SAMPLES] = 4
+    sums[film.alpha_plane(0)] = 4 * coverage * 2**24
+    canvas = Canvas(Level(32, 32, 8, tiles_of(32, 32, 32)), 24, is_transparent=True)
+    for first in (0, 4):
+        canvas.add(0, first, 4, sums)
+    np.testing.assert_array_equal(canvas.take_tile(0)[3], np.rint(255 * coverage))
+    assert canvas_of(8).take_tile(0)[3] is None
 
 
 @pytest.mark.parametrize("samples", [8, 64, 100])

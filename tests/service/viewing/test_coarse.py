@@ -15,6 +15,8 @@ def decode_tiles(tiles: list[ViewTile]) -> list[np.ndarray]:
     message = encode_view(tiles, (64, 64), (128, 128), 7, 9)
     picture = decode_view(message)
     assert picture.head == (len(tiles), 7, 9, 64, 64, 128, 128)
+    for tile, sent in zip(picture.tiles, tiles, strict=True):
+        np.testing.assert_array_equal(tile.alpha, sent.alpha)
     told = [(tile.rect, tile.samples, tile.is_exact) for tile in picture.tiles]
     assert told == [(tile.rect, tile.samples, tile.is_exact) for tile in tiles]
     return [tile.mean for tile in picture.tiles]
@@ -48,6 +50,7 @@ def test_black_and_bright_pixels_are_preserved() -> None:
 def test_complete_tiles_are_exact() -> None:
     generator = np.random.default_rng(2)
     tiles = [shown(generator.uniform(0, 9, (3, h, w)), h % 2 == 0) for h, w in ((8, 8), (3, 5), (4, 9), (7, 2))]
+    tiles = [tile._replace(alpha=generator.integers(0, 256, tile.mean.shape[1:], np.uint8)) for tile in tiles]
     for tile, found in zip(tiles, decode_tiles(tiles), strict=True):
         if tile.is_exact:
             np.testing.assert_array_equal(rgbe9995.pack(np.moveaxis(tile.mean, 0, -1)), rgbe9995.pack(np.moveaxis(found, 0, -1)))

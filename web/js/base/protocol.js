@@ -12,6 +12,9 @@ function check(view, at, version, kind, name) {
 /** Marks an exact tile in `ViewTileHead.samples`. */
 export const EXACT = 2147483648;
 
+/** Likewise a tile with alpha. */
+export const ALPHA = 1073741824;
+
 /** Codes with which the service closes a WebSocket: what it is about is not there, or was deleted. */
 export const NOT_FOUND = 4404;
 export const GONE = 4410;
@@ -105,7 +108,7 @@ export function decodeViewHead(view, at = 0) {
  * @property {number} y u16: upper edge in the picture
  * @property {number} w u16: width
  * @property {number} h u16: height
- * @property {number} samples u32: samples per pixel; the highest bit marks an exact tile
+ * @property {number} samples u32: samples per pixel; the highest bit marks an exact tile, the next one a tile with alpha
  */
 
 export const VIEW_TILE_HEAD_BYTES = 12;

@@ -20,6 +20,7 @@ export class AlphaPlane {
     this.madeOf = 0;
     this.waiting = false;
     this.fetching = new AbortController();
+    layer.setCoverage(live.film); // of the live view from which the job was started
     // A fetch may take longer than the interval, so one that is under way is left alone.
     const renew = () => !this.waiting && live.film.total > this.madeOf && void this.fetch();
     this.timer = setInterval(renew, EVERY_MS);

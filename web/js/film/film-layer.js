@@ -1,6 +1,7 @@
 /** A picture as a texture: a film's RGB9E5 words, updated tile by tile, or a finished image (an AOV) instead. */
 
 /** @typedef {import("./film.js").Film} Film */
+/** Coverage before a transparent background, 0 to 255, rows from the top. @typedef {{width: number, height: number, bytes: Uint8Array}} Coverage */
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
 export class FilmLayer {
@@ -19,7 +20,7 @@ export class FilmLayer {
     this.texture = null;
     /** Format and size of the allocated texture. */
     this.room = "";
-    /** Coverage of a film before a transparent background, as grey; null: all is covered. @type {ImageBitmap | null} */
+    /** Coverage of a film before a transparent background, as grey or as bytes; null: all is covered. @type {ImageBitmap | Coverage | null} */
     this.alpha = null;
     /** @type {WebGLTexture | null} */
     this.alphaTexture = null;
@@ -50,12 +51,17 @@ export class FilmLayer {
     return this.alphaTexture !== null && this.image === null;
   }
 
-  /** @param {ImageBitmap | null} image it is this layer's from now on; null: the film covers everything */
+  /** @param {ImageBitmap | Coverage | null} image it is this layer's from now on; null: the film covers everything */
   setAlpha(image) {
-    this.alpha?.close();
+    if (this.alpha && "close" in this.alpha) this.alpha.close();
     this.alpha = image;
     this.uploadAlpha();
     this.changed();
+  }
+
+  /** Shows the alpha that a film brings with it. @param {Film} film */
+  setCoverage({ width, height, coverage }) {
+    if (coverage || this.alpha) this.setAlpha(coverage && { width, height, bytes: coverage });
   }
 
   uploadAlpha() {
@@ -63,8 +69,12 @@ export class FilmLayer {
     gl.deleteTexture(this.alphaTexture);
     this.alphaTexture = null;
     if (!alpha) return;
-    this.alphaTexture = newTexture(gl, gl.RGBA8, alpha);
-    gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, gl.RGBA, gl.UNSIGNED_BYTE, alpha);
+    this.alphaTexture = newTexture(gl, "bytes" in alpha ? gl.R8 : gl.RGBA8, alpha);
+    if ("bytes" in alpha) {
+      gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
+      gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, alpha.width, alpha.height, gl.RED, gl.UNSIGNED_BYTE, alpha.bytes);
+      gl.pixelStorei(gl.UNPACK_ALIGNMENT, 4);
+    } else gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, 0, gl.RGBA, gl.UNSIGNED_BYTE, alpha);
   }
 
   /** @param {Film} film that the tile was put into @param {TilePacket} tile */

@@ -23,6 +23,8 @@ export class Film {
     this.height = height;
     this.words = words;
     this.samples = new Uint32Array(width * height);
+    /** Of a live view before a transparent background, 0 to 255; null: opaque, or the alpha comes separately. @type {Uint8Array | null} */
+    this.coverage = null;
     /** Number of samples over all pixels. */
     this.total = 0;
     /** Whether no tile has arrived yet. */
@@ -85,14 +87,18 @@ export class Film {
     this.total = 0;
     this.isBlank = false;
     this.isPartial = false;
+    this.coverage = other?.coverage ? new Uint8Array(this.words.length) : null;
     if (!other) {
       this.words.fill(0);
       return;
     }
     for (let y = 0; y < this.height; y++) {
       const row = Math.floor((y * other.height) / this.height) * other.width;
-      for (let x = 0; x < this.width; x++)
-        this.words[y * this.width + x] = other.words[row + Math.floor((x * other.width) / this.width)] ?? 0;
+      for (let x = 0; x < this.width; x++) {
+        const from = row + Math.floor((x * other.width) / this.width);
+        this.words[y * this.width + x] = other.words[from] ?? 0;
+        if (this.coverage) this.coverage[y * this.width + x] = other.coverage?.[from] ?? 255;
+      }
     }
   }
 

@@ -1,7 +1,7 @@
 /** The growing picture of a job, its AOVs, and its denoised copy instead of it or beside it. */
 
 import { DENOISED, MIX } from "./channels.js";
-import { imageUrl } from "../news/api.js";
+import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { workers } from "../news/farm.js";
 import { LiveFilm } from "./live-film.js";
 import { isMixed } from "./light-mix.js";
@@ -100,10 +100,11 @@ export function livePicture(job, display, life, changed, frame) {
 const POSTER = { width: 320, visible: "true" };
 
 /** @param {Job} job @param {number} frame @param {{exposure: number, curve: string, channel: string}} look */
-function posterOf({ id, samples }, frame, { exposure, curve, channel }) {
+function posterOf(job, frame, { exposure, curve, channel }) {
+  const { id, samples } = job;
   if (!samples || channel) return null;
   const usual = exposure === 0 && curve === DEFAULT_CURVE;
   /** @type {Record<string, string | number>} */
   const query = usual ? { ...POSTER, v: samples } : { width: POSTER.width, v: samples, exposure, tonemap: curve };
-  return imageUrl({ job: id, frame }, "jpg", query);
+  return imageUrl({ job: id, frame }, thumbnailFormat(job), query);
 }

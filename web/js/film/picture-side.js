@@ -68,11 +68,13 @@ export class PictureSide {
     });
     this.unfill = live.onFill(() => {
       if (layer.film === live.film && !layer.image) layer.upload();
+      if (!this.alpha) layer.setCoverage(live.film);
       outgrow();
     });
     layer.setFilm(live.film);
     /** @type {AlphaPlane | null} */
     this.alpha = live.isTransparent ? new AlphaPlane(live, layer) : null;
+    if (!this.alpha) layer.setCoverage(live.film);
   }
 
   /** The film whose values are shown; null for a plane. */

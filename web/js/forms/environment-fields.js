@@ -31,9 +31,11 @@ import { t } from "../base/words.js";
 
 /** @type {Light[]} */
 const ALWAYS = [
-  { id: "own", label: t("Its own"), help: t("As the file has it; where it has none, a soft studio light.") },
+  { id: "own", label: t("Its own"), help: t("The light that the file has.") },
   { id: "color", label: t("One colour"), help: t("The same light from every direction.") },
 ];
+/** In the place of the scene's own. @type {Light} */
+const STAND_IN = { id: "own", face: "soft", label: t("Default"), help: t("The file has no light, so a soft studio light stands in.") };
 /** @type {Light} */
 const SKY = { id: "sky", label: t("Clear sky"), help: t("A clear day, with the sun where you put it.") };
 const NOON = "noon";
@@ -44,9 +46,10 @@ export const PLACE_SUN = "place-sun";
 
 /**
  * @param {Record<string, any>} first what the fields show first, where that is not each setting's default; `light`: a request's
+ * @param {boolean} isLightless whether the scene has no light of its own, so that a studio light stands in
  * @returns {{element: HTMLElement, get: () => EnvironmentRequest, handle: LightHandle, dispose: () => void}} get: what differs from the scene's own
  */
-export function environmentFields(first) {
+export function environmentFields(first, isLightless) {
   const { environment = null } = first;
   /** @type {EnvironmentRequest} */
   const before = first.light ?? {};
@@ -73,6 +76,7 @@ export function environmentFields(first) {
 
   let kind = kindOf(before, environment !== null);
   const hint = h("p", { class: "hint" });
+  const note = h("p", { class: "quiet small" }, STAND_IN.help);
   const remove = h("button", { class: "text-button", type: "button", onclick: () => void forget() }, t("Remove this image"));
   const colourField = field(t("Colour"), colour);
   const sky = h(
@@ -106,6 +110,7 @@ export function environmentFields(first) {
     { class: "light-panel" },
     h("legend", null, t("Light")),
     choices.element,
+    note,
     h(
       "div",
       { class: "light-rest" },
@@ -136,7 +141,7 @@ export function environmentFields(first) {
     const presets = known.filter((each) => each.kind === "preset").map((each) => ({ ...each, name: t(each.name), help: t(each.help) }));
     const noon = presets.find(({ id }) => id === NOON);
     const clear = { ...SKY, ...(noon && { picture: shownAs(noon).picture }) };
-    const all = [...ALWAYS, ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map(shownAs)];
+    const all = [...ALWAYS.map((light) => (light.id === "own" && isLightless ? STAND_IN : light)), ...presets.filter(({ environment }) => !environment.sky).map(shownAs), clear, ...presets.filter(({ environment }) => environment.sky).map(shownAs), ...known.filter((each) => each.kind === "image").map(shownAs)];
     const place = (/** @type {Light} */ { id }) => (FIRST.indexOf(id) + 1 || FIRST.length + 1);
     return all.sort((a, b) => place(a) - place(b));
   };
@@ -144,6 +149,7 @@ export function environmentFields(first) {
   function pick(id) {
     kind = id;
     choices.select(id);
+    note.hidden = !isLightless || id !== "own";
     const light = lights().find((each) => each.id === id);
     setText(hint, light?.help || light?.label || "");
     remove.hidden = environments.value?.find((each) => each.id === id)?.kind !== "image";

@@ -11,6 +11,7 @@ import { t } from "../base/words.js";
  * @property {string} label
  * @property {string} help
  * @property {string} [picture] its address
+ * @property {string} [face] class of a face without a picture; its id by default
  */
 
 /**
@@ -25,11 +26,11 @@ export function lightChoices(chosen, add) {
   let current = "";
   const adder = h("button", { class: "light add for-submit", type: "button", "aria-label": t("Add an HDRI"), title: t("Add an HDRI"), onclick: add }, h("span", { class: "face" }, icon("plus")), "HDRI");
   /** @param {Light} light */
-  const choice = ({ id, label, help, picture }) => {
+  const choice = ({ id, label, help, picture, face: look = id }) => {
     const radio = h("input", { type: "radio", name, value: id, onchange: () => ((current = id), chosen(id)) });
     radio.checked = id === current;
     radios.set(id, radio);
-    const face = picture ? h("img", { src: picture, alt: "", width: 160, height: 80 }) : h("span", { class: `plain ${id}` });
+    const face = picture ? h("img", { src: picture, alt: "", width: 160, height: 80 }) : h("span", { class: `plain ${look}` });
     return h("label", { class: "light", title: help ? `${label}: ${help}` : label }, radio, h("span", { class: "face" }, face), h("span", { class: "name" }, label));
   };
   return {

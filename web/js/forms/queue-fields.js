@@ -47,7 +47,7 @@ export function queueFields(changed) {
   explain(wanted, t("Wanted by"), [deadline]);
   explain(needed, t("Needs"), [needs]);
   return {
-    elements: [wanted, h("div", { class: "pair" }, field(t("Priority"), priority, t("Higher is sooner.")), field(t("Max slots"), slots)), needed],
+    elements: [wanted, h("div", { class: "pair" }, field(t("Priority"), priority, t("Jobs with a higher number are rendered first.")), field(t("Max slots"), slots)), needed],
     get: () => ({
       ...(deadline.value && { deadline: isoOf(deadline.value) }),
       ...(numberOf(priority, 0) !== 0 && { priority: numberOf(priority, 0) }),

@@ -1,4 +1,4 @@
-/** The name and the remark of a job (its `note` in the API), both searchable in the list. */
+/** The name and the description of a job (its `note` in the API), both searchable in the list. */
 
 import { change } from "./job-panel.js";
 import { h, setText } from "../base/dom.js";
@@ -62,17 +62,17 @@ export function jobTitle() {
 export function notePanel() {
   /** @type {Job | null} */
   let latest = null;
-  const add = h("button", { class: "text-button small", type: "button", onclick: () => begin() }, t("Add a remark"));
+  const add = h("button", { class: "text-button small", type: "button", onclick: () => begin() }, t("Add a description"));
   const text = h("p", { class: "note-text" });
-  const pencil = h("button", { class: "icon-button for-submit", type: "button", "aria-label": t("Change the remark"), title: t("Change the remark"), onclick: () => begin() }, icon("pencil"));
+  const pencil = h("button", { class: "icon-button for-submit", type: "button", "aria-label": t("Change the description"), title: t("Change the description"), onclick: () => begin() }, icon("pencil"));
   const shown = h("div", { class: "row spread start" }, text, pencil);
   const area = h("textarea", { id: "job-note", maxLength: LONGEST_NOTE, rows: 3 });
   const form = h(
     "form",
     { class: "stack tight", hidden: true },
-    h("label", { for: "job-note" }, t("Remark")),
+    h("label", { for: "job-note" }, t("Description")),
     area,
-    h("div", { class: "row" }, h("button", { class: "button small", type: "submit" }, t("Keep the remark")), h("button", { class: "text-button small", type: "button", onclick: () => end(false) }, t("Cancel"))),
+    h("div", { class: "row" }, h("button", { class: "button small", type: "submit" }, t("Save")), h("button", { class: "text-button small", type: "button", onclick: () => end(false) }, t("Cancel"))),
   );
   const element = h("div", { class: "note" }, add, shown, form);
   const show = () => {
@@ -94,7 +94,7 @@ export function notePanel() {
     const note = area.value.trim();
     form.hidden = true;
     if (isKept && latest && note !== (latest.note ?? "")) {
-      void change(latest, { note }, t("The remark was not kept"));
+      void change(latest, { note }, t("The description was not saved"));
       latest = { ...latest, note: note || null }; // shown at once, then replaced by the service's answer
     }
     show();

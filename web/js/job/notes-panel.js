@@ -94,13 +94,13 @@ export function notesPanel(job, picture, life, { open, goTo }) {
     setText(summary, t("Resolved ({n})", { n: done.length }));
     badge.hidden = still.length === 0;
     setText(badge, still.length);
-    const here = isShown ? [...still, ...done.filter(({ isCurrent }) => isCurrent)].filter(({ note }) => note.x !== null && note.frame === live.frame) : [];
+    const here = [...still, ...done.filter(({ isCurrent }) => isShown && isCurrent)].filter(({ note }) => note.x !== null && note.frame === live.frame);
     pins?.show(
       here.map(({ note, number }) => ({
         ...{ id: note.id, number, x: note.x ?? 0, y: note.y ?? 0, isDone: note.resolved !== null },
         label: t("Note {n} by {name}: {text}", { n: number, name: note.author, text: note.text.length > SHORT ? `${note.text.slice(0, SHORT)}…` : note.text }),
       })),
-      current,
+      isShown ? current : null,
     );
   };
 
@@ -207,7 +207,7 @@ export function notesPanel(job, picture, life, { open, goTo }) {
   return {
     element,
     badge,
-    /** Shows the pins only while the panel is shown. @param {boolean} on */
+    /** Highlights the current note, and shows the pin of a resolved one, only while the panel is shown. @param {boolean} on */
     setShown(on) {
       if (isShown === on) return;
       isShown = on;

@@ -319,6 +319,14 @@ export function imageUrl({ job, frame }, format, query = {}) {
   return `api/jobs/${job}/frames/${frame}/image.${format}${queryText(query)}`;
 }
 
+/**
+ * The format of small pictures of a job: PNG has the alpha of a transparent background, which the style sheets show before squares.
+ *
+ * @param {import("../base/types.js").Job | null | undefined} job
+ * @returns {"png" | "jpg"}
+ */
+export const thumbnailFormat = (job) => (job?.settings?.["background"] === "transparent" ? "png" : "jpg");
+
 /** @param {Record<string, string | number>} query */
 function queryText(query) {
   const text = new URLSearchParams(Object.entries(query).map(([k, v]) => [k, String(v)])).toString();

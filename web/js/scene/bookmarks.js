@@ -69,7 +69,7 @@ export function bookmarks(scene, view, turn) {
           ),
         ),
       ),
-      h("button", { class: "chip-button", type: "button", "aria-label": t("Keep this view"), onclick: keep }, icon("plus"), t("Keep")),
+      h("button", { class: "chip-button", type: "button", title: t("Keep this view"), onclick: keep }, icon("keep"), t("Keep view")),
     );
   show();
   return element;

@@ -11,6 +11,7 @@ import { darkness } from "../film/darkness.js";
 import { curveOptions } from "../film/curves.js";
 import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
+import { stops } from "../base/format.js";
 import { parseFrames } from "../base/frame-numbers.js";
 import { bookmarks } from "./bookmarks.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
@@ -21,6 +22,7 @@ import { MeshCanvas } from "./mesh-canvas.js";
 import { people } from "./people.js";
 import { denoiseView } from "./denoise-view.js";
 import { alongSight, lookAt } from "./orbit.js";
+import { examplePictures } from "../news/example-pictures.js";
 import { hasMesh, meshOf } from "./preview-mesh.js";
 import { LIVE } from "./sides.js";
 import { sunHand } from "./sun-hand.js";
@@ -55,7 +57,8 @@ const HAND_KEYS = [
 /**
  * @param {import("../base/types.js").Scene} scene
  * @param {import("./settings-form.js").SettingsForm} form
- * @param {string} meanwhile URL of a picture to show until the view's first picture arrives; "" for none
+ * @param {{url: string, isFinished: boolean}} meanwhile a picture to show until the view's first picture arrives; "" for none. A finished
+ *   one stays until there is a sample per pixel, or something else is asked for
  * @param {(view: View) => void} turned called when the user moves the camera
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides the pictures shown in place of the live view
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, made of their differences
@@ -87,7 +90,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     { "aria-label": t("Tone curve") },
     curveOptions(DEFAULT_CURVE),
   );
-  const shown = h("span", { class: "small number quiet" }, "0 EV");
+  const shown = h("span", { class: "small number quiet" }, `${stops(0)} EV`);
   const clear = clarityField(() => refresh());
   const denoise = denoiseView(() => refresh());
   const viewport = new Viewport();
@@ -115,8 +118,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       () => {}, // the samples come without it
     );
   };
-  if (!meanwhile || hasMesh(scene.id)) showMesh();
-  if (meanwhile) surface.style.backgroundImage = `url("${meanwhile}")`;
+  const hasMeshFirst = !meanwhile.url || (hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
+  if (hasMeshFirst) showMesh();
+  canvas.classList.toggle("held-back", meanwhile.isFinished && !hasMeshFirst);
+  const release = () => canvas.classList.remove("held-back");
+  const hasAlpha = meanwhile.url.includes("/image.png"); // as thumbnailFormat asks for a transparent background
+  surface.classList.toggle("has-alpha", hasAlpha);
+  if (meanwhile.url) surface.style.backgroundImage = `url("${meanwhile.url}")${hasAlpha ? ", var(--squares-image)" : ""}`;
 
   const film = new ViewFilm();
   film.onTurn(() => {
@@ -153,6 +161,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const link = new ViewLink(scene.id, {
     picture(next) {
       film.take(next);
+      picture.layers[0].setCoverage(film.film);
       if (performance.now() - lookedAt > DARKNESS_MS) {
         lookedAt = performance.now();
         lookForDarkness();
@@ -160,15 +169,17 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.dataset.view = String(next.id);
       if (!isSampled) {
         isSampled = true;
+        if (state.textContent === clarity(0, null, null)) say("", false); // the counts come with the next message
         meshed.hidden = true;
         mesh.dispose();
       }
-      surface.style.backgroundImage = "";
+      if (!canvas.classList.contains("held-back")) surface.style.backgroundImage = "";
       picture.invalidate();
     },
     state(told) {
       const { samples, bound, mean, noise, done, slots, denoised, message } = told;
       surface.dataset.samples = String(samples);
+      if (mean >= 1) release();
       surface.dataset.denoised = String(denoised);
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
@@ -195,6 +206,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     viewport.show(1, width / 2, height / 2);
   };
 
+  /** The first request. @type {string | undefined} */
+  let firstAsked;
   /** Width of the view in CSS pixels. */
   let wide = 0;
   const refresh = () => {
@@ -203,10 +216,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     const request = { ...form.request() };
     if (request.frames) request.frame = firstOf(request.frames);
     for (const name of JOB_ONLY_FIELDS) delete request[name];
+    const text = JSON.stringify(request);
+    if (text !== (firstAsked ??= text)) release();
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
-    link.show({ ...request, ...clear.request(), ...denoise.request(), width, height });
+    link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
     if (!isSampled) mesh.setView(form.view());
     others.changed();
     offer();
@@ -359,7 +374,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const relook = () => look.set({ exposure: exposure.valueAsNumber, curve: curve.value });
   look.subscribe((now) => {
     picture.look = now;
-    setText(shown, `${now.exposure > 0 ? "+" : ""}${now.exposure} EV`);
+    setText(shown, `${stops(now.exposure)} EV`);
     picture.invalidate();
   });
   exposure.addEventListener("input", () => ((isExposed = true), relook()));

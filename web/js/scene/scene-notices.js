@@ -52,11 +52,13 @@ function warningList(scene, some) {
   return h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, warning(scene, sentence))));
 }
 
+/** Whether the file has no light, so that a studio light stands in. @param {Scene} scene */
+export const isLightless = (scene) => (scene.warnings ?? []).some((sentence) => hasCode(codedOf(scene, sentence), WITHOUT_LIGHT));
+
 /** The warnings about a scene: ignored or approximated parts. @param {Scene} scene */
 export function warnings(scene) {
   const sentences = scene.warnings.filter((sentence) => !hasCode(codedOf(scene, sentence), WITHOUT_LIGHT));
-  const light = sentences.length < scene.warnings.length && h("p", { class: "quiet small scene-note" }, icon("sun"), t("The file has no light of its own, so a soft studio light stands in. Choose another under “Light”."));
-  if (!sentences.length) return light;
+  if (!sentences.length) return null;
   const rest = sentences.slice(WARNINGS_SHOWN);
   const notice = h(
     "div",
@@ -70,7 +72,7 @@ export function warnings(scene) {
     ),
     addButton(scene, sentences.map((sentence) => codedOf(scene, sentence))),
   );
-  return [notice, light];
+  return notice;
 }
 
 /** @param {Scene} scene @param {string} sentence @returns {import("../base/dom.js").Child[]} */

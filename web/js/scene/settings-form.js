@@ -3,6 +3,7 @@
 import { byProgram } from "../forms/by-program.js";
 import { canDenoise } from "../job/denoise-fields.js";
 import { cameraFields } from "../forms/camera-fields.js";
+import { isLightless } from "./scene-notices.js";
 import { h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
 import { compact, noiseText, roughly } from "../base/format.js";
@@ -69,7 +70,7 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
   const size = sizeFields({ ...defaults, ...first }, () => update());
   const camera = cameraFields(scene, (projection) => size.suit(projection));
   const quality = qualityFields({ ...defaults, ...first }, () => update(), expect);
-  const others = settingFields(defaults, first, scene.light_groups ?? []);
+  const others = settingFields(defaults, first, scene.light_groups ?? [], isLightless(scene));
   const variant = variantField(scene, like?.variant ?? null);
   const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(like?.denoise) });
   const denoise = h("label", { class: "check" }, clean, t("Denoise"));

@@ -1,6 +1,6 @@
 /** A view's picture as the service sends it; protocol/pictures.py declares its layout, protocol/coarse.py its coarse tiles. */
 
-import { EXACT, VIEW_HEAD_BYTES, VIEW_TILE_HEAD_BYTES, decodeViewHead, decodeViewTileHead } from "../base/protocol.js";
+import { ALPHA, EXACT, VIEW_HEAD_BYTES, VIEW_TILE_HEAD_BYTES, decodeViewHead, decodeViewTileHead } from "../base/protocol.js";
 import { encode } from "../film/rgb9e5.js";
 
 /** Sum of red, green and blue for each brightness code. */
@@ -10,13 +10,15 @@ const BRIGHTNESS = Float64Array.from({ length: 1 << 11 }, (_, code) =>
 
 /** @typedef {import("../news/tile-packet.js").TilePacket} TilePacket */
 
+/** A tile with its coverage before a transparent background, 0 to 255; null: opaque. @typedef {TilePacket & {alpha: Uint8Array | null}} ViewTile */
+
 /**
  * @typedef {object} ViewPicture
  * @property {number} id of the requested view
  * @property {number} seq what the acknowledgement names
  * @property {number} width of this picture: the first of a view is a small one
  * @property {number} height
- * @property {TilePacket[]} tiles that have changed
+ * @property {ViewTile[]} tiles that have changed
  */
 
 /**
@@ -30,16 +32,17 @@ export async function decodeView(buffer) {
     const { samples, ...rect } = decodeViewTileHead(view, VIEW_HEAD_BYTES + number * VIEW_TILE_HEAD_BYTES);
     const isExact = samples >= EXACT;
     const words = new Uint32Array(rect.w * rect.h);
-    return { frame: 0, seq: head.seq, ...rect, spp: isExact ? samples - EXACT : samples, isExact, words };
+    return { frame: 0, seq: head.seq, ...rect, spp: samples % ALPHA, isExact, words, alpha: null, hasAlpha: samples % EXACT >= ALPHA };
   });
   const bytes = await inflated(buffer, VIEW_HEAD_BYTES + head.tiles * VIEW_TILE_HEAD_BYTES);
   const rough = tiles.filter((tile) => !tile.isExact);
-  const at = unpackRough(bytes, rough);
-  unpackExact(
-    bytes.subarray(at),
-    tiles.filter((tile) => tile.isExact),
-  );
-  return { id: head.id, seq: head.seq, width: head.w, height: head.h, tiles };
+  const exact = tiles.filter((tile) => tile.isExact);
+  let at = unpackRough(bytes, rough);
+  const covered = exact.reduce((sum, { words }) => sum + 4 * words.length, at);
+  unpackExact(bytes.subarray(at, covered), exact);
+  at = covered;
+  const whole = tiles.map(({ hasAlpha, ...tile }) => ({ ...tile, alpha: hasAlpha ? bytes.slice(at, (at += tile.words.length)) : null }));
+  return { id: head.id, seq: head.seq, width: head.w, height: head.h, tiles: whole };
 }
 
 /** @param {ArrayBuffer} buffer @param {number} from */

@@ -9,7 +9,7 @@ import { icon } from "../base/icons.js";
 import { t } from "../base/words.js";
 import { LiveFilm } from "../film/live-film.js";
 import { pictureStage } from "../film/picture-stage.js";
-import { getJob, imageUrl } from "../news/api.js";
+import { getJob, imageUrl, thumbnailFormat } from "../news/api.js";
 import { adoptJob, hidden, jobs } from "../news/farm.js";
 import { linkTo } from "../shell/router.js";
 import { addShortcuts } from "../shell/shortcuts.js";
@@ -98,7 +98,7 @@ export function viewStage({ scene, sides, live, look, names, changed }) {
       stage.view.viewport.isSnug = true;
       if (stage.view.viewport.fitted) stage.view.fit();
     }
-    if (a && a.samples > 0) stage.view?.setPoster(imageUrl({ job: a.id, frame: left.frame }, "jpg", { width: 240, v: a.samples }));
+    if (a && a.samples > 0) stage.view?.setPoster(imageUrl({ job: a.id, frame: left.frame }, thumbnailFormat(a), { width: 240, v: a.samples }));
     arrange();
     own.add(look.subscribe((now) => stage.view?.setLook(now)));
     const zoom = (/** @type {1 | -1} */ way) => () => stage.view?.zoom(way);

@@ -37,26 +37,26 @@ export const joinCommand = () => `RAYFARM_TOKEN=TOKEN python3 farm.py worker --j
 /** Whether this page was opened by a loopback address, which other machines cannot use. */
 const isLoopback = () => ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
 
-/** Explains how another machine joins the farm. */
+/** Explains how another machine joins the farm: in its network, or over HTTPS alone. */
 export function addMachineHint() {
-  return isLoopback()
-    ? [
-        h(
-          "p",
-          { class: "quiet" },
-          t("This farm can only be reached from its own machine. Start it like this, and it prints the command to run on others:"),
-        ),
-        command("python3 farm.py up --host 0.0.0.0"),
-      ]
-    : [
-        h(
-          "p",
-          { class: "quiet" },
-          t("From a clone of the same version. It fetches scenes from here by itself and needs no shared folder; the farm printed its token when it started."),
-        ),
-        command(joinCommand()),
-      ];
+  const [about, how] = isLoopback()
+    ? [t("This farm can only be reached from its own machine. Start it like this, and it prints the command to run on others:"), "python3 farm.py up --host 0.0.0.0"]
+    : [t("Run this there, in a clone of the same version. The farm printed its token when it started."), joinCommand()];
+  const farm = location.protocol === "https:" ? location.origin : "https://farm.example";
+  return [
+    way(t("In the same network"), about ?? "", how ?? ""),
+    way(
+      t("Anywhere, over HTTPS"),
+      t("A machine at home or in another company needs only this page's HTTPS address and a token of its own. Create the token here, copy the file, and start the worker there:"),
+      "python3 farm.py token make NAME --role worker --days 0 > NAME.token",
+      `python3 farm.py worker ${farm} --token-file NAME.token`,
+    ),
+  ];
 }
+
+/** @param {string} title @param {string} text @param {string[]} commands */
+const way = (title, text, ...commands) =>
+  h("section", { class: "stack tight", "aria-label": title }, h("h3", null, title), h("p", { class: "quiet" }, text), commands.map((each) => command(each)));
 
 /** A notice shown wherever work waits for a worker. */
 export function noWorkerNotice() {

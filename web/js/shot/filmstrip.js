@@ -1,6 +1,6 @@
 /** The filmstrip: thumbnails of all frames with number, state and noise. Only visible ones exist in the DOM. */
 
-import { imageUrl } from "../news/api.js";
+import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { freshId } from "../forms/fields.js";
 import { percent } from "../base/format.js";
@@ -36,7 +36,7 @@ export function frameSentence(number, frame) {
 }
 
 /**
- * @param {string} job
+ * @param {import("../base/types.js").Job} job
  * @param {ShotFrames} frames
  * @param {import("../base/store.js").Disposer} life
  * @returns {HTMLElement}
@@ -84,7 +84,7 @@ export function filmstrip(job, frames, life) {
     const finished = frame?.state === "finished";
     if (samples && (samples >= cell.pictured * WORTH || (finished && samples !== cell.pictured) || samples < cell.pictured)) {
       cell.pictured = samples;
-      queue.ask(cell.image, imageUrl({ job, frame: cell.number }, "jpg", { width: THUMB_WIDTH, v: samples }));
+      queue.ask(cell.image, imageUrl({ job: job.id, frame: cell.number }, thumbnailFormat(job), { width: THUMB_WIDTH, v: samples }));
     }
   };
 

@@ -36,7 +36,7 @@ export function shotDesk(job, picture, display, life) {
   const memory = new FrameMemory(first.id, live.film, frames, () => changed());
   const player = new Player(frames, memory, fps);
   const bar = playBar(frames, player, memory, life);
-  const strip = filmstrip(first.id, frames, life);
+  const strip = filmstrip(first, frames, life);
   const panel = framePanel(job, frames, life);
   const edit = shotEdit(job, frames, life);
   let changed = () => {

@@ -1,6 +1,6 @@
 /** A job's row in a list. */
 
-import { imageUrl } from "../news/api.js";
+import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { showImage } from "../news/images.js";
 import { h, setText } from "../base/dom.js";
 import { scenes } from "../news/farm.js";
@@ -100,7 +100,7 @@ export function jobRow(job, lead) {
       if (next.samples > 0 && due && !document.hidden) {
         picturedAt = now;
         picturedState = next.state;
-        const url = imageUrl({ job: next.id, frame: firstFrame(next) }, "jpg", { width: 320, visible: "true", v: next.samples });
+        const url = imageUrl({ job: next.id, frame: firstFrame(next) }, thumbnailFormat(next), { width: 320, visible: "true", v: next.samples });
         showImage(image, url).then(
           () => box.removeAttribute("title"),
           ({ message }) => ((image.hidden = true), (box.title = message)),

@@ -49,7 +49,7 @@ export function jobsView() {
   const empty = h("div", null);
   const said = h("p", { class: "visually-hidden", role: "status" });
 
-  const search = h("input", { type: "search", placeholder: t("Search names, remarks and scenes"), "aria-label": t("Search jobs"), autocomplete: "off" });
+  const search = h("input", { type: "search", placeholder: t("Search names, descriptions and scenes"), "aria-label": t("Search jobs"), autocomplete: "off" });
   const sort = choice(t("Order"), SORTS);
   const kind = choice(t("Kind"), KINDS);
   const scene = choice(t("Scene"), [["", t("All scenes")]]);

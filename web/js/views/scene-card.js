@@ -1,6 +1,6 @@
 /** A scene's card on the front page. */
 
-import { deleteScene, imageUrl, thumbnailUrl } from "../news/api.js";
+import { deleteScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
 import { h, setText } from "../base/dom.js";
 import { jobs, putScene, setHidden } from "../news/farm.js";
 import { compact } from "../base/format.js";
@@ -80,14 +80,16 @@ export function refusedRow(scene) {
 }
 
 /**
- * The latest finished picture of a scene in its own light, which is better than a thumbnail of few samples.
+ * The finished picture of a scene in its own light that has the most samples; of several, the latest. Better than a thumbnail.
  * @param {Scene} scene
  * @returns {string | undefined}
  */
 function renderedOf({ id }) {
   const asUploaded = (/** @type {Job} */ job) => !job.environment && job.variant == null && job.up == null && job.floor == null;
-  const job = jobs.value?.find((each) => each.scene === id && each.state === "finished" && each.samples > 0 && asUploaded(each));
-  return job && imageUrl({ job: job.id, frame: firstFrame(job) }, "jpg", { width: 480, visible: "true", v: job.samples });
+  const found = (jobs.value ?? []).filter((each) => each.scene === id && each.state === "finished" && each.samples > 0 && asUploaded(each));
+  const quality = (/** @type {Job} */ { samples, shot }) => samples / Math.max(shot?.count ?? 1, 1);
+  const job = found.toSorted((a, b) => quality(b) - quality(a))[0];
+  return job && imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: 480, visible: "true", v: job.samples });
 }
 
 /** @param {Scene} scene */
@@ -99,7 +101,7 @@ function shortFacts(scene) {
   if (counts.textures) parts.push(tn(counts.textures, "{n} texture", "{n} textures"));
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
   if (end) parts.push(t("moves for {n} s", { n: Number(end.toFixed(1)) }));
-  return parts.join(" · ");
+  return parts.map((part) => part.replaceAll(" ", "\u00a0")).join(" · "); // lines break between facts
 }
 
 /** A scene's thumbnail, or a placeholder until it exists. */
@@ -116,7 +118,10 @@ export function thumbnail() {
       const url = better ?? (scene.thumbnail ? thumbnailUrl(scene.id) : "");
       if (url === shown) return;
       shown = url;
-      element.replaceChildren(url ? h("img", { src: url, alt: "", loading: "lazy" }) : icon("cube"));
+      if (!url) return element.replaceChildren(icon("cube"));
+      const image = h("img", { src: url, alt: "", loading: "lazy" });
+      image.addEventListener("load", () => image.classList.add("loaded"), { once: true });
+      element.replaceChildren(icon("cube"), image);
     },
   };
 }

@@ -1,6 +1,7 @@
 /** The page of a scene: being prepared, failed, or ready to render. */
 
-import { createJob, getScene, imageUrl, thumbnailUrl } from "../news/api.js";
+import { examplePictures } from "../news/example-pictures.js";
+import { createJob, getScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, adoptScene, jobs, putScene, scenes, workers } from "../news/farm.js";
 import { bytes, count, extent } from "../base/format.js";
@@ -220,18 +221,7 @@ function ready(page, scene, life) {
       ),
     ),
   );
-  showStudioNote(page, form);
   return () => {};
-}
-
-/** Shows that a studio light stands in only while no other light is chosen. @param {HTMLElement} page @param {import("../scene/settings-form.js").SettingsForm} form */
-function showStudioNote(page, form) {
-  const note = page.querySelector(".scene-note");
-  if (!(note instanceof HTMLElement)) return;
-  const show = () => (note.hidden = Boolean(form.request().environment));
-  form.element.addEventListener("input", show);
-  form.element.addEventListener("change", show);
-  show();
 }
 
 /**
@@ -246,10 +236,15 @@ function viewOf(scene, form, sides, life) {
   let written = here().params.get("view");
   const linked = viewFromText(written) ?? takeTurned(scene.id);
   if (linked) form.turn(linked);
-  const finished = (jobs.value ?? []).find((job) => job.scene === scene.id && job.state === "finished");
-  const seen = finished
-    ? imageUrl({ job: finished.id, frame: firstFrame(finished) }, "jpg", { width: 800, visible: "true", v: finished.samples })
-    : (scene.thumbnail ? thumbnailUrl(scene.id) : "");
+  // Of the same view and in the same light: a picture of another one would jump when the samples come.
+  const { background = "visible", environment, floor } = form.request();
+  const isSeen = (/** @type {Job} */ { scene: of, state, settings, environment: light, floor: on }) =>
+    of === scene.id && state === "finished" && settings !== null && viewToText(settings.view) === viewToText(form.view()) && (settings["background"] ?? "visible") === background && !light && !environment && JSON.stringify(on ?? null) === JSON.stringify(floor ?? null);
+  const finished = (jobs.value ?? []).find(isSeen);
+  const example = linked ? undefined : examplePictures.get(scene.id); // shown while the scene was prepared
+  const picture = finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, thumbnailFormat(finished), { width: 800, visible: "true", v: finished.samples });
+  const best = picture || example;
+  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), isFinished: best !== undefined };
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;

@@ -76,7 +76,7 @@ export function workersView() {
     list,
     empty,
     sharesSection(life),
-    h("section", { class: "section for-admin" }, h("header", null, h("h2", null, t("Add a machine"))), addMachineHint()),
+    h("section", { class: "section for-admin" }, h("header", null, h("h2", null, t("Add a machine"))), h("div", { class: "add-machine" }, addMachineHint())),
   );
   return { element, dispose: () => life.dispose() };
 }

@@ -22,6 +22,10 @@ class DamagedError(SceneError):
         )
         self.file, self.place, self.what, self.advice = file, place, what, advice
 
+    def __reduce__(self) -> tuple[type[DamagedError], tuple[str, str, str, str]]:
+        """Pickles the arguments, as the error leaves the process that reads untrusted files."""
+        return type(self), (self.file, self.place, self.what, self.advice)
+
 
 class Faults:
     """The unusable parts of one file, grouped by fault. A part that is added twice counts once."""

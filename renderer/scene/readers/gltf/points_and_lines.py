@@ -42,7 +42,7 @@ def mesh_of_points_or_lines(
     if not len(pairs):
         return None
     shown = None if colors is None else colors[pairs].astype(np.float64)
-    points, normals, tints, triangles = tubes(ends, np.full(pairs.shape, radius), shown, _SIDES)
+    points, normals, tints, triangles, *_ = tubes(ends, np.full(pairs.shape, radius), shown, _SIDES)
     mesh = Mesh(name, points.astype(np.float32), triangles.astype(np.int32), normals.astype(np.float32))
     mesh.colors = None if tints is None else tints.astype(np.float32)
     return mesh

@@ -23,6 +23,7 @@ from renderer.sentences import Sentence
 __all__ = ["Primitive", "read_primitive"]
 
 _LIST, _STRIP, _FAN = 4, 5, 6
+_FIBRE = "_FIBRE"  # ours, written by blender/: the direction of the hair around which a mesh lies, and its diameter
 
 
 class Primitive(NamedTuple):
@@ -113,6 +114,10 @@ def read_primitive(
     mesh.uvs, mesh.uvs1, *_ = (*(attributes.of_vertices(f"TEXCOORD_{number}", (2,), count) for number in uv_sets), None)
     if mesh.normals is not None:  # specification 3.7.2.1
         mesh.tangents = attributes.of_vertices("TANGENT", (4,), count)
+        fibres = attributes.of_vertices(_FIBRE, (4,), count)
+        if fibres is not None:
+            mesh.tangents = np.column_stack([fibres[:, :3], np.ones(count, np.float32)])
+            mesh.diameters = np.maximum(fibres[:, 3], 0)
     mesh.colors = _with_alpha(attributes.of_vertices("COLOR_0", (3, 4), count))
     return Primitive(mesh, source.objects("targets"), _bones(attributes, source, count))
 

@@ -1,4 +1,4 @@
-"""Reads scattering inside glTF surfaces: two Khronos drafts, and Rayfarm's own extensions in files exported by Blender.
+"""Reads scattering inside glTF surfaces and hair: two Khronos drafts, and Rayfarm's own extensions in files from Blender.
 
 The drafts KHR_materials_volume_scatter and KHR_materials_scatter split the attenuation of KHR_materials_volume into scattering
 and absorption. A material that also has diffuse transmission has a dense interior, which is rendered as subsurface scattering,
@@ -13,7 +13,8 @@ import math
 import numpy as np
 
 from renderer.scene.description import Vec3
-from renderer.scene.material import MOST_DENSE, MOST_FORWARD, Material
+from renderer.scene.material import HAIR_IOR, MOST_DENSE, MOST_FORWARD, Material
+from renderer.scene.readers.fibres import fibre
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.textures import Textures
 from renderer.scene.readers.linear_images import linear
@@ -26,9 +27,11 @@ __all__ = ["NAMES", "read_scatter"]
 
 _VOLUME_SCATTER, _SCATTER = "KHR_materials_volume_scatter", "KHR_materials_scatter"
 # Ours, written by renderer/blender and blender/: sigmaA, sigmaS and g of the interior, isInterface for index-matched boundaries;
-# subsurfaceFactor, subsurfaceRadius and subsurfaceAnisotropy.
+# subsurfaceFactor, subsurfaceRadius and subsurfaceAnisotropy; betaM, betaN, tilt (radians) and ior of hair of the base colour.
 _MEDIUM, _SUBSURFACE = "RAYFARM_materials_medium", "RAYFARM_materials_subsurface"
-NAMES = {_VOLUME_SCATTER, _SCATTER, _MEDIUM, _SUBSURFACE}
+_HAIR = "RAYFARM_materials_hair"
+NAMES = {_VOLUME_SCATTER, _SCATTER, _MEDIUM, _SUBSURFACE, _HAIR}
+_HAIR_DEFAULTS = {"betaM": 0.3, "betaN": 0.3, "tilt": math.radians(2), "ior": HAIR_IOR}  # arguments of `fibre`
 _NONE: Vec3 = (0.0, 0.0, 0.0)
 
 
@@ -127,6 +130,10 @@ def _read_ours(source: Json, material: Material) -> None:
         material.subsurface = unit(beneath.number("subsurfaceFactor", 0.0))
         material.subsurface_radius = unit_color(beneath.vector("subsurfaceRadius", (1.0, 1.0, 1.0)), MOST_DENSE)
         material.subsurface_anisotropy = _g(beneath, "subsurfaceAnisotropy")
+    if hair := source.extension(_HAIR):
+        said = fibre(*(hair.number(name, value) for name, value in _HAIR_DEFAULTS.items()))
+        material.kind, material.ior = "hair", said.ior
+        material.beta_m, material.beta_n, material.tilt = said.beta_m, said.beta_n, said.tilt
 
 
 def _g(source: Json, name: str) -> float:

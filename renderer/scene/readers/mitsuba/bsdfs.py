@@ -16,7 +16,7 @@ from renderer.scene.description import Material, SceneDescription
 from renderer.scene.material import ALL_REFLECTING_IOR
 from renderer.scene.readers.anisotropy import brushed
 from renderer.scene.readers.coats import internal_albedo, pane_ior
-from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
+from renderer.scene.readers.fibres import BROWN, fibre
 from renderer.scene.readers.height_maps import BumpMaps, rounded
 from renderer.scene.readers.linear_images import linear
 from renderer.scene.readers.material_mix import mix_materials
@@ -308,21 +308,14 @@ class Bsdfs:
         )
 
     def _hair(self, source: Element) -> Material:
-        self._document.ignore(
-            Sentence(
-                "mitsuba-hair-replaced",
-                "{what} is rendered as a glossy surface in its colour: its fibres transmit no light",
-                what=source.description,
-            )
-        )
-        source.used.add("scale_tilt")
         along, around = (source.number(f"{name}_roughness", 0.3) for name in ("longitudinal", "azimuthal"))
-        absorbed = pigments(source.number("eumelanin", BROWN), source.number("pheomelanin", 0.2))
+        ior = self._ior(source, "int_ior", "amber") / self._ior(source, "ext_ior", "air")
+        shape = along, around, math.radians(source.number("scale_tilt", 2.0)), ior
         if source.get("sigma_a") is not None or source.child("sigma_a") is not None:
-            absorbed = source.number("scale", 1.0) * np.array(self._textures.color(source, "sigma_a", 0.0)[0])
-        return fibre(
-            color_of(absorbed, around), along, self._ior(source, "int_ior", "amber") / self._ior(source, "ext_ior", "air")
-        )
+            scale = source.number("scale", 1.0)
+            return fibre(*shape, scale * np.array(self._textures.color(source, "sigma_a", 0.0)[0]))
+        brown, red = source.number("eumelanin", BROWN), source.number("pheomelanin", 0.2)
+        return fibre(*shape, eumelanin=brown, pheomelanin=red)
 
     def _masked(self, source: Element, inner: Material) -> Material:
         texture = source.child("opacity")

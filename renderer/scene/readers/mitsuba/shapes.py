@@ -10,10 +10,10 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.description import Instance, Mesh, SceneDescription, Sphere
+from renderer.scene.readers.curve_files import mesh_of_curves
 from renderer.scene.readers.expansion_limits import check_expansion
 from renderer.scene.readers.height_maps import spans_of
 from renderer.scene.readers.mitsuba.bsdfs import Bsdfs
-from renderer.scene.readers.mitsuba.curves import CURVES, mesh_of_curves
 from renderer.scene.readers.mitsuba.document import Document, Element
 from renderer.scene.readers.mitsuba.meshes import FORMULAS, MESH_FILES, file_of, flipped, meshes_of, wind_to_normals
 from renderer.scene.readers.mitsuba.parametric_shapes import sphere
@@ -22,6 +22,7 @@ from renderer.sentences import Sentence
 
 __all__ = ["Shapes"]
 
+_CURVES = {"bsplinecurve": "bspline", "linearcurve": "linear"}  # bases
 _MAX_NESTED = 16
 
 
@@ -78,7 +79,7 @@ class Shapes:
             self._sphere(shape, world)
         elif shape.type in MESH_FILES or shape.type in FORMULAS:
             self._mesh(shape, world)
-        elif shape.type in CURVES:
+        elif shape.type in _CURVES:
             self._curves(shape, world)
         else:
             self._document.ignore(
@@ -125,8 +126,10 @@ class Shapes:
 
     def _curves(self, shape: Element, world: Matrix) -> None:
         name = file_of(shape, self._document)
-        mesh = mesh_of_curves(shape.type, self._document.files.read(name), name, world)
-        mesh.material = self._bsdfs.material(shape)
+        material = self._bsdfs.material(shape)
+        fibres = self._description.materials[material].kind == "hair"
+        mesh = mesh_of_curves(_CURVES[shape.type], self._document.files.read(name), name, world, fibres)
+        mesh.material = material
         self._description.meshes.append(mesh)
         self._description.instances.append(Instance(len(self._description.meshes) - 1, np.eye(4), name=shape.id))
 

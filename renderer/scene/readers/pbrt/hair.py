@@ -1,43 +1,33 @@
-"""Converts pbrt's hair material to a glossy surface of the hair's colour."""
+"""Reads pbrt's hair material."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from renderer.scene.description import Material
-from renderer.scene.readers.fibres import BROWN, color_of, fibre, pigments
-from renderer.scene.readers.pbrt.notes import Notes
+from renderer.scene.readers.fibres import BROWN, fibre
+from renderer.scene.readers.number_ranges import unit_color
 from renderer.scene.readers.pbrt.parameters import Parameters
-from renderer.scene.readers.pbrt.textures import Textures, Varying
-from renderer.sentences import Sentence
+from renderer.scene.readers.pbrt.textures import Textures
 
 __all__ = ["hair"]
 
 
-def hair(source: Parameters, textures: Textures, notes: Notes) -> Material:
-    """Returns the material that replaces a `hair` material; adds a note."""
-    notes.add(
-        source.place,
-        Sentence(
-            "pbrt-hair-replaced",
-            "hair is rendered as a glossy surface in its colour: its fibres transmit no light",
-        ),
-    )
+def hair(source: Parameters, textures: Textures) -> Material:
+    """Returns a `hair` material: of its sigma_a, else of its colour, else of its pigments, as pbrt does."""
     along, around = (textures.one_number(source, name, 0.3) for name in ("beta_m", "beta_n"))
-    source.used.update(("alpha", "sigma_a", "color", "reflectance", "eumelanin", "pheomelanin"))
-    color = _color(source, textures, around)
-    made = fibre(color.value, along, textures.one_number(source, "eta", 1.55))
-    return replace(made, base_color_texture=color.texture)
-
-
-def _color(source: Parameters, textures: Textures, beta: float) -> Varying:
+    tilt, ior = math.radians(textures.one_number(source, "alpha", 2.0)), textures.one_number(source, "eta", 1.55)
+    source.used.update(("sigma_a", "color", "reflectance", "eumelanin", "pheomelanin"))
     absorbed = textures.index(source, "sigma_a")
     if absorbed is not None:
-        return Varying(color_of(textures.colors.numbers(absorbed), beta))
+        return fibre(along, around, tilt, ior, textures.colors.numbers(absorbed))
     for name in ("color", "reflectance"):
         if source.get(name) is not None:
-            return textures.color(source, name, (0.5,) * 3)
+            color = textures.color(source, name, (0.5,) * 3)
+            made = fibre(along, around, tilt, ior)
+            return replace(made, base_color=unit_color(color.value), base_color_texture=color.texture)
     brown, red = (textures.one_number(source, name, 0.0) for name in ("eumelanin", "pheomelanin"))
     if source.get("eumelanin") is None and source.get("pheomelanin") is None:
         brown = BROWN
-    return Varying(color_of(pigments(brown, red), beta))
+    return fibre(along, around, tilt, ior, eumelanin=brown, pheomelanin=red)

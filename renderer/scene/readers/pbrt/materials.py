@@ -305,7 +305,7 @@ class Materials:
         )
 
     def _hair(self, source: Parameters) -> Material:
-        return hair(source, self._textures, self._notes)
+        return hair(source, self._textures)
 
     def _subsurface(self, source: Parameters) -> Material:
         return replace(subsurface(source, self._textures, self._notes), **self._roughness_fields(source, ""))

@@ -219,7 +219,8 @@ class Shapes:
         """Adds the pending curves to the description, as meshes."""
         strands, self._strands = self._strands, {}
         for (number, _, _), (found, ctm) in strands.items():
-            self._add_mesh(replace(strands_mesh(found), material=number), ctm)
+            fibres = self._description.materials[number].kind == "hair"
+            self._add_mesh(replace(strands_mesh(found, fibres), material=number), ctm)
 
     def _mesh(self, source: Parameters, state: ShapeState, radius: float | None) -> tuple[Mesh | None, np.ndarray]:
         """Returns a shape's mesh (None for a complete sphere), and (n,) the areas of the parts that are lights in pbrt."""

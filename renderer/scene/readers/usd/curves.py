@@ -9,7 +9,7 @@ import numpy.typing as npt
 from pxr import UsdGeom
 
 from renderer.scene.description import F32, Mesh
-from renderer.scene.readers.tubes import BASES, curve_weights, tubes
+from renderer.scene.readers.tubes import BASES, curve_weights, sides_of, tubes, tubes_mesh
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
@@ -19,7 +19,6 @@ __all__ = ["PointSpheres", "spheres_of_points", "tubes_of"]
 F64 = npt.NDArray[np.float64]
 MAX_VERTICES = 1 << 25
 _WIDTHS = Sentence("usd-point-width-count-wrong", "Points whose number of widths is wrong are shown with width 1")
-_MAX_FINE_CURVES = 500  # up to this many curves get more sides
 
 
 class PointSpheres:
@@ -104,7 +103,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         widths = np.nan_to_num(widths, posinf=0.0, neginf=0.0)
     tint = primvars.find_primvar(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
-    sides = 12 if len(counts) <= _MAX_FINE_CURVES else 4
+    sides = sides_of(len(counts), False)
     if curves.GetNormalsAttr().HasAuthoredValue() or primvars.find_primvar(prim, "normals") is not None:
         notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbon curves are drawn as tubes"), path)
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
@@ -140,14 +139,7 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         pieces.append(tubes(lines, np.maximum(radii, 0), shown, sides))
     if not pieces:
         return None
-    offsets = np.cumsum([0, *(len(p[0]) for p in pieces)])
-    triangles = np.concatenate([p[3] + o for p, o in zip(pieces, offsets, strict=False)]).astype(np.int32)
-    positions, normals = (np.concatenate([p[k] for p in pieces]).astype(np.float32) for k in (0, 1))
-    mesh = Mesh(prim.GetName(), positions, triangles, normals)
-    if all(p[2] is not None for p in pieces):
-        mesh.colors = np.ones((len(positions), 4), np.float32)
-        mesh.colors[:, :3] = np.clip(np.concatenate([p[2] for p in pieces]), 0, 1)
-    return mesh
+    return tubes_mesh(prim.GetName(), pieces)
 
 
 def _values_along(

@@ -21,6 +21,7 @@ from renderer.scene.normals import smoothed
 from renderer.scene.origin import in_exact_type
 from renderer.scene.readers import shapes
 from renderer.scene.readers.by_format import read_file
+from renderer.scene.readers.curve_files import mesh_of_curves
 from renderer.scene.readers.yaml import transforms
 from renderer.scene.readers.yaml.keys import AnimatedPaths
 from renderer.scene.readers.yaml.lines import Path, Yaml
@@ -93,7 +94,9 @@ class Shapes:
                 self.add(child, (*path, "shapes", i), placed, moves)
             return
         material = self._material_of(source, path)
-        if source["type"] == "sphere":
+        if source["type"] == "curves":
+            self._mesh(self._curves(source, material, name, path), material, placed, path, moves, source.get("guide", False))
+        elif source["type"] == "sphere":
             self._spheres(source, material, placed, path, moves)
         elif source["type"] == "mesh":
             self._mesh_file(source, material, placed, path, moves, deforms)
@@ -205,15 +208,27 @@ class Shapes:
             radius = float(source.get("radius", 1)) * scale
             self._description.spheres.append(Sphere(vec3(center[:3]), radius, number, name, source.get("guide", False), moves))
 
-    def _mesh_file(
-        self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path, moves: bool, deforms: bool
-    ) -> None:
+    def _curves(self, source: dict[str, Any], material: int | None, name: str, path: Path) -> Mesh:
+        file = self._found(source, path)
+        fibres = material is not None and self._description.materials[material].kind == "hair"
+        mesh = mesh_of_curves(source.get("basis", "bspline"), self._files.read(file), file, np.eye(4), fibres)
+        mesh.name = name
+        return mesh
+
+    def _found(self, source: dict[str, Any], path: Path) -> str:
+        """Returns the name among the files of a shape's file. Raises SceneError if it is missing."""
         name = self._files.find(source["file"], self._document.file)
         if name is None:
             raise self._document.error(
                 (*path, "file"),
                 Sentence("file-missing", "{name} is not among the files; add it", name=source["file"][:120]),
             )
+        return name
+
+    def _mesh_file(
+        self, source: dict[str, Any], material: int | None, placed: list[Place], path: Path, moves: bool, deforms: bool
+    ) -> None:
+        name = self._found(source, path)
         if PurePosixPath(name).suffix.lower() not in {format.suffix for format in MESH_FORMATS}:
             others = [format.suffix for format in MESH_FORMATS]
             raise self._document.error(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from renderer.scene.material import PARAMETERS, Material
+from renderer.scene.material import HAIR_IOR, PARAMETERS, Material
 from renderer.scene.parameters import EVERY_KIND, SURFACES, MaterialKind, Parameter
 from renderer.scene.readers.metals import METALS
 from renderer.scene.readers.yaml.lines import Path, Yaml
@@ -57,6 +57,8 @@ def read_material(name: str, source: dict[str, Any], textures: Textures, documen
     fields["base_color"] = color(source.get("color", 1.0 if white else 0.8))
     if "abbe" in source:
         fields["dispersion"] = 20.0 / source["abbe"]
+    if kind == "hair" and "ior" not in source:
+        fields["ior"] = HAIR_IOR
     if kind == "conductor":
         _conductor(source, fields, document, path)
     if kind == "blinn_phong" and "specular_color" not in source:
@@ -87,6 +89,8 @@ def _kind_of(source: dict[str, Any]) -> MaterialKind:
         return "blinn_phong"
     if "nonlinear" in source:
         return "plastic"
+    if {"beta_m", "beta_n", "eumelanin", "pheomelanin"} & source.keys():
+        return "hair"
     return "metallic_roughness" if _PRINCIPLED_FIELDS & source.keys() else "diffuse"
 
 

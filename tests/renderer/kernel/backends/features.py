@@ -27,6 +27,7 @@ from renderer.scene.description import (
     Texture,
     Volume,
 )
+from renderer.scene.readers.strands import strands_mesh
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
 
@@ -60,6 +61,17 @@ def _smooth(mesh: Mesh) -> Mesh:
     unit = mesh.positions / np.linalg.norm(mesh.positions, axis=1, keepdims=True)
     uvs = (unit[:, :2] * 2).astype(np.float32)
     return replace(mesh, normals=unit.astype(np.float32), uvs=uvs)
+
+
+def strands() -> Mesh:
+    """Returns bent fibres of hair that stand on the floor, of material 0."""
+    random = np.random.default_rng(2)
+    along = np.linspace(0, 1, 6)[:, None]
+    fibres = []
+    for x, z, lean_x, lean_z in random.uniform(-1, 1, (60, 4)):
+        points = np.column_stack([1.5 + 0.5 * x + 0.4 * lean_x * along**2, 1.5 * along, 0.5 * z + 0.4 * lean_z * along**2])
+        fibres.append((points, np.linspace(0.03, 0.01, len(points))))
+    return strands_mesh(fibres, fibres=True)
 
 
 def _moved(x: float, y: float = 0.7, z: float = 0.0) -> np.ndarray:
@@ -433,6 +445,17 @@ FEATURES: dict[str, Feature] = {
     "lamps in glass in fog": _feature(lambda: bulb(GRAY, medium=Medium(sigma_s=(0.05, 0.06, 0.08), g=0.3)), max_depth=12),
     "lamps in glass by wax": _feature(
         lambda: bulb(Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05)))
+    ),
+    # Hair
+    "hair": _feature(lambda: room(Material(kind="hair", base_color=(0.6, 0.4, 0.2)), (strands(),))),
+    "hair in fog": _feature(
+        lambda: room(
+            Material(kind="hair", pheomelanin=0.5, beta_m=0.2, base_color_texture=0),
+            (strands(),),
+            medium=Medium(sigma_s=gray(0.1)),
+        ),
+        views=tuple(replace(VIEW, eye=(x, 1.6, 5.0)) for x in (-0.3, 0.0, 0.4)),
+        max_depth=12,
     ),
     # Light links
     "linked lights": _feature(lambda: linked(Material(**PBR, metallic=0.5, roughness=0.3))),
