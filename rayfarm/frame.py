@@ -116,7 +116,7 @@ def render_to(
     from renderer.temporal_denoise import DenoisedFrame
 
     picture, done = order.picture, RenderStats()
-    groups = settings.group_names
+    groups = settings.light_planes
     asked = aovs.parse_names(order.planes, groups, settings.cryptomatte, settings.is_transparent)  # refused before rendering
     count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
     if order.tile is None and order.first == 0:

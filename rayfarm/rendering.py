@@ -167,7 +167,7 @@ def part_of_frame(
     if card is not None:
         check_for_cards(settings)
     batch = render_batch(compiled, settings, tile, first, count, card)
-    sums = np.zeros((plane_count(len(settings.group_names), settings.is_transparent), settings.height, settings.width), np.int64)
+    sums = np.zeros((plane_count(len(settings.light_planes), settings.is_transparent), settings.height, settings.width), np.int64)
     sums[:, y : y + h, x : x + w] = batch.sums
     if batch.hits is not None:
         stats.hits = moved(batch.hits, x, y, w, settings.width)

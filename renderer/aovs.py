@@ -18,6 +18,7 @@ from renderer.cryptomatte import channel_names
 from renderer.errors import SettingsError
 from renderer.film import Sums
 from renderer.sentences import Sentence
+from renderer.settings import LIGHT_PATHS, PATH
 
 __all__ = [
     "ALPHA",
@@ -26,10 +27,12 @@ __all__ = [
     "LIGHTS",
     "MOTION",
     "NAMES",
+    "PATHS",
     "channels",
     "described",
     "is_light",
     "is_matte",
+    "is_path",
     "layers",
     "parse_names",
     "planes",
@@ -46,6 +49,7 @@ MOTION = "motion"
 ALPHA = "alpha"  # only of films with a transparent background
 LIGHTS = "lights"  # all light groups; the AOV of one is LIGHT and its name
 LIGHT = "light:"
+PATHS = "paths"  # all light paths; the AOV of one is PATH and its name (LIGHT_PATHS)
 CRYPTOMATTE = "cryptomatte"  # asked for; the AOV is this, a colon, and the number of ids per pixel (renderer/cryptomatte.py)
 MATTE = f"{CRYPTOMATTE}:"
 
@@ -76,11 +80,12 @@ class _Aov(NamedTuple):
 def parse_names(
     names: Iterable[str], groups: Sequence[str] | None = (), ranks: int = 0, is_transparent: bool = False
 ) -> list[str]:
-    """Returns the AOVs in a list of names, in which `all` stands for all AOVs of the film, and `lights` for its light groups.
+    """Returns the AOVs in a list of names, in which `all` stands for all AOVs of the film, `lights` and `paths` for
+    its light groups and light paths.
 
-    groups: the names of the film's light groups (RenderSettings.group_names). None while they are unknown: names of light groups,
-    `lights`, `all`, `cryptomatte` and `alpha` are kept, and the result has to be parsed again. ranks: RenderSettings.cryptomatte.
-    is_transparent: RenderSettings.is_transparent. Raises SettingsError for an unknown name.
+    groups: the names of the film's planes by light (RenderSettings.light_planes). None while they are unknown: names of light
+    groups and paths, `lights`, `paths`, `all`, `cryptomatte` and `alpha` are kept, and the result has to be parsed again. ranks:
+    RenderSettings.cryptomatte. is_transparent: RenderSettings.is_transparent. Raises SettingsError for an unknown name.
     """
     wanted = list(names)
     for name in wanted:
@@ -106,27 +111,50 @@ def parse_names(
                     field="aov",
                 )
             continue
+        if is_path(name) or name == PATHS:
+            if groups is not None and not any(map(is_path, groups)):
+                raise SettingsError(
+                    Sentence(
+                        "aov-without-light-paths",
+                        "aov {name}: the picture has no light paths; set light_paths to on when it is rendered",
+                        name=name,
+                    ),
+                    field="aov",
+                )
+            if is_path(name) and name.removeprefix(PATH) not in LIGHT_PATHS:
+                raise SettingsError(
+                    Sentence(
+                        "aov-light-path-unknown",
+                        "aov {name}: there is no such light path; there are {paths}",
+                        name=name,
+                        paths=[*LIGHT_PATHS],
+                    ),
+                    field="aov",
+                )
+            continue
         if is_light(name) or name == LIGHTS:
-            if groups is not None and (not groups or (is_light(name) and name.removeprefix(LIGHT) not in groups)):
-                raise _unknown_group_error(name, groups)
+            lights = None if groups is None else [group for group in groups if not is_path(group)]
+            if lights is not None and (not lights or (is_light(name) and name.removeprefix(LIGHT) not in lights)):
+                raise _unknown_group_error(name, lights)
         elif name not in (*NAMES, "all"):
             raise SettingsError(
                 Sentence(
                     "aov-unknown",
                     "aov {name} is not known; known are {names}, or all (but motion)",
                     name=repr(name),
-                    names=[*NAMES, ALPHA, LIGHTS, CRYPTOMATTE],
+                    names=[*NAMES, ALPHA, LIGHTS, PATHS, CRYPTOMATTE],
                 ),
                 field="aov",
             )
-    of_groups = [f"{LIGHT}{group}" for group in groups or ()]
+    of_groups = [f"{LIGHT}{group}" for group in groups or () if not is_path(group)]
+    of_paths = [*filter(is_path, groups or ())]
     mattes = [f"{MATTE}{ranks}"] if ranks else []
     if "all" in wanted:
         alpha = [ALPHA] if is_transparent else []
-        return [*AOVS, *({MOTION} & {*wanted}), *((*alpha, *of_groups, *mattes) if groups is not None else ("all",))]
+        return [*AOVS, *({MOTION} & {*wanted}), *((*alpha, *of_groups, *of_paths, *mattes) if groups is not None else ("all",))]
     if groups is None:
         return wanted
-    expanded = {LIGHTS: of_groups, CRYPTOMATTE: mattes}
+    expanded = {LIGHTS: of_groups, PATHS: of_paths, CRYPTOMATTE: mattes}
     return list(dict.fromkeys(each for name in wanted for each in expanded.get(name, [name])))
 
 
@@ -138,6 +166,15 @@ def is_matte(name: str) -> bool:
 def is_light(name: str) -> bool:
     """Returns True if an AOV is the light of one group."""
     return name.startswith(LIGHT)
+
+
+def is_path(name: str) -> bool:
+    """Returns True if an AOV, or a film's plane by light, is the light of one kind of path."""
+    return name.startswith(PATH)
+
+
+def _is_by_light(name: str) -> bool:
+    return is_light(name) or is_path(name)
 
 
 def _unknown_group_error(name: str, groups: Sequence[str]) -> SettingsError:
@@ -172,7 +209,7 @@ def planes(name: str, groups: Sequence[str] = ()) -> tuple[int, ...]:
     """Returns the planes of the film from which an AOV, or `color`, is computed. groups: the names of its light groups."""
     if name == "color":
         return _channel_numbers(film.COLOR, film.SAMPLES)
-    if is_light(name):
+    if _is_by_light(name):
         of_group = film.group_planes(groups.index(name.removeprefix(LIGHT)))
         return (*range(of_group.start, of_group.stop), film.SAMPLES)
     if is_matte(name):
@@ -197,6 +234,8 @@ def channels(name: str) -> tuple[str, ...]:
     """Returns the names of an AOV's channels in an EXR; of light groups as Blender names them."""
     if is_light(name):
         return tuple(f"Combined_{name.removeprefix(LIGHT)}.{channel}" for channel in "RGB")
+    if is_path(name):
+        return tuple(f"{_PATH_LAYERS[name.removeprefix(PATH)]}.{channel}" for channel in "RGB")
     if is_matte(name):
         return channel_names(int(name.removeprefix(MATTE)))
     return _declaration(name).channels
@@ -209,7 +248,7 @@ def values(sums: Sums, film_exponent: int, name: str, groups: Sequence[str] = ()
     the number of samples in the film. alpha: 0 ... 1. error: the standard error of the pixel's luminance (film.error). groups:
     the names of the film's light groups.
     """
-    if is_light(name):
+    if _is_by_light(name):
         return film.mean(sums, film_exponent, film.group_planes(groups.index(name.removeprefix(LIGHT))))
     if name == "error":
         return film.error(sums, film_exponent)
@@ -234,7 +273,7 @@ def span(name: str, plane: F32) -> Span:
     Positions and depths: minimum and maximum. Samples: 0 and the maximum. Error: 0 and the 99th percentile. None for AOVs that
     need no range.
     """
-    return None if is_light(name) else _declaration(name).span(plane)
+    return None if _is_by_light(name) else _declaration(name).span(plane)
 
 
 def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8]:
@@ -245,7 +284,7 @@ def visible(name: str, plane: F32, between: Span = None) -> npt.NDArray[np.uint8
     next frame around grey, red to the right, green upwards. between: `span` of the whole plane, if `plane` is a part of it.
     """
     low, high = between or span(name, plane) or (np.float32(0), np.float32(1))
-    shown = _encoded if is_light(name) else _declaration(name).shown
+    shown = _encoded if _is_by_light(name) else _declaration(name).shown
     return (np.clip(np.nan_to_num(shown(plane, low, high)), 0, 1) * 255 + 0.5).astype(np.uint8)
 
 
@@ -320,6 +359,13 @@ def _declaration(name: str) -> _Aov:
     return _ALPHA if name == ALPHA else _ALL[name]
 
 
+_PATH_LAYERS = dict(  # of an EXR, as Blender names them
+    zip(
+        LIGHT_PATHS,
+        ("Emit", "Env", "DiffDir", "DiffInd", "GlossDir", "GlossInd", "TransDir", "TransInd", "VolumeDir", "VolumeInd"),
+        strict=True,
+    )
+)
 _XYZ = ("X", "Y", "Z")
 _ALL = {
     "albedo": _Aov(

@@ -1,5 +1,7 @@
 """Cryptomatte: counts how many samples of each pixel hit each object and material first, and converts the counts to EXR layers.
 
+The layer of assets comes from the counts of objects: an asset is an object with its parts and copies, by their names.
+
 The counts are integers by pixel and id, stored sparsely. They are kept for all ids, so that they can be added in any order; the
 number of ids per pixel is limited only when the layers are written. Each sample counts 1, since the pixel filter is sampled, not
 weighted (renderer/kernel/sampling/filter.py). The coverage of an id is the number of samples that hit it divided by the number of
@@ -11,6 +13,7 @@ Layers, hashes and header: Psyop, "Cryptomatte Specification", version 1.2.0 (20
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import NamedTuple
 
@@ -22,6 +25,7 @@ __all__ = [
     "MOST_RANKS",
     "NOT_FINITE",
     "Hits",
+    "asset_of",
     "channel_names",
     "count_samples",
     "hash_of",
@@ -35,10 +39,11 @@ __all__ = [
 F32 = npt.NDArray[np.float32]
 U32 = npt.NDArray[np.uint32]
 
-KINDS = ("object", "material")
+KINDS = ("object", "material")  # of ids that are counted
 MOST_RANKS = 16
 NOT_FINITE = 0xFFFFFFFF  # in place of the ids of a sample that is not in the film
-_LAYER_NAMES = {"object": "CryptoObject", "material": "CryptoMaterial"}
+_LAYER_NAMES = {"object": "CryptoObject", "material": "CryptoMaterial", "asset": "CryptoAsset"}
+_COPY = re.compile(r" \[\d+\]$")
 _KIND_BIT, _PLACE_BIT = np.uint64(31), np.uint64(32)
 _ID_MASK = np.uint64((1 << 31) - 1)
 
@@ -140,7 +145,9 @@ def _rotate_left(word: int, bits: int) -> int:
 
 def channel_names(ranks: int) -> tuple[str, ...]:
     """Returns the names of the channels of `layers` in an EXR."""
-    return tuple(f"{_LAYER_NAMES[kind]}{i:02}.{c}" for kind in KINDS for i in range(_number_of_layers(ranks)) for c in "RGBA")
+    return tuple(
+        f"{_LAYER_NAMES[kind]}{i:02}.{c}" for kind in _LAYER_NAMES for i in range(_number_of_layers(ranks)) for c in "RGBA"
+    )
 
 
 def _number_of_layers(ranks: int) -> int:
@@ -153,15 +160,27 @@ def _names(numbers: Iterable[int], names: Sequence[str], kind: str) -> list[str]
     return [names[k] if k < len(names) and names[k] else f"{kind} {k}" for k in numbers]
 
 
+def asset_of(name: str) -> str:
+    """Returns the name of the asset that an object belongs to: an object with all its parts (cup/handle) and copies (cup [2])."""
+    return _COPY.sub("", name.partition("/")[0]) or name
+
+
+def _layer_names(numbers: Iterable[int], names: Mapping[str, Sequence[str]], layer: str) -> list[str]:
+    """Returns the names of the ids of a layer, one for each number of an object or material."""
+    kind = "object" if layer == "asset" else layer
+    found = _names(numbers, names.get(f"{kind}s", ()), kind)
+    return [asset_of(name) for name in found] if layer == "asset" else found
+
+
 def header(names: Mapping[str, Sequence[str]]) -> dict[str, str]:
     """Returns the attributes of an EXR's header. names: of objects and materials, by the keys `objects` and `materials`."""
     found: dict[str, str] = {}
-    for kind in KINDS:
-        known = names.get(f"{kind}s", ())
-        manifest = {name: f"{hash_of(name):08x}" for name in _names(range(len(known)), known, kind)}
-        key = f"cryptomatte/{_murmur3(_LAYER_NAMES[kind].encode()):08x}"[: len("cryptomatte/") + 7]
+    for layer, layer_name in _LAYER_NAMES.items():
+        known = names.get("materials" if layer == "material" else "objects", ())
+        manifest = {name: f"{hash_of(name):08x}" for name in _layer_names(range(len(known)), names, layer)}
+        key = f"cryptomatte/{_murmur3(layer_name.encode()):08x}"[: len("cryptomatte/") + 7]
         found |= {
-            f"{key}/name": _LAYER_NAMES[kind],
+            f"{key}/name": layer_name,
             f"{key}/hash": "MurmurHash3_32",
             f"{key}/conversion": "uint32_to_float32",
             f"{key}/manifest": json.dumps(manifest, ensure_ascii=False, separators=(",", ":")),
@@ -177,16 +196,14 @@ def layers(hits: Hits, samples: npt.NDArray[np.int64], ranks: int, names: Mappin
     """
     height, width = samples.shape
     pairs = _number_of_layers(ranks)
-    found = np.zeros((len(KINDS), height * width, 2 * pairs, 2), np.float32)
+    found = np.zeros((len(_LAYER_NAMES), height * width, 2 * pairs, 2), np.float32)
     total = np.maximum(samples.reshape(-1), 1).astype(np.float64)
-    for kind, kind_name in enumerate(KINDS):
-        of_kind = (hits.key >> _KIND_BIT & np.uint64(1)) == kind
+    for layer, layer_kind in enumerate(_LAYER_NAMES):
+        of_kind = (hits.key >> _KIND_BIT & np.uint64(1)) == KINDS.index("material" if layer_kind == "material" else "object")
         place = (hits.key[of_kind] >> _PLACE_BIT).astype(np.int64)
         number = (hits.key[of_kind] & _ID_MASK).astype(np.int64) - 1
         occurring, which = np.unique(number, return_inverse=True)
-        hashes = np.array(
-            [hash_of(name) for name in _names(occurring.tolist(), names.get(f"{kind_name}s", ()), kind_name)], np.uint64
-        )
+        hashes = np.array([hash_of(name) for name in _layer_names(occurring.tolist(), names, layer_kind)], np.uint64)
         key, count = _summed(place.astype(np.uint64) << _PLACE_BIT | hashes[which], hits.count[of_kind])
         place, ids = (key >> _PLACE_BIT).astype(np.int64), (key & np.uint64(0xFFFFFFFF)).astype(np.uint32)
         order = np.lexsort((ids, -count, place))
@@ -194,6 +211,6 @@ def layers(hits: Hits, samples: npt.NDArray[np.int64], ranks: int, names: Mappin
         rank = np.arange(len(place)) - np.searchsorted(place, place, "left")
         is_kept = rank < ranks
         place, rank = place[is_kept], rank[is_kept]
-        found[kind, place, rank, 0] = ids[is_kept].view(np.float32)
-        found[kind, place, rank, 1] = count[is_kept] / total[place]
+        found[layer, place, rank, 0] = ids[is_kept].view(np.float32)
+        found[layer, place, rank, 1] = count[is_kept] / total[place]
     return np.moveaxis(found, 0, 1).reshape(height, width, -1)

@@ -67,7 +67,7 @@ CHANNELS = 20
 
 # Behind these, in films with light groups: three planes for each group, radiance as in COLOR. The groups add up to COLOR.
 # The last planes of films with a transparent background are those of the alpha (`alpha_plane`).
-_MOST_GROUPS = 17  # RenderSettings.group_names
+_MOST_GROUPS = 27  # RenderSettings.light_planes
 ALPHA_PLANES = 4
 
 # The planes of each field of a sample's FirstHit (renderer/kernel/steps/record_first_hit.py). Both backends fill them from this
@@ -108,7 +108,7 @@ class BatchSums(NamedTuple):
 
 
 def group_planes(group: int) -> slice:
-    """Returns the planes of a light group, by its number in RenderSettings.group_names."""
+    """Returns the planes of a light group or light path, by its number in RenderSettings.light_planes."""
     return slice(CHANNELS + 3 * group, CHANNELS + 3 * group + 3)
 
 
@@ -135,7 +135,7 @@ def alpha(sums: Sums, film_exponent: int, groups: int) -> npt.NDArray[np.float32
 
 
 def plane_count(groups: int, is_transparent: bool = False) -> int:
-    """Returns the number of planes of a film with this many light groups (RenderSettings.group_names).
+    """Returns the number of planes of a film with this many light groups and paths (RenderSettings.light_planes).
 
     is_transparent: whether its background is (RenderSettings.is_transparent).
     """

@@ -34,6 +34,7 @@ from renderer.threads import cores
 __all__ = ["Helpers", "main", "variant_suffix"]
 
 _GROUPS_SUFFIX = "-groups"  # of a variant's name: for settings with light groups,
+_PATHS_SUFFIX = "-paths"  # with light paths,
 _GUIDED_SUFFIX = "-guided"  # and before that for settings with a path guide
 MOST = 3  # helpers: more would wait for each other's parts
 _NO_PART = b"\xff"
@@ -43,7 +44,8 @@ _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
 def variant_suffix(settings: RenderSettings) -> str:
     """Returns what is appended to a variant's name for what these settings add to its kernel."""
-    return f"{_GUIDED_SUFFIX if samples_guide(settings) else ''}{_GROUPS_SUFFIX if settings.light_groups else ''}"
+    by_light = f"{_PATHS_SUFFIX if settings.has_light_paths else ''}{_GROUPS_SUFFIX if settings.light_groups else ''}"
+    return f"{_GUIDED_SUFFIX if samples_guide(settings) else ''}{by_light}"
 
 
 class Helpers:
@@ -146,11 +148,13 @@ class _Parts:
 
     def __init__(self, variant: str) -> None:
         has_groups = variant.endswith(_GROUPS_SUFFIX)
-        settings = replace(_PICTURE, light_groups="a") if has_groups else _PICTURE
-        nothing = with_group_planes(example(), settings.group_names)
         variant = variant.removesuffix(_GROUPS_SUFFIX)
+        has_paths = variant.endswith(_PATHS_SUFFIX)
+        variant = variant.removesuffix(_PATHS_SUFFIX)
+        settings = replace(_PICTURE, light_groups="a" if has_groups else "", light_paths="on" if has_paths else "off")
+        nothing = with_group_planes(example(), settings.group_names)
         plain = variant.removesuffix(_GUIDED_SUFFIX)
-        nothing = strip_absent_features(nothing, plain, has_groups) if variant else nothing
+        nothing = strip_absent_features(nothing, plain, has_groups, has_paths) if variant else nothing
         if plain != variant:
             nothing = nothing._replace(path_guide=empty_guide())
         self._stages = pool_stages(nothing, settings) if variant else []

@@ -35,7 +35,7 @@ from renderer.kernel.accumulate import (
     samples_guide,
 )
 from renderer.kernel.camera import camera_frame
-from renderer.kernel.options import kernel_options
+from renderer.kernel.options import group_rows, kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
 from renderer.parallel_compile import Helpers, variant_suffix
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
@@ -108,7 +108,7 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
         scene = without_environment_sampling(scene)
     variant = variant_for(settings, scene)
     grouped = with_group_planes(scene, settings.group_names)
-    prepared = strip_absent_features(grouped, variant, bool(settings.light_groups))
+    prepared = strip_absent_features(grouped, variant, bool(settings.light_groups), settings.has_light_paths)
     if samples_guide(settings):
         prepared = with_guide(stored, prepared, strip_absent_features(scene, _pilot_variant(variant)), settings)
     return prepared
@@ -126,8 +126,8 @@ def _render(
 
     log: rows in which the kernel records the path of the last sample.
     """
-    groups = len(settings.group_names)
-    sums = np.zeros((plane_count(groups, settings.is_transparent), tile.h, tile.w), np.int64)
+    planes, rows = len(settings.light_planes), group_rows(settings)
+    sums = np.zeros((plane_count(planes, settings.is_transparent), tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
     ids = np.full((tile.w * tile.h * count if settings.cryptomatte else 0, 2), NOT_FINITE, np.uint32)
     if scene.caustics is None and samples_caustics(settings):  # nothing to sample
@@ -135,11 +135,11 @@ def _render(
     kernel = renderer_of(settings)
     bad_count, rays = kernel(
         scene,
-        new_scratch(kernel, tile.w, tile.h, groups),
+        new_scratch(kernel, tile.w, tile.h, planes, rows),
         camera_frame(settings_relative_to_origin(settings, scene.origin)),
         kernel_options(settings, scene),
         Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent)),
-        Output(sums, bad, log, sums.reshape(-1), ids, path_scratch(groups)),
+        Output(sums, bad, log, sums.reshape(-1), ids, path_scratch(rows)),
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
     hits = count_samples(ids.reshape(tile.w * tile.h, count, 2)) if settings.cryptomatte else None
@@ -165,7 +165,7 @@ def is_for_cards(settings: RenderSettings) -> bool:
     """Returns True if a graphics card can render with these settings: default strategy, no guide, groups, mattes or alpha."""
     if not has_variants(settings) or samples_guide(settings):
         return False
-    return not (settings.light_groups or settings.cryptomatte or settings.is_transparent)
+    return not (settings.light_planes or settings.cryptomatte or settings.is_transparent)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -175,8 +175,8 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, guiding off, background visible, no light groups, no Cryptomatte and no mistake; leave "
-                "out the card",
+                "sample, caustics off, guiding off, background visible, no light groups, light paths off, no Cryptomatte and no "
+                "mistake; leave out the card",
             )
         )
 
@@ -222,7 +222,7 @@ def render_frame(
         check_for_cards(settings)
     threads = 1 if card is not None else threads or cores()
     prepared = _prepared(scene, settings)
-    sums = np.zeros((plane_count(len(settings.group_names), settings.is_transparent), settings.height, settings.width), np.int64)
+    sums = np.zeros((plane_count(len(settings.light_planes), settings.is_transparent), settings.height, settings.width), np.int64)
     tiles = tiles_of(settings.width, settings.height, _TILE if card is None else max(settings.width, settings.height))
     total = spp * settings.width * settings.height
     begin = time.perf_counter()
@@ -286,7 +286,7 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     Raises SettingsError if the pixel is not in the image or the sample number is out of range.
     """
     _check_pixel(settings, x, y)
-    settings = replace(settings, light_groups="", cryptomatte=0)
+    settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0)
     if not 0 <= sample < MAX_SPP:
         raise SettingsError(
             Sentence(
@@ -327,7 +327,7 @@ def pixel_range_sums(
     Finite: (n,). Raises SettingsError if the pixel is not in the image.
     """
     _check_pixel(settings, x, y)
-    settings = replace(settings, light_groups="", cryptomatte=0)
+    settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0)
     prepared = _prepared(scene, settings)
     values, finite = np.zeros((len(ranges), 3), np.int64), np.zeros(len(ranges), np.int64)
     for i, (first, count) in enumerate(ranges):
@@ -409,7 +409,7 @@ def warm_up(
         copy_shipped_kernels(jit.cache_folder())
     settings = replace(settings or _PICTURE, view=_PICTURE.view)
     nothing = with_group_planes(example(), settings.group_names)
-    nothing = strip_absent_features(nothing, variant, bool(settings.light_groups))
+    nothing = strip_absent_features(nothing, variant, bool(settings.light_groups), settings.has_light_paths)
     if samples_caustics(settings):
         nothing = nothing._replace(caustics=example_tables())
     if samples_guide(settings):

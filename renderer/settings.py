@@ -24,6 +24,7 @@ __all__ = [
     "HEURISTICS",
     "INTEGRATORS",
     "LIGHT_CHOICES",
+    "LIGHT_PATHS",
     "MAX_CAUSTIC_TRIALS",
     "MAX_DEPTH",
     "MAX_FLOOR",
@@ -36,6 +37,7 @@ __all__ = [
     "MISTAKES",
     "MOST_KEYS",
     "OPTIONAL",
+    "PATH",
     "PROJECTIONS",
     "REST_GROUP",
     "SAMPLERS",
@@ -50,6 +52,7 @@ __all__ = [
     "check_light_groups",
     "chosen",
     "group_names",
+    "light_planes",
     "tiles_of",
 ]
 
@@ -141,6 +144,12 @@ GUIDING = Choices(
         "on": SettingTexts("On", "Less noise in light through water and glass; learning takes a moment first."),
     }
 )
+LIGHT_PATH_CHOICES = Choices(
+    {
+        "off": SettingTexts("Off", "The picture alone, with its other planes."),
+        "on": SettingTexts("On", "Ten images more, which add up to the picture: DiffDir, GlossInd and so on."),
+    }
+)
 MAX_CAUSTIC_TRIALS = 4096  # walks that estimate the probability of one: renderer/kernel/manifold/estimate.py
 MAX_SIZE = 16384
 MAX_DEPTH = 1024
@@ -153,6 +162,19 @@ MAX_FILM_EXPONENT = 24
 MAX_RADIANCE = 1e9
 MAX_LIGHT_GROUPS = 16  # by name; with that of other lights, as many as renderer/film.py allows
 MOST_RANKS = 16  # of Cryptomatte: renderer/cryptomatte.py
+LIGHT_PATHS = (  # the planes by light path, behind those of light groups: renderer/kernel/light_paths.py
+    "emission",
+    "environment",
+    "diffuse_direct",
+    "diffuse_indirect",
+    "glossy_direct",
+    "glossy_indirect",
+    "transmission_direct",
+    "transmission_indirect",
+    "volume_direct",
+    "volume_indirect",
+)
+PATH = "path:"  # begins the names of a film's planes by light path; no light group's name has a colon
 REST_GROUP = "rest"  # of lights in none of these groups
 MAX_SPP = 1 << 20  # with the film's exponent, keeps every int64 sum below 2**62: see renderer/film.py
 
@@ -435,6 +457,16 @@ class RenderSettings:
             phrase="light groups {}",
         ),
     ] = ""
+    light_paths: Annotated[
+        str,
+        Setting(choices=LIGHT_PATH_CHOICES),
+        SettingTexts(
+            "Light paths",
+            "Images of diffuse, glossy, transmitted and volume light, direct and indirect, of emission and environment.",
+            integrators=_estimating,
+            phrase="light paths {}",
+        ),
+    ] = "off"
     cryptomatte: Annotated[
         int,
         Setting(1, MOST_RANKS, off=0),
@@ -511,6 +543,20 @@ class RenderSettings:
                 ),
                 field="light_groups",
             )
+        if self.has_light_paths and self.integrator not in _estimating:
+            raise SettingsError(
+                Sentence(
+                    "light-paths-integrator",
+                    "light_paths needs the integrator path or direct; {integrator} has no light paths",
+                    integrator=self.integrator,
+                ),
+                field="light_paths",
+            )
+        if self.has_light_paths and self.caustics == "on":
+            raise SettingsError(
+                Sentence("light-paths-caustics", "light_paths cannot be combined with caustics 'on' yet; leave out one of them"),
+                field="light_paths",
+            )
         if self.is_transparent and self.integrator not in _estimating:
             raise SettingsError(
                 Sentence(
@@ -552,6 +598,16 @@ class RenderSettings:
         return group_names(self.light_groups)
 
     @property
+    def has_light_paths(self) -> bool:
+        """Returns True if the film has planes by light path."""
+        return self.light_paths == "on"
+
+    @property
+    def light_planes(self) -> tuple[str, ...]:
+        """Returns the names of the film's planes by light: its light groups, then its light paths; see `light_planes`."""
+        return light_planes(self.light_groups, self.light_paths)
+
+    @property
     def is_transparent(self) -> bool:
         """Returns True if the background is transparent, so that the film has an alpha plane."""
         return self.background == "transparent"
@@ -590,7 +646,7 @@ class RenderSettings:
 
 
 SETTINGS = table(RenderSettings)
-_LATER = ("caustics", "guiding", "transparency_depth", "light_groups", "background", "cryptomatte")
+_LATER = ("caustics", "guiding", "transparency_depth", "light_groups", "light_paths", "background", "cryptomatte")
 
 # Settings with defaults in the scene file, and then in RenderSettings.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)
@@ -606,6 +662,11 @@ ENVIRONMENT = {
 def group_names(light_groups: str) -> tuple[str, ...]:
     """Returns the names of a film's light groups, RenderSettings.group_names, for the setting `light_groups`."""
     return (*light_groups.split(","), REST_GROUP) if light_groups else ()
+
+
+def light_planes(light_groups: str, light_paths: str) -> tuple[str, ...]:
+    """Returns the names of a film's planes by light for these settings: light groups, then PATH and each light path."""
+    return (*group_names(light_groups), *(f"{PATH}{name}" for name in LIGHT_PATHS if light_paths == "on"))
 
 
 def check_light_groups(light_groups: str, known: Sequence[str]) -> None:

@@ -16,6 +16,7 @@ from rayfarm.frame import PictureOrder
 from rayfarm.picture import Picture
 from rayfarm.reading import open_stage, render_settings
 from rayfarm.sequence import Sequence, check_outputs, render_sequence
+from renderer import aovs
 from renderer.frames import frame_name
 from renderer.scene.animation import Moment
 
@@ -36,6 +37,24 @@ AOVS = {
     "samples": ("samplecount", "cpu_samples", "samples"),
     "motion": ("motionvectors", "motionvector", "motion"),
     "cryptomatte": ("cryptomatte", "cryptoobject", "cryptomaterial", "cryptoasset", "crypto_object", "crypto_material"),
+    "path:emission": ("directemission", "emission"),
+    "path:environment": ("background",),
+    "path:diffuse_direct": ("directdiffuse", "diffuse_direct"),
+    "path:diffuse_indirect": ("indirectdiffuse", "diffuse_indirect"),
+    "path:glossy_direct": ("directglossyreflection", "specular_direct", "directspecular"),
+    "path:glossy_indirect": ("indirectglossyreflection", "specular_indirect", "indirectspecular"),
+    "path:transmission_direct": ("transmission_direct",),
+    "path:transmission_indirect": ("transmission_indirect",),
+    "path:volume_direct": ("directvolume", "volume_direct"),
+    "path:volume_indirect": ("indirectvolume", "volume_indirect"),
+}
+# AOVs by light path expressions: the first vertex, for indirect light any further ones, and what emits.
+LOBES = {"diffuse": "C<RD>", "glossy": "C<R[GS]>", "transmission": "C<T[GS]>", "volume": "C<V.>"}
+EXPRESSIONS = {
+    f"{start}{more}{end}": f"path:{lobe}_{kind}"
+    for lobe, start in LOBES.items()
+    for kind, more in (("direct", ""), ("indirect", ".+"))
+    for end in ("L", "<L.>", "[LO]", "[<L.>O]")
 }
 BEAUTY_PATHS = ("C.*", "C.+", "C.*[LO]", "C.*<L.>", "C.*[<L.>O]")  # light path expressions of the whole picture
 _NUMBER = re.compile(r"\$F(\d*)|<F(\d*)>|%0?(\d*)d")
@@ -113,6 +132,8 @@ def husk(
     planes = _planes(product["vars"] if product else [], files[0].suffix.lower())
     view = camera or (product or {}).get("camera") or chosen.get("camera")
     given: dict[str, Any] = {"spp": pixel_samples, "cryptomatte": MATTE_RANKS if "cryptomatte" in planes else None}
+    if any(map(aovs.is_path, planes)):
+        given["light_paths"] = "on"
     moments = dict(zip(_moments(found, stage), files, strict=True))
     name = None if view is None else view.rsplit("/", 1)[-1]
     environment = Picture().environment()
@@ -140,7 +161,8 @@ def pattern_of(name: str) -> str:
 def aov_of(source: str, kind: str) -> str | None:
     """Returns the AOV that a render var names; None if there is none. kind: its sourceType."""
     if kind == "lpe" or source.startswith("lpe:"):
-        return "color" if source.removeprefix("lpe:").replace(" ", "") in BEAUTY_PATHS else None
+        expression = source.removeprefix("lpe:").replace(" ", "")
+        return "color" if expression in BEAUTY_PATHS else EXPRESSIONS.get(expression)
     name = source.lower()
     return next((aov for aov, sources in AOVS.items() if name in sources), None)
 

@@ -60,7 +60,7 @@ def rendered_here(
             count = most_samples(picture.spp, picture.noise, picture.time_limit, summary["defaults"])
             limits = picture.noise, picture.time_limit, RenderStats()
             sums = whole_frame(compiled, wanted, count, threads, *limits, lambda done, total: None, card)
-            exponent, groups = wanted.film_exponent, len(wanted.group_names)
+            exponent, groups = wanted.film_exponent, len(wanted.light_planes)
             coverage = alpha(sums, exponent, groups) if wanted.is_transparent else None
             data = encode.encode(mean(sums, exponent), request.picture_format, alpha=coverage)
             yield RenderedView(number, data, digest(sums))

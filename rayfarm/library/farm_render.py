@@ -22,7 +22,7 @@ from renderer import aovs
 from renderer.errors import SettingsError
 from renderer.frames import frame_text
 from renderer.scene.animation import Moment
-from renderer.settings import group_names
+from renderer.settings import light_planes
 
 if TYPE_CHECKING:
     from rayfarm.client import Client
@@ -87,7 +87,8 @@ def images(farm: Client, job: str, arguments: RenderArguments, at_once: bool = F
 
 def _fetch_image(farm: Client, job: Job, arguments: RenderArguments, is_final: bool) -> Image:
     frame = job.frames[0] if job.frames else None
-    groups = group_names(str((job.settings or {}).get("light_groups") or ""))
+    settings = job.settings or {}
+    groups = light_planes(str(settings.get("light_groups") or ""), str(settings.get("light_paths") or ""))
     is_transparent = (job.settings or {}).get("background") == "transparent"
     layers = aovs.parse_names(arguments.aovs, groups, is_transparent=is_transparent)
     planes = [name for name in layers if name not in ("color", aovs.MOTION)]

@@ -129,10 +129,10 @@ def _image(
         if name == aovs.MOTION:
             assert motion is not None
             return motion
-        return aovs.values(sums, exponent, name, settings.group_names)
+        return aovs.values(sums, exponent, name, settings.light_planes)
 
     level = noise(sums, exponent)
-    layers = aovs.parse_names(planes, settings.group_names, is_transparent=settings.is_transparent)
+    layers = aovs.parse_names(planes, settings.light_planes, is_transparent=settings.is_transparent)
     names = ["color", *layers, *(["denoised"] if arguments.denoise and is_final else [])]
     known = None if level == float("inf") else level
     return Image(names, values, float(sums[SAMPLES].mean()), total, known, is_final)

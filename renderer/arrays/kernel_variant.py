@@ -48,12 +48,14 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
 
 
-def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = False) -> CompiledScene:
+def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = False, paths: bool = False) -> CompiledScene:
     """Returns the scene as the variant's kernels expect it: with None for every array of a feature that the variant lacks.
 
-    groups: whether the kernel sums the light of each light group separately; the array `group_plane` is then kept.
+    groups: whether the kernel sums the light of each light group separately; the array `group_plane` is then kept. paths:
+    whether it sums the light of each light path separately.
     """
-    has = KERNEL_VARIANTS[variant]._replace(groups=True if groups else None)
+    requested = {"groups": groups, "light_paths": paths, "by_light": groups or paths}
+    has = KERNEL_VARIANTS[variant]._replace(**{name: True if wanted else None for name, wanted in requested.items()})
     bvh = scene.bvh._replace(instances=has.instances)
     if has.textures is None:
         bvh = bvh._replace(ray_roots=_NOTHING)

@@ -26,6 +26,8 @@ class SceneFeatures(NamedTuple):
     links: Any  # lights that illuminate some objects only (renderer/kernel/light/links.py)
     hair: Any  # the hair BSDF, and tubes that are its fibres
     groups: Any  # planes by light group, which settings request (RenderSettings.light_groups); in no variant by itself
+    light_paths: Any = None  # planes by light path, likewise (RenderSettings.light_paths)
+    by_light: Any = None  # either
 
 
 # From the fastest to compile and run to the most complete. All combinations would be 2,048 variants, each compiled at its first

@@ -176,14 +176,14 @@ def pool_stages(scene: CompiledScene, settings: RenderSettings) -> list[Part]:
     return stages(scene.has, Reference(typeof(scene)), *given)
 
 
-def new_scratch(renderer: Renderer, width: int, height: int, groups: int = 0) -> Any:
+def new_scratch(renderer: Renderer, width: int, height: int, planes: int = 0, rows: int = 0) -> Any:
     """Returns the scratch memory that a kernel needs for a batch of a tile of width x height pixels.
 
-    groups: number of light groups.
+    planes: number of light groups and paths with planes in the film. rows: from `group_rows` (options.py).
     """
-    return pool_for(width, height, groups) if renderer is _render_pool else new_stack()
+    return pool_for(width, height, planes, rows) if renderer is _render_pool else new_stack()
 
 
-def path_scratch(groups: int) -> npt.NDArray[np.float32]:
-    """Returns the scratch memory `Output.path` for `groups` light groups; empty for none."""
-    return np.zeros((FIRST_HIT_SLOTS + 2 * groups * GROUP_ROW) if groups else 0, np.float32)
+def path_scratch(rows: int) -> npt.NDArray[np.float32]:
+    """Returns the scratch memory `Output.path` for `rows` rows of a branch (`group_rows`); empty for none."""
+    return np.zeros((FIRST_HIT_SLOTS + 2 * rows * GROUP_ROW) if rows else 0, np.float32)

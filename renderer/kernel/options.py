@@ -9,6 +9,7 @@ import numpy as np
 
 from renderer.arrays.rows import CATCHER, HOLDOUT, TRANSPARENT
 from renderer.arrays.scene import CompiledScene
+from renderer.kernel.light_paths import OTHER_ROWS
 from renderer.settings import (
     FILTERS,
     HEURISTICS,
@@ -32,6 +33,7 @@ __all__ = [
     "NO_MISTAKE",
     "UNIFORM",
     "Options",
+    "group_rows",
     "is_special",
     "kernel_options",
 ]
@@ -68,6 +70,8 @@ class Options(NamedTuple):
     ambient: tuple[np.float32, np.float32, np.float32]
     transparent: bool  # whether any material in the scene transmits light by its alpha
     groups: np.uint32  # number of light groups with planes in the film; 0: none
+    paths: np.uint32  # number of light paths with planes in the film, or 0
+    group_rows: np.uint32  # of the table of light_groups.py and light_paths.py for one branch of a path
     transparent_background: bool  # whether camera rays see no background, and the film has planes of alpha
     has_mattes: bool  # whether some materials before it are holdouts or shadow catchers
 
@@ -102,9 +106,16 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         ambient=(np.float32(red), np.float32(green), np.float32(blue)),
         transparent=bool((scene.material_flags & TRANSPARENT).any()),
         groups=np.uint32(len(settings.group_names)),
+        paths=np.uint32(len(settings.light_planes) - len(settings.group_names)),
+        group_rows=np.uint32(group_rows(settings)),
         transparent_background=settings.is_transparent,
         has_mattes=settings.is_transparent and bool((scene.material_flags & (HOLDOUT | CATCHER)).any()),
     )
+
+
+def group_rows(settings: RenderSettings) -> int:
+    """Returns the rows of a branch in the table of its light by group and path: light_groups.py has one more, ChosenGroup."""
+    return len(settings.group_names) + 1 + (OTHER_ROWS if settings.has_light_paths else 0) if settings.light_planes else 0
 
 
 def _limit(settings: RenderSettings, name: str) -> float:

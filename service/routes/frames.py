@@ -59,7 +59,8 @@ FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
 AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
     "beside the colour. motion waits until a worker has made it. light:NAME is the light of a light group of the job, lights "
-    "that of all of them; cryptomatte is the mattes of a job with that setting, alpha the coverage with background transparent"
+    "that of all of them; path:NAME that of a light path, paths all of them; cryptomatte is the mattes of a job with that "
+    "setting, alpha the coverage with background transparent"
 )
 MIX_HELP = (
     "the colour as a weighted sum of the job's light groups: NAME:GAIN or NAME:RED/GREEN/BLUE, separated by commas, as "
@@ -84,7 +85,9 @@ class Pixel(BaseModel):
     object_name: str | None
     material_name: str | None
     alpha: float | None = Field(None, description="share of the pixel that is covered; null before a visible background")
-    lights: dict[str, list[float]] | None = Field(None, description="the light of each light group, by name; null without groups")
+    lights: dict[str, list[float]] | None = Field(
+        None, description="the light of each light group, and of each light path as path:NAME; null without both"
+    )
 
 
 class Digest(BaseModel):

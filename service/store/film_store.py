@@ -138,7 +138,7 @@ class FilmFolder:
                 film = Film(
                     *(path, settings.width, settings.height, tile_size, settings.film_exponent, self._cache, self._epoch),
                     on_use=self._record_use,
-                    groups=settings.group_names,
+                    groups=settings.light_planes,
                     ranks=settings.cryptomatte,
                     is_transparent=settings.is_transparent,
                 )

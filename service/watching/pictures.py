@@ -23,7 +23,7 @@ from renderer.image import rgbe9995, tonemap
 from renderer.image.darkness import darkness
 from renderer.image.tonemap import Curve
 from renderer.sentences import Sentence, with_full_stop
-from renderer.settings import group_names
+from renderer.settings import light_planes
 from service.errors import Conflict, Invalid
 from service.store.bands import bands
 from service.store.films import Film
@@ -194,7 +194,8 @@ def plane_names(asked: Iterable[str], settings: Mapping[str, Any]) -> tuple[str,
     settings: those of the job, as JSON data.
     """
     wanted = (name for name in asked if name not in ("color", ""))
-    groups, is_transparent = group_names(settings.get("light_groups", "")), settings.get("background") == "transparent"
+    groups = light_planes(settings.get("light_groups", ""), settings.get("light_paths", "off"))
+    is_transparent = settings.get("background") == "transparent"
     try:
         names = aovs.parse_names(wanted, groups, settings.get("cryptomatte", 0), is_transparent)
     except SettingsError as error:

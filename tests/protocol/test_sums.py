@@ -122,6 +122,6 @@ def test_sums_with_light_groups_have_extra_planes() -> None:
         with pytest.raises(ValueError, match="planes"):
             add_sums(other, data, TILE)
         assert not other.any()
-    for count in (CHANNELS + 2, plane_count(18)):
+    for count in (CHANNELS + 2, plane_count(28)):
         with pytest.raises(ValueError, match="planes"):
             check_sums(pack_sums(np.zeros((count, TILE.h, TILE.w), np.int64)), TILE)

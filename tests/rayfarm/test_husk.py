@@ -146,5 +146,8 @@ def test_render_vars_are_known_by_their_sources() -> None:
     assert [aov_of(source, kind) for source, kind in known.items()] == [
         *("color", "color", "normal", "depth", "position", "albedo", "samples"),
     ]
-    assert aov_of("C<RD>.*[LO]", "lpe") is None
+    assert aov_of("C<RD>.*[LO]", "lpe") is None  # direct and indirect light in one
+    paths = {"C<RD>[<L.>O]": "diffuse_direct", "lpe:C<RD>.+L": "diffuse_indirect", "C<R[GS]>.+[LO]": "glossy_indirect"}
+    assert [aov_of(source, "lpe") for source in paths] == [f"path:{name}" for name in paths.values()]
+    assert aov_of("directdiffuse", "raw") == "path:diffuse_direct"
     assert aov_of("st", "primvar") is None

@@ -122,9 +122,26 @@ def test_ids_with_most_samples_are_kept() -> None:
     scene, stats = compile_scene(described()), RenderStats()
     sums = render_frame(scene, SETTINGS, SPP, stats=stats)
     names = {"objects": NAMES}
-    all_of, few = (layers(stats.hits, sums[SAMPLES], ranks, names).reshape(20, 30, 2, -1, 2) for ranks in (16, 3))
+    all_of, few = (layers(stats.hits, sums[SAMPLES], ranks, names).reshape(20, 30, 3, -1, 2) for ranks in (16, 3))
     np.testing.assert_array_equal(few[..., :3, :].view(np.uint32), all_of[..., :3, :].view(np.uint32))
     assert not few[..., 3, :].any()  # three ranks take two layers of two
+
+
+def test_an_asset_is_the_sum_of_its_parts_and_copies(tmp_path: Path) -> None:
+    """The objects of each pixel, in two samples each: a part and a copy of a cup, a cup and a saucer, nothing and a saucer."""
+    names = {"objects": ["cup/handle", "cup [1]", "cup", "saucer", "cups"], "materials": ["china"]}
+    ids = np.zeros((3, 2, 2), np.uint32)
+    ids[..., 0] = [[1, 2], [3, 4], [0, 4]]
+    planes = layers(count_samples(ids), np.full((1, 3), 2), 3, names)
+    channels = {name: planes[..., k] for k, name in enumerate(channel_names(3))}
+    encode.write(tmp_path / "m.exr", np.zeros((1, 3, 3), np.float32), channels=channels, header=header(names))
+    manifest, pairs = decoded(tmp_path / "m.exr", "CryptoAsset")
+    assert list(manifest) == ["cup", "saucer", "cups"]
+    assert matte(pairs, manifest["cup"]).tolist() == [[1, 0.5, 0]]
+    assert matte(pairs, manifest["saucer"]).tolist() == [[0, 0.5, 0.5]]
+    assert not matte(pairs, manifest["cups"]).any()
+    objects, pairs = decoded(tmp_path / "m.exr", "CryptoObject")
+    assert matte(pairs, objects["cup"]).tolist() == [[0, 0.5, 0]]
 
 
 @pytest.mark.parametrize("size", [7, 16, 64])

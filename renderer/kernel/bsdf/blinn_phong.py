@@ -16,7 +16,7 @@ from renderer.kernel import vec
 from renderer.kernel.polynomial import exp2, power, sincos_turns
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
 
-__all__ = ["eval_and_pdf_blinn_phong", "sample_blinn_phong"]
+__all__ = ["eval_and_pdf_blinn_phong", "eval_base_of_blinn_phong", "sample_blinn_phong"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -37,6 +37,12 @@ def _choice(kd, ks):
 
 
 @device
+def eval_base_of_blinn_phong(kd, wo, wi):
+    """Returns f |cos| of the diffuse lobe alone, for local directions."""
+    return vec.scale(kd, max(wi[2], _ZERO) * _INV_PI)
+
+
+@device
 def eval_and_pdf_blinn_phong(kd, ks, shininess, wo, wi):
     """Returns (f |cos| per channel, pdf per steradian) for local directions."""
     if wi[2] <= _ZERO or wo[2] <= _ZERO:
@@ -44,7 +50,7 @@ def eval_and_pdf_blinn_phong(kd, ks, shininess, wo, wi):
     h = vec.normalize(vec.add(wo, wi))
     peak = power(min(h[2], _ONE), shininess)
     normalize = (shininess + _TWO) * (shininess + _FOUR) * _INV_8PI / (exp2(-_HALF * shininess) + shininess)
-    f = vec.add(vec.scale(kd, wi[2] * _INV_PI), vec.scale(ks, normalize * peak * wi[2]))
+    f = vec.add(eval_base_of_blinn_phong(kd, wo, wi), vec.scale(ks, normalize * peak * wi[2]))
     choice = _choice(kd, ks)
     density = (shininess + _ONE) * _INV_2PI * peak / (_FOUR * max(vec.dot(wo, h), _LEAST))
     return f, choice * density + (_ONE - choice) * square_to_cosine_hemisphere_pdf(wi)

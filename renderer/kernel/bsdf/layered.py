@@ -50,7 +50,7 @@ from renderer.kernel.bsdf.rough_glass import (
 from renderer.kernel.bsdf.sheen import eval_sheen, pdf_sheen, sample_sheen
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 
-__all__ = ["eval_and_pdf_layered", "sample_layered"]
+__all__ = ["eval_and_pdf_layered", "eval_diffuse_layered", "sample_layered"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -117,6 +117,42 @@ def _glass(m, eta, wo, wi):
     return eval_and_pdf_rough_glass(m[HAS_BECKMANN], eta, m[rows.ROUGHNESS], m[ALPHA_X], m[ALPHA_Y], o, i)
 
 
+@device
+def _through_base(m, passing_o, left_o, passing_i, coat_i, sheen_i, cosine):
+    """Returns f |cos| of a white diffuse base. left_o: what the coat and the sheen let pass for wo."""
+    metallic = m[rows.METALLIC]
+    dielectric = _ONE - metallic - (_ONE - metallic) * m[rows.TRANSMISSION]
+    return dielectric * passing_o * left_o[0] * left_o[1] * passing_i * coat_i * sheen_i / mean_passing(m) * cosine
+
+
+@device
+def _sheen_lobe(m, under_coat, wo, wi):
+    return vec.scale(rgb(m, rows.SHEEN_COLOR), under_coat * eval_sheen(m[rows.SHEEN_ROUGHNESS], wo, wi))
+
+
+@device
+def _base_lobe(m, diffuse, wi):
+    """Returns f |cos| of the diffuse base, above or below. diffuse: from `_through_base`."""
+    below = m[rows.DIFFUSE_TRANSMISSION]
+    if wi[2] < _ZERO:
+        return vec.scale(rgb(m, rows.DIFFUSE_TRANSMISSION_COLOR), below * diffuse)
+    return vec.scale(rgb(m, rows.BASE), (_ONE - below) * diffuse)
+
+
+@subroutine
+def eval_diffuse_layered(m, wo, wi):
+    """Returns f |cos| of the diffuse base and the sheen alone, as they are part of `eval_and_pdf_layered`."""
+    if wo[2] <= _ZERO or wi[2] == _ZERO:
+        return _BLACK
+    height = abs(wi[2])
+    _, _, _, _, _, _, passing_o, coat_o, sheen_o = base_view(m, wo)
+    _, _, _, _, _, _, passing_i, coat_i, sheen_i = base_view(m, (wi[0], wi[1], height))
+    f = _base_lobe(m, _through_base(m, passing_o, (coat_o, sheen_o), passing_i, coat_i, sheen_i, height * _INV_PI), wi)
+    if wi[2] > _ZERO and vec.maximum(rgb(m, rows.SHEEN_COLOR)) > _ZERO:
+        f = vec.add(f, _sheen_lobe(m, min(coat_o, coat_i), wo, wi))
+    return f
+
+
 @subroutine
 def eval_and_pdf_layered(m, eta, wo, wi):
     """Returns (f |cos|, pdf per steradian) of all lobes except smooth glass.
@@ -135,8 +171,7 @@ def eval_and_pdf_layered(m, eta, wo, wi):
     dielectric = _ONE - metallic - glass
     base = rgb(m, rows.BASE)
     cosine = height * _INV_PI
-    below = m[rows.DIFFUSE_TRANSMISSION]
-    diffuse = dielectric * passing_o * coat_o * sheen_o * passing_i * coat_i * sheen_i / mean_passing(m) * cosine
+    diffuse = _through_base(m, passing_o, (coat_o, sheen_o), passing_i, coat_i, sheen_i, cosine)
     f = _BLACK
     pdf = _ZERO
     if glass > _ZERO and not _glass_is_smooth(m):
@@ -150,10 +185,9 @@ def eval_and_pdf_layered(m, eta, wo, wi):
         f = vec.add(f, vec.scale(tint, glass * left * (white + again_glass)))
         pdf += choose_glass * density
     if wi[2] < _ZERO:
-        f = vec.add(f, vec.scale(rgb(m, rows.DIFFUSE_TRANSMISSION_COLOR), below * diffuse))
-        return f, pdf + choose_through * cosine
+        return vec.add(f, _base_lobe(m, diffuse, wi)), pdf + choose_through * cosine
 
-    f = vec.add(f, vec.scale(base, (_ONE - below) * diffuse))
+    f = vec.add(f, _base_lobe(m, diffuse, wi))
     many = vec.add(vec.scale(again_metal, metallic), _gray(dielectric * again))
     f = vec.add(f, vec.scale(many, left * loss_o * loss_i / mean_loss * cosine))
     pdf += choose_diffuse * cosine
@@ -170,8 +204,7 @@ def eval_and_pdf_layered(m, eta, wo, wi):
     pdf += choose_specular * density / (_ONE + lambda_o)
 
     if vec.maximum(rgb(m, rows.SHEEN_COLOR)) > _ZERO:
-        under_coat = min(coat_o, coat_i)
-        f = vec.add(f, vec.scale(rgb(m, rows.SHEEN_COLOR), under_coat * eval_sheen(m[rows.SHEEN_ROUGHNESS], wo, wi)))
+        f = vec.add(f, _sheen_lobe(m, min(coat_o, coat_i), wo, wi))
         pdf += choose_sheen * pdf_sheen(wi)
     if m[rows.CLEARCOAT] > _ZERO:
         varnish, density = eval_and_pdf_clearcoat(m[rows.CLEARCOAT_ROUGHNESS], rgb(m, COAT_NORMAL), wo, wi)

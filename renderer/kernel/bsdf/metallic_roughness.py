@@ -20,7 +20,7 @@ from renderer.kernel.bsdf.microfacet import MIN_ALPHA, ggx_density, sample_visib
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere, square_to_cosine_hemisphere_pdf
 from renderer.wide.values import any_of, not_, where, where3, zero_like
 
-__all__ = ["eval_and_pdf_metallic_roughness", "sample_metallic_roughness"]
+__all__ = ["eval_and_pdf_metallic_roughness", "eval_base_of_metallic_roughness", "sample_metallic_roughness"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -66,6 +66,21 @@ def _view(base, metallic, roughness, f0, f90, wo):
 
 
 @device
+def _through_base(metallic, f0, f90, again, passing_o, a, b, loss, cosine):
+    """Returns f |cos| of the diffuse base if its colour is white. a, b, loss: the microfacets' albedo and its rest for wi."""
+    return (_ONE - metallic) * passing_o * (_ONE - vec.maximum(f0) * a - f90 * b - again * loss) * cosine
+
+
+@device
+def eval_base_of_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi):
+    """Returns f |cos| of the diffuse base alone, as it is part of `eval_and_pdf_metallic_roughness`."""
+    _, _, _, _, again, passing_o, _ = _view(base, metallic, roughness, f0, f90, wo)
+    a, b = ggx_albedo(wi[2], roughness)
+    diffuse = _through_base(metallic, f0, f90, again, passing_o, a, b, max(_ONE - a - b, _ZERO), wi[2] * _INV_PI)
+    return where3((wi[2] <= _ZERO) | (wo[2] <= _ZERO), _BLACK, vec.scale(base, diffuse))
+
+
+@device
 def _above(base, metallic, roughness, f0, f90, view, wo, wi):
     """Returns (f |cos|, pdf per steradian) for local directions wo and wi above the horizon. view: terms from `_view`."""
     mixed, mixed_90, loss_o, multiple, again, passing_o, choice = view
@@ -78,7 +93,7 @@ def _above(base, metallic, roughness, f0, f90, view, wo, wi):
     a, b = ggx_albedo(wi[2], roughness)
     loss = max(_ONE - a - b, _ZERO)
     cosine = wi[2] * _INV_PI
-    diffuse = (_ONE - metallic) * passing_o * (_ONE - vec.maximum(f0) * a - f90 * b - again * loss) * cosine
+    diffuse = _through_base(metallic, f0, f90, again, passing_o, a, b, loss, cosine)
     f = vec.add(vec.scale(fresnel, density / (_ONE + lambda_o + lambda_i)), vec.scale(base, diffuse))
     f = vec.add(f, vec.scale(multiple, loss_o * loss * cosine))
     pdf = choice * density / (_ONE + lambda_o) + (_ONE - choice) * square_to_cosine_hemisphere_pdf(wi)

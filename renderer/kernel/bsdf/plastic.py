@@ -27,7 +27,7 @@ from renderer.kernel.bsdf.facets import facet_density, facet_lambda, sample_visi
 from renderer.kernel.bsdf.fresnel import fresnel_dielectric
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 
-__all__ = ["eval_and_pdf_plastic", "sample_plastic"]
+__all__ = ["eval_and_pdf_plastic", "eval_base_of_plastic", "sample_plastic"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -128,6 +128,19 @@ def _choice(m, passing, paint):
 
 
 @subroutine
+def eval_base_of_plastic(m, wo, wi):
+    """Returns f |cos| of the diffuse base alone, for local directions."""
+    if wo[2] <= _ZERO or wi[2] <= _ZERO:
+        return _BLACK
+    return _base_lobe(m, _paint(m, _inner(m)), _passing(m, wo[2]), wi)
+
+
+@device
+def _base_lobe(m, paint, passing_o, wi):
+    return vec.scale(paint, passing_o * _passing(m, wi[2]) * (wi[2] * _INV_PI))
+
+
+@subroutine
 def eval_and_pdf_plastic(m, wo, wi):
     """Returns (f |cos| per channel, pdf per steradian) for local directions."""
     if wo[2] <= _ZERO or wi[2] <= _ZERO:
@@ -142,7 +155,7 @@ def eval_and_pdf_plastic(m, wo, wi):
     density = facet_density(beckmann, h, alpha, alpha) / (_FOUR * wo[2] * masked_o)
     reflectance, _ = fresnel_dielectric(vec.dot(wo, h), m[rows.IOR])
     cosine = wi[2] * _INV_PI
-    f = vec.scale(paint, passing_o * _passing(m, wi[2]) * cosine)
+    f = _base_lobe(m, paint, passing_o, wi)
     f = vec.add(f, vec.scale(_tint(m), reflectance * density / masked_i))
     return f, choice * density + (_ONE - choice) * cosine
 

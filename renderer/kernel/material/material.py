@@ -32,13 +32,17 @@ from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
 from renderer.kernel.bsdf.glass import sample_glass
-from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
+from renderer.kernel.bsdf.metallic_roughness import (
+    eval_and_pdf_metallic_roughness,
+    eval_base_of_metallic_roughness,
+    sample_metallic_roughness,
+)
 from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.layers import Textures, resolve
 from renderer.kernel.material.normal_map import coat_normal
-from renderer.kernel.material.rare_materials import eval_rare, sample_rare
+from renderer.kernel.material.rare_materials import eval_diffuse_rare, eval_rare, sample_rare
 from renderer.kernel.material.texture import sample_texture
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, as_wide, lookup, u32, where, where3
@@ -51,6 +55,7 @@ __all__ = [
     "colored_index",
     "dielectric_reflectance",
     "emission",
+    "eval_diffuse_lobes",
     "eval_material",
     "factors_at",
     "fetch_material",
@@ -317,6 +322,20 @@ def eval_material(material, wo, wi):
     if material.kind >= CONDUCTOR:
         return eval_rare(material.has, material.kind, material.layers, material.eta, wo, wi)
     return _BLACK, _ZERO
+
+
+@device
+def eval_diffuse_lobes(material, wo, wi):
+    """Returns f |cos| of the material's diffuse lobes alone, as they are part of `eval_material`."""
+    if material.kind == METALLIC_ROUGHNESS:
+        return eval_base_of_metallic_roughness(
+            material.base, material.metallic, material.roughness, material.f0, material.f90, wo, wi
+        )
+    if material.kind == DIFFUSE:
+        return eval_diffuse(material.base, wo, wi)
+    if material.kind >= CONDUCTOR:
+        return eval_diffuse_rare(material.has, material.kind, material.layers, wo, wi)
+    return _BLACK
 
 
 @device

@@ -7,11 +7,11 @@ import numpy as np
 from renderer.arrays import rows
 from renderer.arrays.rows import ALPHA_X, ALPHA_Y, BLINN_PHONG, CONDUCTOR, HAIR, HAS_BECKMANN, LAYERED, MEDIUM, PLASTIC
 from renderer.jit import device, never_inline, subroutine
-from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, sample_blinn_phong
+from renderer.kernel.bsdf.blinn_phong import eval_and_pdf_blinn_phong, eval_base_of_blinn_phong, sample_blinn_phong
 from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
 from renderer.kernel.bsdf.hair import eval_and_pdf_hair, sample_hair
-from renderer.kernel.bsdf.layered import eval_and_pdf_layered, sample_layered
-from renderer.kernel.bsdf.plastic import eval_and_pdf_plastic, sample_plastic
+from renderer.kernel.bsdf.layered import eval_and_pdf_layered, eval_diffuse_layered, sample_layered
+from renderer.kernel.bsdf.plastic import eval_and_pdf_plastic, eval_base_of_plastic, sample_plastic
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.medium.henyey_greenstein import (
     eval_henyey_greenstein,
@@ -20,7 +20,7 @@ from renderer.kernel.medium.henyey_greenstein import (
 )
 from renderer.prune_absent_features import where_present
 
-__all__ = ["eval_rare", "sample_rare"]
+__all__ = ["eval_diffuse_rare", "eval_rare", "sample_rare"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -81,6 +81,19 @@ def eval_rare(has, kind, m, eta, wo, wi):
     if has.hair is not None and kind == HAIR:
         return eval_and_pdf_hair(m, wo, wi)
     return _BLACK, _ZERO
+
+
+@subroutine
+def eval_diffuse_rare(has, kind, m, wo, wi):
+    """Returns f |cos| of the diffuse lobes alone, as they are part of `eval_rare`."""
+    never_inline()
+    if has.layers is not None and kind == LAYERED:
+        return eval_diffuse_layered(m, wo, wi)
+    if has.layers is not None and kind == BLINN_PHONG:
+        return eval_base_of_blinn_phong(_kd_ks(m)[0], wo, wi)
+    if has.layers is not None and kind == PLASTIC:
+        return eval_base_of_plastic(m, wo, wi)
+    return _BLACK
 
 
 @subroutine

@@ -28,8 +28,33 @@ const LIGHT = "light:";
 /** The group of lights that have no group of their own; renderer/settings.py has it last. */
 const REST = "rest";
 
-/** @param {string} name @returns {string | null} the light group that a channel shows; null for other channels */
-export const lightGroupOf = (name) => (name.startsWith(LIGHT) ? name.slice(LIGHT.length) : null);
+/** What the name of a light path's plane and channel begins with: renderer/settings.py. */
+const PATH = "path:";
+
+/** The light paths, in the order of renderer/settings.py. @type {[string, string][]} */
+const PATHS = [
+  ["emission", t("Emission")],
+  ["environment", t("Environment")],
+  ["diffuse_direct", t("Diffuse, direct")],
+  ["diffuse_indirect", t("Diffuse, indirect")],
+  ["glossy_direct", t("Glossy, direct")],
+  ["glossy_indirect", t("Glossy, indirect")],
+  ["transmission_direct", t("Transmission, direct")],
+  ["transmission_indirect", t("Transmission, indirect")],
+  ["volume_direct", t("Volume, direct")],
+  ["volume_indirect", t("Volume, indirect")],
+];
+
+/** @type {Channel[]} */
+const PATH_CHANNELS = PATHS.map(([name, label]) => ({
+  name: PATH + name,
+  label,
+  help: t("What these light paths add to the colour"),
+  values: ["R", "G", "B"],
+}));
+
+/** @param {string} name @returns {string | null} the light group or path that a channel shows; null for other channels */
+export const lightGroupOf = (name) => (name.startsWith(PATH) ? name : name.startsWith(LIGHT) ? name.slice(LIGHT.length) : null);
 
 /** @param {string} group @returns {string} the channel that shows a light group */
 export const channelOfLight = (group) => LIGHT + group;
@@ -49,18 +74,21 @@ const lightChannel = (group) => ({
 });
 
 /**
- * Colour first, then the planes as the service lists them, then the job's light groups.
+ * Colour first, then the planes as the service lists them, then the job's light groups and light paths.
  *
  * @param {Record<string, any> | null} [settings] the job's
  * @returns {Channel[]}
  */
 export function channels(settings = null) {
   const alpha = settings?.background === "transparent" ? [ALPHA_CHANNEL] : [];
-  return [COLOUR, ...(table.value?.channels ?? []), ...alpha, ...lightGroups(settings).map(lightChannel)];
+  const paths = settings?.light_paths === "on" ? PATH_CHANNELS : [];
+  return [COLOUR, ...(table.value?.channels ?? []), ...alpha, ...lightGroups(settings).map(lightChannel), ...paths];
 }
 
 /** @param {string} name @returns {Channel} */
 export function channelOf(name) {
+  const path = PATH_CHANNELS.find((channel) => channel.name === name);
+  if (path) return path;
   const group = lightGroupOf(name);
   if (group !== null) return lightChannel(group);
   return [...channels(), ALPHA_CHANNEL, DENOISED_CHANNEL, MIX_CHANNEL].find((channel) => channel.name === name) ?? COLOUR;

@@ -43,7 +43,8 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
     """Adds the radiance of samples whose branches have all terminated to their pixels' sums, and frees their rows of the pool.
 
     The list DONE contains the free rows on return. Returns the number of bad samples (NaN or infinite), which are listed in `bad`
-    and not added. by_group: None, or the number of light groups and the index in `film` of their sums, pixel by pixel. ids: see
+    and not added. by_group: None, or the numbers of light groups, of light paths and of a branch's rows for them, and the
+    index in `film` of their sums, pixel by pixel. ids: see
     Output (renderer/kernel/accumulate.py).
     """
     never_inline()
@@ -72,13 +73,13 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
                 bad[bad_count, 2] = sample
             bad_count += 1
             if by_group is not None:
-                _forget(pool, path, by_group[0])
+                _forget(pool, path, by_group[2])
             continue
         if pool[at(path, _CAUGHT)] > _ZERO:  # a shadow is black
             pool[at(path, _SHADOWED)] = vec.luminance(_radiance(pool, path))
             light = sample_contribution(found - found, one, in_half(sample))
             if by_group is not None:
-                _forget(pool, path, by_group[0])
+                _forget(pool, path, by_group[2])
         elif by_group is not None:
             _add_groups(pool, path, film, place, scale, by_group)
         base = np.uintp(place) * _SUMS
@@ -101,15 +102,15 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
 
 
 @device
-def _group_row(path, groups):
-    return np.uintp(FIRST_GROUP) + path * (np.uintp(groups) + _1)
+def _group_row(path, rows):
+    return np.uintp(FIRST_GROUP) + path * np.uintp(rows)
 
 
 @device
-def _forget(pool, path, groups):
-    """Resets the light by group of both branches of a path to 0, for the next path in its row."""
-    forget_groups(pool, _group_row(path, groups), np.uintp(groups) + _1)
-    forget_groups(pool, _group_row(path + _PATHS, groups), np.uintp(groups) + _1)
+def _forget(pool, path, rows):
+    """Resets the light by group of both branches of a path to 0, for the next path in its row. rows: of a branch."""
+    forget_groups(pool, _group_row(path, rows), np.uintp(rows))
+    forget_groups(pool, _group_row(path + _PATHS, rows), np.uintp(rows))
 
 
 @device
@@ -122,11 +123,13 @@ def _radiance(pool, path):
 @device
 def _add_groups(pool, path, film, place, scale, by_group):
     """Adds a path's light by group to its pixel's sums, and resets it to 0 for the next path in its row."""
-    groups, begin = by_group
-    first, second, radiance = _group_row(path, groups), _group_row(path + _PATHS, groups), _radiance(pool, path)
-    base = begin + np.uintp(place) * _3 * np.uintp(groups)
+    groups, paths, rows, begin = by_group
+    first, second, radiance = _group_row(path, rows), _group_row(path + _PATHS, rows), _radiance(pool, path)
+    base = begin + np.uintp(place) * _3 * (np.uintp(groups) + np.uintp(paths))
     add_sample_by_group(film, base, _1, pool, first, second, groups, radiance, scale)
-    _forget(pool, path, groups)
+    base, behind = base + _3 * np.uintp(groups), np.uintp(groups) + _1
+    add_sample_by_group(film, base, _1, pool, first + behind, second + behind, paths, radiance, scale)
+    _forget(pool, path, rows)
 
 
 @device

@@ -17,12 +17,16 @@ from renderer.jit import device, local_floats, never_inline, subroutine
 from renderer.kernel.bsdf.conductor import eval_and_pdf_conductor, sample_conductor, sample_smooth_conductor
 from renderer.kernel.bsdf.diffuse import eval_diffuse, pdf_diffuse, sample_diffuse
 from renderer.kernel.bsdf.glass import sample_glass
-from renderer.kernel.bsdf.metallic_roughness import eval_and_pdf_metallic_roughness, sample_metallic_roughness
+from renderer.kernel.bsdf.metallic_roughness import (
+    eval_and_pdf_metallic_roughness,
+    eval_base_of_metallic_roughness,
+    sample_metallic_roughness,
+)
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA
 from renderer.kernel.bsdf.mirror import sample_mirror
 from renderer.kernel.fetch import columns
 from renderer.kernel.material.material import dielectric_reflectance, look_up_layers, relative_index
-from renderer.kernel.material.rare_materials import eval_rare, sample_rare
+from renderer.kernel.material.rare_materials import eval_diffuse_rare, eval_rare, sample_rare
 from renderer.kernel.medium.henyey_greenstein import (
     eval_henyey_greenstein,
     pdf_henyey_greenstein,
@@ -39,6 +43,10 @@ __all__ = [
     "eval_and_sample_metallic_roughness",
     "eval_and_sample_rare",
     "eval_and_sample_specular",
+    "eval_diffuse_lobe_diffuse",
+    "eval_diffuse_lobe_metallic_roughness",
+    "eval_diffuse_lobe_rare",
+    "eval_no_lobe",
 ]
 
 _ONE = np.float32(1.0)
@@ -163,6 +171,43 @@ def eval_and_sample_in_medium(scene, m, wo, wi, choose, u):
     on = sample_henyey_greenstein(m.roughness, u)
     pdf = pdf_henyey_greenstein(m.roughness, on)
     return (phase, phase, phase), pdf_henyey_greenstein(m.roughness, wi), on, (one, one, one), pdf, one
+
+
+@device
+def eval_no_lobe(scene, m, wo, wi):
+    """Returns the diffuse part of f |cos| for materials without a diffuse lobe: 0."""
+    none = zero_like(wi[2])
+    return none, none, none
+
+
+@device
+def eval_diffuse_lobe_diffuse(scene, m, wo, wi):
+    """Returns the diffuse part of f |cos|; of the Lambertian model all of it."""
+    return eval_diffuse(_base(scene, m), wo, wi)
+
+
+@device
+def eval_diffuse_lobe_metallic_roughness(scene, m, wo, wi):
+    """Returns the diffuse part of f |cos| of the metallic-roughness model."""
+    metallic, roughness = _metallic_roughness(scene, m)
+    f0, f90 = dielectric_reflectance(scene, m.material)
+    return eval_base_of_metallic_roughness(_base(scene, m), metallic, roughness, f0, f90, wo, wi)
+
+
+@subroutine
+def _diffuse_lobe_of_one(scene, material, base, metallic, roughness, uv, uv1, shading, s, t, n, time, wo, wi):
+    never_inline()
+    layers = local_floats(LAYER_SLOTS)
+    look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time)
+    return eval_diffuse_rare(scene.has, scene.material_kind[material], layers, wo, wi)
+
+
+@device
+def eval_diffuse_lobe_rare(scene, m, wo, wi):
+    """Returns the diffuse part of f |cos| of the kinds of materials that have no eight-lane form."""
+    s, t, n = m.frame
+    known = (m.material, m.base, m.metallic, m.roughness, m.uv, m.uv1, m.shading, s, t, n, m.time)
+    return each_lane(_diffuse_lobe_of_one, wi[2] == wi[2], (scene, *known, wo, wi))
 
 
 @subroutine

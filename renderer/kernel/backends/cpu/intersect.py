@@ -46,6 +46,7 @@ from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, load_vector,
 from renderer.kernel.backends.cpu.walk import CLOSEST, traverse_rays
 from renderer.kernel.backends.scalar.visibility import media_transmittance, transmittance_rgb
 from renderer.kernel.light_groups import ChosenGroup, add_group_light, gather_group
+from renderer.kernel.light_paths import add_sampled_path_light
 from renderer.kernel.medium.volume import shadow_block
 from renderer.kernel.steps.depths import layers_left
 from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_light
@@ -177,6 +178,9 @@ def _light_through(scene, alone, pool, lists, options):
             if scene.has.groups is not None:
                 brought = direct_light(light.brought, left, light.segments, options)
                 add_group_light(pool, _chosen_row(pool, np.uint32(path), options), brought, _YES)
+            if scene.has.light_paths is not None:
+                brought, first = direct_light(light.brought, left, light.segments, options), group_row(np.uint32(path), options)
+                add_sampled_path_light(pool, first, options, brought, number + _ONE, _YES)
             radiance = add_direct_light(load_vector(pool, at(path, _RADIANCE)), light.brought, left, light.segments, options)
             for c in range(3):
                 pool[at(path, _RADIANCE + np.uintp(c))] = radiance[c]
@@ -217,6 +221,9 @@ def _light(scene, alone, stack, pool, lists, options):
         if scene.has.groups is not None:
             brought = direct_light(light.brought, left, light.segments, options)
             add_group_light(pool, _chosen_row(pool, rows, options), brought, not_(occluded))
+        if scene.has.light_paths is not None:
+            brought = direct_light(light.brought, left, light.segments, options)
+            add_sampled_path_light(pool, group_row(rows, options), options, brought, path.number, not_(occluded))
         scatter(pool, rows, with_radiance(path, where3(occluded, path.radiance, lit)))
 
 

@@ -40,6 +40,7 @@ from renderer.kernel.backends.cpu.rows import (
     streams_of,
 )
 from renderer.kernel.light_groups import add_group_light, group_of_media
+from renderer.kernel.light_paths import EMISSION, add_path_light
 from renderer.kernel.material.material import Parameters
 from renderer.kernel.steps.continue_or_end import is_last
 from renderer.kernel.steps.emitted_light import add_medium_light
@@ -94,6 +95,9 @@ def sample_free_flights(scene, pool, lists, options):
             path, light = add_medium_light(path, event.emitted, options)
             if scene.has.groups is not None:
                 add_group_light(pool, group_row(rows, options) + group_of_media(scene), light, path.number == path.number)
+            if scene.has.light_paths is not None:
+                first, always = group_row(rows, options), path.number == path.number
+                add_path_light(pool, first, options, light, path.number, EMISSION, always)
         none = zero_like(path.number)
         if any_of(event.scatters):
             surface = medium_surface(ray, event.distance)

@@ -50,18 +50,18 @@ class Pool(NamedTuple):
 _kept = threading.local()
 
 
-def pool_for(width: int, height: int, groups: int = 0) -> Pool:
+def pool_for(width: int, height: int, planes: int = 0, rows: int = 0) -> Pool:
     """Returns the scratch memory for a batch of a tile of width x height pixels: this thread's last one if that is large enough.
 
-    groups: number of light groups with planes in the film.
+    planes: number of light groups and paths with planes in the film. rows: from `group_rows` (options.py).
 
     Reuse matters: the system clears new memory page by page, which takes as long as rendering one sample per pixel.
     """
     pool: Pool | None = getattr(_kept, "pool", None)
-    sums, floats = width * height * (SUMS + 3 * groups), (ROWS + 1) * int(ROW) + group_floats(groups)
+    sums, floats = width * height * (SUMS + 3 * planes), (ROWS + 1) * int(ROW) + group_floats(rows)
     if pool is None or len(pool.film) < sums or len(pool.rows) < floats:
-        film, rows = np.zeros(sums, np.int64), line_floats(floats)
-        pool = _kept.pool = Pool(new_stack(), new_stacks(), rows, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
+        film, memory = np.zeros(sums, np.int64), line_floats(floats)
+        pool = _kept.pool = Pool(new_stack(), new_stacks(), memory, np.zeros(LISTS * LIST_SIZE, np.uint32), film)
     return pool
 
 
@@ -79,7 +79,8 @@ def render_with_pool(scene, pool, camera, options, batch, output):
     following = NextSample(np.int64(0), np.int64(0), np.int64(batch.first))
     samples = width * height * batch.count
     medium_stack = where_present(scene.has.media, media_of_camera(scene, pool.alone, camera, samples))
-    by_group = where_present(scene.has.groups, (options.groups, np.uintp(width * height * SUMS)))
+    begin = np.uintp(width * height * SUMS)
+    by_group = where_present(scene.has.by_light, (options.groups, options.paths, options.group_rows, begin))
     while samples > 0:
         following = start_paths(paths, lists, following, width, height, camera, options, batch, scene.has.motion, medium_stack)
         if length(lists, ACTIVE) == 0:
@@ -131,7 +132,9 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
     )
     medium_stack = types.uint32 if has.media else types.none
     bad, scale, number = typeof(output.bad), typeof(options.scale), types.int64
-    by_group = typeof((options.groups, np.uintp(0))) if has.groups else types.none
+    by_group = types.none
+    if has.by_light:
+        by_group = typeof((options.groups, options.paths, options.group_rows, np.uintp(0)))
     scattering = [(each, (scene, paths, lists, asked, lit, lit)) for each in kinds_of_scattering(has)]
     return [
         (shade_hits, (scene, paths, lists, asked, lit)),

@@ -54,7 +54,6 @@ __all__ = [
 ]
 
 _LINE = 64  # bytes
-_ONE = np.uint32(1)
 PATHS = 128  # 64 to 256 are equally fast
 ROWS = 2 * PATHS  # the row of a path's second branch is PATHS rows after that of the first
 SECOND = np.uint32(PATHS)
@@ -226,15 +225,15 @@ FIRST_GROUP = np.uint32((ROWS + 1) * LAYOUT.width // GROUP_ROW)  # the first row
 assert LAYOUT.width % GROUP_ROW == 0
 
 
-def group_floats(groups: int) -> int:
-    """Returns how many float32 lie behind the paths' rows with `groups` light groups: for each path a row for each, and one."""
-    return (ROWS + 1) * (groups + 1) * GROUP_ROW if groups else 0
+def group_floats(rows: int) -> int:
+    """Returns how many float32 lie behind the paths' rows, for `rows` rows of a branch (`group_rows` of options.py)."""
+    return (ROWS + 1) * rows * GROUP_ROW
 
 
 @device
 def group_row(rows, options):
     """Returns the row of the first group of the path in one row of the pool or in eight, for renderer/kernel/light_groups.py."""
-    return rows * (options.groups + _ONE) + FIRST_GROUP
+    return rows * options.group_rows + FIRST_GROUP
 
 
 def line_floats(count: int) -> npt.NDArray[np.float32]:

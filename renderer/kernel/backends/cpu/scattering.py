@@ -17,6 +17,10 @@ from renderer.kernel.backends.cpu.bsdfs import (
     eval_and_sample_metallic_roughness,
     eval_and_sample_rare,
     eval_and_sample_specular,
+    eval_diffuse_lobe_diffuse,
+    eval_diffuse_lobe_metallic_roughness,
+    eval_diffuse_lobe_rare,
+    eval_no_lobe,
 )
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
@@ -53,6 +57,7 @@ from renderer.kernel.backends.cpu.rows import (
     at,
     column,
     gather,
+    group_row,
     last_vertex,
     scatter,
     streams_of,
@@ -60,6 +65,7 @@ from renderer.kernel.backends.cpu.rows import (
     time_of,
 )
 from renderer.kernel.light.light_sample import LightSample
+from renderer.kernel.light_paths import share_after_vertex, store_sampled_share, store_share
 from renderer.kernel.steps import scatter as scattering
 from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end
@@ -144,11 +150,11 @@ def _list_branches(pool, lists, which):
 
 
 @template
-def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit, second):
+def _scatter(scene, pool, lists, which, answer, diffuse_lobe, is_lit, is_surface, options, lit, second):
     """Scatters the paths at the vertices on one list: writes their next ray, and the shadow ray towards the sampled light.
 
-    answer: the function of bsdfs.py for this list's materials. is_lit: None if light sampling finds nothing for them. is_surface:
-    False in a medium. lit, second: as for `scatter_vertices`.
+    answer, diffuse_lobe: the functions of bsdfs.py for this list's materials. is_lit: None if light sampling finds nothing for
+    them. is_surface: False in a medium. lit, second: as for `scatter_vertices`.
     """
     taken = _splitting(pool, lists, which) if second else which
     for k in range(0, pad(lists, taken), 8):
@@ -198,6 +204,14 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
             if scene.has.targets is not None:
                 inner_pdf = mixture_pdf(scene, here, targets, guided.direction, own_pdf, none + NOT_AIMED)
             sample = guided_sample(scene, guided, m.frame, sample, along, own_f, own_pdf, inner_pdf)
+        if scene.has.light_paths is not None:
+            first = where(path.number == _ZERO, rows + SECOND if second else rows, SPARE)
+            reflected = diffuse_lobe(scene, m, wo, sample.wi)
+            share = share_after_vertex(reflected, vec.scale(sample.weight, sample.pdf), sample.wi, is_surface)
+            store_share(pool, group_row(first, options), options, share)
+            if is_lit is not None and lit and not second:
+                share = share_after_vertex(diffuse_lobe(scene, m, wo, wi), f, wi, is_surface)
+                store_sampled_share(pool, group_row(first, options), options, share)
         branches = none + _ONE
         if is_lit is not None:
             branches = where(splits(path.number, shading.list == _RARE_SPECULAR), none + np.float32(options.splitting), branches)
@@ -241,37 +255,49 @@ def _scatter(scene, pool, lists, which, answer, is_lit, is_surface, options, lit
 @subroutine
 def _scatter_diffuse(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _DIFFUSE, eval_and_sample_diffuse, True, _YES, options, lit, second)
+    _scatter(scene, pool, lists, _DIFFUSE, eval_and_sample_diffuse, eval_diffuse_lobe_diffuse, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_specular(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _SPECULAR, eval_and_sample_specular, None, _YES, options, lit, False)
+    _scatter(scene, pool, lists, _SPECULAR, eval_and_sample_specular, eval_no_lobe, None, _YES, options, lit, False)
 
 
 @subroutine
 def _scatter_metallic_roughness(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _METALLIC_ROUGHNESS, eval_and_sample_metallic_roughness, True, _YES, options, lit, second)
+    _scatter(
+        scene,
+        pool,
+        lists,
+        _METALLIC_ROUGHNESS,
+        eval_and_sample_metallic_roughness,
+        eval_diffuse_lobe_metallic_roughness,
+        True,
+        _YES,
+        options,
+        lit,
+        second,
+    )
 
 
 @subroutine
 def _scatter_conductor(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _CONDUCTOR, eval_and_sample_conductor, True, _YES, options, lit, second)
+    _scatter(scene, pool, lists, _CONDUCTOR, eval_and_sample_conductor, eval_no_lobe, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_rare(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, _RARE, eval_and_sample_rare, True, _YES, options, lit, second)
+    _scatter(scene, pool, lists, _RARE, eval_and_sample_rare, eval_diffuse_lobe_rare, True, _YES, options, lit, second)
 
 
 @subroutine
 def _scatter_in_medium(scene, pool, lists, options, lit, second):
     never_inline()
-    _scatter(scene, pool, lists, MEDIUM_VERTICES, eval_and_sample_in_medium, True, _NO, options, lit, second)
+    _scatter(scene, pool, lists, MEDIUM_VERTICES, eval_and_sample_in_medium, eval_no_lobe, True, _NO, options, lit, second)
 
 
 @subroutine

@@ -53,6 +53,7 @@ from renderer.kernel.backends.cpu.rows import (
 )
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.light_groups import add_group_light, group_of_environment, group_of_light, group_of_material
+from renderer.kernel.light_paths import EMISSION, ENVIRONMENT, add_path_light
 from renderer.kernel.material.material import has_flag, parameters_at, relative_index
 from renderer.kernel.material.normal_map import shading_frame
 from renderer.kernel.steps.continue_or_end import is_last
@@ -102,8 +103,8 @@ def shade_misses(scene, pool, lists, options, is_recorded):
         ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
         seen, counts = emitted_by_environment(scene, ray), background_counts(ray, path, options)
         if options.transparent_background:
-            first = where(path.number == _ZERO, rows, SPARE)
-            scatter(pool, first, record_background(path.throughput))
+            seen_first = where(path.number == _ZERO, rows, SPARE)
+            scatter(pool, seen_first, record_background(path.throughput))
         weight = hit_weight(ray.pdf, seen.light_pdf)
         if is_recorded:
             met = gather(pool, rows, RowHit)
@@ -112,6 +113,9 @@ def shade_misses(scene, pool, lists, options, is_recorded):
         if scene.has.groups is not None:
             group = group_row(rows, options) + group_of_environment(scene, weight)
             add_group_light(pool, group, brought_light(path, light, options), counts)
+        if scene.has.light_paths is not None:
+            first, brought = group_row(rows, options), brought_light(path, light, options)
+            add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
         path = add_light(path, light, counts, options)
         if scene.has.lights is not None:
             last, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
@@ -122,6 +126,9 @@ def shade_misses(scene, pool, lists, options, is_recorded):
                     sun = as_wide(np.uint32(scene.sun[which]), weight)
                     group = group_row(rows, options) + group_of_light(scene, sun)
                     add_group_light(pool, group, brought_light(path, light, options), counts)
+                if scene.has.light_paths is not None:
+                    first, brought = group_row(rows, options), brought_light(path, light, options)
+                    add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
                 path = add_light(path, light, counts, options)
         scatter(pool, rows, path)
     for k in range(count):
@@ -190,6 +197,9 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
             if scene.has.groups is not None:
                 group = group_row(rows, options) + group_of_light(scene, where(lit, surface.light, _NONE))
                 add_group_light(pool, group, brought_light(path, light, options), lit)
+            if scene.has.light_paths is not None:
+                brought = brought_light(path, light, options)
+                add_path_light(pool, group_row(rows, options), options, brought, path.number, EMISSION, lit)
             path = add_light(path, light, lit, options)
 
         frame = shading_frame(scene, surface, vec.neg(ray.d), time)
@@ -206,6 +216,9 @@ def _arrive(scene, pool, lists, which, options, is_recorded):
             if scene.has.groups is not None:
                 group = group_row(rows, options) + group_of_material(scene, surface.material)
                 add_group_light(pool, group, brought_light(path, parameters.base, options), unlit)
+            if scene.has.light_paths is not None:
+                brought = brought_light(path, parameters.base, options)
+                add_path_light(pool, group_row(rows, options), options, brought, path.number, EMISSION, unlit)
             path = add_light(path, parameters.base, unlit, options)
         if any_of(first):
             seen = record_first_hit(surface, parameters, frame[2], hit.t, gather(pool, rows, Sample).start)

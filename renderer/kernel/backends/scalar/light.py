@@ -14,9 +14,17 @@ from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.lights import choose_sampled, sample_chosen
 from renderer.kernel.light.links import linked_sample
 from renderer.kernel.light_groups import add_group_light, group_of_environment, group_of_light, group_of_sample
+from renderer.kernel.light_paths import (
+    EMISSION,
+    ENVIRONMENT,
+    add_path_light,
+    add_sampled_path_light,
+    share_after_vertex,
+    store_sampled_share,
+)
 from renderer.kernel.manifold.chain import is_sampled_elsewhere
 from renderer.kernel.manifold.estimate import estimate_caustic
-from renderer.kernel.material.material import eval_material
+from renderer.kernel.material.material import eval_diffuse_lobes, eval_material
 from renderer.kernel.sampling.sampler import substream
 from renderer.kernel.steps.aim import NOT_AIMED, mixture_pdf, targets_in_view
 from renderer.kernel.steps.emitted_light import (
@@ -65,6 +73,9 @@ def add_environment(scene, ray, path, last, chain, options, time, weigh_hit, fou
     if scene.has.groups is not None:
         group = groups + group_of_environment(scene, ray.pdf)
         add_group_light(found, group, brought_light(path, light, options), counts)
+    if scene.has.light_paths is not None:
+        brought = brought_light(path, light, options)
+        add_path_light(found, groups, options, brought, path.number, ENVIRONMENT, counts)
     path = add_light(path, light, counts, options)
     if scene.has.lights is not None:
         for which in range(len(scene.sun)):
@@ -77,6 +88,9 @@ def add_environment(scene, ray, path, last, chain, options, time, weigh_hit, fou
             if scene.has.groups is not None:
                 group = groups + group_of_light(scene, np.uint32(scene.sun[which]))
                 add_group_light(found, group, brought_light(path, light, options), shows)
+            if scene.has.light_paths is not None:
+                brought = brought_light(path, light, options)
+                add_path_light(found, groups, options, brought, path.number, ENVIRONMENT, shows)
             path = add_light(path, light, shows, options)
     return path
 
@@ -96,6 +110,9 @@ def add_emission(scene, surface, through, ray, path, last, chain, options, time,
         if scene.has.groups is not None:
             group = groups + group_of_light(scene, surface.light)
             add_group_light(found, group, brought_light(path, light, options), _YES)
+        if scene.has.light_paths is not None:
+            brought = brought_light(path, light, options)
+            add_path_light(found, groups, options, brought, path.number, EMISSION, _YES)
         path = add_light(path, light, _YES, options)
     return path
 
@@ -143,6 +160,12 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
                         group = groups + group_of_sample(scene, numbers[2], which)
                         brought = direct_light(shadow.brought, left, shadow.segments, options)
                         add_group_light(found, group, brought, _YES)
+                    if scene.has.light_paths is not None:
+                        if path.number == _ZERO:
+                            lobes = eval_diffuse_lobes(vertex.material, vertex.wo, wi)
+                            store_sampled_share(found, groups, options, share_after_vertex(lobes, f, wi, is_surface))
+                        brought = direct_light(shadow.brought, left, shadow.segments, options)
+                        add_sampled_path_light(found, groups, options, brought, path.number + _ONE, _YES)
                     radiance = add_direct_light(path.radiance, shadow.brought, left, shadow.segments, options)
                     path = with_radiance(path, radiance)
     return path, rays

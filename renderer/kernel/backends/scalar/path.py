@@ -17,8 +17,9 @@ from renderer.kernel.backends.scalar.first_hit import FIRST_GROUP, store_first_h
 from renderer.kernel.backends.scalar.light import add_caustic, add_direct, add_emission, add_environment
 from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, reach_surface, subsurface_vertex, surface_vertex
 from renderer.kernel.light_groups import add_group_light, group_of_material, group_of_media
+from renderer.kernel.light_paths import EMISSION, add_path_light, share_after_vertex, store_share
 from renderer.kernel.manifold.chain import NO_CHAIN, begin_chain, continue_chain, is_joined
-from renderer.kernel.material.material import eval_material, has_flag, is_specular
+from renderer.kernel.material.material import eval_diffuse_lobes, eval_material, has_flag, is_specular
 from renderer.kernel.path_trace import (
     DIRECT,
     EMITTED,
@@ -75,7 +76,7 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
         light = vec.add(light, path.radiance)
         if not splits_here:
             break
-        stream, own_log, groups = second_branch_stream(stream), log[:0], FIRST_GROUP + options.groups
+        stream, own_log, groups = second_branch_stream(stream), log[:0], FIRST_GROUP + options.group_rows
     if path.number > _ZERO:
         record_second_branch(log, path.radiance)
     return light, rays
@@ -105,6 +106,8 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
                 path, light = add_medium_light(path, event.emitted, options)
                 if scene.has.groups is not None:
                     add_group_light(first, groups + group_of_media(scene), light, _YES)
+                if scene.has.light_paths is not None:
+                    add_path_light(first, groups, options, light, path.number, EMISSION, _YES)
             drifts, distance, path = event.scatters, event.distance, with_throughput(path, event.throughput)
         if hit.primitive == NO_PRIMITIVE and not drifts:
             record_miss(log, row, ray, path)
@@ -148,6 +151,9 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         if scene.has.groups is not None and unlit:
             group = groups + group_of_material(scene, vertex.surface.material)
             add_group_light(first, group, brought_light(path, vertex.material.base, options), unlit)
+        if scene.has.light_paths is not None and unlit:
+            brought = brought_light(path, vertex.material.base, options)
+            add_path_light(first, groups, options, brought, path.number, EMISSION, unlit)
         path = add_light(path, vertex.material.base, unlit, options)
         record_light(log, row, EMITTED, path.radiance)
         if is_last(path, crossings.counts, unlit, options):
@@ -176,14 +182,15 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         begun = begin_chain(vertex.material, specular)
         if branches > _ONE:
             dark = with_radiance(path, _BLACK)
+            numbers, behind = second_branch_numbers(u), groups + options.group_rows
             own_ray, second, beyond, survival, _ = _scatter(
-                scene, vertex, ray, dark, crossings, second_branch_numbers(u), branches, is_surface, options, sample_bsdf
+                scene, vertex, ray, dark, crossings, numbers, branches, is_surface, options, first, behind, sample_bsdf
             )
             if not survival <= _ZERO:
                 other, splits_here = (own_ray, second, last, beyond, passed, begun), _YES
         o, d = ray.o, ray.d
         ray, path, crossings, survival, bounce = _scatter(
-            scene, vertex, ray, path, crossings, u, branches, is_surface, options, sample_bsdf
+            scene, vertex, ray, path, crossings, u, branches, is_surface, options, first, groups, sample_bsdf
         )
         if survival <= _ZERO:
             break
@@ -194,8 +201,11 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
 
 
 @template
-def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, options, sample_bsdf):
-    """Scatters a path at its vertex, using the four random numbers u; returns (Ray, PathState, Crossings, survival, Bounce)."""
+def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, options, first, groups, sample_bsdf):
+    """Scatters a path at its vertex, using the four random numbers u; returns (Ray, PathState, Crossings, survival, Bounce).
+
+    first, groups: as for `_follow`.
+    """
     choose, here = u[2], LastVertex(vertex.surface.point, vertex.normal, u32(vertex.surface.object))
     if scene.has.targets is not None:
         specular = is_specular(vertex.material)
@@ -221,6 +231,10 @@ def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, optio
         if scene.has.targets is not None:
             own = mixture_pdf(scene, here, targets, guided.direction, pdf, NOT_AIMED)
         sample = guided_sample(scene, guided, vertex.frame, sample, wi, f, pdf, own)
+    if scene.has.light_paths is not None and path.number == _ZERO:
+        reflected = eval_diffuse_lobes(vertex.material, vertex.wo, sample.wi)
+        share = share_after_vertex(reflected, vec.scale(sample.weight, sample.pdf), sample.wi, is_surface)
+        store_share(first, groups, options, share)
     ray, path, bounce = scatter(vertex.surface, vertex.frame, ray, path, sample, branches, options)
     crossings = cross_surface(scene, vertex.surface, crossings, bounce, is_surface)
     path, survival = continue_or_end(path, ray, u[3], is_surface, options)

@@ -26,7 +26,7 @@ from renderer.kernel.steps.spawn_camera_ray import spawn_camera_ray
 __all__ = ["render_tile"]
 
 _COLOR, _COLOR_HALF = COLOR.start, COLOR_HALF.start
-_TWO = np.uint32(2)
+_ONE, _TWO, _THREE = np.uint32(1), np.uint32(2), np.uint32(3)
 
 
 @device
@@ -51,17 +51,17 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
     rays = 0
     scale = options.scale
     hit = local_floats(FIRST_HIT_SLOTS)
-    if scene.has.groups is not None:
+    pixels = np.uintp(sums.shape[1] * sums.shape[2])
+    if scene.has.by_light is not None:
         hit = output.path
-        pixels = np.uintp(sums.shape[1] * sums.shape[2])
     medium_stack = media_of_camera(scene, stack, camera, sums.shape[1] * sums.shape[2] * count)
     for y in range(sums.shape[1]):
         for x in range(sums.shape[2]):
             for sample in range(first, first + count):
                 seen = spawn_camera_ray(scene.has.motion, camera, options, x0 + x, y0 + y, np.uint32(sample))
                 forget_first_hit(hit)
-                if scene.has.groups is not None:
-                    forget_groups(hit, FIRST_GROUP, _TWO * options.groups)
+                if scene.has.by_light is not None:
+                    forget_groups(hit, FIRST_GROUP, _TWO * options.group_rows)
                 radiance, met = trace(scene, stack, seen, medium_stack, options, log, hit)
                 rays += met
                 if not (vec.is_finite(radiance) and is_finite_first_hit(hit)):
@@ -78,8 +78,13 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                 _add_radiance(sums, _COLOR, SAMPLES, y, x, radiance, scale)
                 if scene.has.groups is not None and not caught:
                     place = np.uintp(CHANNELS) * pixels + np.uintp(y * sums.shape[2] + x)
-                    rows = FIRST_GROUP, FIRST_GROUP + options.groups
+                    rows = FIRST_GROUP, FIRST_GROUP + options.group_rows
                     add_sample_by_group(output.flat, place, pixels, hit, *rows, options.groups, radiance, scale)
+                if scene.has.light_paths is not None and not caught:
+                    place = np.uintp(CHANNELS + _THREE * options.groups) * pixels + np.uintp(y * sums.shape[2] + x)
+                    behind = FIRST_GROUP + options.groups + _ONE
+                    rows = behind, behind + options.group_rows
+                    add_sample_by_group(output.flat, place, pixels, hit, *rows, options.paths, radiance, scale)
                 if in_half(sample):
                     _add_radiance(sums, _COLOR_HALF, SAMPLES_HALF, y, x, radiance, scale)
                 add_first_hit(sums, y, x, hit, sample, scale, batch.origin)
