@@ -54,8 +54,9 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
         mesh.colors[:, :3] = np.clip(np.concatenate(colors), 0, 1)
     fibres = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
     if fibres:
-        mesh.tangents = np.asarray(np.concatenate([tangents for tangents, _ in fibres]), np.float32)
-        mesh.diameters = np.asarray(np.concatenate([diameters for _, diameters in fibres]), np.float32)
+        tangents: F64 = np.concatenate([along for along, _ in fibres])
+        diameters: F64 = np.concatenate([across for _, across in fibres])
+        mesh.tangents, mesh.diameters = tangents.astype(np.float32), diameters.astype(np.float32)
     return mesh
 
 
