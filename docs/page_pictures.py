@@ -3,6 +3,8 @@
     python3 farm.py up                           in one terminal
     python3 farm.py page-pictures                in another: some minutes, since each waits until there is something to see
     python3 farm.py page-pictures first-steps    those of docs/first-steps.md alone, with a farm that is empty
+    python3 farm.py page-pictures terminal       rayfarm watch, on Linux and macOS
+    python3 farm.py page-pictures who-rendered   with a second worker (rayfarm worker --name attic --join ...)
     python3 farm.py page-pictures tour -o out    every page at three widths, light and dark, for inspection
 
 It drives Debian's Chromium, as the tests do, and submits its jobs through the page as a user does.
@@ -11,10 +13,16 @@ It drives Debian's Chromium, as the tests do, and submits its jobs through the p
 from __future__ import annotations
 
 import argparse
+import html
 import io
 import json
 import math
+import os
+import re
+import select
 import shutil
+import struct
+import subprocess
 import sys
 import time
 from pathlib import Path
@@ -33,7 +41,10 @@ FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use
 PATIENCE_S = 3600
 SETTLE_MS = 3000
 WIDTHS = {375: 800, 1440: 900, 2560: 1300}
-TOUR, RECORDING, FIRST_STEPS = "tour", "recording", "first-steps"
+TOUR, RECORDING, FIRST_STEPS, TERMINAL = "tour", "recording", "first-steps", "terminal"
+COLUMNS, LINES = 96, 32  # of the terminal
+WATCHED_S = 8.0
+ESCAPE = re.compile(r"\x1b\[([?\d;]*)([A-Za-z])|\x1b[_P].*?\x1b\\", re.DOTALL)
 SMALL = {"width": 1200, "height": 750}
 # As if a file were dragged over the page, whose drop area then covers it.
 DRAG_OVER = """() => {
@@ -47,13 +58,13 @@ RECORDED_S = 9.0  # a third turning, the rest converging
 def main() -> None:
     """Parses the command line, and takes the pictures that it requests."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    known = ", ".join([*TAKEN, RECORDING, FIRST_STEPS])
+    known = ", ".join([*TAKEN, RECORDING, FIRST_STEPS, TERMINAL])
     parser.add_argument("names", nargs="*", metavar="name", help=f"{known}; all unless told; or {TOUR}")
     parser.add_argument("-o", "--output", type=Path, default=PICTURES, help="docs/pictures unless told")
     parser.add_argument("--server", default="http://127.0.0.1:8000", help="the farm's address")
     parser.add_argument("--job", help="of one picture: a job that is there, in place of a new one")
     options = parser.parse_args()
-    names = options.names or [*TAKEN, RECORDING, FIRST_STEPS]
+    names = options.names or [*TAKEN, RECORDING, FIRST_STEPS, TERMINAL]
     if not set(names) <= {*TAKEN, *OTHERS} or (options.job and len(names) > 1):
         parser.error(f"pictures are {', '.join([*TAKEN, *OTHERS])}; --job is of one of them")
     options.output.mkdir(parents=True, exist_ok=True)
@@ -69,7 +80,7 @@ def main() -> None:
             request, enough, pose = TAKEN[name]
             job = options.job or _job_id(options.server, **request)
             _wait_for_samples(options.server, job, enough)
-            page = chromium.new_page(viewport=SIZE, color_scheme="dark", reduced_motion="reduce")
+            page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
             page.goto(f"{options.server}/#/jobs/{job}")
             pose(page)
             picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
@@ -101,7 +112,7 @@ def _tour(chromium: Browser, server: str, folder: Path) -> None:
 
 def _record(chromium: Browser, server: str, folder: Path) -> None:
     """Records an interactive view while it is turned and then converges, as an animated WebP in real time."""
-    page = chromium.new_page(viewport={"width": 1200, "height": 700}, color_scheme="dark")
+    page = chromium.new_page(viewport={"width": 1200, "height": 700}, color_scheme="light")
     page.goto(f"{server}/#/scenes/{_scene(server, 'still-life')}")
     view = page.locator(".live-view canvas:not(.mesh)").first
     view.wait_for()
@@ -188,6 +199,78 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "share")
     page.close()
+
+
+def _terminal(chromium: Browser, server: str, folder: Path) -> None:
+    """Runs `rayfarm watch` in a terminal of its own while a job renders, and saves what it shows."""
+    job = _job_id(server, example="still-life", width=960, height=600, spp=128, seed=2)
+    _wait_for_samples(server, job, 0.1)
+    page = chromium.new_page(viewport={"width": 900, "height": 700}, color_scheme="dark")
+    page.set_content(_as_html(_written_by("watch", job[:4], "--graphics", "blocks", "--server", server)))
+    path = folder / f"{TERMINAL}.webp"
+    picture = Image.open(io.BytesIO(page.locator("pre").screenshot())).convert("RGB")
+    picture.save(path, quality=82, method=6)
+    page.close()
+    print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
+
+
+def _written_by(*command: str) -> str:
+    """Returns what a command of `rayfarm` writes to a terminal of true colour within `WATCHED_S`."""
+    import fcntl  # POSIX only, as pseudo-terminals are
+    import pty
+    import termios
+
+    ours, theirs = pty.openpty()
+    fcntl.ioctl(theirs, termios.TIOCSWINSZ, struct.pack("HHHH", LINES, COLUMNS, 0, 0))
+    environment = {**os.environ, "COLORTERM": "truecolor", "TERM": "xterm-256color"}
+    written, end = b"", time.monotonic() + WATCHED_S
+    with subprocess.Popen(
+        [sys.executable, "-m", "rayfarm", *command],
+        stdin=theirs,
+        stdout=theirs,
+        stderr=theirs,
+        env=environment,
+        start_new_session=True,
+    ) as process:
+        while time.monotonic() < end:
+            if select.select([ours], [], [], 0.2)[0]:
+                written += os.read(ours, 65536)
+        process.kill()
+    os.close(ours)
+    os.close(theirs)
+    return written[: written.rindex(b"\x1b[?2026l")].decode()  # up to the end of the last whole update
+
+
+def _as_html(written: str) -> str:
+    """Returns a page that shows the screen of a terminal: characters, and half blocks as two colours of a cell."""
+    cells = [[(" ", "")] * COLUMNS for _ in range(LINES)]
+    line = column = at = 0
+    style = ""
+    while at < len(written):
+        if escape := ESCAPE.match(written, at):
+            at = escape.end()
+            numbers, kind = escape[1] or "", escape[2]
+            if kind == "H":
+                line, column = (int(number) - 1 for number in numbers.split(";"))
+            elif kind == "m":
+                style = numbers if not numbers or not style else f"{style};{numbers}"
+            continue
+        if ord(written[at]) >= ord(" ") and line < LINES and column < COLUMNS:
+            cells[line][column] = (written[at], style)
+            column += 1
+        at += 1
+    rows = "<br>".join("".join(_cell(*cell) for cell in row) for row in cells)
+    screen = "pre { font: 14px/18px monospace; background: #111; color: #ddd; padding: 12px; display: inline-block; margin: 0 }"
+    cell = "i { display: inline-block; width: 1ch; height: 18px; vertical-align: top; font-style: normal }"
+    return f"<style>{screen} {cell}</style><pre>{rows}</pre>"
+
+
+def _cell(character: str, style: str) -> str:
+    """Returns one cell of the terminal as HTML."""
+    colors = {layer: f"rgb({value.replace(';', ',')})" for layer, value in re.findall(r"\b([34]8);2;(\d+;\d+;\d+)", style)}
+    if character != "▀" or len(colors) < 2:
+        return f"<i>{html.escape(character)}</i>"
+    return f'<i style="background: linear-gradient({colors["38"]} 50%, {colors["48"]} 50%)"></i>'
 
 
 def _save(page: Page, folder: Path, step: str, *, left: int = 0, width: int = 0, height: int = 0) -> None:
@@ -285,17 +368,27 @@ def _notes(page: Page) -> None:
     page.wait_for_timeout(SETTLE_MS)
 
 
+def _who_rendered(page: Page) -> None:
+    """Shows in colours who rendered the tiles of a job's picture."""
+    page.locator("canvas.film").wait_for()
+    page.wait_for_timeout(SETTLE_MS)
+    page.get_by_label("Who rendered it").check()
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(SETTLE_MS)
+
+
 TAKEN = {
-    "page-dark": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 0.25, _show_still),
+    "page": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 0.25, _show_still),
     "notes": ({"example": "still-life", "width": 960, "height": 600, "spp": 128}, 1.0, _notes),
     "shot-page": (
         {"example": "caterpillar", "width": 640, "height": 360, "spp": 16, "frames": "0-95", "order": "breadth-first"},
         0.5,
         _shot,
     ),
+    "who-rendered": ({"example": "cornell-box", "width": 320, "height": 320, "spp": 48, "tile_size": 128}, 1.0, _who_rendered),
 }
 
-OTHERS = {TOUR: _tour, RECORDING: _record, FIRST_STEPS: _first_steps}
+OTHERS = {TOUR: _tour, RECORDING: _record, FIRST_STEPS: _first_steps, TERMINAL: _terminal}
 
 if __name__ == "__main__":
     main()

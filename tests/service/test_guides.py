@@ -82,7 +82,7 @@ def test_translations_link_to_each_other_and_have_their_language(page: Callable[
 
 
 def test_only_guides_and_their_pictures_are_served(client: Client) -> None:
-    assert client.get("/docs/guides/pictures/page-dark.jpg").headers["content-type"] == "image/jpeg"
+    assert client.get("/docs/guides/pictures/page.jpg").headers["content-type"] == "image/jpeg"
     for path in (
         "page.md",
         "settings_table.py",
