@@ -110,7 +110,9 @@ function matches(sections, words) {
 function excerpt(text, words) {
   const at = Math.max(0, Math.min(...words.map((word) => text.toLowerCase().indexOf(word)).filter((i) => i >= 0), text.length));
   const begin = at > EXCERPT / 3 && at < text.length ? text.lastIndexOf(" ", at - EXCERPT / 3) + 1 : 0;
-  return (begin ? "… " : "") + text.slice(begin, begin + EXCERPT) + (begin + EXCERPT < text.length ? " …" : "");
+  const isWhole = begin + EXCERPT >= text.length;
+  const end = isWhole ? text.length : Math.max(text.lastIndexOf(" ", begin + EXCERPT), begin + EXCERPT / 2); // of a word
+  return (begin ? "… " : "") + text.slice(begin, end) + (isWhole ? "" : " …");
 }
 
 /** Searches all guides while the reader types. The text of the guides is fetched at the first letter. */
