@@ -4,9 +4,9 @@ import { lightGroups, lightName } from "../film/channels.js";
 import { MOST_STOPS, clampStops, isPlain, plainStrip } from "../film/light-mix.js";
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { isLightless } from "../base/light-words.js";
 import { stops } from "../base/format.js";
 import { scenes } from "../news/farm.js";
-import { isLightless } from "../scene/scene-notices.js";
 import { linkTo } from "../shell/router.js";
 import { t } from "../base/words.js";
 

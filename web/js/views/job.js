@@ -5,7 +5,7 @@ import { canDenoise } from "../job/denoise-fields.js";
 import { clampExposure, displayFromUrl, displayPanel } from "../job/display-panel.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
-import { lightWords } from "../base/light-words.js";
+import { isLightless, lightWords } from "../base/light-words.js";
 import { emptyPage } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
@@ -43,7 +43,6 @@ import { progressBar, stateChip, stateWord } from "../shell/state-chip.js";
 import { Disposer } from "../base/store.js";
 import { announce } from "../shell/tray.js";
 import { removeJob } from "./job-row.js";
-import { isLightless } from "../scene/scene-notices.js";
 import { saidOf } from "../base/said.js";
 import { t } from "../base/words.js";
 
