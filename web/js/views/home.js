@@ -6,6 +6,7 @@ import { fill, h, keyedList } from "../base/dom.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
 import { choose } from "../shell/drops.js";
+import { FIRST_STEPS } from "../shell/help-dialog.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { linkTo, setTitle } from "../shell/router.js";
@@ -38,7 +39,7 @@ export function homeView() {
   const exampleSection = section(
     t("Examples"),
     exampleGrid,
-    h("span", { class: "quiet small" }, t("No scene at hand? Start with one of these.")),
+    h("span", { class: "quiet small" }, t("No scene at hand? Start with one of these."), " ", h("a", { href: FIRST_STEPS }, t("First steps"))),
   );
   const comparisonList = h("ul", { class: "comparisons" });
   const comparisonSection = section(t("Comparisons"), comparisonList, h("span", { class: "quiet small" }, t("One scene, rendered in two ways.")));
