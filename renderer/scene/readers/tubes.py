@@ -51,7 +51,8 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
     colors = [p.colors for p in pieces if p.colors is not None]
     if len(colors) == len(pieces):
         mesh.colors = np.ones((len(positions), 4), np.float32)
-        mesh.colors[:, :3] = np.clip(np.concatenate(colors), 0, 1)
+        all_colors: F64 = np.concatenate(colors)
+        mesh.colors[:, :3] = all_colors.clip(0, 1)
     fibres = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
     if fibres:
         tangents: F64 = np.concatenate([along for along, _ in fibres])

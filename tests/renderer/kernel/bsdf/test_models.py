@@ -11,7 +11,7 @@ from tests.renderer.kernel.bsdf.test_bsdf import MODELS
 
 # Delta lobes have no density, and unlit materials do not scatter.
 DELTA = ("sample_mirror", "sample_glass", "sample_smooth_conductor")
-JUDGED_ELSEWHERE = {"interface", "mirror", "unlit"}
+JUDGED_ELSEWHERE = {"hair", "interface", "mirror", "unlit"}
 
 
 def test_every_sampled_lobe_has_eval_and_pdf():
