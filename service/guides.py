@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 from urllib.parse import urlsplit
 
 from starlette.concurrency import run_in_threadpool
-from starlette.responses import Response
+from starlette.responses import RedirectResponse, Response
 from starlette.types import Scope
 
 from renderer import __version__
-from service.pages import Content, Pages, file_response
+from service.pages import Content, Pages, file_response, opens_page
 
 if TYPE_CHECKING:
     from markdown_it import MarkdownIt
@@ -54,11 +54,13 @@ class Guides(Pages):
         self._pages: dict[str, tuple[tuple[int, ...], Content]] = {}
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Returns the response with a guide, the index or a picture. Other files of the folder result in 404."""
+        """Returns the response with a guide, the index or a picture. Other names result in 404; browsers get the index."""
         name = INDEX if path == "." else path
         if scope["method"] in ("GET", "HEAD") and (name in (INDEX, SEARCH) or self._has(name)):
             content = await run_in_threadpool(self._page, name)
             return file_response(content, SEARCH if name == SEARCH else "guide.html", "no-cache", scope)
+        if opens_page(scope) and not PurePosixPath(path).suffix:
+            return RedirectResponse("/docs/guides/", headers={"Vary": "Accept"})  # an unknown guide, in a browser
         is_picture = PurePosixPath(path).parts[:1] == ("pictures",) and path.endswith(PICTURE_SUFFIXES)
         return await super().get_response(path if is_picture or name == INDEX else "no such file", scope)
 

@@ -16,16 +16,18 @@ import threading
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from urllib.parse import quote
 
 from fastapi.staticfiles import StaticFiles
 from starlette.concurrency import run_in_threadpool
 from starlette.datastructures import Headers
-from starlette.responses import Response
+from starlette.exceptions import HTTPException
+from starlette.responses import RedirectResponse, Response
 from starlette.types import Scope
 
 from service.page_index import index_of, joined_files
 
-__all__ = ["FONT", "Content", "Pages", "WebPages", "file_response"]
+__all__ = ["FONT", "Content", "Pages", "WebPages", "file_response", "opens_page"]
 
 FOLDER = "v"  # v/HASH/js/main.js
 PAGE_FOLDERS = ("js", "css", "words", "examples")
@@ -68,7 +70,19 @@ class WebPages(Pages):
         self._lock = threading.Lock()
 
     async def get_response(self, path: str, scope: Scope) -> Response:
-        """Returns the response for a path: index.html, a versioned file, or another file."""
+        """Returns the response for a path: index.html, a versioned file, or another file.
+
+        Another address that is opened in a browser, such as /jobs, leads to the page's view of that name; the page says if there
+        is none. Programs get a 404.
+        """
+        try:
+            return await self._file(path, scope)
+        except HTTPException as error:
+            if error.status_code != 404 or not opens_page(scope) or path.partition("/")[0] in ("api", FOLDER):
+                raise
+            return RedirectResponse(f"/#/{quote(path)}", headers={"Vary": "Accept"})
+
+    async def _file(self, path: str, scope: Scope) -> Response:
         if scope["method"] not in ("GET", "HEAD"):
             return await super().get_response(path, scope)  # responds with the allowed methods
         if path in (".", "index.html"):
@@ -157,6 +171,11 @@ def _font() -> Content | None:
         return None
     path = Path(package.origin).parent / "files" / "Inter[opsz,wght].ttf"
     return Content(path.read_bytes()) if path.is_file() else None
+
+
+def opens_page(scope: Scope) -> bool:
+    """Returns true for a request of a browser that opens an address as a page; programs and scripts do not ask for HTML."""
+    return scope["method"] == "GET" and "text/html" in Headers(scope=scope).get("accept", "")
 
 
 def _is_hidden(name: Path) -> bool:

@@ -1,5 +1,7 @@
 /** The API as a page, from /openapi.json alone: nothing is loaded from elsewhere. */
 
+import { addThemeMenu } from "./theme-menu.js";
+
 /** Tags in the order of a user's way; the others follow. */
 const FIRST = ["scenes", "jobs", "frames", "workers"];
 const METHODS = ["get", "post", "put", "patch", "delete"];
@@ -17,6 +19,9 @@ function resolve(schema, api) {
   if (!schema?.$ref) return schema ?? {};
   return schema.$ref.slice(2).split("/").reduce((at, key) => at[key], api);
 }
+
+/** "Light from around" is at #light-from-around. */
+const anchorOf = (tag) => tag.toLowerCase().replaceAll(" ", "-");
 
 /** A schema's type in a few words. */
 function typeName(schema, api) {
@@ -99,7 +104,7 @@ function page(api) {
     }
   }
   const place = ([tag]) => (FIRST.indexOf(tag) + 1 || FIRST.length + 1);
-  return [...groups].sort((a, b) => place(a) - place(b)).map(([tag, operations]) => el("section", {}, el("h2", {}, tag), ...operations));
+  return [...groups].sort((a, b) => place(a) - place(b)).map(([tag, operations]) => el("section", { id: anchorOf(tag) }, el("h2", {}, tag), ...operations));
 }
 
 const main = document.getElementById("operations");
@@ -107,7 +112,9 @@ try {
   const answer = await fetch("/openapi.json");
   if (answer.status === 401) throw new Error("log in on the page first");
   if (!answer.ok) throw new Error(`the service answers ${answer.status}`);
-  main.replaceChildren(...page(await answer.json()));
+  const sections = page(await answer.json());
+  main.replaceChildren(...sections);
+  document.querySelector(".sections").replaceChildren(...sections.map((each) => el("a", { href: `#${each.id}` }, each.querySelector("h2").textContent)));
 } catch (error) {
   main.replaceChildren(el("p", {}, `The description of the API cannot be loaded: ${error.message}. Reload the page.`));
 }
@@ -116,4 +123,7 @@ document.getElementById("find").addEventListener("input", (event) => {
   const wanted = event.target.value.trim().toLowerCase();
   for (const each of main.querySelectorAll("details")) each.hidden = !each.textContent.toLowerCase().includes(wanted);
   for (const each of main.querySelectorAll("section")) each.hidden = !each.querySelector("details:not([hidden])");
+  document.getElementById("none").hidden = main.querySelector("section:not([hidden])") !== null;
 });
+
+addThemeMenu();

@@ -1,5 +1,7 @@
 /** The guides: search, copy buttons, the theme, a note on the language, and the section that is being read. */
 
+import { addThemeMenu } from "./theme-menu.js";
+
 /** @typedef {{guide: string, title: string, anchor: string, heading: string, text: string}} Section */
 
 const MOST_FOUND = 12;
@@ -31,18 +33,6 @@ function addCopyButtons() {
     block.replaceWith(frame);
     frame.append(block, button);
   }
-}
-
-/** Adds a menu of the themes; the choice is shared with the farm's page. */
-function addThemeMenu() {
-  const theme = /** @type {any} */ (window).rayfarmTheme;
-  if (!theme) return;
-  const menu = el("select", { ariaLabel: "Theme", className: "theme" });
-  for (const [value, text] of [["system", "System"], ["light", "Light"], ["dark", "Dark"]]) {
-    menu.append(el("option", { value, textContent: text, selected: value === theme.get() }));
-  }
-  menu.addEventListener("change", () => theme.set(menu.value));
-  document.querySelector(".top")?.append(menu);
 }
 
 /** Says in the reader's language that the guides are in English; `rayfarm.language` is the choice made on the page. */
@@ -110,7 +100,9 @@ function matches(sections, words) {
 function excerpt(text, words) {
   const at = Math.max(0, Math.min(...words.map((word) => text.toLowerCase().indexOf(word)).filter((i) => i >= 0), text.length));
   const begin = at > EXCERPT / 3 && at < text.length ? text.lastIndexOf(" ", at - EXCERPT / 3) + 1 : 0;
-  return (begin ? "… " : "") + text.slice(begin, begin + EXCERPT) + (begin + EXCERPT < text.length ? " …" : "");
+  const isWhole = begin + EXCERPT >= text.length;
+  const end = isWhole ? text.length : Math.max(text.lastIndexOf(" ", begin + EXCERPT), begin + EXCERPT / 2); // of a word
+  return (begin ? "… " : "") + text.slice(begin, end) + (isWhole ? "" : " …");
 }
 
 /** Searches all guides while the reader types. The text of the guides is fetched at the first letter. */

@@ -57,6 +57,12 @@ def test_the_index_links_to_every_guide_and_states_the_version(client: Client) -
     assert f"Rayfarm {__version__}" in page
 
 
+def test_an_unknown_guide_leads_a_browser_to_the_index(client: Client) -> None:
+    assert client.get("/docs/guides/nothing").status_code == 404
+    answer = client.get("/docs/guides/nothing", headers={"Accept": "text/html"})
+    assert (answer.status_code, answer.headers["location"]) == (307, "/docs/guides/")
+
+
 @pytest.mark.parametrize("name", [*NAMES, *TRANSLATED])
 def test_guide_links_are_valid(page: Callable[[str], httpx.Response], name: str) -> None:
     answer = page(name)

@@ -128,6 +128,16 @@ def test_index_lists_views_by_url() -> None:
     assert len(views) == sources["js/views/showing.js"].count('await import("./')
 
 
+def test_addresses_without_a_file_open_the_page_in_a_browser_only(pages: Pages) -> None:
+    browser = {"Accept": "text/html,application/xhtml+xml,*/*;q=0.8"}
+    answer = pages.get("/jobs/a%20b%22?x=1", browser)
+    assert answer.status_code == 307
+    assert answer.headers["location"] == "/#/jobs/a%20b%22"
+    assert pages.get("/jobs").status_code == 404
+    for path in ("/api/nothing", "/v/0/js/main.js"):
+        assert pages.get(path, browser).status_code == 404
+
+
 def test_versioned_files_are_immutable_and_index_is_revalidated(pages: Pages) -> None:
     answer = pages.get(f"/v/{pages.version()}/js/base/b.js")
     assert answer.headers["cache-control"] == "public, max-age=31536000, immutable"

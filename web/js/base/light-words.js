@@ -1,10 +1,14 @@
 /** Descriptions of environment light: of a job's request, of a preset, of a sky. */
 
+import { WITHOUT_LIGHT, hasCode } from "./codes.js";
 import { hexOf } from "./colour.js";
 import { t } from "./words.js";
 
 /** @typedef {import("./types.js").EnvironmentRequest} EnvironmentRequest */
 /** @typedef {import("./types.js").Scene} Scene */
+
+/** Whether the file has no light, so that a studio light stands in. @param {Pick<Scene, "codes">} scene */
+export const isLightless = ({ codes }) => (codes?.["warnings"] ?? []).some((/** @type {any} */ coded) => hasCode(coded, WITHOUT_LIGHT));
 
 /** @param {string} id "dark-studio" @returns {string} "Dark studio" */
 const presetName = (id) => t((id[0]?.toUpperCase() ?? "") + id.slice(1).replaceAll("-", " "));

@@ -4,6 +4,7 @@ import { lightGroups, lightName } from "../film/channels.js";
 import { MOST_STOPS, clampStops, isPlain, plainStrip } from "../film/light-mix.js";
 import { h, setText } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { isLightless } from "../base/light-words.js";
 import { stops } from "../base/format.js";
 import { scenes } from "../news/farm.js";
 import { linkTo } from "../shell/router.js";
@@ -112,13 +113,17 @@ function withoutGroups(job, life) {
   const again = h("a", { class: "button", href: `${linkTo("scenes", job.scene)}?like=${job.id}` }, icon("refresh"), t("Render with other settings"));
   life.add(
     scenes.subscribe((all) => {
-      const has = Boolean(all?.find(({ id }) => id === job.scene)?.light_groups?.length);
-      again.hidden = !has;
+      const scene = all?.find(({ id }) => id === job.scene);
+      const has = Boolean(scene?.light_groups?.length);
+      const lacksLight = scene !== undefined && isLightless(scene);
+      again.hidden = !has && !lacksLight;
       setText(
         told,
         has
           ? t("This picture has no light groups. Switch on Light groups, under Advanced, to mix its lights after rendering.")
-          : t("None of the scene's lights has a light group. Set light_group in the scene file and render with light groups to mix them here."),
+          : lacksLight
+            ? t("The file has no lights to mix. Render with other settings to give it another light.")
+            : t("None of the scene's lights has a light group. Set light_group in the scene file and render with light groups to mix them here."),
       );
     }),
   );

@@ -52,9 +52,6 @@ function warningList(scene, some) {
   return h("ul", { "aria-label": t("Warnings") }, some.map((sentence) => h("li", null, warning(scene, sentence))));
 }
 
-/** Whether the file has no light, so that a studio light stands in. @param {Scene} scene */
-export const isLightless = (scene) => (scene.warnings ?? []).some((sentence) => hasCode(codedOf(scene, sentence), WITHOUT_LIGHT));
-
 /** The warnings about a scene: ignored or approximated parts. @param {Scene} scene */
 export function warnings(scene) {
   const sentences = scene.warnings.filter((sentence) => !hasCode(codedOf(scene, sentence), WITHOUT_LIGHT));

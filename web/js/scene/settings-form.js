@@ -3,7 +3,7 @@
 import { byProgram } from "../forms/by-program.js";
 import { canDenoise } from "../job/denoise-fields.js";
 import { cameraFields } from "../forms/camera-fields.js";
-import { isLightless } from "./scene-notices.js";
+import { isLightless } from "../base/light-words.js";
 import { h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
 import { compact, noiseText, roughly } from "../base/format.js";

@@ -6,6 +6,9 @@ import { table } from "../news/settings-table.js";
 import { setLetterShortcuts, hasLetterShortcuts, shortcuts } from "./shortcuts.js";
 import { language, t } from "../base/words.js";
 
+/** The guide to begin with, in the page's language where it is translated. */
+export const FIRST_STEPS = `docs/guides/first-steps${language === "de" ? ".de" : ""}`;
+
 /** Names of keys in the language of the page. @type {Record<string, string>} */
 const KEY_NAMES = { Ctrl: t("Ctrl"), Delete: t("Del"), Enter: t("Enter"), Escape: t("Esc"), Shift: t("Shift"), Space: t("Space") };
 
@@ -32,7 +35,7 @@ export function showHelp() {
       h(
         "p",
         { class: "row wraps help-links" },
-        h("a", { href: `docs/guides/first-steps${language === "de" ? ".de" : ""}` }, t("First steps")),
+        h("a", { href: FIRST_STEPS }, t("First steps")),
         h("a", { href: "docs/guides/" }, t("Guides")),
         h("a", { href: "docs/" }, t("API documentation")),
         table.value?.version && h("span", { class: "quiet number" }, `Rayfarm ${table.value.version}`),

@@ -6,6 +6,7 @@ import { fill, h, keyedList } from "../base/dom.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { adoptScene, hidden, jobs, scenes, workers } from "../news/farm.js";
 import { choose } from "../shell/drops.js";
+import { FIRST_STEPS } from "../shell/help-dialog.js";
 import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { linkTo, setTitle } from "../shell/router.js";
@@ -38,12 +39,14 @@ export function homeView() {
   const exampleSection = section(
     t("Examples"),
     exampleGrid,
-    h("span", { class: "quiet small" }, t("No scene at hand? Start with one of these.")),
+    h("span", { class: "quiet small" }, t("No scene at hand? Start with one of these."), " ", h("a", { href: FIRST_STEPS }, t("First steps"))),
   );
+  const comparisonList = h("ul", { class: "comparisons" });
+  const comparisonSection = section(t("Comparisons"), comparisonList, h("span", { class: "quiet small" }, t("One scene, rendered in two ways.")));
   const jobList = h("ul", { class: "cards latest" });
   const jobSection = section(t("Latest pictures"), jobList, h("a", { class: "small", href: linkTo("jobs") }, t("All jobs")));
-  for (const part of [sceneSection, exampleSection, jobSection]) part.hidden = true;
-  exampleSection.classList.add("for-submit"); // opening one requires permission to upload
+  for (const part of [sceneSection, exampleSection, comparisonSection, jobSection]) part.hidden = true;
+  for (const part of [exampleSection, comparisonSection]) part.classList.add("for-submit"); // opening one requires permission to upload
 
   const showJobs = keyedList(
     jobList,
@@ -75,11 +78,12 @@ export function homeView() {
   const told = new Promise((done) => life.add(scenes.subscribe((all) => all && done(null))));
   Promise.all([getExamples(), getComparisons(), told]).then(
     ([examples, comparisons]) => {
-      fill(
-        exampleGrid,
-        inOrder(examples).map((example) => exampleCard(example, comparisons[example.name] ?? [])),
-      );
+      const all = inOrder(examples);
+      fill(exampleGrid, all.map(exampleCard));
+      const pairs = all.flatMap((example) => (comparisons[example.name] ?? []).map((comparison) => comparisonItem(example, comparison)));
+      fill(comparisonList, pairs);
       exampleSection.hidden = examples.length === 0;
+      comparisonSection.hidden = pairs.length === 0;
     },
     () => {}, // a service without examples: the section stays hidden
   );
@@ -94,6 +98,7 @@ export function homeView() {
     jobSection,
     sceneSection,
     exampleSection,
+    comparisonSection,
   );
   return { element, dispose: () => life.dispose() };
 }
@@ -136,15 +141,16 @@ function dropZone() {
   );
 }
 
-/**
- * @param {Example} example
- * @param {import("../compare/comparisons.js").ExampleComparison[]} comparisons
- */
-function exampleCard(example, comparisons) {
-  // Rendered by Rayfarm; examples without a picture show a placeholder.
-  const picture = new URL(`../../examples/${encodeURIComponent(example.name)}.jpg`, import.meta.url).href;
+/** The picture of an example, rendered by Rayfarm; not every example has one. @param {Example} example */
+const pictureOf = ({ name }) => new URL(`../../examples/${encodeURIComponent(name)}.jpg`, import.meta.url).href;
+
+/** Removes a picture that does not exist, so that the placeholder is visible. @param {Event} event */
+const removePicture = (event) => /** @type {HTMLElement} */ (event.target).remove();
+
+/** @param {Example} example */
+function exampleCard(example) {
+  const picture = pictureOf(example);
   const length = example.frames && h("span", { class: "badge number" }, icon("play"), lengthOf(example.frames, example.fps));
-  const hide = (/** @type {Event} */ event) => /** @type {HTMLElement} */ (event.target).remove();
   const open = async () => {
     try {
       const scene = await openExample(example.name);
@@ -158,13 +164,12 @@ function exampleCard(example, comparisons) {
   return h(
     "li",
     { class: "card example" },
-    h("div", { class: "picture" }, icon("cube"), h("img", { src: picture, alt: "", loading: "lazy", onerror: hide }), length),
+    h("div", { class: "picture" }, icon("cube"), h("img", { src: picture, alt: "", loading: "lazy", onerror: removePicture }), length),
     h(
       "div",
       { class: "body" },
       h("button", { class: "name", type: "button", onclick: open }, example.title),
       h("p", { class: "quiet small" }, t(example.description)),
-      comparisons.map((comparison) => comparisonButton(example, comparison)),
     ),
   );
 }
@@ -179,7 +184,7 @@ function lengthOf(frames, fps) {
  * @param {Example} example
  * @param {import("../compare/comparisons.js").ExampleComparison} comparison
  */
-function comparisonButton(example, comparison) {
+function comparisonItem(example, comparison) {
   const run = async () => {
     button.disabled = true;
     try {
@@ -190,13 +195,14 @@ function comparisonButton(example, comparison) {
       button.disabled = false;
     }
   };
-  const button = h(
-    "button",
-    { class: "button small", type: "button", title: t(comparison.about ?? ""), onclick: run },
-    icon("compare"),
-    t(comparison.title),
+  const button = h("button", { class: "name", type: "button", onclick: run }, t(comparison.title));
+  const about = [example.title, comparison.about && t(comparison.about)].filter(Boolean).join(": ");
+  return h(
+    "li",
+    { class: "card comparison" },
+    h("div", { class: "picture" }, icon("compare"), h("img", { src: pictureOf(example), alt: "", loading: "lazy", onerror: removePicture })),
+    h("div", { class: "body" }, button, h("p", { class: "quiet small" }, about)),
   );
-  return button;
 }
 
 /**

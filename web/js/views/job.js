@@ -5,7 +5,7 @@ import { canDenoise } from "../job/denoise-fields.js";
 import { clampExposure, displayFromUrl, displayPanel } from "../job/display-panel.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
-import { lightWords } from "../base/light-words.js";
+import { isLightless, lightWords } from "../base/light-words.js";
 import { emptyPage } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
@@ -228,7 +228,7 @@ function details(job, life) {
   const rows = [
     [t("Scene"), sceneLink(job, life)],
     ...shotRows(job, life),
-    [t("Light"), lightWords(job.environment, scenes.value?.find(({ id }) => id === job.scene)) || t("The scene's own")],
+    [t("Light"), light(job, life)],
     [t("Size"), `${job.width}×${job.height}`],
     [t("Field of view"), job.settings && `${Number(job.settings.view.fov.toFixed(1))}°`],
     ...told(job.settings),
@@ -260,6 +260,18 @@ function sceneLink(job, life) {
   const link = h("a", { href: linkTo("scenes", job.scene) });
   life.add(scenes.subscribe((all) => setText(link, all?.find(({ id }) => id === job.scene)?.name ?? job.name)));
   return link;
+}
+
+/** The environment light of a job. Which light is the scene's own is known once the scenes are listed. @param {Job} job @param {Disposer} life */
+function light(job, life) {
+  const told = h("span");
+  const show = () => {
+    const scene = scenes.value?.find(({ id }) => id === job.scene);
+    const own = scene && isLightless(scene) ? t("Soft studio light") : t("The scene's own");
+    setText(told, lightWords(job.environment, scene) || own);
+  };
+  life.add(scenes.subscribe(show));
+  return told;
 }
 
 /** @param {Job} job the frame that the address names @returns {number | undefined} */
