@@ -16,9 +16,9 @@ F64 = npt.NDArray[np.float64]
 POINTS = 8
 LENGTH = 0.55
 SCENE = """name: fur
-settings: {width: 960, height: 400, spp: 128, max_depth: 32}
+settings: {width: 720, height: 300, spp: 144, max_depth: 32}
 cameras:
-  - {name: front, eye: [0, 1.1, 9.5], target: [0, -0.12, 0], fov: 20}
+  - {name: front, eye: [0, 1.1, 9.5], target: [0, -0.12, 0], fov: 24}
 environment: {color: [0.22, 0.25, 0.3]}
 lights:
   - {type: directional, direction: [-0.5, -0.75, -0.55], intensity: 3}
