@@ -80,8 +80,9 @@ class _Aov(NamedTuple):
 def parse_names(
     names: Iterable[str], groups: Sequence[str] | None = (), ranks: int = 0, is_transparent: bool = False
 ) -> list[str]:
-    """Returns the AOVs in a list of names, in which `all` stands for all AOVs of the film, `lights` and `paths` for
-    its light groups and light paths.
+    """Returns the AOVs in a list of names.
+
+    `all` stands for all AOVs of the film, `lights` for its light groups, `paths` for its light paths.
 
     groups: the names of the film's planes by light (RenderSettings.light_planes). None while they are unknown: names of light
     groups and paths, `lights`, `paths`, `all`, `cryptomatte` and `alpha` are kept, and the result has to be parsed again. ranks:

@@ -1,6 +1,6 @@
 """Cryptomatte: counts how many samples of each pixel hit each object and material first, and converts the counts to EXR layers.
 
-The layer of assets comes from the counts of objects: an asset is an object with its parts and copies, by their names.
+The layer of assets is computed from the counts of objects: an asset is an object with its parts and copies, matched by name.
 
 The counts are integers by pixel and id, stored sparsely. They are kept for all ids, so that they can be added in any order; the
 number of ids per pixel is limited only when the layers are written. Each sample counts 1, since the pixel filter is sampled, not

@@ -162,7 +162,7 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings: default strategy, no guide, groups, mattes or alpha."""
+    """Returns True if a graphics card can render with these settings: default strategy, no guide, light planes, mattes, alpha."""
     if not has_variants(settings) or samples_guide(settings):
         return False
     return not (settings.light_planes or settings.cryptomatte or settings.is_transparent)

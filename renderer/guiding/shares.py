@@ -1,10 +1,10 @@
-"""Learns how often each cell of a guide is sampled, from records of pilot paths that the guide was not made from.
+"""Learns the probability of sampling the guide in each cell, from pilot paths that its histograms were not made from.
 
 The integrand at a vertex is the light that arrives times the cosine; for the light of the next bounces its mean over the next
 vertex's cell. The second moment of its estimate from a mixture of the histogram and the cosine is the mean, over directions of
 any other density, of the squared integrand over the product of both densities. A cell gets the smallest share whose second
-moment is within a tenth of the smallest, since the weights of other directions multiply along a path; and none if that saves less
-than a tenth, for looking up the guide has its cost.
+moment is within a tenth of the smallest, since the weights of other directions multiply along a path; it gets a share of 0 if
+that saves less than a tenth, which would not pay for looking up the guide.
 """
 
 from __future__ import annotations
@@ -59,7 +59,9 @@ def _pdf(guide: Guide, block: npt.NDArray[np.int64], direction: npt.NDArray[np.f
     outer = guide.bin[block * BINS + (square // SIDE) @ np.array([SIDE, 1])]
     inner = guide.bin[outer[:, 1].astype(np.int64) * BINS + (square % SIDE) @ np.array([SIDE, 1])]
     x, y, z = np.abs(direction).T
-    pdf: npt.NDArray[np.float64] = outer[:, 0].astype(np.float64) * inner[:, 0] / (4 * (x + y + z) ** 3)
+    length = x + y + z
+    # Products in place of a power, whose last bit differs between processors: all workers must learn the same shares.
+    pdf: npt.NDArray[np.float64] = outer[:, 0].astype(np.float64) * inner[:, 0] / (4 * (length * length * length))
     return pdf
 
 

@@ -30,8 +30,8 @@ __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
 ROUNDS = (1 << 15, 1 << 16, 1 << 17)  # camera paths
 PHOTONS = 1 << 18
-# Fraction of the second moments. Where more is left, `auto` does without a guide, and `on` learns the share of each cell; where
-# less is left, a share of a half everywhere is better, since camera paths tell too little of single cells.
+# Fraction of the second moments. If more is left, `auto` renders without a guide, and `on` learns the share of each cell. If less
+# is left, a share of a half everywhere is better: there are too few pilot paths to estimate the shares of single cells.
 MOST_LEFT = 0.4
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's

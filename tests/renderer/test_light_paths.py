@@ -98,7 +98,6 @@ def test_paths_sum_to_the_unchanged_color(name: str) -> None:
 @pytest.mark.long
 @pytest.mark.parametrize("name", ["textures", "many lights"])
 def test_both_backends_have_the_same_bits(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """With light groups too, which are not changed by the planes behind them."""
     scene, settings = made(name)
     settings = replace(settings, light_paths="on")
     pool = render_frame(scene, settings, 4)

@@ -186,8 +186,9 @@ def _incidence(wo):
 
 @device
 def _total(lobes):
-    """Returns the sum of the lobes' luminances."""
-    return vec.luminance(lobes[0]) + vec.luminance(lobes[1]) + vec.luminance(lobes[2]) + vec.luminance(lobes[3])
+    """Returns the sum of the lobes' luminances, above 0: fibres of index 1 that absorb all light have none."""
+    total = vec.luminance(lobes[0]) + vec.luminance(lobes[1]) + vec.luminance(lobes[2]) + vec.luminance(lobes[3])
+    return max(total, _LEAST * _LEAST)
 
 
 @device

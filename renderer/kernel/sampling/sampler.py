@@ -97,8 +97,8 @@ def pixel_key(x, y):
 def hash4(seed, pixel, sample, block):
     """Returns four independent random uint32, hashed from four counters by pcg4d.
 
-    The block is hashed before: pcg4d's numbers are polynomials of a low degree in each counter, and those of the consecutive
-    blocks of one path are not jointly independent: delta tracking was 0.06 to 0.2 % too bright.
+    The block is hashed first. The results of pcg4d are polynomials of a low degree in each counter, so without this the numbers
+    of consecutive blocks of a path are not jointly independent: delta tracking was 0.06 to 0.2 % too bright.
     """
     x = _lcg(u32(pixel))
     y = _lcg(u32(sample))

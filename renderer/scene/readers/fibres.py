@@ -1,4 +1,4 @@
-"""Makes the material of hair from what scene files say of it."""
+"""Returns materials of hair from the parameters of other formats."""
 
 from __future__ import annotations
 

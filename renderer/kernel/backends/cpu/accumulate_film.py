@@ -43,9 +43,8 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
     """Adds the radiance of samples whose branches have all terminated to their pixels' sums, and frees their rows of the pool.
 
     The list DONE contains the free rows on return. Returns the number of bad samples (NaN or infinite), which are listed in `bad`
-    and not added. by_group: None, or the numbers of light groups, of light paths and of a branch's rows for them, and the
-    index in `film` of their sums, pixel by pixel. ids: see
-    Output (renderer/kernel/accumulate.py).
+    and not added. by_group: None, or the numbers of light groups, of light paths and of a branch's rows for them, and the index
+    in `film` of their sums, pixel by pixel. ids: see Output (renderer/kernel/accumulate.py).
     """
     never_inline()
     ox, oy, oz = batch.origin

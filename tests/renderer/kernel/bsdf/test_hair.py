@@ -104,6 +104,17 @@ def test_samples_follow_their_density(roughness, place):
 
 
 @pytest.mark.long
+def test_fibre_without_reflection_that_absorbs_all_light_is_black():
+    """No lobe has light then, in proportion to which they are sampled; the pdf is 0, not NaN."""
+    m = parameters(ior=1.0, sigma_a=(1e6, 1e6, 1e6))
+    wo = direction(0.2, 0.3)
+    _, weight, pdf = samples(m, wo, 100)
+    assert not weight.any() and not pdf.any()
+    f, pdf = values(m, wo, np.array([direction(-0.1, 2.0)]))
+    assert not f.any() and not pdf.any()
+
+
+@pytest.mark.long
 @pytest.mark.parametrize("beta_n", [0.25, 0.5, 0.9])
 def test_fibres_of_brighter_colours_are_brighter(beta_n):
     """A single fibre reflects more than its colour, which is that of many scattering events in a volume of hair."""
