@@ -261,12 +261,13 @@ def run_tests(python, arguments):
     is_long = "--long" in arguments
     arguments = [a for a in arguments if a != "--long"]
     is_whole = not arguments
-    # Kernels first, since tests wait for them. Checks have the priority of tests; otherwise they would run on alone when the
-    # tests have ended.
+    # Kernels first, on two processors, since a test that needs one before it is ready compiles it at the tests' low priority.
+    # Checks have that priority, too; otherwise they would run on alone when the tests have ended.
     beside = []
     if is_whole:
-        beside = [ParallelProcess("kernels", [str(python), "-m", "tests.kernels"]), *start_checks(python, nice(5), is_long)]
-    pytest = [*(nice(5) if is_whole else []), str(python), "-m", "pytest", *([] if is_long else ["-m", "not long"])]
+        kernels = [ParallelProcess(f"kernels ({name})", [str(python), "-m", "tests.kernels", name]) for name in ("pool", "path")]
+        beside = [*kernels, *start_checks(python, nice(10), is_long)]
+    pytest = [*(nice(10) if is_whole else []), str(python), "-m", "pytest", *([] if is_long else ["-m", "not long"])]
     failed = subprocess.call([*pytest, "-n", str(TEST_PROCESSES), *arguments], cwd=str(ROOT))
     return max([failed, *(each.result() for each in beside)])
 

@@ -1,4 +1,4 @@
-"""Compiles the kernels of the default tests (`python -m tests.kernels`), in a process parallel to the tests.
+"""Compiles the kernels of the default tests in processes parallel to them (`python -m tests.kernels pool`, `... path`).
 
 These are the variants `plain` and `full`, and the kernel for one path at a time. Tests that need others (motion, media, Whitted,
 ambient occlusion, caustics, guiding) are marked `long`.
@@ -7,6 +7,7 @@ ambient occlusion, caustics, guiding) are marked `long`.
 from __future__ import annotations
 
 import gc
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -76,16 +77,19 @@ def _prepare_readers() -> None:
     compile_scene(SceneDescription(spheres=[Sphere((0.0, 0.0, -9.0), 1.0, 0)], materials=[Material()], lights=lights))
 
 
-def main() -> None:
-    """Compiles the kernels, those needed by farms first."""
-    from renderer.render import FULL, PLAIN
+def main(kernels: str) -> None:
+    """Compiles the kernels of the pool, those needed by farms first, or the kernel for one path at a time.
 
+    kernels: "pool" or "path".
+    """
     gc.disable()  # garbage collection takes 1/12 of the time, and compilation leaves almost no garbage
-    get_ready(PLAIN)
+    if kernels == "path":
+        get_ready("full", sampling="light")
+        return
+    get_ready("plain")
     _prepare_readers()
-    get_ready(FULL)
-    get_ready(FULL, sampling="light")  # the kernel for one path at a time
+    get_ready("full")
 
 
 if __name__ == "__main__":
-    main()
+    main(sys.argv[1])
