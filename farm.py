@@ -37,7 +37,7 @@ VENV = ROOT / ".venv"
 PYTHONS = ((3, 13), (3, 12), (3, 11))
 FOR_TESTS = ("test",)
 FOR_BENCHMARKS = ("docs", "test")
-TEST_PROCESSES = 5  # one for each of the parts in tests/parts.py; many tests mostly wait
+TEST_PROCESSES = 7  # one for each of the parts in tests/parts.py; many tests mostly wait
 # Scripts that make the pictures of docs/, and their requirements.
 PICTURES = {"sheets": ("scenes", ()), "film": ("scenes", ()), "page-pictures": ("docs", FOR_TESTS)}
 TYPESCRIPT = VENV / "typescript"

@@ -26,14 +26,19 @@ SHARE_A_FARM = (
 )
 
 # Folders and files below tests/, by part and in the order in which a part runs them. The longest name that fits decides. In the
-# default run, all parts take equally long. Each begins with files that use no kernels, which another process compiles meanwhile
-# and which the later tests load.
+# default run, all parts take about equally long. Four of them mostly wait for processes and threads of farms and services; the
+# others use the processors meanwhile.
 PARTS: tuple[tuple[str, ...], ...] = (
-    (*SHARE_A_FARM, "chaos/", "rayfarm/"),
-    ("service/access/", "service/api/", "service/", "lineage/", "peers/", "renderer/arrays/", "renderer/guiding/", "renderer/"),
-    ("service/scheduling/", "service/store/", "renderer/kernel/bsdf/", "renderer/kernel/light/", "renderer/kernel/surface/"),
-    ("test_", "protocol/", "telemetry/", "page/", "worker/", "benchmarks/", "renderer/bvh/", "renderer/cuda/", "renderer/wide/"),
+    (*SHARE_A_FARM, "chaos/"),
+    ("service/api/", "service/access/"),
+    ("service/scheduling/", "service/ownership/", "service/maintenance/"),
+    ("test_", "protocol/", "telemetry/", "page/", "worker/", "benchmarks/", "rayfarm/", "submitters/"),
+    ("service/", "renderer/arrays/", "renderer/guiding/", "renderer/", "lineage/", "peers/"),
     ("blender/", "renderer/blender/", "renderer/confine/", "renderer/image/", "renderer/scene/", "renderer/kernel/"),
+    (
+        *("renderer/bvh/", "renderer/cuda/", "renderer/wide/"),
+        *("renderer/kernel/bsdf/", "renderer/kernel/light/", "renderer/kernel/surface/"),
+    ),
 )
 
 
