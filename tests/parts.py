@@ -32,7 +32,7 @@ PARTS: tuple[tuple[str, ...], ...] = (
     (*SHARE_A_FARM, "chaos/"),
     ("service/api/", "service/access/"),
     ("service/scheduling/", "service/ownership/", "service/maintenance/"),
-    ("test_", "protocol/", "telemetry/", "page/", "worker/", "benchmarks/", "rayfarm/", "submitters/"),
+    ("test_", "protocol/", "telemetry/", "page/", "worker/", "benchmarks/", "rayfarm/"),
     ("service/", "renderer/arrays/", "renderer/guiding/", "renderer/", "lineage/", "peers/"),
     ("blender/", "renderer/blender/", "renderer/confine/", "renderer/image/", "renderer/scene/", "renderer/kernel/"),
     (
