@@ -50,6 +50,7 @@ VIEW = View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0))
 def _few_pilot_paths(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(train, "ROUNDS", (1 << 12, 1 << 14))
     monkeypatch.setattr(train, "PHOTONS", 1 << 14)
+    monkeypatch.setattr(train, "MOST_LEFT", 1.0)  # so few paths learn no shares: a half everywhere
     monkeypatch.setattr(train, "_kept", [])
 
 
