@@ -180,7 +180,7 @@ class Material:
     """What is left of white after attenuation_distance."""
     attenuation_distance: float = number(math.inf, high=math.inf, above=True, kinds=_BOUNDS)
     sigma_a: Vec3 = color(0.0, high=MOST_DENSE, kinds=_BOUNDS + _HAIR, form="triple")
-    """What the inside absorbs, per scene unit; beside what attenuation_color says. Of hair per radius, in place of its color."""
+    """Absorption inside, per scene unit, in addition to attenuation_color. For hair: per radius, in place of color."""
     sigma_s: Vec3 = color(0.0, high=MOST_DENSE, kinds=_BOUNDS, form="triple")
     """What the inside scatters, per scene unit."""
     g: float = number(0.0, None, -MOST_FORWARD, MOST_FORWARD, _BOUNDS)

@@ -1,4 +1,4 @@
-"""What the hooks share: submitting a scene by the program `rayfarm`, and fetching pictures by the REST API."""
+"""Functions shared by the hooks: submit a scene by the program `rayfarm`, and fetch pictures by the REST API."""
 
 from __future__ import annotations
 
