@@ -102,7 +102,7 @@ def list_frames(
     id: str,
     farm: FarmDependency,
     state: FrameState | None = None,
-    limit: Annotated[int | None, Query(ge=1, le=MAX_FRAMES, description="at most so many; all unless told")] = None,
+    limit: Annotated[int | None, Query(ge=1, le=MAX_FRAMES, description="greatest number of frames; all by default")] = None,
     offset: Annotated[int, Query(ge=0, le=MAX_FRAMES, description="from which one on, counted from 0")] = 0,
 ) -> Response:
     """Lists the frames of a job in order, each with its state, samples, noise and error."""

@@ -22,7 +22,7 @@ CHUNK = 1 << 20  # bytes
 
 
 class FarmError(RuntimeError):
-    """A sentence of the farm, or of the program, about what is wrong."""
+    """Raised with an error sentence of the farm or of the program `rayfarm`."""
 
 
 def submit(

@@ -131,4 +131,4 @@ def test_numbers_of_older_rows_stay_unknown() -> None:
     assert shares_of('["a"]', 8) == {"a": 8}
     text = senders_text({"a": 0, "b": 3})
     assert (shares_of(text, 11), set(senders_of(text))) == ({"a": 0, "b": 3}, {"a", "b"})
-    assert shares_of(senders_text({"a": 3, "": 5}), 8) == {"a": 3}, "the samples of nobody known are not a's"
+    assert shares_of(senders_text({"a": 3, "": 5}), 8) == {"a": 3}, "samples without a known worker are not counted as a's"
