@@ -10,6 +10,7 @@ from typing import Any
 
 from telemetry import tracing
 from telemetry.log_lines import about
+from worker.process.slot_number import slot
 
 __all__ = ["Steps", "message_ids", "traced_task"]
 
@@ -55,7 +56,7 @@ def traced_task(task: Callable[[Any, Any], None], span: str) -> Callable[..., No
         (message,) = (*positional, *arguments.values())
         parent = tracing.parse_traceparent(getattr(self.request, tracing.HEADER, None)) if tracing.is_on() else None
         ids = message_ids(message)
-        with about(**ids), tracing.child_of(parent), tracing.span(span, **ids) if span else contextlib.nullcontext():
+        with about(**ids), tracing.child_of(parent), tracing.span(span, slot=slot(), **ids) if span else contextlib.nullcontext():
             task(self, message)
 
     return run
