@@ -145,8 +145,9 @@ def table(options: argparse.Namespace, run: Run) -> list[str]:
     loads, views = run.sampler.loads, max(run.views, 1)
     scene = "still" if options.still else "varied"
     lines = [
-        f"{run.views} views of the Cornell box ({scene}), {options.size}x{options.size}, {options.spp} samples, {options.outputs}:",
-        f"{run.views / run.seconds:.2f} views a second in {run.seconds:.0f} s on {options.slots} slots of {os.cpu_count()} cores. "
+        f"{run.views} views of the Cornell box ({scene}), {options.size}x{options.size}, {options.spp} samples,",
+        f"{options.outputs}: {run.views / run.seconds:.2f} views a second in {run.seconds:.0f} s",
+        f"on {options.slots} slots of {os.cpu_count()} cores. "
         f"Load of the machine before the farm began {run.load_before:.1f}, meanwhile {sum(loads) / len(loads):.1f}.",
         "",
         "| slot | renders | prepares scenes | without work | gaps | median gap | longest gaps |",
@@ -193,7 +194,8 @@ def comparison(run: Run, peer: Comparison) -> list[str]:
         f"| ratio | {ours / theirs:.1f} | | |",
         "",
         "BlenderProc renders colour, depth and normals together; instances and flow, its annotation here, are two more",
-        f"renderings of each view at one sample: {peer.parts}. Error: relative RMSE of one view's linear pixels at {peer.spp} samples",
+        f"renderings of each view at one sample: {peer.parts}.",
+        f"Error: relative RMSE of one view's linear pixels at {peer.spp} samples",
         f"against the same renderer's {peer.reference_spp}.",
     ]
 
