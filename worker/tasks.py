@@ -37,6 +37,7 @@ from worker.exchange.errors import MachineError, RefusedError, TemporaryError, U
 from worker.exchange.retry import retry_temporary
 from worker.exchange.sums_sender import Send, SumsSender
 from worker.process import context
+from worker.process.slot_number import slot
 from worker.telemetry.batch_warnings import step
 from worker.telemetry.task_context import Steps, message_ids, traced_task
 from worker.work.deaths import DEATHS_ALLOWED, count_deaths, is_redelivered, reset_deaths
@@ -79,7 +80,7 @@ def register(app: Celery) -> None:
         EXPLAIN: (_explain, "explain"),
     }
     for name, (task, span) in tasks.items():
-        app.task(traced_task(task, span), name=name, bind=True)
+        app.task(traced_task(task, span, slot), name=name, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:

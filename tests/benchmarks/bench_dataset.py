@@ -59,7 +59,7 @@ class Run:
         """Starts the farm, warms it up with other pictures, renders the missing views, and ends the farm."""
         self.load_before = os.getloadavg()[0]
         with PhaseReceiver() as receiver:
-            collector = {"OTEL_EXPORTER_OTLP_ENDPOINT": receiver.url, "OTEL_BSP_SCHEDULE_DELAY": "200"}
+            collector: dict[str, Any] = {"OTEL_EXPORTER_OTLP_ENDPOINT": receiver.url, "OTEL_BSP_SCHEDULE_DELAY": "200"}
             farm = start_farm(folder / "farm", options.slots, **collector, OTEL_BSP_MAX_QUEUE_SIZE="20000")
             try:
                 warm = {**request, "outputs": ["color"], "max_depth": 3}

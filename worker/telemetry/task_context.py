@@ -10,7 +10,6 @@ from typing import Any
 
 from telemetry import tracing
 from telemetry.log_lines import about
-from worker.process.slot_number import slot
 
 __all__ = ["Steps", "message_ids", "traced_task"]
 
@@ -44,11 +43,11 @@ class Steps:
             self._name, self._begun = name, time.time()
 
 
-def traced_task(task: Callable[[Any, Any], None], span: str) -> Callable[..., None]:
+def traced_task(task: Callable[[Any, Any], None], span: str, slot: Callable[[], int]) -> Callable[..., None]:
     """Wraps a Celery task so that its log lines contain the message's ids and its run is recorded as a span.
 
     The parent span is in Celery's message; without it no span is recorded. span: the span's name; empty to record none, for
-    tasks whose batches record their own.
+    tasks whose batches record their own. slot: returns the number of this process's slot.
     """
 
     @functools.wraps(task)

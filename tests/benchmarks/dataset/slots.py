@@ -6,7 +6,7 @@ import statistics
 from collections import defaultdict
 from collections.abc import Iterable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from tests.rayfarm.otlp_receiver import Receiver, Span
 
@@ -49,6 +49,10 @@ class PhaseReceiver(Receiver):
         self.seconds: defaultdict[str, list[float]] = defaultdict(list)  # durations of each phase
         self.count = 0  # spans received
 
+    def __enter__(self) -> Self:
+        super().__enter__()
+        return self
+
     def forget(self) -> None:
         """Discards what was received."""
         self.work.clear()
@@ -56,7 +60,8 @@ class PhaseReceiver(Receiver):
 
     def _take(self, request: Any) -> None:
         super()._take(request)
-        new, self.spans = self.spans, []
+        new = self.spans[:]
+        del self.spans[: len(new)]
         self.count += len(new)
         self.work += worked(new)
         for span in new:
