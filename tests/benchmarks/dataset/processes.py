@@ -14,7 +14,7 @@ import psutil
 __all__ = ["FarmSampler", "Usage"]
 
 EVERY_S = 2.0
-FILES_EVERY = 10  # samples
+FILES_EVERY = 5  # samples
 ROLES = ("slots", "readers", "worker", "service", "Redis", "tracing", "supervisor")
 
 
