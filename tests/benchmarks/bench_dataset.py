@@ -175,9 +175,8 @@ def table(options: argparse.Namespace, run: Run) -> list[str]:
     lines += ["", "| | at half of the views | at the end | a view | 10,000 views |", "|---|---|---|---|---|"]
     # The farm's files stop growing with the third job: each is deleted once its views are written.
     for name, (middle, end, a_view) in run.sampler.growth().items():
-        lines.append(
-            f"| {name} | {_mb(middle)} | {_mb(end)} | {a_view / 1000:.1f} kB | {_mb(end + max(a_view, 0.0) * max(10_000 - views, 0))} |"
-        )
+        projected = _mb(end + max(a_view, 0.0) * max(10_000 - views, 0))
+        lines.append(f"| {name} | {_mb(middle)} | {_mb(end)} | {a_view / 1000:.1f} kB | {projected} |")
     return lines
 
 
