@@ -45,6 +45,10 @@ CYCLES = ROOT / ".venv-cycles"
 # As in renderer/arrays/scene_features.py: scenes without motion and media
 FIRST_KERNELS = "plain,full"
 BLENDER = "bpy>=4.5,<4.6"  # a long-term support release, for Python 3.11 only
+BLENDERPROC_VENV = ROOT / ".venv-blenderproc"
+# What its modules import; it would install pinned versions into Blender's own Python. bpy needs this NumPy.
+BLENDERPROC = ("blenderproc>=2.8,<3", "numpy<2", "gitpython", "h5py", "imageio", "opencv-contrib-python-headless<4.12", "rich",
+               "scipy", "trimesh")  # fmt: skip
 EMBREE = ROOT / ".venv-embree"
 EMBREEX = "embreex>=4.4,<5"
 
@@ -337,11 +341,24 @@ def install_blender():
     """Returns a Python with Blender as a module, in a separate environment, as it needs another numpy than Rayfarm."""
     if imports(CYCLES, "bpy"):
         return CYCLES / "bin" / "python"
+    print_progress("installing Blender as a Python module into .venv-cycles (once; 370 MB are fetched) ...")
+    return install_apart(CYCLES, python_for_blender(), BLENDER)
+
+
+def install_blenderproc():
+    """Returns a Python with BlenderProc and Blender as a module, in a separate environment."""
+    if imports(BLENDERPROC_VENV, "bpy, trimesh"):
+        return BLENDERPROC_VENV / "bin" / "python"
+    print_progress("installing BlenderProc and Blender into .venv-blenderproc (once; 500 MB are fetched) ...")
+    return install_apart(BLENDERPROC_VENV, python_for_blender(), BLENDER, *BLENDERPROC)
+
+
+def python_for_blender():
+    """Returns the path of Python 3.11, for which Blender's module is made; fails if there is none."""
     maker = shutil.which("python3.11")
     if maker is None:
         fail("Blender's module needs Python 3.11 beside this one. On Debian: apt install python3.11 python3.11-venv")
-    print_progress("installing Blender as a Python module into .venv-cycles (once; 370 MB are fetched) ...")
-    return install_apart(CYCLES, maker, BLENDER)
+    return maker
 
 
 def install_embree():
@@ -358,12 +375,12 @@ def imports(folder, module):
     return python.exists() and subprocess.call([str(python), "-c", "import " + module], stdout=subprocess.DEVNULL) == 0
 
 
-def install_apart(folder, maker, package):
-    """Creates a separate environment with one package and its dependencies."""
+def install_apart(folder, maker, *packages):
+    """Creates a separate environment with some packages and their dependencies."""
     python = folder / "bin" / "python"
     shutil.rmtree(str(folder), ignore_errors=True)
     subprocess.check_call([maker, "-m", "venv", str(folder)])
-    pip(python, ["install", package])
+    pip(python, ["install", *packages])
     return python
 
 

@@ -231,6 +231,13 @@ class Client:
         """
         return self._read(Job, self._send("PATCH", f"/api/jobs/{_id(job)}", json=fields))
 
+    def delete(self, job: str) -> None:
+        """Deletes a job with its pictures.
+
+        farm.delete(job.id)
+        """
+        self._send("DELETE", f"/api/jobs/{_id(job)}")
+
     def wait(self, job: str, timeout_s: float | None = None, watch: Callable[[Job], None] | None = None) -> Job:
         """Waits until the job has ended (is finished, failed or cancelled), and returns it.
 

@@ -6,6 +6,7 @@ import contextlib
 import logging
 from collections.abc import Callable
 from dataclasses import asdict
+from operator import call
 from typing import Any
 
 from celery import Celery
@@ -34,7 +35,10 @@ from renderer.settings import Tile
 from telemetry.log_lines import about
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError, WorkerError, WorkError
 from worker.exchange.retry import retry_temporary
+from worker.exchange.sums_sender import Send, SumsSender
 from worker.process import context
+from worker.process.slot_number import slot
+from worker.telemetry.batch_warnings import step
 from worker.telemetry.task_context import Steps, message_ids, traced_task
 from worker.work.deaths import DEATHS_ALLOWED, count_deaths, is_redelivered, reset_deaths
 from worker.work.denoise_view import denoise_view
@@ -76,7 +80,7 @@ def register(app: Celery) -> None:
         EXPLAIN: (_explain, "explain"),
     }
     for name, (task, span) in tasks.items():
-        app.task(traced_task(task, span), name=name, bind=True)
+        app.task(traced_task(task, span, slot), name=name, bind=True)
 
 
 def _render_batch(task: Any, batch: dict[str, Any]) -> None:
@@ -85,13 +89,21 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
 
 
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
-    """Renders batches one after another, and sends the sums of each as soon as it is rendered."""
-    for batch in batches:
-        with about(**message_ids(batch)):
-            _render(task, context.current(), batch)
+    """Renders batches one after another. The sums of each are packed and sent while the next one is rendered.
+
+    The task ends after all are sent, so the message of a killed slot is delivered again. A redelivered message may contain the
+    batch that killed the slot: then each batch is sent before the next one begins.
+    """
+    is_in_turn = is_redelivered(task)
+    with SumsSender() as sender:
+        for number, batch in enumerate(batches, 1):
+            with about(**message_ids(batch)):
+                is_last = number == len(batches)  # sent at once, while the slot is still reported as busy with it
+                _render(task, context.current(), batch, sender.send_now if is_in_turn or is_last else sender.submit)
 
 
-def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> None:
+def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any], submit: Callable[[Send], None] = call) -> None:
+    """Renders a batch, and sends its sums. submit: calls a function that packs and sends them, at once or later."""
     try:
         work = RenderBatch.from_json(batch)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
@@ -110,8 +122,15 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any]) -> 
         if deaths:
             with contextlib.suppress(TemporaryError):  # the slot's death may come from a file damaged on this disk
                 discard_damaged(worker.cache, work.compiled)
-        worker.results.send(do())
-        reset_deaths(task, worker, work.batch)
+        outcome = do()
+
+        def send() -> None:
+            result = outcome.result()
+            with step("send sums"):
+                worker.results.send(result)
+            reset_deaths(task, worker, work.batch)
+
+        submit(send)
 
 
 def _render_jointly(task: Any, joint: dict[str, Any]) -> None:

@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
 __all__ = ["RenderedView", "rendered_by_farm", "rendered_here"]
 
-VIEWS_PER_JOB = 2000  # their JSON fits a request's body
-POLL_S = 0.2
+VIEWS_PER_JOB = 500  # a film of a small view takes some megabytes on the farm's disk until its job is deleted
+NEXT_JOB_AT = 100  # views left of a job when the next one is submitted, so that slots do not wait for it
+POLL_S, LONGEST_POLL_S, POLLS_GROW_IN_S = 0.2, 1.0, 50.0  # polls of a long data set find several views each
 NEAR = 64  # frames that are requested at a time
 
 
@@ -71,18 +72,16 @@ def rendered_by_farm(
 ) -> Generator[RenderedView | None]:
     """Yields the pictures of the views `numbers`, rendered by a farm, in the order in which they end; None if there is no news.
 
-    The views are the frames of one job, or of several for thousands of views. Jobs that an interrupted run has left are taken up
-    again. Raises ClientError, after all other pictures, if frames failed.
+    The views are the frames of one job, or of several for many views: they follow each other, and one whose views are written
+    is deleted after the next one has begun, as the films of all would take much of the farm's disk. Jobs that an interrupted run
+    has left are taken up again. Raises ClientError, after all other pictures, if frames failed.
     """
     from rayfarm.client import ClientError
 
-    jobs = _unfinished_jobs(farm, folder, numbers)
-    taken = {number for views in jobs.values() for number in views}
-    jobs |= _submitted(request, scene, farm, [number for number in numbers if number not in taken])
-    folder.remember_jobs(farm.url, jobs)
-    wanted, failures = set(numbers), dict[int, str]()
-    for job, views in jobs.items():
-        left = {number for number in views if number in wanted}
+    jobs = _Jobs(request, scene, farm, folder, numbers)
+    failures, begun = dict[int, str](), time.monotonic()
+    while (current := jobs.current()) is not None:
+        job, views, left = current
         finished = -1
         while left:
             found = farm.job(job)
@@ -96,18 +95,70 @@ def rendered_by_farm(
                     left.discard(number)
                     if frame.state == "failed":
                         failures[number] = frame.error or "no reason given"
-                        continue
-                    data = farm.image(job, request.picture_format, number)
-                    yield RenderedView(number, data, farm.digest(job, number))
+                    else:
+                        data = farm.image(job, request.picture_format, number)
+                        yield RenderedView(number, data, farm.digest(job, number))
+                    if len(left) <= NEXT_JOB_AT:
+                        jobs.submit_next()
             if left and found.is_over:
                 why = f"failed: {found.error or 'no reason given'}" if found.state == "failed" else f"was {found.state}"
                 raise ClientError(f"The job {job} {why}")
             if left:
                 yield None
-                time.sleep(POLL_S)
+                time.sleep(min(POLL_S * (1.0 + (time.monotonic() - begun) / POLLS_GROW_IN_S), LONGEST_POLL_S))
+        jobs.end(job, is_complete=not failures.keys() & {*views})
     if failures:
         number, why = next(iter(sorted(failures.items())))
         raise ClientError(f"{len(failures)} of {len(numbers)} views failed, the first is {number}: {why}")
+
+
+class _Jobs:
+    """The jobs of a data set on a farm: those of an interrupted run first, then new ones, at most two at a time."""
+
+    def __init__(self, request: Request, scene: Path, farm: Client, folder: Folder, numbers: Sequence[int]) -> None:
+        self._request, self._scene, self._farm, self._folder = request, scene, farm, folder
+        self._wanted = {*numbers}
+        self._jobs = _unfinished_jobs(farm, folder, numbers)  # views by job
+        taken = {number for views in self._jobs.values() for number in views}
+        self._left = sorted(self._wanted - taken)
+        self._body: dict[str, Any] | None = None  # of a request, once the scene is uploaded
+        self._open = list(self._jobs)
+
+    def current(self) -> tuple[str, list[int], set[int]] | None:
+        """Returns the job whose views come next, its views, ascending, and those that are missing; None if all have ended."""
+        if not self._open:
+            self._submit()
+        if not self._open:
+            return None
+        job = self._open[0]
+        return job, self._jobs[job], self._wanted & {*self._jobs[job]}
+
+    def submit_next(self) -> None:
+        """Submits the next job, unless one besides the current one is open already."""
+        if len(self._open) < 2:
+            self._submit()
+
+    def end(self, job: str, is_complete: bool) -> None:
+        """Removes a job all of whose views have ended. is_complete: whether it may be deleted, if another one follows it."""
+        from rayfarm.client import ClientError
+
+        self._open.remove(job)
+        if is_complete and self._open:
+            self._jobs.pop(job)
+            self._folder.remember_jobs(self._farm.url, self._jobs)
+            with suppress(ClientError):  # a farm that does not permit it keeps the job
+                self._farm.delete(job)
+
+    def _submit(self) -> None:
+        part, self._left = self._left[:VIEWS_PER_JOB], self._left[VIEWS_PER_JOB:]
+        if not part:
+            return
+        body = self._body = self._body or _job_body(self._request, self._scene, self._farm)
+        views = [_view_json(self._request.views[number]) for number in part]
+        job = self._farm.submit(**{**body, "views": views, "frames": frames_text(part)})
+        self._jobs[job.id] = part
+        self._open.append(job.id)
+        self._folder.remember_jobs(self._farm.url, self._jobs)
 
 
 def _ended_frames(farm: Client, job: str, views: list[int], left: set[int], running: int) -> list[Frame]:
@@ -138,25 +189,16 @@ def _unfinished_jobs(farm: Client, folder: Folder, numbers: Sequence[int]) -> di
     return found
 
 
-def _submitted(request: Request, scene: Path, farm: Client, numbers: Sequence[int]) -> dict[str, list[int]]:
-    """Uploads the scene once and submits the views as jobs; returns their numbers by job."""
+def _job_body(request: Request, scene: Path, farm: Client) -> dict[str, Any]:
+    """Uploads the scene, and returns what the requests of all jobs have in common."""
     from rayfarm.library.farm_render import job_request
 
-    if not numbers:
-        return {}
     placement = request.arguments.picture.placement()._asdict()
     uploaded = farm.upload(scene_files(scene, request.vary), name=scene.stem, **placement)
     ready = farm.wait_for_scene(uploaded.id)
     body = job_request(farm, ready, request.arguments)
     body.pop("view", None)  # `height` in pixels is also the name of an orthographic view's
-    vary = {} if request.vary is None else {"vary": request.vary}
-    jobs: dict[str, list[int]] = {}
-    for first in range(0, len(numbers), VIEWS_PER_JOB):
-        part = sorted(numbers[first : first + VIEWS_PER_JOB])
-        views = [_view_json(request.views[number]) for number in part]
-        job = farm.submit(ready.id, **{**body, **vary, "views": views, "frames": frames_text(part)})
-        jobs[job.id] = part
-    return jobs
+    return {**body, "scene": ready.id, **({} if request.vary is None else {"vary": request.vary})}
 
 
 def _view_json(view: View) -> dict[str, Any]:

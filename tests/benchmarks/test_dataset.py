@@ -4,28 +4,30 @@ from __future__ import annotations
 
 import pytest
 
-from tests.benchmarks.bench_dataset import gaps
+from tests.benchmarks.dataset.slots import slot_times, worked
 from tests.rayfarm.otlp_receiver import Span
 
 SECOND = 1_000_000_000
 
 
-def span(name: str, begun: float, ended: float, id: str = "", parent: str = "job") -> Span:
-    return Span("worker", "attic", name, "t", id or f"{name}{begun}", parent, int(begun * SECOND), int(ended * SECOND), None)
+def span(name: str, slot: int, begun: float, ended: float) -> Span:
+    times = int(begun * SECOND), int(ended * SECOND)
+    return Span("worker", "attic", name, "t", f"{name}{begun}", "job", *times, None, attributes={"rayfarm.slot": slot})
 
 
-def test_time_between_and_after_the_tasks_of_a_slot_counts() -> None:
+def test_only_rendering_and_preparing_are_work() -> None:
     spans = [
-        span("batch", 2.0, 5.0),  # of the first slot, which was free later
-        span("prepare frames", 0.0, 2.0),
-        span("batch", 1.0, 4.0, id="outer"),
-        span("open scene", 1.0, 1.5, parent="outer"),
-        span("film", 4.0, 9.0),  # of the service
-        span("batch", 6.0, 8.0),
+        span("trace paths", 0, 2.0, 5.0),
+        span("prepare frames", 0, 0.0, 2.0),
+        span("pack sums", 0, 4.5, 5.2),  # counts only while paths are traced
+        span("send sums", 0, 5.2, 5.5),
+        span("trace paths", 1, 1.0, 4.0),
+        span("film", 0, 4.0, 9.0),  # of the service
+        span("trace paths", 0, 6.0, 8.0),
     ]
-    (first, length), (second, _) = gaps(spans, 2)
-    assert length == pytest.approx(8.0)
-    assert [(gap.begun, gap.ended, gap.after) for gap in first] == [(5.0, 6.0, "batch")]
-    assert [(gap.begun, gap.ended, gap.after) for gap in second] == [(0.0, 1.0, "start"), (4.0, 8.0, "batch")]
+    first, second = slot_times(worked(spans), 2)
+    assert (first.length, first.rendering, first.preparing, first.idle) == pytest.approx((8.0, 5.0, 2.0, 1.0))
+    assert [(gap.begun, gap.ended, gap.after) for gap in first.gaps] == [(5.0, 6.0, "trace paths")]
+    assert [(gap.begun, gap.ended, gap.after) for gap in second.gaps] == [(0.0, 1.0, "start"), (4.0, 8.0, "trace paths")]
     with pytest.raises(SystemExit, match="no span arrived"):
-        gaps([], 2)
+        slot_times([], 2)

@@ -60,8 +60,8 @@ def test_a_task_is_about_what_its_message_names() -> None:
     def task(self: object, message: Any) -> None:
         seen.append(line(record("here")))
 
-    traced_task(task, "x")(None, batch={"batch": "b", "job": "j", "frame": 4, "tile": [0, 0, 8, 8]})
-    traced_task(task, "x")(None, scene="s")
+    traced_task(task, "x", int)(None, batch={"batch": "b", "job": "j", "frame": 4, "tile": [0, 0, 8, 8]})
+    traced_task(task, "x", int)(None, scene="s")
     assert (seen[0]["batch"], seen[0]["job"], seen[0]["frame"]) == ("b", "j", 4)
     assert seen[1]["scene"] == "s"
     assert message_ids({"job": ["of", "another", "release"], "watch": "v"}) == {"view": "v"}

@@ -43,11 +43,11 @@ class Steps:
             self._name, self._begun = name, time.time()
 
 
-def traced_task(task: Callable[[Any, Any], None], span: str) -> Callable[..., None]:
+def traced_task(task: Callable[[Any, Any], None], span: str, slot: Callable[[], int]) -> Callable[..., None]:
     """Wraps a Celery task so that its log lines contain the message's ids and its run is recorded as a span.
 
     The parent span is in Celery's message; without it no span is recorded. span: the span's name; empty to record none, for
-    tasks whose batches record their own.
+    tasks whose batches record their own. slot: returns the number of this process's slot.
     """
 
     @functools.wraps(task)
@@ -55,7 +55,7 @@ def traced_task(task: Callable[[Any, Any], None], span: str) -> Callable[..., No
         (message,) = (*positional, *arguments.values())
         parent = tracing.parse_traceparent(getattr(self.request, tracing.HEADER, None)) if tracing.is_on() else None
         ids = message_ids(message)
-        with about(**ids), tracing.child_of(parent), tracing.span(span, **ids) if span else contextlib.nullcontext():
+        with about(**ids), tracing.child_of(parent), tracing.span(span, slot=slot(), **ids) if span else contextlib.nullcontext():
             task(self, message)
 
     return run

@@ -122,7 +122,7 @@ def _render(worker: WorkerContext, piece: ClaimedPiece) -> None:
     joint = JointBatch.from_json(json.loads(piece.about))
     work = joint.batch(piece.number)
     with about(**message_ids(vars(work))), rendering_batch(worker, work, joint.whole.batch) as do:
-        result = do()
+        result = do().result()
         if result.sums is not None:
             if joint.run is not None:
                 result.event["run"] = list(joint.run)

@@ -6,11 +6,12 @@ import time
 import traceback
 from collections import OrderedDict
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any
 
 from protocol.contract import RenderBatch, Result
 from protocol.reproduce import batch_command
-from protocol.sums import pack_sums
+from protocol.sums import PACKED, pack_sums
 from renderer.errors import RayfarmError
 from renderer.film import BatchSums
 from renderer.render import is_warm, render_batch, variant_for
@@ -20,16 +21,18 @@ from worker.exchange.errors import RefusedError, TemporaryError
 from worker.exchange.ready import make_kernel_ready
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
+from worker.process.slot_number import slot
 from worker.telemetry.batch_warnings import step
 from worker.work.scenes import open_scene
 
 __all__ = [
     "PATIENCE_S",
+    "BatchOutcome",
     "batch_event",
     "failure_event",
     "mapped_scene",
     "render",
-    "rendered_result",
+    "rendered_outcome",
     "returned_event",
     "unreadable_batch_event",
 ]
@@ -44,7 +47,23 @@ OPEN_SCENES = 8
 _open: OrderedDict[str, CompiledScene] = OrderedDict()
 
 
-def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> Result:
+@dataclass(frozen=True)
+class BatchOutcome:
+    """Outcome of a batch: its event, and its exact sums, which are packed when the result is made; None if it has none."""
+
+    event: dict[str, Any]
+    sums: BatchSums | None = None
+    packing: int = PACKED
+
+    def result(self) -> Result:
+        """Returns the result to send, with its sums packed."""
+        if self.sums is None:
+            return Result(self.event)
+        with step("pack sums"):
+            return Result(self.event, pack_sums(self.sums.sums, self.packing, self.sums.hits))
+
+
+def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> BatchOutcome:
     """Renders a batch. Returns its exact sums, or the event of a failed or returned batch with the reason.
 
     compiling: called with True before the scene's kernel is made ready, and with False afterwards.
@@ -59,24 +78,24 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
                 make_kernel_ready(worker.link, batch.settings, variant)
             compiling(False)
         begun = time.perf_counter()
-        with step("trace paths", first=batch.first, count=batch.count, tile=list(batch.tile)):
+        with step("trace paths", slot=slot(), first=batch.first, count=batch.count, tile=list(batch.tile)):
             sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
     except TemporaryError as error:
-        return returned_event(
+        failed = returned_event(
             worker,
             batch,
             Sentence("worker-returned-batch", "{worker} returned a batch: {error}", worker=worker.name, error=error),
         )
     except RefusedError as error:
-        return failure_event(
+        failed = failure_event(
             worker,
             batch,
             Sentence("worker-scene-not-fetched", "{worker} cannot fetch the scene: {error}", worker=worker.name, error=error),
         )
     except RayfarmError as error:
-        return failure_event(worker, batch, str(error))
+        failed = failure_event(worker, batch, str(error))
     except MemoryError:
-        return failure_event(
+        failed = failure_event(
             worker,
             batch,
             Sentence(
@@ -87,24 +106,26 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
         )
     except Exception as error:  # any error fails this batch only, not the worker
         last = "".join(traceback.format_exception(error)[-TRACE_LINES:])[-TRACE_CHARACTERS:]
-        return failure_event(
+        failed = failure_event(
             worker,
             batch,
             Sentence("rendering-failed", "rendering failed unexpectedly ({error})", error=f"{type(error).__name__}: {error}"),
             last,
         )
-    return rendered_result(worker, batch, sums, time.perf_counter() - begun)
+    else:
+        return rendered_outcome(worker, batch, sums, time.perf_counter() - begun)
+    return BatchOutcome(failed.event)
 
 
-def rendered_result(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, seconds: float) -> Result:
-    """Returns the result of a rendered batch, with its sums. seconds: rendering time."""
+def rendered_outcome(worker: WorkerContext, batch: RenderBatch, sums: BatchSums, seconds: float) -> BatchOutcome:
+    """Returns the outcome of a rendered batch. seconds: rendering time."""
     event = {
         **batch_event(worker, batch, "batch"),
         "seconds": seconds,
         "bad": [list(bad) for bad in sums.bad],
         "bad_count": sums.bad_count,
     }
-    return Result(event, pack_sums(sums.sums, batch.packing, sums.hits))
+    return BatchOutcome(event, sums, batch.packing)
 
 
 def failure_event(worker: WorkerContext, batch: RenderBatch, error: str, trace: str = "") -> Result:

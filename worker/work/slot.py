@@ -7,14 +7,14 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any, Self
 
-from protocol.contract import RenderBatch, Result
+from protocol.contract import RenderBatch
 from telemetry import tracing
 from telemetry.log_lines import ids
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
 from worker.telemetry.batch_warnings import collect_warnings
 from worker.telemetry.task_context import message_ids
-from worker.work.render import render
+from worker.work.render import BatchOutcome, render
 
 __all__ = ["SlotTask", "rendering_batch"]
 
@@ -50,7 +50,7 @@ class SlotTask:
 
 
 @contextmanager
-def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], Result]]:
+def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], BatchOutcome]]:
     """Context manager in which the slot is reported as rendering a batch; yields the function that renders it.
 
     message: id of the Celery message.
@@ -58,19 +58,19 @@ def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> I
     about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
     with SlotTask(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 
-        def render_and_send() -> Result:
+        def render_batch() -> BatchOutcome:
             # A piece shared by another slot comes without a trace context from the service.
             parent = tracing.current_span() or tracing.root_span("job", work.job)
             with collect_warnings() as heard, tracing.span("batch", parent, **message_ids(vars(work))):
-                result = render(worker, work, hand.report_compiling)
+                outcome = render(worker, work, hand.report_compiling)
                 if tracing.is_on():
-                    result.event["traceparents"] = [str(tracing.current_span())]
-            result.event.update(heard.result_fields())
-            if result.sums is not None:
-                hand.speed = work.tile.w * work.tile.h * work.count / max(result.event.get("seconds", 0.0), 1e-6)
+                    outcome.event["traceparents"] = [str(tracing.current_span())]
+            outcome.event.update(heard.result_fields())
+            if outcome.sums is not None:
+                hand.speed = work.tile.w * work.tile.h * work.count / max(outcome.event.get("seconds", 0.0), 1e-6)
             if log.isEnabledFor(logging.DEBUG):
-                about_it = ids(**{name: result.event.get(name) for name in ("first", "count", "seconds", "error")})
-                log.debug("%s", result.event["type"], extra=about_it)
-            return result
+                about_it = ids(**{name: outcome.event.get(name) for name in ("first", "count", "seconds", "error")})
+                log.debug("%s", outcome.event["type"], extra=about_it)
+            return outcome
 
-        yield render_and_send
+        yield render_batch

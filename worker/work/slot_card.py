@@ -32,7 +32,7 @@ from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
-from worker.work.render import PATIENCE_S, mapped_scene, rendered_result, returned_event
+from worker.work.render import PATIENCE_S, mapped_scene, rendered_outcome, returned_event
 
 __all__ = ["Block", "blocks_of", "render_on_card", "return_to_cpus"]
 
@@ -225,7 +225,7 @@ def _send(worker: WorkerContext, block: Block, sums: BatchSums, seconds: float) 
         bad = [each for each in sums.bad if x <= each.x < x + w and y <= each.y < y + h]
         count = w * h * batch.count - int(part[SAMPLES].sum())
         share = w * h / (block.tile.w * block.tile.h)
-        worker.results.send(rendered_result(worker, batch, BatchSums(part, bad, count), seconds * share))
+        worker.results.send(rendered_outcome(worker, batch, BatchSums(part, bad, count), seconds * share).result())
 
 
 def _load(worker: WorkerContext, renderer: CardRenderer, variant: str) -> None:

@@ -18,14 +18,15 @@ from service.scheduling.jobs.plan import Range
 
 __all__ = ["BatchGroup", "SlotGroup", "batch_message", "joint_message", "next_batch_groups"]
 
-# fraction of the target duration for grouped batches: a slot prefetches two messages, whose batches no other slot can take
-GROUP_DURATION_SHARE = 0.5
 MAX_BATCHES = 32
 
 
 @dataclass(frozen=True)
 class SlotGroup:
-    """The slots of one worker kind to which batches are sent. batch_s: target duration of a batch in seconds."""
+    """The slots of one worker kind to which batches are sent.
+
+    batch_s: target duration of a batch in seconds. message_s: that of a message with several batches of a shot.
+    """
 
     kind: str
     slots: int
@@ -34,6 +35,7 @@ class SlotGroup:
     joint: bool  # whether all workers add up the sums of one tile
     max_run: int = 1  # maximum number of consecutive batches of one tile
     most: int = 2  # maximum number of slots to occupy at once
+    message_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -65,11 +67,7 @@ def next_batch_groups(job: ActiveJob, slots: SlotGroup) -> list[BatchGroup]:
         return []
     if not _has_known_cost(job, first):
         return [BatchGroup([first])]
-    if (
-        slots.several
-        and job.shot is not None
-        and job.expected_s(first) < GROUP_DURATION_SHARE * job.target_s(slots.batch_s, slots.slots)
-    ):
+    if slots.several and job.shot is not None and job.expected_s(first) < job.target_s(slots.message_s, slots.slots):
         return _batches_of_many_tiles(job, slots, first)
     return _batches_of_one_tile(job, slots, first) if slots.joint and slots.max_run > 1 else [BatchGroup([first])]
 
@@ -95,7 +93,7 @@ def joint_message(job: ActiveJob, leases: list[Lease], batches: list[Range], hol
 
 def _batches_of_many_tiles(job: ActiveJob, slots: SlotGroup, first: Range) -> list[BatchGroup]:
     batches = [first]
-    aim = GROUP_DURATION_SHARE * job.target_s(slots.batch_s, slots.slots)
+    aim = job.target_s(slots.message_s, slots.slots)
     expected = job.expected_s(first)
     while (
         expected < aim

@@ -166,7 +166,9 @@ class Scheduler:
             groups = [] if found is None else [found]
         else:
             batch_s = self._pace.batch_s(card_worker.slots, job.rendered_s / max(card_worker.slots, 1))
-            groups = next_batch_groups(job, SlotGroup(kind, card_worker.slots, batch_s, several=True, joint=False, most=1))
+            groups = next_batch_groups(
+                job, SlotGroup(kind, card_worker.slots, batch_s, several=True, joint=False, most=1, message_s=batch_s / 2)
+            )
             groups = [replace(group, queue=card_worker.queue, only=card_worker.name) for group in groups]
         self._send_all(job, kind, groups)
 
@@ -250,7 +252,8 @@ class Scheduler:
         site = self._choose_site(job) if joint and max_run > 1 else None
         if site is not None:
             max_run, max_slots = self._pace.batches_of_a_site(site.slots), min(max_slots, site.room)
-        groups = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, max_run, max_slots))
+        message_s = self._pace.message_s(batch_s, job.rendered_s / max(slots, 1)) if job.shot is not None else batch_s
+        groups = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, max_run, max_slots, message_s))
         if site is not None:
             hold_s = self._pace.site_hold_s(batch_s)
             groups = [message for group in groups for message in site.split_for_machines(group, hold_s)]

@@ -41,14 +41,14 @@ def test_slot_reports_kernel_compilation(worker: Any, monkeypatch: pytest.Monkey
     told: list[Any] = []
     monkeypatch.setattr(slot, "is_warm", lambda settings, variant: False)
     monkeypatch.setattr(slot, "make_kernel_ready", lambda *arguments: told.append(arguments))
-    result = slot.render(worker, batch, told.append)
+    result = slot.render(worker, batch, told.append).result()
     assert told == [True, (worker.link, SETTINGS, variant_of(worker.made)), False]
     assert result.sums is not None
     np.testing.assert_array_equal(unpack_sums(result.sums, TILE), render_batch(worker.made, SETTINGS, TILE, 0, 2).sums)
 
     told.clear()
     monkeypatch.setattr(slot, "is_warm", lambda settings, variant: True)
-    assert slot.render(worker, batch, told.append).sums == result.sums
+    assert slot.render(worker, batch, told.append).result().sums == result.sums
     assert told == []
 
 

@@ -1,0 +1,49 @@
+"""Sends a slot's sums in a thread while the slot renders its next batch."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextvars import copy_context
+from typing import Self
+
+__all__ = ["Send", "SumsSender"]
+
+Send = Callable[[], None]
+
+
+class SumsSender:
+    """Context manager with a thread that sends results in order, at most one behind the slot.
+
+    The thread ends with the context, so none runs when the slot forks a reader. Kernels run without the interpreter's lock.
+    """
+
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="sums")
+        self._pending: Future[None] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Waits until all results are sent. Raises the error of the latest `send`, unless another one propagates."""
+        try:
+            self.wait()
+        finally:
+            self._thread.shutdown()
+
+    def submit(self, send: Send) -> None:
+        """Calls `send` in the thread, after the previous result is sent. Raises the error of the previous `send`."""
+        self.wait()
+        self._pending = self._thread.submit(copy_context().run, send)
+
+    def send_now(self, send: Send) -> None:
+        """Calls `send` in this thread, after the previous result is sent. Raises the error of either `send`."""
+        self.wait()
+        send()
+
+    def wait(self) -> None:
+        """Waits until the submitted result is sent. Raises the error of `send`."""
+        pending, self._pending = self._pending, None
+        if pending is not None:
+            pending.result()
