@@ -30,16 +30,18 @@ from renderer.child_processes import spawn_guard
 from renderer.film import Sums
 from service.store.films import Film
 from service.store.tile_cache import TileCache
-from tests.benchmarks.scale.processors import Processors, Share
+from tests.benchmarks.scale.processors import Processors, Share, family_s, tree, written_bytes
 from tests.helpers import ROOT, running_redis, wait_until
 from tests.reducer import ReducerProcess
 
-__all__ = ["Load", "Served", "Taken", "run"]
+__all__ = ["FULL_BATCH_S", "Load", "Served", "Taken", "run"]
 
 OBJ = b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
 EXPONENT = 24
 SETTLES_S = 150.0
 SITE_NAME = "simulated"
+IDLE_S = 15.0
+FULL_BATCH_S = 10.0  # duration to which the batches of a large farm grow (RAYFARM_BATCH_SECONDS_MOST)
 MANY = 1 << 20  # more samples than any run renders
 
 
@@ -60,6 +62,7 @@ class Load:
     per_worker: int = 32  # slots per machine
     site: bool = False  # machines share a site with a reducer
     simulators: int = 1  # processes that simulate the slots
+    batches: int = 0  # measure until that many are merged, all of FULL_BATCH_S, and the idle service before; 0: by time
 
 
 @dataclass
@@ -91,6 +94,9 @@ class Taken:
     unfed_s: float = 0.0  # slot time without work
     held_up_s: float = 0.0  # slot time spent waiting for the simulator
     shares: dict[str, Share] = field(default_factory=dict)  # processor time by process
+    postgres_s: float = 0.0  # processor time of all processes of PostgreSQL, for all cells
+    written: dict[str, int] = field(default_factory=dict)  # bytes written to disk, by process
+    idle: dict[str, float] = field(default_factory=dict)  # cores that are used without a job, by process
 
 
 class Served:
@@ -216,8 +222,13 @@ def reducer_of(served: Served, load: Load) -> Iterator[None]:
         reducing.stop()
 
 
-def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
-    """Measures one table row: slots render an endless job for a while, and the job's film is compared with the sent sums."""
+def run(load: Load, sums: Sums, folder: Path, postgres: int | None = None, **environment: str) -> Taken:
+    """Measures one table row: slots render an endless job for a while, and the job's film is compared with the sent sums.
+
+    postgres: process id of the PostgreSQL server, if the service uses one.
+    """
+    if load.batches:
+        environment |= dict.fromkeys(("RAYFARM_BATCH_SECONDS", "RAYFARM_BATCH_SECONDS_MOST"), str(FULL_BATCH_S))
     kept = folder / "sums.npy"
     np.save(kept, sums[:, : load.tile, : load.tile])
     taken = Taken()
@@ -228,21 +239,30 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
     ):
         assert served.redis.process is not None
         simulators = {f"slots {number}": process.pid for number, process in enumerate(slots)}
-        job = served.job(served.scene(), load)
+        scene = served.scene()
+        if load.batches:
+            taken.idle = _idle_costs(served, postgres)
+        job = served.job(scene, load)
         wait_until(lambda: served.counts().get("merged", 0) > 0, 180, "a batch is merged")
         watching = _watching(served, job, load)
         time.sleep(load.warm_s)
         at_first = served.samples(job)
         before, begun, (service_s, redis_s) = served.counts(), time.monotonic(), served.processor_s()
-        processors = Processors({"service": served.process.pid, "Redis": served.redis.process.pid} | simulators)
+        servers = {"service": served.process.pid, "Redis": served.redis.process.pid}
+        processors, written = Processors(servers | simulators), {name: written_bytes([pid]) for name, pid in servers.items()}
+        of_postgres = tree(postgres)
+        postgres_s, written["PostgreSQL"] = family_s(of_postgres), written_bytes(of_postgres)
         with _pictures(served, job, load.pictures, taken.pictures):
-            while time.monotonic() - begun < load.seconds:
+            while time.monotonic() - begun < load.seconds or _merged(served) - before["merged"] < load.batches:
                 _look(served, taken)
                 time.sleep(0.5)
         after, ended = served.counts(), served.processor_s()
         taken.seconds = time.monotonic() - begun
         taken.service_s, taken.redis_s = ended[0] - service_s, ended[1] - redis_s
         taken.shares = processors.shares()
+        taken.postgres_s = family_s(tree(postgres)) - postgres_s
+        taken.written = {name: written_bytes([pid]) - written[name] for name, pid in servers.items()}
+        taken.written["PostgreSQL"] = written_bytes(of_postgres) - written["PostgreSQL"]
         of_job = served.samples(job)
         for name in ("merged", "results", "result_bytes", "lost", "dropped"):
             setattr(taken, name, after[name] - before[name])
@@ -263,6 +283,25 @@ def run(load: Load, sums: Sums, folder: Path, **environment: str) -> Taken:
         taken.is_exact = _is_exact(film, np.load(kept), has)
         film.close()
     return taken
+
+
+def _merged(served: Served) -> int:
+    return served.counts()["merged"]
+
+
+def _idle_costs(served: Served, postgres: int | None) -> dict[str, float]:
+    """Returns how many cores each server uses while workers report and there is no job.
+
+    `engine` is the busiest thread of the service.
+    """
+    assert served.redis.process is not None
+    time.sleep(3.0)  # until the workers are known
+    processors = Processors({"service": served.process.pid, "Redis": served.redis.process.pid})
+    begun, postgres_s = time.monotonic(), family_s(tree(postgres))
+    time.sleep(IDLE_S)
+    shares, seconds = processors.shares(), time.monotonic() - begun
+    cores = {name: share.used for name, share in shares.items()}
+    return {**cores, "engine": shares["service"].thread_used, "PostgreSQL": (family_s(tree(postgres)) - postgres_s) / seconds}
 
 
 def _look(served: Served, taken: Taken) -> None:

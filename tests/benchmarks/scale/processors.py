@@ -7,11 +7,13 @@ from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-__all__ = ["Processors", "Share"]
+import psutil
+
+__all__ = ["Processors", "Share", "family_s", "tree", "written_bytes"]
 
 _Times = dict[int, tuple[float, float]]  # thread id -> seconds on a processor, and seconds waiting for one
 
@@ -55,6 +57,30 @@ class Processors:
             busiest = max(each, key=sum, default=(0.0, 0.0))
             found[name] = Share(sum(used for used, _ in each), sum(waited for _, waited in each), *busiest)
         return found
+
+
+def tree(pid: int | None) -> list[int]:
+    """Returns the ids of a process and of all its descendants; an empty list for None."""
+    return [] if pid is None else [pid, *(each.pid for each in psutil.Process(pid).children(recursive=True))]
+
+
+def family_s(pids: Iterable[int]) -> float:
+    """Returns the processor seconds of these processes so far, including those of their children that have ended."""
+    found = 0.0
+    for pid in pids:
+        with contextlib.suppress(psutil.NoSuchProcess):
+            found += sum(psutil.Process(pid).cpu_times()[:4])  # user, system, and both of ended children
+    return found
+
+
+def written_bytes(pids: Iterable[int]) -> int:
+    """Returns how many bytes these processes have written to disks so far."""
+    found = 0
+    for pid in pids:
+        with contextlib.suppress(OSError):
+            lines = Path(f"/proc/{pid}/io").read_text().splitlines()
+            found += next(int(line.split()[1]) for line in lines if line.startswith("write_bytes:"))
+    return found
 
 
 def _times(pid: int) -> _Times:

@@ -8,6 +8,7 @@ import shutil
 import subprocess
 import tempfile
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 from sqlalchemy import create_engine, text
@@ -40,7 +41,8 @@ class PostgresServer:
     PostgreSQL refuses to run as root; if the tests do, the server runs as the user `nobody`. It always ends with this process.
     """
 
-    def __init__(self, binaries: Path) -> None:
+    def __init__(self, binaries: Path, options: Sequence[str] = QUICK) -> None:
+        """binaries: folder of the server's programs. options: settings of the server, as `name=value`."""
         self._folder = Path(tempfile.mkdtemp(prefix="postgres-"))  # a short path: a socket's name is limited to 107 bytes
         user = pwd.getpwnam("nobody") if os.geteuid() == 0 else None
         if user is not None:
@@ -52,13 +54,18 @@ class PostgresServer:
         initdb = [str(binaries / "initdb"), "-D", data, "-U", "farm", "-A", "trust", "-E", "UTF8", "--locale=C", "--no-sync"]
         subprocess.run(initdb, check=True, **quiet)  # type: ignore[call-overload]
         command = [str(binaries / "postgres"), "-D", data, "-k", str(self._folder), "-h", ""]
-        command += [f"--{name}" for name in QUICK]
+        command += [f"--{name}" for name in options]
         self._process = subprocess.Popen(command, preexec_fn=spawn_guard(), **quiet)  # type: ignore[call-overload]
         self._made = 0
         self._wait()
         self._administrator = create_engine(self.url("postgres"), isolation_level="AUTOCOMMIT")
         self.new_empty("template_of_tests")
         connect(self.url("template_of_tests"))[0].dispose()
+
+    @property
+    def pid(self) -> int:
+        """Process id of the server's main process."""
+        return self._process.pid
 
     def url(self, name: str) -> str:
         """Returns the URL of the server's database with this name."""
