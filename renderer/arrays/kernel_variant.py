@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from renderer.arrays import rows
+from renderer.arrays.rows import SEEN_BY_ALL
 from renderer.arrays.scene import CompiledScene
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 
@@ -43,6 +44,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "pivots": len(scene.pivot) > 0,
         "grids": len(scene.volume) > 0,
         "hair": "hair" in parts,
+        "visibility": len(scene.bvh.ray_roots) > 2,
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
@@ -66,6 +68,10 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
     elif len(scene.light_link) == 0:  # a kernel looks up light 0 and object 0 where there is none
         objects = scene.object_links if len(scene.object_links) else _filled(1, 1)
         scene = scene._replace(light_link=_filled(max(len(scene.light_primitive), 1), 0), object_links=objects)
+    if has.visibility is None:
+        scene = scene._replace(light_visibility=_NOTHING)
+    elif len(scene.light_visibility) == 0:  # likewise
+        scene = scene._replace(light_visibility=_filled(max(len(scene.light_primitive), 1), SEEN_BY_ALL))
     if has.grids is None:
         scene = scene._replace(**dict.fromkeys(_GRIDS, _NOTHING))
     if has.pivots is None:
