@@ -19,7 +19,7 @@ from renderer.scene.description import Instance, Light, LightLink, Material, Sce
 from renderer.scene.load import read
 from renderer.scene.material import with_visibility
 from renderer.settings import RenderSettings, View
-from tests.renderer.builders import gray, square
+from tests.renderer.builders import gray, icosphere, square
 from tests.renderer.judge import limit, mean_and_error
 
 SETTINGS = RenderSettings(16, 16, View((0.0, 6.0, 0.001), (0.0, 0.0, 0.0), fov=30.0), max_depth=2)
@@ -86,7 +86,7 @@ def test_a_lobe_whose_rays_do_not_see_a_light_receives_none_of_it(kind: str, lig
 
 @pytest.mark.long
 def test_mirrors_and_glass_do_not_show_what_their_rays_do_not_see() -> None:
-    down = View((0.0, 2.0, -4.0), (0.0, 0.0, 0.0), fov=60.0)  # sees the ball in the mirror
+    down = View((0.0, 2.0, -4.0), (0.0, 0.0, 0.0), fov=30.0)  # sees the ball in the mirror
     through = View((0.0, 1.5, -4.0), (0.0, 1.5, 2.0), fov=20.0)
     glass = _floor(Material(kind="glass", thin=True))
     glass.meshes[0] = square((0, 1.5, 0), (2, 0, 0), (0, 2, 0), 0)
@@ -156,8 +156,6 @@ def test_objects_outside_of_a_shadow_link_block_nothing(material: Material, kind
 @pytest.mark.long
 def test_instanced_objects_can_be_outside_of_a_shadow_link() -> None:
     """A blocker that is stored once and shown many times is left out of the trees of shadow rays, too."""
-    from renderer.scene.geometry import NO_PLACEMENT
-    from tests.renderer.builders import icosphere
 
     def film(link: str, count: int) -> Sums:
         description = _floor(DIFFUSE, spheres=[], lights=[replace(POINT, shadow_link=link)])
@@ -166,11 +164,9 @@ def test_instanced_objects_can_be_outside_of_a_shadow_link() -> None:
             place = np.eye(4)
             place[:3, 3] = 0.2 * (k % 8) - 0.7, 1.5, 0.2 * (k // 8) - 0.7
             description.instances.append(Instance(1, place, name="blocker"))
-        description.materials[2] = _hidden(description.materials[2], "camera")
         description.materials[2] = Material(base_color=gray(0.0))
         view = View((0.0, 0.9, 0.001), (0.0, 0.0, 0.0), fov=60.0)  # below the blockers
         scene = compile_scene(description)
-        assert NO_PLACEMENT < 0
         assert (len(scene.to_world) > 0) == (count > 0)
         return render_frame(scene, replace(SETTINGS, view=view), 4)
 

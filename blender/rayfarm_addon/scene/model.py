@@ -46,7 +46,8 @@ class Node:
     """An instance of a mesh.
 
     materials: material keys by slot. place: the instance's transform. places: if the instance moves, its transforms at the
-    shutter's keys. number: the object's pass index. hidden_from: the kinds of rays that do not see the instance. matte: "holdout", "shadow_catcher", or empty.
+    shutter's keys. number: the object's pass index. hidden_from: the kinds of rays that
+    do not see the instance. matte: "holdout", "shadow_catcher", or empty.
     """
 
     name: str

@@ -26,7 +26,7 @@ _ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND
 
 
 class NodeLook(NamedTuple):
-    """Material properties that a node overrides for its meshes. light_group, light_link, shadow_link: empty to keep the material's."""
+    """Material properties that a node overrides for its meshes. Of names, empty ones keep the material's."""
 
     hidden_from: tuple[str, ...]  # the kinds of rays that do not see it (RAY_KINDS)
     holdout: bool
