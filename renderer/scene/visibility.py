@@ -41,8 +41,8 @@ def tabulate_visibility(
     Raises SceneError if a link set or an object that it names is not there.
     """
     materials, lights = description.materials, description.lights
-    names = names_of_sets(description, {each.shadow_link for each in (*materials, *lights)})
-    if not names and not any(each.hidden_from for each in (*materials, *lights)):
+    names = names_of_sets(description, {m.shadow_link for m in materials} | {light.shadow_link for light in lights})
+    if not (names or any(m.hidden_from for m in materials) or any(light.hidden_from for light in lights)):
         return Visibility(False, np.zeros(0, np.int32), [], False)
     root = {name: _SHADOW if k == 0 else len(RAY_KINDS) + k - 1 for k, name in enumerate(["", *names])}
 

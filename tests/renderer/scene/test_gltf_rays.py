@@ -104,6 +104,22 @@ def test_mattes_of_blender_objects():
     assert ["holdout" in notes[0], "shadow catcher" in notes[1], len(notes)] == [True, True, 2]
 
 
+def test_extras_hide_nodes_from_kinds_of_rays(scene):
+    """Extras state the kinds of rays that see a node, and the extension those that do not; unknown kinds hide nothing."""
+    g = Gltf()
+    g.mesh(material=g.material(extras={"shadow_link": "hero"}))
+    g.node(mesh=0, extras={"visible_to": ["camera", "diffuse", "glossy"]})
+    g.node(mesh=0, extensions={RAYS: {"glossy": False, "volume": False}})
+    g.node(mesh=0, extras={"visible_to": ["camera", "x-rays"], "shadow_link": "other"})
+    g.root["extensionsUsed"] = [RAYS]
+    found = scene("a.glb", g.glb())
+    materials = [found.materials[i.material] for i in found.instances[-3:]]
+    looks = [(m.unseen, m.shadeless, m.hidden_from, m.shadow_link) for m in materials]
+    hidden = ("transmission", "volume"), ("glossy", "volume")
+    assert looks == [(False, True, hidden[0], "hero"), (False, False, hidden[1], "hero"), (False, False, (), "other")]
+    assert any("visible_to that is not a list of camera" in each for each in found.warnings)
+
+
 def test_extras_declare_link_sets(scene):
     lights = "KHR_lights_punctual"
     g = Gltf()

@@ -393,8 +393,13 @@ class Nodes:
 
 def _linked(light: Light, source: Json) -> Light:
     """Returns the light with the light group and the link sets that the extras of a glTF object name, if they name any."""
-    keys = "light_group", "light_link", "shadow_link"
-    return replace(light, **{key: source.name_in_extras(key) or getattr(light, key) for key in keys})
+    group, link, shadow = (source.name_in_extras(key) for key in ("light_group", "light_link", "shadow_link"))
+    return replace(
+        light,
+        light_group=group or light.light_group,
+        light_link=link or light.light_link,
+        shadow_link=shadow or light.shadow_link,
+    )
 
 
 def _link_sets(scene: Json) -> dict[str, LightLink]:

@@ -31,13 +31,13 @@ class LinkSets:
         self._description, self._notes = description, notes
         self._names: dict[tuple[str, ...], str] = {}
 
-    def fields_for(self, prim: Any) -> dict[str, str]:
-        """Returns the names of a light's link sets: `light_link` and `shadow_link`, empty if all objects take part."""
+    def names_for(self, prim: Any) -> tuple[str, str]:
+        """Returns the names of a light's link sets, `light_link` and `shadow_link`; empty if all objects take part."""
         light = UsdLux.LightAPI(prim)
-        return {
-            "light_link": self._name_for(prim, light.GetLightLinkCollectionAPI()),
-            "shadow_link": self._name_for(prim, light.GetShadowLinkCollectionAPI()),
-        }
+        return (
+            self._name_for(prim, light.GetLightLinkCollectionAPI()),
+            self._name_for(prim, light.GetShadowLinkCollectionAPI()),
+        )
 
     def _name_for(self, prim: Any, collection: Any) -> str:
         """Returns the name of the link set of a collection of a light; empty if it includes all objects."""
