@@ -159,14 +159,16 @@ def _collection(name: str, states: dict[str, str], child: tuple[str, str] | None
     )
 
 
-def test_receiver_collections_of_blender_become_link_sets():
+def test_receiver_and_blocker_collections_of_blender_become_link_sets():
     names = {name: f"Scene/{name}" for name in ("a", "b", "c")}
     links = LinkSets(names, notes := [])
-    assert links.name_for(SimpleNamespace(name="lamp")) == links.name_for(_linking(None)) == ""
+    assert links.fields_for(SimpleNamespace(name="lamp")) == links.fields_for(_linking(None)) == {}
     some = _collection("Some.001", {"a": "INCLUDE", "hidden": "INCLUDE", "b": "EXCLUDE"}, ("c", "INCLUDE"))
-    assert [links.name_for(_linking(some)) for _ in range(2)] == ["Some_001"] * 2
-    assert links.name_for(_linking(_collection("Some 001", {"c": "EXCLUDE"}))) == "Some 001"
-    assert links.name_for(_linking(_collection("none", {}))) == "none"
+    assert [links.fields_for(_linking(some))["light_link"] for _ in range(2)] == ["Some_001"] * 2
+    assert links.fields_for(_linking(_collection("Some 001", {"c": "EXCLUDE"})))["light_link"] == "Some 001"
+    assert links.fields_for(_linking(_collection("none", {})))["light_link"] == "none"
+    blocker = SimpleNamespace(name="lamp", light_linking=SimpleNamespace(receiver_collection=None, blocker_collection=some))
+    assert links.fields_for(blocker) == {"shadow_link": "Some_001"}
     assert links.sets == {
         "Some_001": {"include": ["Scene/a", "Scene/c"], "exclude": ["Scene/b"]},
         "Some 001": {"exclude": ["Scene/c"]},
