@@ -69,6 +69,7 @@ __all__ = [
     "warm_up",
 ]
 
+_PLAIN_ROOTS = 2  # root nodes of a tree without visibility by kind of ray: for camera rays and shadow rays
 PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_ = KERNEL_VARIANTS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
@@ -357,13 +358,22 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
     if settings.integrator in ("whitted", "ao"):
         scene = scene._replace(pivot=scene.pivot[:0], volume=scene.volume[:0])
     if settings.integrator == "ao":  # which has no lights
-        scene = scene._replace(object_links=scene.object_links[:0])
+        scene = scene._replace(object_links=scene.object_links[:0], bvh=scene.bvh._replace(ray_roots=scene.bvh.ray_roots[:2]))
     variant = variant_of(scene, len(settings.views) > 0 or settings.view.distortion is not None)
     if len(scene.object_links) > 0 and settings.integrator == "whitted":
         raise SettingsError(
             Sentence(
                 "light-links-integrator",
                 "integrator whitted does not support the light links that the scene has; choose path or direct",
+            ),
+            field="integrator",
+        )
+    if len(scene.bvh.ray_roots) > _PLAIN_ROOTS and settings.integrator == "whitted":
+        raise SettingsError(
+            Sentence(
+                "visibility-integrator",
+                "integrator whitted does not support the visibility by kind of ray and the shadow links that the scene has; "
+                "choose path or direct",
             ),
             field="integrator",
         )

@@ -7,8 +7,10 @@ from typing import Any
 import numpy as np
 
 from renderer.arrays import rows
+from renderer.arrays.rows import SEEN_BY_ALL
 from renderer.arrays.scene import CompiledScene
 from renderer.arrays.scene_features import KERNEL_VARIANTS
+from renderer.bvh.layout import RAY_KINDS
 
 __all__ = ["strip_absent_features", "variant_of"]
 
@@ -43,6 +45,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "pivots": len(scene.pivot) > 0,
         "grids": len(scene.volume) > 0,
         "hair": "hair" in parts,
+        "visibility": len(scene.bvh.ray_roots) > 2,
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))
@@ -66,6 +69,13 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
     elif len(scene.light_link) == 0:  # a kernel looks up light 0 and object 0 where there is none
         objects = scene.object_links if len(scene.object_links) else _filled(1, 1)
         scene = scene._replace(light_link=_filled(max(len(scene.light_primitive), 1), 0), object_links=objects)
+    if has.visibility is None:
+        scene = scene._replace(light_visibility=_NOTHING)
+    else:  # likewise
+        if len(bvh.ray_roots) < len(RAY_KINDS):
+            bvh = bvh._replace(ray_roots=_read_only(np.append(bvh.ray_roots, np.zeros(len(RAY_KINDS) - 2, np.int32))))
+        if len(scene.light_visibility) == 0:
+            scene = scene._replace(light_visibility=_filled(max(len(scene.light_primitive), 1), SEEN_BY_ALL))
     if has.grids is None:
         scene = scene._replace(**dict.fromkeys(_GRIDS, _NOTHING))
     if has.pivots is None:
@@ -80,7 +90,10 @@ def strip_absent_features(scene: CompiledScene, variant: str, groups: bool = Fal
 
 def _filled(count: int, value: int) -> np.ndarray:
     """Returns a read-only array of equal numbers, (count,) i32."""
-    array = np.full(count, value, np.int32)
+    return _read_only(np.full(count, value, np.int32))
+
+
+def _read_only(array: np.ndarray) -> np.ndarray:
     array.flags.writeable = False
     return array
 

@@ -159,7 +159,14 @@ NONLINEAR = 65536  # plastic with nonlinear colour shifts from internal reflecti
 CLEAR = 131072  # smooth glass: most light passes in a discrete direction
 HOLDOUT = 262144  # before a transparent background, cuts a hole into the picture
 CATCHER = 524288  # before a transparent background, shows the shadows on it alone
+FROM_DIFFUSE, FROM_GLOSSY, FROM_TRANSMISSION, FROM_VOLUME = 1048576, 2097152, 4194304, 8388608  # invisible to such rays
 TRANSPARENT = MASKED | BLENDED
+UNSEEN_BY = (UNSEEN, SHADELESS, FROM_DIFFUSE, FROM_GLOSSY, FROM_TRANSMISSION, FROM_VOLUME)  # by kind (RAY_KINDS)
+
+# Words of `light_visibility`: bit k is set if rays of kind k (RAY_KINDS in renderer/bvh/layout.py) see the light. From this bit
+# on: the number in `ray_roots` of the root node for its shadow rays.
+LIGHT_ROOT_BIT = 8
+SEEN_BY_ALL = 1 << LIGHT_ROOT_BIT | 0b111111  # by all kinds of rays, and blocked by all that shadow rays see
 
 # Columns of `medium`, float32.
 SIGMA_A = 0  # three, per unit length

@@ -17,6 +17,7 @@ from renderer.arrays.rows import (
     ABOVE,
     COLUMNS,
     ENCODING,
+    LIGHT_ROOT_BIT,
     LINEAR_16,
     MEDIUM_COLUMNS,
     MEDIUM_VOLUME,
@@ -32,7 +33,7 @@ from renderer.arrays.rows import (
     VOLUME_GRID_COLUMNS,
 )
 from renderer.arrays.scene_features import EVERYTHING, SceneFeatures
-from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NEVER, NODE_ROWS, PACKET_ROWS, ROW_CHILD, WIDTH, Bvh
+from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NEVER, NODE_ROWS, PACKET_ROWS, RAY_KINDS, ROW_CHILD, WIDTH, Bvh
 from renderer.errors import SceneError
 
 __all__ = ["LAYOUT", "CompiledScene", "check", "example", "flat", "nested", "seal"]
@@ -139,6 +140,9 @@ class CompiledScene(NamedTuple):
     light_link: Array = np.zeros(0, np.int32)  # (L,) i32: the number of each light's link set; 0: it illuminates everything
     object_links: Array = np.zeros(0, np.int32)  # (o,) i32: bit k is set if lights of link set k illuminate the object
 
+    # The kinds of rays that see each light, and what blocks it (LIGHT_ROOT_BIT in rows.py); no rows if bvh.ray_roots has two.
+    light_visibility: Array = np.zeros(0, np.int32)  # (L,) i32
+
     # (3,) f64: the world-space position of the scene's (0, 0, 0) (renderer/scene/origin.py); positions above are relative to it.
     origin: Array = np.zeros(3)
 
@@ -207,7 +211,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "bvh.motion": ("<f8", ("R", KEY_COLUMNS)),
     "bvh.instance_motion": ("<i4", ("I?", 2)),
     "bvh.keyed_packets": ("<i4", (2,)),
-    "bvh.ray_roots": ("<i4", (2,)),
+    "bvh.ray_roots": ("<i4", ("r",)),
     "key_position": ("<f4", ("D", 3)),
     "key_normal": ("<f4", ("D", 3)),
     "key_sphere": ("<f4", ("Z", 4)),
@@ -219,6 +223,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "environment_group": ("<i4", (1,)),
     "light_link": ("<i4", ("L?",)),
     "object_links": ("<i4", ("o",)),
+    "light_visibility": ("<i4", ("L?",)),
     "emission": ("<f4", ("e", 3)),
     "voxel": ("<f4", ("x",)),
     "majorant": ("<f4", ("y", 2)),
@@ -226,7 +231,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "group_name": ("|u1", ("g",)),
 }
 
-_NEVER_EMPTY = "NHWABm"  # lengths in LAYOUT that are at least 1: nodes, the environment and its cut points, media
+_LEAST = dict.fromkeys("NHWABm", 1) | {"r": 2}  # lengths in LAYOUT that are never 0: nodes, the environment, media, roots
 
 
 def flat(scene: CompiledScene) -> dict[str, Array]:
@@ -255,12 +260,11 @@ def example() -> CompiledScene:
 def _example_length(length: int | str) -> int:
     """Returns the length of an axis in the example scene of `example`.
 
-    length: from LAYOUT, either a number or the name of a length. Lengths that are never 0 are 1, the others 0; the suffix "+1"
-    adds one.
+    length: from LAYOUT, either a number or the name of a length. Lengths have their least value; the suffix "+1" adds one.
     """
     if isinstance(length, int):
         return length
-    return int(length[0] in _NEVER_EMPTY) + int(length.endswith("+1"))
+    return _LEAST.get(length[0], 0) + int(length.endswith("+1"))
 
 
 def _read_only(array: Array) -> Array:
@@ -322,6 +326,10 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
         _check_range("a part's object", arrays["part"][:, PART_OBJECT], 0, lengths["o"])
         if len(arrays["light_link"]) != lengths["L"]:
             raise SceneError("light_link has no rows, but object_links has some")
+    if lengths["r"] > 2:  # roots for each kind of ray
+        if lengths["r"] < len(RAY_KINDS) or len(arrays["light_visibility"]) != lengths["L"]:
+            raise SceneError("bvh.ray_roots has roots for some kinds of rays, but light_visibility or other roots are missing")
+        _check_range("a light's root", arrays["light_visibility"] >> LIGHT_ROOT_BIT, 0, lengths["r"])
     if (arrays["light_primitive"][arrays["sun"]] < primitives).any():
         raise SceneError("a sun must be a light without a body")
     _check_range("triangle", arrays["triangle"][:, :3], 0, lengths["V"])
@@ -355,7 +363,7 @@ def check(arrays: dict[str, Array], unchecked: dict[str, Array] | None = None) -
     if not np.where(child < 0, ~child < lengths["L"], further).all():
         raise SceneError("the light tree points outside its nodes or lights, or backwards")
     _check_motion(arrays, lengths)
-    if min(lengths[letter] for letter in _NEVER_EMPTY) < 1:
+    if any(lengths[letter] < least for letter, least in _LEAST.items()):
         raise SceneError("the BVH or the environment is empty")
     if not 1 <= lengths["m"] < MOST_MEDIA:
         raise SceneError("the number of media is 0 or exceeds the limit of a path")

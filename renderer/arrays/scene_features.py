@@ -28,9 +28,10 @@ class SceneFeatures(NamedTuple):
     groups: Any  # planes by light group, which settings request (RenderSettings.light_groups); in no variant by itself
     light_paths: Any = None  # planes by light path, likewise (RenderSettings.light_paths)
     by_light: Any = None  # either
+    visibility: Any = None  # of objects and lights by kind of ray, and shadow links (renderer/kernel/steps/ray_kind.py)
 
 
-# From the fastest to compile and run to the most complete. All combinations would be 2,048 variants, each compiled at its first
+# From the fastest to compile and run to the most complete. All combinations would be 4,096 variants, each compiled at its first
 # use, while a render waits.
 KERNEL_VARIANTS = {
     "plain": SceneFeatures(None, None, None, None, None, None, None, None, None, None, None, None),
@@ -45,5 +46,6 @@ KERNEL_VARIANTS = {
     "linked": SceneFeatures(True, True, True, True, True, True, True, True, True, True, None, None),
     "hair": SceneFeatures(True, True, True, True, None, None, None, None, None, None, True, None),
     "moving-hair": SceneFeatures(True, True, True, True, True, True, True, True, True, True, True, None),
+    "visibility": SceneFeatures(True, True, True, True, True, True, True, True, True, True, True, None, visibility=True),
 }
 EVERYTHING = KERNEL_VARIANTS["full"]  # of static scenes

@@ -81,7 +81,8 @@ def compressed(bvh: Bvh, team: Team) -> Bvh:
     keyed, keys = (NEVER, 1) if bvh.keyed_packets is None else (int(each) for each in bvh.keyed_packets)
     # The world's root, 0, is the first.
     roots, place = np.unique(np.concatenate([[0], ray_roots, bvh.instance_root]).astype(np.int64), return_inverse=True)
-    ray_places, instance_places = place[1:3].astype(np.int32), place[3:].astype(np.int32)
+    own = 1 + len(ray_roots)
+    ray_places, instance_places = place[1:own].astype(np.int32), place[own:].astype(np.int32)
     source = _Source(bvh.node, bvh.node.view(np.int32), bvh.packet, bvh.packet.view(np.int32), keyed, keys)
     plan = _Plan(
         np.empty(len(bvh.node), np.int32),
@@ -90,7 +91,7 @@ def compressed(bvh: Bvh, team: Team) -> Bvh:
     )
     depth = np.zeros(len(roots), np.int64)
     listed, nodes, leaves = _list_reachable_nodes(source, roots, plan, np.empty((WIDTH * MAX_LEVELS, 2), np.int64), depth)
-    levels = int(depth[place[:3]].max(initial=0) + depth[place[3:]].max(initial=0))
+    levels = int(depth[place[:own]].max(initial=0) + depth[place[own:]].max(initial=0))
     if levels > STACK_DEPTH - 2:
         raise SceneError(f"the scene's tree has {levels} levels; graphics cards can traverse at most {STACK_DEPTH - 2}")
     tree = CompressedTree(_aligned((nodes, NODE_WORDS), np.uint32), _aligned((max(leaves, 1), LEAF_NUMBERS), np.float32))

@@ -12,7 +12,9 @@ There may be unreferenced nodes and packets between the others.
     motion           (R, 18) f64   keys of instances that move while the shutter is open (motion.py); replaces their to_local
     instance_motion  (I, 2) i32    first key and number of keys of each instance, 0 if static; no rows if all are
     keyed_packets    (2,) i32      the first packet with moving vertices or spheres, and the number of its keys
-    ray_roots        (2,) i32      the root nodes for camera rays and for shadow rays (ray_masks.py); other rays start at 0
+    ray_roots        (r,) i32      the root nodes for camera rays and for shadow rays (ray_masks.py); other rays start at 0,
+                                   unless there are more: for diffuse, glossy, transmission and volume rays
+                                   (RAY_KINDS), then one for the shadow rays of each shadow link
 
 `child` and `primitive` are int32, stored bit for bit in float32 cells. A child >= 0 is a node; a leaf is ~(4 p) for the
 triangle packet p, ~(4 p + 1) for the sphere packet p, ~(4 i + 2) for the instance i. Node 0 is the world's root. A lane
@@ -42,6 +44,7 @@ __all__ = [
     "PACKET_ROWS",
     "PACKET_SIZE",
     "PAGE",
+    "RAY_KINDS",
     "ROW_CHILD",
     "ROW_PRIMITIVE",
     "SPHERES",
@@ -62,6 +65,7 @@ KEY_COLUMNS = 18  # of `motion`: motion.py
 NEVER = 2**31 - 1  # an invalid packet number
 PAGE = 4096  # bytes: alignment of parts of arrays, so that files of them can be mapped consecutively
 TRIANGLES, SPHERES, INSTANCE = 0, 1, 2  # the kinds of leaves
+RAY_KINDS = ("camera", "shadow", "diffuse", "glossy", "transmission", "volume")  # a ray's kind is an index
 
 # The builder splits in halves below depth 40, so no tree over 2**31 primitives is deeper than 40 + 31 - 3 levels; each pushes
 # at most seven children. A world's tree may have a tree as its top (subtrees.py), with fewer than 2**20 instances:
@@ -80,6 +84,6 @@ class Bvh(NamedTuple):
     motion: npt.NDArray[Any] = np.zeros((0, KEY_COLUMNS))  # (R, KEY_COLUMNS) f64
     instance_motion: npt.NDArray[Any] = np.zeros((0, 2), np.int32)  # (I or 0, 2) i32
     keyed_packets: npt.NDArray[Any] = np.array([NEVER, 1], np.int32)  # (2,) i32
-    ray_roots: npt.NDArray[Any] = np.zeros(2, np.int32)  # (2,) i32; None: all rays start at node 0
+    ray_roots: npt.NDArray[Any] = np.zeros(2, np.int32)  # (2 or more,) i32; None: all rays start at node 0
     instances: Any = True  # None: the kernel has no instances (renderer/arrays/scene_features.py)
     compressed: Any = None  # a CompressedTree (compressed_tree.py) in place of `node` and `packet`, on graphics cards

@@ -1,4 +1,4 @@
-"""Adds root nodes for camera rays and for shadow rays, to which some primitives are invisible.
+"""Adds root nodes for kinds of rays to which some primitives or instances are invisible.
 
 Nodes above such primitives are copied without them; all other nodes are shared. The traversal is unchanged: these rays merely
 start at another root node.
@@ -6,6 +6,7 @@ start at another root node.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -17,25 +18,38 @@ from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, AssembledBvh, padded
 __all__ = ["exclude_primitives"]
 
 Array = npt.NDArray[Any]
-_CAMERA, _SHADOW = 0, 1  # indices into Bvh.ray_roots
+_FEWEST = 2  # roots: of camera rays and of shadow rays
 
 
-def exclude_primitives(laid: AssembledBvh, unseen: npt.NDArray[np.bool_], shadeless: npt.NDArray[np.bool_]) -> AssembledBvh:
-    """Returns the tree with separate root nodes for camera rays and shadow rays, from which the excluded primitives are missing.
+def exclude_primitives(
+    laid: AssembledBvh,
+    *left_out: npt.NDArray[np.bool_],
+    instances: Sequence[npt.NDArray[np.bool_]] = (),
+    copies_root: Sequence[int] = (),
+) -> AssembledBvh:
+    """Returns the tree with a separate root node for each kind of ray, from which the excluded primitives are missing.
 
-    unseen, shadeless: (primitives,) bool: invisible to camera rays, or to shadow rays. All such primitives must be in the world's
-    own tree, not in an instance's.
+    left_out: (primitives,) bool for each kind in the order of `Bvh.ray_roots`, at least two: invisible to such rays. All such
+    primitives must be in the world's own tree, not in an instance's. instances: (I,) bool, the instances that are invisible to
+    the last kinds. copies_root: kinds that get a copy of a root node even if all primitives are visible to them.
     """
-    if not (unseen.any() or shadeless.any()):
+    if not (any(mask.any() for mask in (*left_out, *instances)) or len(left_out) > _FEWEST):
         return laid
     bvh = laid.bvh
     # New rows follow the loose part, from a page boundary on (renderer/scene/compiled_parts.py).
     first_node, first_packet = padded(len(bvh.node), NODE_BYTES), padded(len(bvh.packet), PACKET_BYTES)
     nodes, packets = _Rows(first_node), _Rows(first_packet)
-    roots = np.zeros(2, np.int32)
-    for who, left_out in ((_CAMERA, unseen), (_SHADOW, shadeless)):
-        if left_out.any():
-            roots[who] = _copy_without(laid.bvh, left_out, nodes, packets)
+    roots = np.zeros(len(left_out), np.int32)
+    none = np.zeros(len(bvh.instance_root), np.bool_)
+    of_instances = [none] * (len(left_out) - len(instances)) + [*instances]
+    known: dict[tuple[bytes, bytes], int] = {}
+    for kind, (mask, of_instance) in enumerate(zip(left_out, of_instances, strict=True)):
+        key = mask.tobytes(), of_instance.tobytes()
+        if (mask.any() or of_instance.any()) and key not in known:
+            known[key] = _copy_without(bvh, mask, of_instance, nodes, packets)
+        roots[kind] = known.get(key, 0)
+        if kind in copies_root and roots[kind] == 0:
+            roots[kind] = nodes.put(bvh.node[0].copy())
     node, packet = _with_rows(bvh.node, nodes), _with_rows(bvh.packet, packets)
     grown = bvh._replace(node=node, packet=packet, ray_roots=roots)
     return laid._replace(
@@ -73,10 +87,13 @@ def _section_starts(places: tuple[int, ...], first: int, array: Array) -> tuple[
     return (*(first if place == end and number else place for number, place in enumerate(places[:-1])), len(array))
 
 
-def _copy_without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packets: _Rows) -> int:
+def _copy_without(
+    bvh: Bvh, left_out: npt.NDArray[np.bool_], instances: npt.NDArray[np.bool_], nodes: _Rows, packets: _Rows
+) -> int:
     """Appends changed copies of a tree's nodes and packets, with some primitives omitted; returns the new root node.
 
-    left_out: (primitives,) bool, the primitives to omit. Nodes and packets that do not change are shared.
+    left_out: (primitives,) bool, the primitives to omit; instances: (I,) bool, likewise. Nodes and packets that do not change are
+    shared.
     """
     child = bvh.node[:, ROW_CHILD].view(np.int32)
     there = bvh.node[:, 0] <= bvh.node[:, 1]
@@ -85,7 +102,9 @@ def _copy_without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packe
     is_out[is_out] = left_out[number[is_out]]
     changes = np.any(is_out, axis=1)
     is_leaf = there & (child < 0) & (~child & INSTANCE == 0)
-    has_changed = (is_leaf & changes[np.where(is_leaf, ~child >> 2, 0)]).any(axis=1)
+    is_hidden = there & (child < 0) & ~is_leaf
+    is_hidden[is_hidden] = instances[~child[is_hidden] >> 2]
+    has_changed = (is_hidden | is_leaf & changes[np.where(is_leaf, ~child >> 2, 0)]).any(axis=1)
     above = _parents(child, there)
     on_the_way = set()
     for node in np.flatnonzero(has_changed & (above >= 0)):
@@ -111,6 +130,8 @@ def _copy_without(bvh: Bvh, left_out: npt.NDArray[np.bool_], nodes: _Rows, packe
                 instead = node_without(this)
             elif is_leaf[number, lane] and changes[~this >> 2]:
                 instead = leaf_without(~this)
+            elif is_hidden[number, lane]:
+                instead = None
             else:
                 continue
             if instead is None:

@@ -108,10 +108,11 @@ def _world_parts(scene: CompiledScene) -> _Parts:
 
 
 def caustic_tables(scene: CompiledScene) -> CausticTables | None:
-    """Returns the tables of a scene; None if it has no caster, no small lamp, scattering media, motion, or light links."""
+    """Returns the tables of a scene; None if it has no caster, no small lamp, scattering media, motion, light links,
+    or visibility by kind of ray."""
     if len(scene.key_position) or len(scene.key_sphere) or len(scene.key_punctual) or len(scene.bvh.motion):
         return None
-    if len(scene.medium) > 1 or scene.medium.any() or len(scene.object_links):
+    if len(scene.medium) > 1 or scene.medium.any() or len(scene.object_links) or len(scene.bvh.ray_roots) > 2:
         return None
     parts = _world_parts(scene)
     found = _casters(scene, parts)

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 
 from renderer.arrays.light_rows import PIVOT_COLUMNS
-from renderer.arrays.rows import LAMP, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES, SHADELESS, UNSEEN
+from renderer.arrays.rows import LAMP, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, PART_SHINES, SHADELESS, UNSEEN, UNSEEN_BY
 from renderer.arrays.scene import CompiledScene, seal
+from renderer.bvh.layout import RAY_KINDS
 from renderer.bvh.ray_masks import exclude_primitives
 from renderer.bvh.subtrees import AssembledBvh
 from renderer.kernel.light.punctual import SUN, SUN_UNSEEN
@@ -41,6 +42,7 @@ from renderer.scene.punctual import tabulate_punctual
 from renderer.scene.scene_bvh import build_scene_bvh
 from renderer.scene.studio import WEAK_LIGHTS_WARNING, light_studio
 from renderer.scene.targets import list_targets
+from renderer.scene.visibility import Visibility, tabulate_visibility
 from renderer.scene.volumes import tabulate_volumes
 from renderer.sentences import Sentence
 from renderer.settings import View
@@ -120,9 +122,9 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
     laid = build_scene_bvh(
         stood.sections, joined.first_triangle, placement, sphere, still_spheres, brute, team, shot_cache, keys, sphere_keys
     )
-    if (packed.material_flags & (UNSEEN | LAMP | SHADELESS)).any():
-        laid = exclude_primitives(laid, _mask_by_flag(stood, UNSEEN), _mask_by_flag(stood, LAMP | SHADELESS))
     part = _part_rows(geometry, emitters.triangle)
+    seen = tabulate_visibility(whole, lights.primitive, joined.triangle, part, stood.sphere_material)
+    laid = _with_ray_roots(laid, stood, seen, part)
     links = tabulate_links(whole, lights.primitive, joined.triangle, part, stood.sphere_material)
     groups = tabulate_groups(whole, lights.primitive, joined.triangle, part, stood.sphere_material)
     arrays = CompiledScene(
@@ -194,6 +196,7 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
         group_name=groups.name,
         light_link=links.light,
         object_links=links.object,
+        light_visibility=seen.light,
         origin=origin,
     )
     arrays = arrays._replace(pivot=list_pivots(arrays))
@@ -347,6 +350,26 @@ def _camera_dict(camera: Camera) -> dict[str, Any]:
     """Returns a camera as JSON, with `views` if it moves while the shutter is open."""
     still = {"name": camera.name, "view": _view_dict(camera.view)}
     return {**still, "views": [_view_dict(view) for view in camera.keys]} if camera.keys else still
+
+
+def _with_ray_roots(laid: AssembledBvh, stood: PlacedGeometry, seen: Visibility, part: I32) -> AssembledBvh:
+    """Returns the tree with root nodes for the kinds of rays that do not see all objects, and for shadow links."""
+    if not seen.is_by_kind:
+        if (stood.packed.material_flags & (UNSEEN | LAMP | SHADELESS)).any():
+            laid = exclude_primitives(laid, _mask_by_flag(stood, UNSEEN), _mask_by_flag(stood, LAMP | SHADELESS))
+        return laid
+    masks = [_mask_by_flag(stood, flag | LAMP if flag == SHADELESS else flag) for flag in UNSEEN_BY]
+    of_triangle = part[stood.joined.triangle[:, 3], PART_OBJECT]
+    instances = []
+    for blocking in seen.blocking:
+        beside = np.append(~blocking, False)  # for parts that are in the trees of instances
+        masks.append(
+            masks[UNSEEN_BY.index(SHADELESS)]
+            | np.concatenate([beside[np.maximum(of_triangle, -1)], ~blocking[np.asarray(stood.sphere_object, np.int64)]])
+        )
+        instances.append(~blocking[stood.placement.object])
+    glossy = RAY_KINDS.index("glossy")
+    return exclude_primitives(laid, *masks, instances=instances, copies_root=(glossy,) if seen.lights_differ else ())
 
 
 def _mask_by_flag(stood: PlacedGeometry, flag: int) -> np.ndarray:

@@ -215,6 +215,9 @@ class Light:
     """Its group, for images of the light of each group."""
     light_link: str = name_parameter((*_PLACED, *_DISTANT))
     """The link set of the objects that it illuminates; all unless given."""
+    shadow_link: str = name_parameter((*_PLACED, *_DISTANT))
+    """The link set of the objects that alone block its light; all unless given."""
+    hidden_from: tuple[str, ...] = ()  # of SCATTERED_RAYS: lobes whose rays do not see it receive no light from it
     keys: tuple[Light, ...] = ()  # as Instance.keys
 
 

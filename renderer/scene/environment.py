@@ -171,11 +171,12 @@ def without_environment_sampling(scene: CompiledScene) -> CompiledScene:
     """Returns the scene without light sampling of its environment if that is constant and has no sun.
 
     BSDF sampling finds a constant environment without noise except from occlusion; a further uniform sample with its own shadow
-    ray would add more noise than it removes. If some objects are invisible to shadow rays only, light sampling is kept.
+    ray would add more noise than it removes. If some objects are invisible to shadow rays only, or to other
+    kinds of rays, light sampling is kept.
     """
     frame = scene.environment_frame
     has_sun = frame[7] > 0
-    if scene.environment.shape[:2] != (1, 1) or has_sun or frame[3] == 0.0 or scene.bvh.ray_roots[1] != 0:
+    if scene.environment.shape[:2] != (1, 1) or has_sun or frame[3] == 0.0 or scene.bvh.ray_roots[1:].any():
         return scene
     frame = frame.copy()
     frame[3] = 0.0

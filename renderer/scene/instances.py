@@ -115,7 +115,7 @@ def is_placed_per_frame(material: Material) -> bool:
 
     True for emitters, and for materials that some kinds of rays ignore.
     """
-    return max(material.emission) > 0 or material.lamp or material.unseen or material.shadeless
+    return max(material.emission) > 0 or material.lamp or material.unseen or material.shadeless or bool(material.hidden_from)
 
 
 def _is_placed_per_frame(description: SceneDescription, number: int) -> bool:

@@ -12,7 +12,7 @@ from renderer.scene.light_groups import by_light
 from renderer.scene.object_ids import number_objects
 from renderer.sentences import Sentence
 
-__all__ = ["MAX_LINK_SETS", "LightLinks", "tabulate_links"]
+__all__ = ["MAX_LINK_SETS", "LightLinks", "is_included", "names_of_sets", "tabulate_links"]
 
 MAX_LINK_SETS = 31  # an object's sets are bits of an integer; bit 0 is that of lights without a set
 _EVERYTHING = 1
@@ -32,9 +32,26 @@ def tabulate_links(description: SceneDescription, primitive: I32, triangle: I32,
     link set of its material. Raises SceneError if a set or an object is not there, or if there are more than MAX_LINK_SETS sets.
     """
     of_materials, of_lights = [m.light_link for m in description.materials], [light.light_link for light in description.lights]
-    names = sorted({*of_materials, *of_lights} - {""})
+    names = names_of_sets(description, {*of_materials, *of_lights})
     if not names:
         return LightLinks(np.zeros(0, np.int32), np.zeros(0, np.int32))
+    number = {name: k for k, name in enumerate(["", *names])}
+    material = np.array([number[name] for name in of_materials], np.int32)
+    punctual = np.array([number[name] for name in of_lights], np.int32)
+    light = by_light(material, punctual, primitive, triangle, part, sphere_material)
+    objects = number_objects(description).names
+    links = np.full(len(objects), _EVERYTHING, np.uint32)
+    for name in names:
+        links |= is_included(name, description.light_links[name], objects).astype(np.uint32) << np.uint32(number[name])
+    return LightLinks(light, links.view(np.int32))
+
+
+def names_of_sets(description: SceneDescription, used: set[str]) -> list[str]:
+    """Returns the names in `used`, without the empty one, in alphabetical order.
+
+    Raises SceneError if there is no link set of such a name, or if there are more than MAX_LINK_SETS.
+    """
+    names = sorted(used - {""})
     for name in names:
         if name not in description.light_links:
             raise SceneError(
@@ -54,19 +71,11 @@ def tabulate_links(description: SceneDescription, primitive: I32, triangle: I32,
                 most=MAX_LINK_SETS,
             )
         )
-    number = {name: k for k, name in enumerate(["", *names])}
-    material = np.array([number[name] for name in of_materials], np.int32)
-    punctual = np.array([number[name] for name in of_lights], np.int32)
-    light = by_light(material, punctual, primitive, triangle, part, sphere_material)
-    objects = number_objects(description).names
-    links = np.full(len(objects), _EVERYTHING, np.uint32)
-    for name in names:
-        links |= _is_included(name, description.light_links[name], objects).astype(np.uint32) << np.uint32(number[name])
-    return LightLinks(light, links.view(np.int32))
+    return names
 
 
-def _is_included(name: str, link: LightLink, objects: list[str]) -> np.ndarray:
-    """Returns which objects lights of a link set illuminate, (o,) bool. name: of the set."""
+def is_included(name: str, link: LightLink, objects: list[str]) -> np.ndarray:
+    """Returns which objects belong to a link set, (o,) bool. name: of the set."""
     included = np.ones(len(objects), bool)
     if link.include is not None:
         included = _is_named(name, link.include, objects)

@@ -6,7 +6,8 @@ The strings below a parameter are its description in the scene file's schema.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Literal, get_args
 
 import numpy as np
@@ -17,6 +18,7 @@ from renderer.errors import SceneError
 from renderer.scene.parameters import (
     EVERY_KIND,
     PRINCIPLED,
+    SCATTERED_RAYS,
     SURFACES,
     MaterialKind,
     choice_parameter,
@@ -118,6 +120,8 @@ class Material:
     """The group of its light, for images of the light of each group."""
     light_link: str = name_parameter(SURFACES)
     """The link set of the objects that its light illuminates; all unless given."""
+    shadow_link: str = name_parameter(SURFACES)
+    """The link set of the objects that alone block its light; all unless given."""
     double_sided: bool = flag_parameter(rows.DOUBLE_SIDED, SURFACES, gltf="doubleSided")
     """Whether the back shines too."""
     lamp: bool = flag_parameter(kinds=SURFACES)
@@ -126,6 +130,7 @@ class Material:
     """The camera sees what is behind it; all else does see it."""
     shadeless: bool = flag_parameter(kinds=SURFACES)
     """It casts no shadow on what lights shine on; all else does see it."""
+    hidden_from: tuple[str, ...] = ()  # of SCATTERED_RAYS: rays of these kinds do not see it
     holdout: bool = flag_parameter(kinds=SURFACES)
     """Before a transparent background it cuts a hole into the picture; everything but the camera sees it."""
     shadow_catcher: bool = flag_parameter(kinds=SURFACES)
@@ -256,6 +261,17 @@ def check(material: Material) -> None:
                     fault=fault,
                 )
             )
+
+
+def with_visibility(material: Material, seen_by: Mapping[str, bool]) -> Material:
+    """Returns a copy of the material that is visible as stated to the kinds of rays in `seen_by` (RAY_KINDS), else as before."""
+    hidden = {kind for kind in SCATTERED_RAYS if not seen_by.get(kind, kind not in material.hidden_from)}
+    return replace(
+        material,
+        unseen=not seen_by.get("camera", not material.unseen),
+        shadeless=not seen_by.get("shadow", not material.shadeless),
+        hidden_from=tuple(kind for kind in SCATTERED_RAYS if kind in hidden),
+    )
 
 
 def derived_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:

@@ -7,12 +7,14 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.arrays import rows
+from renderer.bvh.layout import RAY_KINDS
 from renderer.errors import SceneError
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.luminance import luminance
 from renderer.scene.description import F32, I32, Material, SceneDescription
 from renderer.scene.material import PARAMETERS, check, derived_columns
 from renderer.scene.media import absorption, list_media
+from renderer.scene.parameters import SCATTERED_RAYS
 from renderer.scene.texels import MAX_EMISSION, Texels
 from renderer.sentences import Sentence
 
@@ -142,6 +144,7 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
         rows.SHADELESS: m.shadeless,
         rows.HOLDOUT: m.holdout,
         rows.CATCHER: m.shadow_catcher,
+        **{flag: kind in m.hidden_from for kind, flag in zip(RAY_KINDS, rows.UNSEEN_BY, strict=True) if kind in SCATTERED_RAYS},
         rows.FACING: m.facing and m.emission_texture is None,
         rows.ABSORBING: transmits and not m.thin and absorbs,
         rows.NONLINEAR: m.kind == "plastic" and m.nonlinear,

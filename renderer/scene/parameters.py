@@ -18,6 +18,7 @@ from renderer.setting_declaration import MAX_NAME, is_name
 __all__ = [
     "EVERY_KIND",
     "PRINCIPLED",
+    "SCATTERED_RAYS",
     "SURFACES",
     "MaterialKind",
     "Parameter",
@@ -38,6 +39,8 @@ Form = Literal["number", "flag", "choice", "color", "radiance", "triple", "pair"
 PRINCIPLED: tuple[str, ...] = ("metallic_roughness",)
 EVERY_KIND: tuple[str, ...] = tuple(kind.name for kind in KINDS if kind.in_files)
 SURFACES: tuple[str, ...] = tuple(kind for kind in EVERY_KIND if kind != "interface")  # the visible kinds
+
+SCATTERED_RAYS: tuple[str, ...] = ("diffuse", "glossy", "transmission", "volume")  # the kinds of rays that leave vertices
 
 _KEY = "parameter"
 

@@ -163,9 +163,9 @@ def test_pass_indices_are_looked_up_by_farm_numbers(tmp_path) -> None:
     This holds also for objects with ray visibility flags, which have materials of their own on the farm.
     """
     scene = Scene(meshes={"a": mesh("a")}, materials={"red": Material("red", number=11), "blue": Material("blue", number=12)})
-    flags = ({}, {"unseen": True}, {"shadeless": True}, {"shadeless": True}, {"unseen": True, "shadeless": True}, {})
+    flags = ((), ("camera",), ("shadow",), ("shadow",), ("camera", "glossy"), ())
     for i, hidden in enumerate(flags):
-        scene.nodes.append(Node(f"{i}", "a", ("blue" if i % 2 else "red",), turned(0, i), number=30 + i, **hidden))
+        scene.nodes.append(Node(f"{i}", "a", ("blue" if i % 2 else "red",), turned(0, i), number=30 + i, hidden_from=hidden))
     scene.lamp_materials["lamp"] = {"color": 0, "emission": 1.0, "lamp": True}
     scene.lamps.append({"type": "sphere", "name": "lamp", "material": "lamp", "center": [0, 5, 0], "radius": 0.1})
     written(scene, tmp_path)

@@ -61,11 +61,14 @@ def test_sun_visibility_matches_blender() -> None:
 
 
 def test_unsupported_lamp_settings_are_named() -> None:
-    scene = lamp("AREA", seen={"visible_glossy": False, "visible_transmission": False}, use_shadow=False)
-    assert scene.warnings == [
-        "Lamp lamp: casts shadows here, though not in Blender.",
-        "Lamp lamp: lights what is glossy and glass here, though not in Blender.",
-    ]
+    assert lamp("AREA", use_shadow=False).warnings == ["Lamp lamp: casts shadows here, though not in Blender."]
+
+
+def test_lamps_illuminate_the_lobes_that_see_them() -> None:
+    seen = {"visible_glossy": False, "visible_volume_scatter": False}
+    assert lamp("AREA", seen=seen).lamps[0]["visible_to"] == ["camera", "diffuse", "transmission"]
+    assert lamp("SUN", seen=seen).lights[0]["visible_to"] == ["diffuse", "transmission"]
+    assert "visible_to" not in lamp("AREA").lamps[0]
 
 
 def test_constant_lamp_nodes_are_evaluated() -> None:

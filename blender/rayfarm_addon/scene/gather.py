@@ -38,13 +38,14 @@ LEFT_OUT = {
     "SPEAKER": None,
     "LIGHT": None,
 }
-# Blender's flags for the kinds of rays that hit an object, with the names of unsupported kinds in warnings.
+# The kinds of rays, and Blender's flags for whether they hit an object.
 RAYS = {
-    "camera": "",
-    "shadow": "",
-    "diffuse": "by what it lights",
-    "glossy": "in reflections",
-    "transmission": "through glass",
+    "camera": "visible_camera",
+    "shadow": "visible_shadow",
+    "diffuse": "visible_diffuse",
+    "glossy": "visible_glossy",
+    "transmission": "visible_transmission",
+    "volume": "visible_volume_scatter",
 }
 FILTER = "blackman-harris"  # default
 ExportedMeshes = dict[str, tuple[Mesh, Corners] | None]
@@ -112,28 +113,24 @@ class _SceneExport:
         density = _Density(known[0], place)
         shown = [self._override or slot.material for slot in thing.material_slots] or [self._override]
         materials = tuple(self._default_material() if each is None else self.surfaces.add(each, density) for each in shown)
-        hidden = {"unseen": not seen["camera"], "shadeless": not seen["shadow"]}
-        matte = self._matte(thing)
-        node = Node(self._unique(thing.name), key, materials, place, number=thing.pass_index, matte=matte, **hidden)
+        matte, hidden = self._matte(thing), tuple(kind for kind, is_seen in seen.items() if not is_seen)
+        node = Node(self._unique(thing.name), key, materials, place, number=thing.pass_index, hidden_from=hidden, matte=matte)
         self.scene.nodes.append(node)
         self.places[_identity(found)] = node
         return made
 
     def _rays(self, found: Any, thing: Any) -> dict[str, bool]:
-        """Returns a dict of kind of ray -> whether such rays hit the object. Warns of flags that Rayfarm does not support.
+        """Returns a dict of kind of ray -> whether such rays hit the object. Warns of light linking, which is not exported.
 
         An object is hit only if neither it nor its instancer hides it from such rays.
         """
         owners = [thing] if not found.is_instance or found.parent is None else [thing, found.parent]
-        seen = {kind: all(getattr(each, f"visible_{kind}", True) for each in owners) for kind in RAYS}
+        seen = {kind: all(getattr(each, flag, True) for each in owners) for kind, flag in RAYS.items()}
         layer = self._layer
         if layer is not None and thing.original.indirect_only_get(view_layer=layer):
             seen["camera"] = False
         if is_linked_to_lights(thing):
             self.scene.warn(f"{thing.name}: lights all that it reaches (light linking is left out).")
-        others = [words for kind, words in RAYS.items() if words and not seen[kind]]
-        if others and any(seen.values()):
-            self.scene.warn(f"{thing.name}: is seen {' and '.join(others)}, though not in Blender.")
         return seen
 
     def _matte(self, thing: Any) -> str:
@@ -248,7 +245,7 @@ def extends_beyond_clip_end(scene: Scene, eye: F64, forward: F64, end: float) ->
 
     eye, forward: of the camera, in Blender's axes. end: distance of the clip end.
     """
-    seen = [node for node in scene.nodes if not node.unseen]
+    seen = [node for node in scene.nodes if "camera" not in node.hidden_from]
     if not seen:
         return False
     of = {key: np.stack([mesh.positions.min(axis=0), mesh.positions.max(axis=0)]) for key, mesh in scene.meshes.items()}

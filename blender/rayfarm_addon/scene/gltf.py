@@ -69,7 +69,7 @@ def _groups(scene: Scene) -> list[list[Node]]:
 
 
 def _appearance_key(node: Node) -> Any:
-    return node.mesh, node.materials, node.unseen, node.shadeless, node.matte
+    return node.mesh, node.materials, node.hidden_from, node.matte
 
 
 class _Writer:
@@ -112,9 +112,9 @@ class _Writer:
     def _node(self, group: list[Node], mesh: int, number: int) -> dict[str, Any]:
         node = group[0]
         said: dict[str, Any] = {"name": node.name, "mesh": mesh}
-        if node.unseen or node.shadeless:
+        if node.hidden_from:
             self._used.add(RAYS)
-            said["extensions"] = {RAYS: {"camera": not node.unseen, "shadow": not node.shadeless}}
+            said["extensions"] = {RAYS: dict.fromkeys(node.hidden_from, False)}
         if node.matte:
             said["extras"] = {node.matte: True}
         if len(group) > 1:

@@ -59,9 +59,9 @@ def ids_of(scene: Scene) -> Ids:
 
 def _copies(nodes: list[Node], used: list[list[str]]) -> list[str]:
     found = dict.fromkeys(
-        (key, node.unseen, node.shadeless, node.matte)
+        (key, node.hidden_from, node.matte)
         for node, keys in zip(nodes, used, strict=True)
-        if node.unseen or node.shadeless or node.matte
+        if node.hidden_from or node.matte
         for key in keys
     )
     return [key for key, *_ in found]

@@ -18,7 +18,7 @@ from .image_nodes import Painter
 from .model import TO_Y_UP, Scene, to_y_up
 from .nodes import constant_value, output_of, source_of
 
-__all__ = ["add_light", "bounce_limit", "constant_emission_factor", "is_linked_to_lights", "is_stretched"]
+__all__ = ["add_light", "bounce_limit", "constant_emission_factor", "is_linked_to_lights", "is_stretched", "lobes_lit"]
 
 F64 = npt.NDArray[np.float64]
 MIN_SIZE = 1e-6  # smaller sizes are treated as 0
@@ -41,7 +41,7 @@ def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
         said = {"type": "directional", "direction": to_y_up(-place[:3, 2]), "intensity": [c * sun_area(light) for c in strength]}
         if angle > MIN_SIZE:
             said["seen"] = "always" if getattr(thing, "visible_camera", True) else "mirrored"
-        scene.lights.append({"name": name, **said, "angle": math.degrees(angle)})
+        scene.lights.append({"name": name, **said, "angle": math.degrees(angle), **lobes_lit(thing)})
     elif light.type == "AREA":
         _add_area(scene, thing, name, place, strength)
     elif light.type in ("POINT", "SPOT"):
@@ -107,13 +107,20 @@ def _warn_of_differences(scene: Scene, thing: Any, name: str, place: F64) -> Non
         scene.warn(f"Lamp {name}: lights however often its light was scattered, though no more than {bounces} times in Blender.")
     if is_linked_to_lights(thing):
         scene.warn(f"Lamp {name}: lights all that it reaches (light linking is left out).")
-    hidden = [
-        words
-        for kind, words in (("diffuse", "what is matt"), ("glossy", "what is glossy"), ("transmission", "glass"))
-        if not getattr(thing, f"visible_{kind}", True)
-    ]
-    if hidden:
-        scene.warn(f"Lamp {name}: lights {' and '.join(hidden)} here, though not in Blender.")
+
+
+def lobes_lit(thing: Any) -> dict[str, list[str]]:
+    """Returns the field `visible_to` of a lamp as a light: the lobes that it illuminates; empty if all."""
+    flags = {kind: "volume_scatter" if kind == "volume" else kind for kind in ("diffuse", "glossy", "transmission", "volume")}
+    lit = [kind for kind, flag in flags.items() if getattr(thing, f"visible_{flag}", True)]
+    return {"visible_to": lit} if len(lit) < len(flags) else {}
+
+
+def _seen_by(thing: Any) -> dict[str, list[str]]:
+    """Returns the field `visible_to` of a lamp as a shape; empty if only the camera may not see it."""
+    lit = lobes_lit(thing)
+    camera = ["camera"] if getattr(thing, "visible_camera", True) else []
+    return {"visible_to": [*camera, *lit["visible_to"]]} if lit else {}
 
 
 def constant_emission_factor(tree: Any) -> list[float] | None:
@@ -149,7 +156,8 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
     if not is_spot and radius > MIN_SIZE:
         radiance = [c / (4 * math.pi**2 * radius**2) for c in strength]
         scene.lamp_materials[name] = _emissive_material(thing, radiance) | ({"facing": True} if is_facing else {})
-        scene.lamps.append({"type": "sphere", "name": name, "material": name, "center": to_y_up(place[:3, 3]), "radius": radius})
+        ball = {"center": to_y_up(place[:3, 3]), "radius": radius}
+        scene.lamps.append({"type": "sphere", "name": name, "material": name, **ball, **_seen_by(thing)})
         return
     said: dict[str, Any] = {"type": "spot" if is_spot else "point", "name": name, "position": to_y_up(place[:3, 3])}
     said |= {"intensity": [c / (4 * math.pi) for c in strength], "radius": radius if radius > MIN_SIZE else 0}
@@ -161,7 +169,7 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
         full = dark + (1 - dark) * float(light.spot_blend)
         said |= {"direction": to_y_up(-place[:3, 2]), "outer_cone": min(math.degrees(half), 180.0), "falloff": "smooth"}
         said |= {"inner_cone": min(math.degrees(math.acos(min(max(full, -1.0), 1.0))), said["outer_cone"])}
-    scene.lights.append(said)
+    scene.lights.append(said | lobes_lit(thing))
 
 
 def _emissive_material(thing: Any, radiance: list[float]) -> dict[str, Any]:
@@ -190,4 +198,4 @@ def _add_area(scene: Scene, thing: Any, name: str, place: F64, strength: list[fl
     scene.lamp_materials[name] = _emissive_material(thing, [c / (math.pi * area) for c in strength])
     matrix = (TO_Y_UP @ turned).tolist()
     kind = "disk" if is_round else "quad"
-    scene.lamps.append({"type": kind, "name": name, "material": name, "transform": [{"matrix": matrix}]})
+    scene.lamps.append({"type": kind, "name": name, "material": name, "transform": [{"matrix": matrix}], **_seen_by(thing)})

@@ -46,8 +46,8 @@ class Node:
     """An instance of a mesh.
 
     materials: material keys by slot. place: the instance's transform. places: if the instance moves, its transforms at the
-    shutter's keys. number: the object's pass index. unseen: the instance is invisible to the camera. shadeless: the instance does
-    not block the light of lamps. matte: "holdout", "shadow_catcher", or empty.
+    shutter's keys. number: the object's pass index. hidden_from: the kinds of rays that
+    do not see the instance. matte: "holdout", "shadow_catcher", or empty.
     """
 
     name: str
@@ -56,8 +56,7 @@ class Node:
     place: F64  # (4, 4)
     places: tuple[F64, ...] = ()
     number: int = 0
-    unseen: bool = False
-    shadeless: bool = False
+    hidden_from: tuple[str, ...] = ()
     matte: str = ""
 
 

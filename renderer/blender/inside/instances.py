@@ -18,7 +18,7 @@ LEFT_OUT = {
     "GPENCIL": Sentence("blend-grease-pencil", "Grease pencil drawings"),
     "GREASEPENCIL": Sentence("blend-grease-pencil", "Grease pencil drawings"),
 }
-VISIBLE = tuple(f"visible_{kind}" for kind in ("camera", "shadow", "diffuse", "glossy", "transmission"))
+VISIBLE = tuple(f"visible_{kind}" for kind in ("camera", "shadow", "diffuse", "glossy", "transmission", "volume_scatter"))
 ON_MESHES = ("VERTS", "FACES")
 NEAR = 1e-6
 SHEARED = 1e-5

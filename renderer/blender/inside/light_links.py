@@ -1,4 +1,4 @@
-"""Light linking of Blender's objects: the link sets of a scene file, by the receiver collections of lights and meshes."""
+"""Light and shadow linking of Blender's objects: the link sets of a scene file, by the collections of lights and meshes."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 from .light_groups import valid_name
 from .sentences import Sentence
 
-__all__ = ["LinkSets", "has_shadow_links"]
+__all__ = ["LinkSets"]
 
 MOST = 31  # renderer/scene/light_links.py
 
@@ -23,15 +23,29 @@ class LinkSets:
         self._known: dict[str, str] = {}  # Blender's name of a collection -> name of the link set
         self.sets: dict[str, dict[str, list[str]]] = {}
 
-    def name_for(self, thing: Any) -> str:
-        """Returns the name of the link set of an object that emits light; empty if it illuminates all objects."""
-        collection = getattr(getattr(thing, "light_linking", None), "receiver_collection", None)
+    def fields_for(self, thing: Any) -> dict[str, str]:
+        """Returns the fields `light_link` and `shadow_link` of an object that emits light, as far as it has such sets."""
+        found = {"light_link": self._name_for(thing, "receiver"), "shadow_link": self._name_for(thing, "blocker")}
+        return {field: name for field, name in found.items() if name}
+
+    def _name_for(self, thing: Any, role: str) -> str:
+        """Returns the name of a link set of an object that emits light; empty if it has none: all objects take part.
+
+        role: receiver, for the objects that it illuminates, or blocker, for those that block its light.
+        """
+        collection = getattr(getattr(thing, "light_linking", None), f"{role}_collection", None)
         if collection is None:
             return ""
         if collection.name not in self._known:
             if len(self._known) == MOST:
                 self._notes.append(
                     Sentence("blend-light-linking", "{object}: lights all objects; light linking is ignored", object=thing.name)
+                    if role == "receiver"
+                    else Sentence(
+                        "blend-shadow-linking",
+                        "{object}: shadow linking is ignored; all objects block its light",
+                        object=thing.name,
+                    )
                 )
                 return ""
             self._known[collection.name] = name = self._free_name(collection.name)
@@ -48,9 +62,9 @@ class LinkSets:
         return found
 
     def _members(self, collection: Any) -> dict[str, list[str]]:
-        """Returns the objects that a receiver collection includes and excludes.
+        """Returns the objects that a receiver or blocker collection includes and excludes.
 
-        If it only excludes objects, all others are illuminated, as in Blender.
+        If it only excludes objects, all others take part, as in Blender.
         """
         by_state: dict[str, list[str]] = {"INCLUDE": [], "EXCLUDE": []}
         for things, links in (
@@ -65,8 +79,3 @@ class LinkSets:
         if include or not exclude:
             found["include"] = include
         return found
-
-
-def has_shadow_links(thing: Any) -> bool:
-    """Returns True if an object has shadow linking: its light is blocked by selected objects only."""
-    return getattr(getattr(thing, "light_linking", None), "blocker_collection", None) is not None

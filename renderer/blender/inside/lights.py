@@ -10,8 +10,9 @@ from typing import Any
 from .cameras import to_ours
 from .keys import keyed
 from .light_groups import light_group_of
-from .light_links import LinkSets, has_shadow_links
+from .light_links import LinkSets
 from .light_profiles import EmissionImage, is_animated_light, needs_emission_image, render_emission_image
+from .ray_visibility import KINDS
 from .sentences import Sentence
 
 __all__ = ["Lights"]
@@ -21,11 +22,7 @@ MAX_INTENSITY = 1e9
 MAX_POINT_RADIUS = 0.1  # scene units: larger points are spheres, whose spot cone has no single edge
 MIN_RADIUS = 1e-4  # the least radius of a point light
 MOST_PICTURES = 64  # of emission images: each takes a second or two
-RAYS = {
-    "diffuse": Sentence("blend-matte-surfaces", "matte surfaces"),
-    "glossy": Sentence("blend-glossy-surfaces", "glossy surfaces"),
-    "transmission": Sentence("blend-glass", "glass"),
-}
+LOBES = ("diffuse", "glossy", "transmission", "volume")
 
 
 class Lights:
@@ -85,20 +82,24 @@ class Lights:
             values = states[thing.name]
             said: dict[str, Any] = {name: keyed([each[name] for each in values], frames, fps) for name in values[0]}
             name = thing.name[:200]
-            named = {"light_group": light_group_of(thing), "light_link": links.name_for(thing)}
-            group = {key: found for key, found in named.items() if found}
+            group = {"light_group": light_group_of(thing)} if light_group_of(thing) else {}
+            group |= links.fields_for(thing)
+            lobes = [kind for kind in LOBES if getattr(thing, KINDS[kind], True)]
+            visible = {"visible_to": lobes} if len(lobes) < len(LOBES) else {}
             if "emission" not in said:
-                lights.append({"name": name, **_kind(thing, self._thrown.get(thing.name)), **said, **group})
+                lights.append({"name": name, **_kind(thing, self._thrown.get(thing.name)), **said, **group, **visible})
                 continue
             material = f"light {name}"
             materials[material] = {"color": 0, "emission": said["emission"], "lamp": True, **group}
             if not getattr(thing, "visible_camera", True):
                 materials[material]["unseen"] = True
+            elif visible:
+                visible["visible_to"] = ["camera", *lobes]
             if getattr(thing.data, "use_soft_falloff", False) and "center" in said:
                 materials[material]["facing"] = True
             if "center" in said:
                 ball = {name: said[name] for name in ("center", "radius")}
-                shapes.append({"type": "sphere", "name": name, "material": material, **ball})
+                shapes.append({"type": "sphere", "name": name, "material": material, **ball, **visible})
                 continue
             x, y, z = (
                 said["turn"]
@@ -108,7 +109,7 @@ class Lights:
             turns = [{"rotate": {"axis": axis, "degrees": degrees}} for axis, degrees in (("x", x), ("y", y), ("z", z))]
             kind = "disk" if thing.data.shape in ("DISK", "ELLIPSE") else "quad"
             transform = [{"scale": said["size"]}, *turns, {"translate": said["place"]}]
-            shapes.append({"type": kind, "name": name, "material": material, "transform": transform})
+            shapes.append({"type": kind, "name": name, "material": material, "transform": transform, **visible})
         return lights, materials, shapes
 
     def _current_state(self, thing: Any) -> dict[str, Any]:
@@ -236,24 +237,6 @@ class Lights:
             )
         if not getattr(data, "use_shadow", True):
             notes.append(Sentence("blend-light-shadows", "Light {light}: casts shadows, unlike in Blender", light=thing.name))
-        hidden = [words for kind, words in RAYS.items() if not getattr(thing, f"visible_{kind}", True)]
-        if hidden:
-            notes.append(
-                Sentence(
-                    "blend-light-visibility",
-                    "Light {light}: lights {surfaces}, unlike in Blender",
-                    light=thing.name,
-                    surfaces=hidden,
-                )
-            )
-        if has_shadow_links(thing):
-            notes.append(
-                Sentence(
-                    "blend-shadow-linking",
-                    "{object}: shadow linking is ignored; all objects block its light",
-                    object=thing.name,
-                )
-            )
 
 
 def _is_portal(data: Any) -> bool:

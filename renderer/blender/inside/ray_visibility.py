@@ -6,16 +6,19 @@ from pathlib import Path
 from typing import Any
 
 from .glb import Glb
-from .light_links import has_shadow_links
 from .sentences import Sentence
 
-__all__ = ["RAYS", "matte_flags_of", "note_rays", "ray_flags_of", "write_extensions"]
+__all__ = ["KINDS", "RAYS", "matte_flags_of", "note_rays", "ray_flags_of", "write_extensions"]
 
 RAYS = "RAYFARM_node_rays"  # read by renderer/scene/readers/gltf/nodes.py
-OTHERS = {
-    "diffuse": Sentence("blend-in-diffuse-light", "in diffuse light"),
-    "glossy": Sentence("blend-in-reflections", "in reflections"),
-    "transmission": Sentence("blend-through-glass", "through glass"),
+# The kinds of rays, and Blender's flags for whether they hit an object.
+KINDS = {
+    "camera": "visible_camera",
+    "shadow": "visible_shadow",
+    "diffuse": "visible_diffuse",
+    "glossy": "visible_glossy",
+    "transmission": "visible_transmission",
+    "volume": "visible_volume_scatter",
 }
 FACTORS = ("baseColorFactor", "roughnessFactor")
 
@@ -23,14 +26,12 @@ Flags = dict[str, bool]
 
 
 def ray_flags_of(objects: list[Any], layer: Any) -> dict[str, Flags]:
-    """Returns object name -> flags `camera` and `shadow`: whether such rays hit it. Only objects that one of them ignores."""
+    """Returns object name -> kind of ray -> whether such rays hit it. Only objects that one kind ignores."""
     found = {}
     for thing in objects:
         is_indirect = layer is not None and thing.indirect_only_get(view_layer=layer)
-        flags = {
-            "camera": bool(getattr(thing, "visible_camera", True)) and not is_indirect,
-            "shadow": bool(getattr(thing, "visible_shadow", True)),
-        }
+        flags = {kind: bool(getattr(thing, flag, True)) for kind, flag in KINDS.items()}
+        flags["camera"] &= not is_indirect
         if not all(flags.values()):
             found[thing.name] = flags
     return found
@@ -44,21 +45,8 @@ def matte_flags_of(thing: Any, layer: Any) -> Flags:
 
 
 def note_rays(objects: list[Any], layer: Any, notes: list[str], is_transparent: bool) -> None:
-    """Adds notes on ray visibility settings of Blender that are ignored. is_transparent: whether the film is."""
+    """Adds notes on holdouts and shadow catchers that are ignored. is_transparent: whether the film is."""
     for thing in objects:
-        hidden = [words for kind, words in OTHERS.items() if not getattr(thing, f"visible_{kind}", True)]
-        if hidden:
-            notes.append(
-                Sentence("blend-ray-visibility", "{object}: visible {where}, unlike in Blender", object=thing.name, where=hidden)
-            )
-        if has_shadow_links(thing):
-            notes.append(
-                Sentence(
-                    "blend-shadow-linking",
-                    "{object}: shadow linking is ignored; all objects block its light",
-                    object=thing.name,
-                )
-            )
         flags = {} if is_transparent else matte_flags_of(thing, layer)
         for name, what in (
             ("holdout", Sentence("blend-holdout", "a holdout")),

@@ -116,10 +116,10 @@ def _object_names(solid: list[Any], scene: str) -> dict[str, str]:
 
 
 def _named(solid: list[Any], links: LinkSets, layer: Any) -> dict[str, dict[str, str | bool]]:
-    """Returns object name -> light group and link set of its emission and matte flags, of the objects that have any."""
+    """Returns object name -> light group and link sets of its emission and matte flags, of the objects that have any."""
     found: dict[str, dict[str, str | bool]] = {}
     for thing in solid:
-        named = {"light_group": light_group_of(thing), "light_link": links.name_for(thing)}
+        named = {"light_group": light_group_of(thing), **links.fields_for(thing)}
         extras: dict[str, str | bool] = {key: name for key, name in named.items() if name}
         extras.update(matte_flags_of(thing, layer))
         if extras:

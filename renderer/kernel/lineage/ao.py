@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit, shadow_root
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import store_first_hit
@@ -74,7 +74,7 @@ def trace_ao(scene, stack, camera, medium_stack, options, log, first):
         end = vec.add(start, vec.scale(towards, min(options.ao_distance, _FAR)))
         rays += 1
         left = layers_left(crossings.counts, options)
-        open_sky = transmittance(scene, stack, start, end, options.transparent, left, time)
+        open_sky = transmittance(scene, stack, start, end, options.transparent, left, time, shadow_root(scene.bvh))
         radiance = (open_sky, open_sky, open_sky)
         record_light(log, passed, DIRECT, radiance)
         break

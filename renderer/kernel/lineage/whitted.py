@@ -13,7 +13,7 @@ import numpy as np
 
 from renderer.arrays.light_rows import CORNER_ERROR
 from renderer.arrays.rows import CONDUCTOR, METALLIC_ROUGHNESS, UNLIT
-from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit, shadow_root
 from renderer.jit import device, local_floats, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import store_first_hit
@@ -216,7 +216,7 @@ def _add_direct(scene, stack, vertex, path, crossings, options, stream, time):
                 start = offset_ray_origin(surface, wi[2] > _ZERO, light.direction)
                 rays += 1
                 left = layers_left(crossings.counts, options)
-                weight = transmittance(scene, stack, start, light.end, options.transparent, left, time)
+                weight = transmittance(scene, stack, start, light.end, options.transparent, left, time, shadow_root(scene.bvh))
                 weight /= light.pdf * np.float32(count)
                 if options.mistake != NO_MISTAKE:
                     weight *= mistake_factor(options.mistake, surface.point, light.end)

@@ -11,9 +11,10 @@ from renderer.kernel import vec
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sun_seen
 from renderer.kernel.light.links import is_linked
 from renderer.kernel.light.sphere_light import hits_emitting_side
+from renderer.kernel.light.visibility import counts_when_hit, is_seen
 from renderer.kernel.material.material import emission
 from renderer.kernel.steps.state import with_radiance
-from renderer.wide.values import any_of, as_wide, where, where3, zero_like
+from renderer.wide.values import any_of, as_wide, lookup, u32, where, where3, zero_like
 
 __all__ = [
     "Emission",
@@ -53,6 +54,8 @@ def emitted_light(scene, surface, lit, ray, last, time):
     counts = lit
     if scene.has.links is not None:
         counts = lit & is_linked(scene, light, last.object)
+    if scene.has.visibility is not None:
+        counts = counts & counts_when_hit(scene, light, ray.pdf)
     front = hits_emitting_side(scene, light, last.point, ray.d, surface.front, time)
     radiance = emission(scene, surface.material, surface.uv, surface.uv1, front, time)
     cosine = vec.dot(surface.geometric, vec.neg(ray.d))
@@ -78,15 +81,19 @@ def emitted_by_environment(scene, ray):
 
 
 @device
-def emitted_by_sun(scene, which, ray, last, number, time):
+def emitted_by_sun(scene, which, ray, last, number, kind, time):
     """Returns the Emission of a sun for a ray that has hit nothing.
 
-    which: index in scene.sun; number: count of earlier vertices.
+    which: index in scene.sun; number: count of earlier vertices. kind: of the ray, from its Crossings.
     """
     radiance, light_pdf = sun_seen(scene, which, last.point, last.normal, ray.d, ray.pdf > _ZERO, number == _ZERO, time)
     if scene.has.links is not None:
         light = as_wide(np.uint32(scene.sun[which]), ray.pdf)
-        radiance = _counted(scene, is_linked(scene, light, last.object), radiance)
+        counts = is_linked(scene, light, last.object)
+        if scene.has.visibility is not None:
+            word = u32(lookup(scene.light_visibility, light))
+            counts = counts & counts_when_hit(scene, light, ray.pdf) & is_seen(word, kind)
+        radiance = _counted(scene, counts, radiance)
     return Emission(radiance, light_pdf)
 
 

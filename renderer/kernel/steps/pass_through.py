@@ -85,5 +85,5 @@ def pass_through(scene, surface, through, crossings, options):
     medium_stack = crossings.medium_stack
     if scene.has.media is not None:
         medium_stack = where(through, crossed(scene, medium_stack, surface.material, surface.front), medium_stack)
-    beyond = Crossings(medium_stack, (diffuse, glossy, transmitted, layers), zero_like(layers))
+    beyond = Crossings(medium_stack, (diffuse, glossy, transmitted, layers), zero_like(layers), crossings.ray_kind)
     return beyond, is_blocked(scene, surface.material, crossings.counts, options)

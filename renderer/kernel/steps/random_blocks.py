@@ -12,12 +12,13 @@ from renderer.jit import device
 from renderer.kernel.sampling.sampler import INDEPENDENT, Stream, draw4
 from renderer.wide.values import to_int, u32
 
-__all__ = ["draw_caustic", "draw_color", "draw_light", "draw_passing", "draw_scattering", "draw_time", "draw_trial"]
+__all__ = ["draw_caustic", "draw_color", "draw_kind", "draw_light", "draw_passing", "draw_scattering", "draw_time", "draw_trial"]
 
 _PASSING_BLOCKS = np.uint32((1 << 16) - 1)  # mask of the surface's number: paths that pass more surfaces reuse the blocks
 _PASSING = np.uint32(1 << 16)  # first block of transparent surfaces; vertices use lower ones
 _COLOR = np.uint32(1 << 17)  # first block of dispersive surfaces
 _TIME = np.uint32(1 << 18)  # block whose first number is the sample's shutter time
+_KIND = np.uint32(1 << 20)  # first block of the kinds of rays that leave vertices
 _CAUSTIC = np.uint32(1 << 24)  # first block of light through casters: TRIALS blocks a vertex, of the lamp and of each walk
 _TRIALS = np.uint32(13)
 _ONE, _TWO = np.uint32(1), np.uint32(2)
@@ -45,6 +46,15 @@ def draw_passing(stream, row):
 def draw_color(stream, number):
     """Returns the number that chooses a colour channel at a dispersive surface. number: count of earlier vertices."""
     return draw4(stream, u32(u32(to_int(number)) + _COLOR))[0]
+
+
+@device
+def draw_kind(stream, number):
+    """Returns the numbers that choose the kinds of the rays of a vertex, the first branch's and the second one's first.
+
+    number: count of earlier vertices.
+    """
+    return draw4(stream, u32(u32(to_int(number)) + _KIND))
 
 
 @device

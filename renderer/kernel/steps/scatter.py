@@ -69,4 +69,4 @@ def cross_surface(scene, surface, crossings, bounce, is_surface):
     if scene.has.media is not None:
         medium_stack = where(bounce.reflected, medium_stack, media_beyond(scene, surface, medium_stack, is_surface))
     counts = count_bounce(crossings.counts, bounce.has_left & is_surface, bounce.reflected, bounce.pdf)
-    return Crossings(medium_stack, counts, zero_like(bounce.pdf))
+    return Crossings(medium_stack, counts, zero_like(bounce.pdf), crossings.ray_kind)

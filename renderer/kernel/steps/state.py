@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.bvh.layout import RAY_KINDS
 from renderer.jit import device
 from renderer.kernel.sampling.sampler import Stream
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
@@ -28,11 +29,13 @@ __all__ = [
     "scattering_surface",
     "stream_of",
     "with_radiance",
+    "with_ray_kind",
     "with_throughput",
 ]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
+_CAMERA = np.uint32(RAY_KINDS.index("camera"))
 
 
 class Ray(NamedTuple):
@@ -56,12 +59,13 @@ class PathState(NamedTuple):
 class Crossings(NamedTuple):
     """The media that contain a path, and its depth counts by kind of bounce.
 
-    Used only in scenes with media, or if bounces are limited by kind.
+    Used only in scenes with media or visibility by kind of ray, or if bounces are limited by kind.
     """
 
     medium_stack: Int  # the media that contain it (kernel/medium/medium_stack.py)
     counts: Four  # bounces and passed surfaces by kind (depths.py)
     behind: Float  # distance along the ray of the surface that it passed through last; 0: none
+    ray_kind: Int  # of the ray, an index into RAY_KINDS; only in scenes with visibility by kind of ray (ray_kind.py)
 
 
 class LastVertex(NamedTuple):
@@ -124,7 +128,13 @@ def no_crossings(medium_stack, like):
     like: a float or lanes, which determine the type.
     """
     none = zero_like(like)
-    return Crossings(as_wide(medium_stack, like), (none, none, none, none), none)
+    return Crossings(as_wide(medium_stack, like), (none, none, none, none), none, as_wide(_CAMERA, like))
+
+
+@device
+def with_ray_kind(crossings, kind):
+    """Returns a copy of the Crossings for a ray of another kind, an index into RAY_KINDS."""
+    return Crossings(crossings.medium_stack, crossings.counts, crossings.behind, kind)
 
 
 @device

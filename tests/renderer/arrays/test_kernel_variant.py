@@ -11,6 +11,7 @@ from renderer import render
 from renderer.arrays import rows
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
 from renderer.arrays.scene_features import KERNEL_VARIANTS
+from renderer.bvh.layout import RAY_KINDS
 from renderer.film import mean
 from renderer.render import render_frame, variant_for
 from renderer.scene.compile import compile_scene
@@ -103,6 +104,7 @@ def test_absent_features_are_none_for_the_kernel() -> None:
         given = strip_absent_features(scene, name)
         assert given.has == has
         assert (given.bvh.instances is None) == (has.instances is None)
+        assert has.visibility is None or len(given.bvh.ray_roots) == len(RAY_KINDS)
 
 
 @pytest.mark.parametrize("others", [["full"], pytest.param([*KERNEL_VARIANTS][2:], marks=pytest.mark.long)])

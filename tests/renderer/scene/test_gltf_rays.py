@@ -104,6 +104,22 @@ def test_mattes_of_blender_objects():
     assert ["holdout" in notes[0], "shadow catcher" in notes[1], len(notes)] == [True, True, 2]
 
 
+def test_extras_hide_nodes_from_kinds_of_rays(scene):
+    """Extras state the kinds of rays that see a node, and the extension those that do not; unknown kinds hide nothing."""
+    g = Gltf()
+    g.mesh(material=g.material(extras={"shadow_link": "hero"}))
+    g.node(mesh=0, extras={"visible_to": ["camera", "diffuse", "glossy"]})
+    g.node(mesh=0, extensions={RAYS: {"glossy": False, "volume": False}})
+    g.node(mesh=0, extras={"visible_to": ["camera", "x-rays"], "shadow_link": "other"})
+    g.root["extensionsUsed"] = [RAYS]
+    found = scene("a.glb", g.glb())
+    materials = [found.materials[i.material] for i in found.instances[-3:]]
+    looks = [(m.unseen, m.shadeless, m.hidden_from, m.shadow_link) for m in materials]
+    hidden = ("transmission", "volume"), ("glossy", "volume")
+    assert looks == [(False, True, hidden[0], "hero"), (False, False, hidden[1], "hero"), (False, False, (), "other")]
+    assert any("visible_to that is not a list of camera" in each for each in found.warnings)
+
+
 def test_extras_declare_link_sets(scene):
     lights = "KHR_lights_punctual"
     g = Gltf()
@@ -143,14 +159,16 @@ def _collection(name: str, states: dict[str, str], child: tuple[str, str] | None
     )
 
 
-def test_receiver_collections_of_blender_become_link_sets():
+def test_receiver_and_blocker_collections_of_blender_become_link_sets():
     names = {name: f"Scene/{name}" for name in ("a", "b", "c")}
     links = LinkSets(names, notes := [])
-    assert links.name_for(SimpleNamespace(name="lamp")) == links.name_for(_linking(None)) == ""
+    assert links.fields_for(SimpleNamespace(name="lamp")) == links.fields_for(_linking(None)) == {}
     some = _collection("Some.001", {"a": "INCLUDE", "hidden": "INCLUDE", "b": "EXCLUDE"}, ("c", "INCLUDE"))
-    assert [links.name_for(_linking(some)) for _ in range(2)] == ["Some_001"] * 2
-    assert links.name_for(_linking(_collection("Some 001", {"c": "EXCLUDE"}))) == "Some 001"
-    assert links.name_for(_linking(_collection("none", {}))) == "none"
+    assert [links.fields_for(_linking(some))["light_link"] for _ in range(2)] == ["Some_001"] * 2
+    assert links.fields_for(_linking(_collection("Some 001", {"c": "EXCLUDE"})))["light_link"] == "Some 001"
+    assert links.fields_for(_linking(_collection("none", {})))["light_link"] == "none"
+    blocker = SimpleNamespace(name="lamp", light_linking=SimpleNamespace(receiver_collection=None, blocker_collection=some))
+    assert links.fields_for(blocker) == {"shadow_link": "Some_001"}
     assert links.sets == {
         "Some_001": {"include": ["Scene/a", "Scene/c"], "exclude": ["Scene/b"]},
         "Some 001": {"exclude": ["Scene/c"]},

@@ -236,7 +236,6 @@ LEFT_OUT = {  # light inputs without support, and their warnings
     "inputs:shadow:color": (Gf.Vec3f(1, 0, 0), "Shadow colour, distance and falloff of lights are ignored"),
     "inputs:shadow:distance": (3.0, "Shadow colour, distance and falloff of lights are ignored"),
     "inputs:specular": (0.0, "Diffuse and specular multipliers of lights are ignored"),
-    "collection:shadowLink:includeRoot": (None, "Shadow linking is ignored: all objects cast shadows"),
     "inputs:intensity": (5.0, None),
 }
 
@@ -248,10 +247,7 @@ def test_unsupported_light_features_are_named(tmp_path, name):
     prim = UsdLux.SphereLight.Define(made, "/light").GetPrim()
     for schema in (UsdLux.ShapingAPI, UsdLux.ShadowAPI):
         schema.Apply(prim)
-    if value is None:
-        UsdLux.LightAPI(prim).GetShadowLinkCollectionAPI().CreateExcludesRel().AddTarget("/m")
-    else:
-        prim.GetAttribute(name).Set(value)
+    prim.GetAttribute(name).Set(value)
     made.GetRootLayer().Save()
     found = read(tmp_path / "a.usda").warnings
     assert [w for w in found if "/light" in w and expected and expected in w] if expected else not found
@@ -269,11 +265,14 @@ def test_collection_light_link_limits_lights(tmp_path):
     lights[2].GetLightLinkCollectionAPI().CreateIncludeRootAttr(False)
     for path in ("/group/b", "/c"):
         lights[2].GetLightLinkCollectionAPI().CreateIncludesRel().AddTarget(path)
+    lights[3].GetShadowLinkCollectionAPI().CreateExcludesRel().AddTarget("/c")
     made.GetRootLayer().Save()
     found = read(tmp_path / "a.usda")
     links = [found.materials[each.material].light_link for each in found.spheres]
     assert [found.light_links[link].exclude if link else () for link in links] == [("a",), ("c",), ("a",), ()]
     assert links[0] == links[2]
+    shadows = [found.materials[each.material].shadow_link for each in found.spheres]
+    assert shadows == ["", "", "", links[1]]
     assert not found.warnings
     compiled = compile_scene(found)
     masks = dict(zip(number_objects(found).names, compiled.object_links.tolist(), strict=True))

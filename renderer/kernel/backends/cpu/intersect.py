@@ -51,7 +51,7 @@ from renderer.kernel.medium.volume import shadow_block
 from renderer.kernel.steps.depths import layers_left
 from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_light
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_radiance
-from renderer.wide.values import as_wide, not_, to_int, u32, where, where3, zero_like
+from renderer.wide.values import as_wide, lookup, not_, to_int, u32, where, where3, zero_like
 
 __all__ = ["intersect_closest", "resolve_shadow_rays", "trace_shadow_rays"]
 
@@ -83,6 +83,8 @@ def _trace_passed(scene, alone, pool, lists):
         root = _ROOT
         if scene.bvh.ray_roots is not None and gather(pool, number, PathState).number == _ZERO:
             root = camera_root(scene.bvh)
+        if scene.has.visibility is not None:
+            root = lookup(scene.bvh.ray_roots, gather(pool, number, Crossings).ray_kind)
         hit = closest_hit(scene.bvh, alone, ray.o, ray.d, _INF, time_of(scene.has.motion, pool, number), root, after)
         pool[path + BEST] = hit.t
         pool[path + _U] = hit.u
@@ -127,6 +129,8 @@ def intersect_closest(scene, alone, stack, pool, lists):
         if scene.bvh.ray_roots is not None:
             number = gather(pool, rows, PathState).number
             root = where(number == _ZERO, as_wide(np.uint32(camera_root(scene.bvh)), zero), root)
+        if scene.has.visibility is not None:
+            root = u32(lookup(scene.bvh.ray_roots, gather(pool, rows, Crossings).ray_kind))
         start_traversal(pool, rows, ray.o, ray.d, zero + _INF, root)
     if scene.has.textures is not None:
         _trace_passed(scene, alone, pool, lists)
@@ -173,7 +177,10 @@ def _light_through(scene, alone, pool, lists, options):
         layers = layers_left(counts, options)
         stream, number = streams_of(pool, path, options), gather(pool, path, PathState).number - _ONE
         random = u32(stream.seed), u32(stream.pixel), u32(stream.sample), shadow_block(to_int(number))
-        left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time, random)
+        root = shadow_root(scene.bvh)
+        if scene.has.visibility is not None:
+            root = lookup(scene.bvh.ray_roots, light.root)
+        left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time, random, root)
         if vec.maximum(left) > _ZERO:
             if scene.has.groups is not None:
                 brought = direct_light(light.brought, left, light.segments, options)
@@ -200,6 +207,8 @@ def _light(scene, alone, stack, pool, lists, options):
         root = as_wide(_TOP_NODE, none)
         if scene.bvh.ray_roots is not None:
             root = as_wide(np.uint32(shadow_root(scene.bvh)), none)
+        if scene.has.visibility is not None:
+            root = u32(lookup(scene.bvh.ray_roots, gather(pool, rows, DirectLight).root))
         start_traversal(pool, rows, ray.start, vec.sub(ray.end, ray.start), none, root)
     for k in range(count):
         put(lists, NODES, np.uintp(k), row(lists, WAITING, k))

@@ -29,11 +29,12 @@ from renderer.kernel.backends.cpu.traversal_state import load_index
 from renderer.kernel.light.light_tree import descend
 from renderer.kernel.light.lights import choose_by_power, nearby_choice, sample_chosen
 from renderer.kernel.light.links import linked_sample
+from renderer.kernel.light.visibility import sampled_visibility, with_visibility
 from renderer.kernel.light_groups import ChosenGroup, group_of_sample, scatter_group
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.state import PathState
-from renderer.wide.values import as_wide, zero_like
+from renderer.wide.values import as_wide, to_float, zero_like
 
 __all__ = ["choose_lights"]
 
@@ -113,6 +114,10 @@ def choose_lights(scene, pool, lists, options):
         if scene.has.links is not None:
             light = linked_sample(scene, which, chosen, light, vertex.object)
         none = zero_like(light.pdf)
+        seen_by = none
+        if scene.has.visibility is not None:
+            word = sampled_visibility(scene, which, chosen)
+            light, seen_by = with_visibility(light, word), to_float(word)
         branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
         scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))
-        scatter(pool, rows, Outcome((none, none, none), light.end, none, none))
+        scatter(pool, rows, Outcome((none, none, none), light.end, seen_by, none))

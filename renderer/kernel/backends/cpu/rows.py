@@ -122,6 +122,7 @@ class DirectLight(NamedTuple):
     weight: Float  # for the path trace: the MIS weight of the light sample,
     pdf: Float  # and its density
     medium_stack: Int
+    root: Int  # index into `ray_roots` for the shadow ray; only in scenes with visibility by kind of ray
 
 
 class Outcome(NamedTuple):
@@ -129,7 +130,7 @@ class Outcome(NamedTuple):
 
     start: Vector
     end: Vector
-    is_cast: Float  # not 0: the shadow ray is traced
+    is_cast: Float  # not 0: the shadow ray is traced; before scattering: the sampled light's word (light/visibility.py)
     survival: Float  # from `continue_or_end`
 
 

@@ -65,6 +65,7 @@ from renderer.kernel.backends.cpu.rows import (
     time_of,
 )
 from renderer.kernel.light.light_sample import LightSample
+from renderer.kernel.light.visibility import shadow_root_of
 from renderer.kernel.light_paths import share_after_vertex, store_sampled_share, store_share
 from renderer.kernel.steps import scatter as scattering
 from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
@@ -72,11 +73,12 @@ from renderer.kernel.steps.continue_or_end import continue_or_end
 from renderer.kernel.steps.guide import choose_guided, guided_pdf, guided_sample
 from renderer.kernel.steps.mis import light_weight
 from renderer.kernel.steps.random_blocks import draw_scattering
+from renderer.kernel.steps.ray_kind import after_vertex, visible_lobes
 from renderer.kernel.steps.record_first_hit import FirstHit, record_direct_light
 from renderer.kernel.steps.sample_direct_light import sample_direct_light
 from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
-from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, with_radiance
-from renderer.wide.values import any_of, as_wide, where, zero_like
+from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, with_radiance, with_ray_kind
+from renderer.wide.values import any_of, as_wide, to_int, u32, where, zero_like
 
 __all__ = ["kinds_of_scattering", "scatter_vertices"]
 
@@ -204,13 +206,24 @@ def _scatter(scene, pool, lists, which, answer, diffuse_lobe, is_lit, is_surface
             if scene.has.targets is not None:
                 inner_pdf = mixture_pdf(scene, here, targets, guided.direction, own_pdf, none + NOT_AIMED)
             sample = guided_sample(scene, guided, m.frame, sample, along, own_f, own_pdf, inner_pdf)
+        reflected, value, to_sample = (none, none, none), (none, none, none), (none, none, none)
+        if scene.has.visibility is not None or scene.has.light_paths is not None:
+            reflected, value = diffuse_lobe(scene, m, wo, sample.wi), vec.scale(sample.weight, sample.pdf)
+            if is_lit is not None and lit and not second:
+                to_sample = diffuse_lobe(scene, m, wo, wi)
+        if scene.has.visibility is not None:
+            left = after_vertex(scene, stream, path.number, second, reflected, value, sample.wi, is_surface)
+            reflected, value = left.diffuse, left.value
+            sample = BsdfSample(sample.wi, vec.mul(sample.weight, left.factor), sample.pdf, sample.eta2, sample.unguided)
+            if is_lit is not None and lit and not second:
+                word = u32(to_int(gather(pool, rows, Outcome).is_cast))
+                to_sample, f = visible_lobes(word, to_sample, f, wi, is_surface)
         if scene.has.light_paths is not None:
             first = where(path.number == _ZERO, rows + SECOND if second else rows, SPARE)
-            reflected = diffuse_lobe(scene, m, wo, sample.wi)
-            share = share_after_vertex(reflected, vec.scale(sample.weight, sample.pdf), sample.wi, is_surface)
+            share = share_after_vertex(reflected, value, sample.wi, is_surface)
             store_share(pool, group_row(first, options), options, share)
             if is_lit is not None and lit and not second:
-                share = share_after_vertex(diffuse_lobe(scene, m, wo, wi), f, wi, is_surface)
+                share = share_after_vertex(to_sample, f, wi, is_surface)
                 store_sampled_share(pool, group_row(first, options), options, share)
         branches = none + _ONE
         if is_lit is not None:
@@ -231,7 +244,10 @@ def _scatter(scene, pool, lists, which, answer, diffuse_lobe, is_lit, is_surface
             if options.has_mattes:
                 bright = where(shadow.is_cast, vec.luminance(shadow.brought), none)
                 scatter(pool, where(caught, rows, SPARE), record_direct_light(hit, bright))
-            scatter(pool, rows, DirectLight(shadow.brought, shadow.segments, share, to_light.pdf, shadow.medium_stack))
+            root = shadow.medium_stack  # unused
+            if scene.has.visibility is not None:
+                root = shadow_root_of(word)
+            scatter(pool, rows, DirectLight(shadow.brought, shadow.segments, share, to_light.pdf, shadow.medium_stack, root))
 
         ray, path, bounce = scattering.scatter(surface, m.frame, ray, path, sample, branches, options)
         path, survival = continue_or_end(path, ray, u[3], is_surface, options)
@@ -244,7 +260,10 @@ def _scatter(scene, pool, lists, which, answer, diffuse_lobe, is_lit, is_surface
             path = with_radiance(path, (none, none, none))
         if scene.has.media is not None or options.has_depths:
             crossings = gather(pool, rows, Crossings)
-            scatter(pool, written, scattering.cross_surface(scene, surface, crossings, bounce, is_surface))
+            crossings = scattering.cross_surface(scene, surface, crossings, bounce, is_surface)
+            if scene.has.visibility is not None:
+                crossings = with_ray_kind(crossings, left.kind)
+            scatter(pool, written, crossings)
         scatter(pool, written, ray)
         scatter(pool, written, path)
         scatter(pool, written, Outcome(start, end, is_cast, survival))

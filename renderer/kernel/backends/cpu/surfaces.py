@@ -119,8 +119,9 @@ def shade_misses(scene, pool, lists, options, is_recorded):
         path = add_light(path, light, counts, options)
         if scene.has.lights is not None:
             last, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
+            kind = gather(pool, rows, Crossings).ray_kind
             for which in range(len(scene.sun)):
-                seen = emitted_by_sun(scene, which, ray, last, path.number, time)
+                seen = emitted_by_sun(scene, which, ray, last, path.number, kind, time)
                 light = vec.scale(seen.radiance, hit_weight(ray.pdf, seen.light_pdf))
                 if scene.has.groups is not None:
                     sun = as_wide(np.uint32(scene.sun[which]), weight)

@@ -7,12 +7,14 @@ from __future__ import annotations
 
 import numpy as np
 
+from renderer.bvh.traverse import shadow_root
 from renderer.jit import device, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import store_direct_light, store_first_hit
 from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.lights import choose_sampled, sample_chosen
 from renderer.kernel.light.links import linked_sample
+from renderer.kernel.light.visibility import sampled_visibility, shadow_root_of, with_visibility
 from renderer.kernel.light_groups import add_group_light, group_of_environment, group_of_light, group_of_sample
 from renderer.kernel.light_paths import (
     EMISSION,
@@ -40,11 +42,12 @@ from renderer.kernel.steps.guide import choose_guided, guided_pdf
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.pass_through import counts_emission
 from renderer.kernel.steps.random_blocks import draw_light
+from renderer.kernel.steps.ray_kind import visible_lobes
 from renderer.kernel.steps.record_first_hit import record_background
 from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_light, sample_direct_light
 from renderer.kernel.steps.state import LastVertex, with_radiance
 from renderer.kernel.surface.surface import is_emissive
-from renderer.wide.values import u32
+from renderer.wide.values import lookup, u32
 
 __all__ = ["add_caustic", "add_direct", "add_emission", "add_environment", "has_lights"]
 
@@ -59,7 +62,7 @@ def has_lights(scene):
 
 
 @template
-def add_environment(scene, ray, path, last, chain, options, time, weigh_hit, found, groups):
+def add_environment(scene, ray, path, last, crossings, chain, options, time, weigh_hit, found, groups):
     """Returns `path` with the light of the environment and of suns added; called if the path's ray has hit nothing.
 
     chain: from kernel/manifold/chain.py. found: the array of the first hit, with the table of the light by group. groups: the row
@@ -79,7 +82,7 @@ def add_environment(scene, ray, path, last, chain, options, time, weigh_hit, fou
     path = add_light(path, light, counts, options)
     if scene.has.lights is not None:
         for which in range(len(scene.sun)):
-            seen = emitted_by_sun(scene, which, ray, last, path.number, time)
+            seen = emitted_by_sun(scene, which, ray, last, path.number, crossings.ray_kind, time)
             weight = weigh_hit(options, ray, path, last, None, seen.light_pdf)
             shows = counts
             if scene.caustics is not None:
@@ -134,6 +137,11 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
         light = sample_chosen(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), which, chance, time)
         if scene.has.links is not None:
             light = linked_sample(scene, numbers[2], which, light, u32(surface.object))
+        root = shadow_root(scene.bvh)
+        if scene.has.visibility is not None:
+            word = sampled_visibility(scene, numbers[2], which)
+            light = with_visibility(light, word)
+            root = lookup(scene.bvh.ray_roots, shadow_root_of(word))
         if light.pdf > _ZERO:
             wi = vec.to_local(s, t, n, light.direction)
             f, scatter_pdf = eval_material(vertex.material, vertex.wo, wi)
@@ -149,12 +157,15 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
             if caught:
                 weight = _ONE
             weight = weight / np.float32(count)
+            if scene.has.visibility is not None:
+                lobes = eval_diffuse_lobes(vertex.material, vertex.wo, wi)
+                lobes, f = visible_lobes(word, lobes, f, wi, is_surface)
             shadow = sample_direct_light(scene, surface, path, light, wi, f, weight, crossings.medium_stack, is_surface)
             if shadow.is_cast:
                 if caught:
                     store_direct_light(found, shadow.brought)
                 rays += 1
-                left = shadow_transmittance(scene, stack, shadow, crossings.counts, options, time, own, path.number)
+                left = shadow_transmittance(scene, stack, shadow, crossings.counts, options, time, own, path.number, root)
                 if vec.maximum(left) > _ZERO:
                     if scene.has.groups is not None:
                         group = groups + group_of_sample(scene, numbers[2], which)
@@ -162,7 +173,8 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
                         add_group_light(found, group, brought, _YES)
                     if scene.has.light_paths is not None:
                         if path.number == _ZERO:
-                            lobes = eval_diffuse_lobes(vertex.material, vertex.wo, wi)
+                            if scene.has.visibility is None:
+                                lobes = eval_diffuse_lobes(vertex.material, vertex.wo, wi)
                             store_sampled_share(found, groups, options, share_after_vertex(lobes, f, wi, is_surface))
                         brought = direct_light(shadow.brought, left, shadow.segments, options)
                         add_sampled_path_light(found, groups, options, brought, path.number + _ONE, _YES)

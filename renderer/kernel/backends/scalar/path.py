@@ -20,6 +20,7 @@ from renderer.kernel.light_groups import add_group_light, group_of_material, gro
 from renderer.kernel.light_paths import EMISSION, add_path_light, share_after_vertex, store_share
 from renderer.kernel.manifold.chain import NO_CHAIN, begin_chain, continue_chain, is_joined
 from renderer.kernel.material.material import eval_diffuse_lobes, eval_material, has_flag, is_specular
+from renderer.kernel.options import MIS
 from renderer.kernel.path_trace import (
     DIRECT,
     EMITTED,
@@ -36,13 +37,23 @@ from renderer.kernel.steps.guide import choose_guided, guided_sample
 from renderer.kernel.steps.medium_event import medium_event
 from renderer.kernel.steps.pass_through import pass_through
 from renderer.kernel.steps.random_blocks import draw_scattering
+from renderer.kernel.steps.ray_kind import after_vertex
 from renderer.kernel.steps.record_first_hit import record_background, record_catcher, record_first_hit
 from renderer.kernel.steps.scatter import cross_surface, scatter
 from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
-from renderer.kernel.steps.state import Crossings, LastVertex, camera_path, no_crossings, with_radiance, with_throughput
+from renderer.kernel.steps.state import (
+    BsdfSample,
+    Crossings,
+    LastVertex,
+    camera_path,
+    no_crossings,
+    with_radiance,
+    with_ray_kind,
+    with_throughput,
+)
 from renderer.kernel.surface.surface import NO_OBJECT, surface_at
 from renderer.prune_absent_features import where_present
-from renderer.wide.values import u32
+from renderer.wide.values import lookup, u32
 
 __all__ = ["trace_path"]
 
@@ -96,6 +107,8 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
     after = where_present(scene.has.textures, FROM_ORIGIN)
     while True:
         root = camera_root(scene.bvh) if path.number == _ZERO else _ROOT
+        if scene.has.visibility is not None:
+            root = lookup(scene.bvh.ray_roots, crossings.ray_kind)
         hit = closest_hit(scene.bvh, stack, ray.o, ray.d, _INF, time, root, after)
         rays += 1
         row, drifts, distance = path.number + passed, _NO, hit.t
@@ -111,7 +124,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             drifts, distance, path = event.scatters, event.distance, with_throughput(path, event.throughput)
         if hit.primitive == NO_PRIMITIVE and not drifts:
             record_miss(log, row, ray, path)
-            path = add_environment(scene, ray, path, last, chain, options, time, weigh_hit, first, groups)
+            path = add_environment(scene, ray, path, last, crossings, chain, options, time, weigh_hit, first, groups)
             record_light(log, row, EMITTED, path.radiance)
             break
         if scene.has.media is not None and drifts:
@@ -134,7 +147,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
                     break
                 passed += _ONE
                 chain = NO_CHAIN
-                crossings = Crossings(crossings.medium_stack, crossings.counts, hit.t)
+                crossings = Crossings(crossings.medium_stack, crossings.counts, hit.t, crossings.ray_kind)
                 after = where_present(scene.has.textures, (hit.t, hit.instance, hit.primitive))
                 continue
             vertex, path = surface_vertex(scene, surface, ray, path, stream, layers, time)
@@ -184,13 +197,26 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             dark = with_radiance(path, _BLACK)
             numbers, behind = second_branch_numbers(u), groups + options.group_rows
             own_ray, second, beyond, survival, _ = _scatter(
-                scene, vertex, ray, dark, crossings, numbers, branches, is_surface, options, first, behind, sample_bsdf
+                scene,
+                vertex,
+                ray,
+                dark,
+                crossings,
+                stream,
+                True,
+                numbers,
+                branches,
+                is_surface,
+                options,
+                first,
+                behind,
+                sample_bsdf,
             )
             if not survival <= _ZERO:
                 other, splits_here = (own_ray, second, last, beyond, passed, begun), _YES
         o, d = ray.o, ray.d
         ray, path, crossings, survival, bounce = _scatter(
-            scene, vertex, ray, path, crossings, u, branches, is_surface, options, first, groups, sample_bsdf
+            scene, vertex, ray, path, crossings, stream, False, u, branches, is_surface, options, first, groups, sample_bsdf
         )
         if survival <= _ZERO:
             break
@@ -201,10 +227,10 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
 
 
 @template
-def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, options, first, groups, sample_bsdf):
+def _scatter(scene, vertex, ray, path, crossings, stream, second, u, branches, is_surface, options, first, groups, sample_bsdf):
     """Scatters a path at its vertex, using the four random numbers u; returns (Ray, PathState, Crossings, survival, Bounce).
 
-    first, groups: as for `_follow`.
+    stream, first, groups: as for `_follow`. second: whether to start the second branch.
     """
     choose, here = u[2], LastVertex(vertex.surface.point, vertex.normal, u32(vertex.surface.object))
     if scene.has.targets is not None:
@@ -231,11 +257,22 @@ def _scatter(scene, vertex, ray, path, crossings, u, branches, is_surface, optio
         if scene.has.targets is not None:
             own = mixture_pdf(scene, here, targets, guided.direction, pdf, NOT_AIMED)
         sample = guided_sample(scene, guided, vertex.frame, sample, wi, f, pdf, own)
-    if scene.has.light_paths is not None and path.number == _ZERO:
+    reflected, value = _BLACK, _BLACK
+    if scene.has.visibility is not None or scene.has.light_paths is not None:
         reflected = eval_diffuse_lobes(vertex.material, vertex.wo, sample.wi)
-        share = share_after_vertex(reflected, vec.scale(sample.weight, sample.pdf), sample.wi, is_surface)
+        value = vec.scale(sample.weight, sample.pdf)
+    if scene.has.visibility is not None:
+        if options.sampling != MIS and not sample.pdf > _ZERO and not is_specular(vertex.material):  # its pdf is not stated
+            value, _ = eval_material(vertex.material, vertex.wo, sample.wi)
+        left = after_vertex(scene, stream, path.number, second, reflected, value, sample.wi, is_surface)
+        reflected, value = left.diffuse, left.value
+        sample = BsdfSample(sample.wi, vec.mul(sample.weight, left.factor), sample.pdf, sample.eta2, sample.unguided)
+    if scene.has.light_paths is not None and path.number == _ZERO:
+        share = share_after_vertex(reflected, value, sample.wi, is_surface)
         store_share(first, groups, options, share)
     ray, path, bounce = scatter(vertex.surface, vertex.frame, ray, path, sample, branches, options)
     crossings = cross_surface(scene, vertex.surface, crossings, bounce, is_surface)
+    if scene.has.visibility is not None:
+        crossings = with_ray_kind(crossings, left.kind)
     path, survival = continue_or_end(path, ray, u[3], is_surface, options)
     return ray, path, crossings, survival, bounce

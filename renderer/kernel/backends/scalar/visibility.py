@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, SHADOW_REACH, any_hit, closest_hit, shadow_root
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, SHADOW_REACH, any_hit, closest_hit
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.material import opacity
@@ -26,13 +26,13 @@ _NO_RANDOM = (np.uint32(0), np.uint32(0), np.uint32(0), np.uint32(0))
 
 
 @subroutine
-def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, random):
+def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, random, root):
     """Returns the transmittance, rgb 0 ... 1, between two points, through transparent surfaces and media.
 
     Hits have the distances of `any_hit`: with those biased towards the origin (`intersect_triangles` in renderer/bvh/packet.py) a
     light would occlude itself from far away. medium_stack: the media that contain the first point
     (kernel/medium/medium_stack.py); ignored in scenes without media. layers, time: as for `transmittance`. random: seed, pixel,
-    sample and first block of the numbers for heterogeneous media.
+    sample and first block of the numbers for heterogeneous media. root: the node at which the shadow ray starts.
     """
     never_inline()
     left = (_ONE, _ONE, _ONE)
@@ -41,7 +41,7 @@ def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, rand
     seed, pixel, sample, block = random
     after = FROM_ORIGIN
     while True:
-        hit = closest_hit(scene.bvh, stack, start, way, SHADOW_REACH, time, shadow_root(scene.bvh), after, None)
+        hit = closest_hit(scene.bvh, stack, start, way, SHADOW_REACH, time, root, after, None)
         if scene.has.media is not None:
             homogeneous = True
             if scene.has.grids is not None:
@@ -70,16 +70,17 @@ def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, rand
 
 
 @device
-def transmittance(scene, stack, start, end, transparent, layers, time=None):
+def transmittance(scene, stack, start, end, transparent, layers, time, root):
     """Returns the fraction of light, 0 ... 1, that passes from `start` to `end` in a straight line.
 
     transparent: whether any material in the scene is transparent by its alpha; otherwise a single shadow ray is traced. layers:
-    maximum number of such surfaces that light passes, float32; infinite: no limit. time: as for `closest_hit`.
+    maximum number of such surfaces that light passes, float32; infinite: no limit. time: as for `closest_hit`. root: as for
+    `transmittance_rgb`.
     """
     if scene.has.textures is not None and transparent:
-        return transmittance_rgb(scene, stack, start, end, _WORLD, layers, time, _NO_RANDOM)[0]
+        return transmittance_rgb(scene, stack, start, end, _WORLD, layers, time, _NO_RANDOM, root)[0]
     way = vec.sub(end, start)
-    return _ZERO if any_hit(scene.bvh, stack, start, way, SHADOW_REACH, time, shadow_root(scene.bvh)) else _ONE
+    return _ZERO if any_hit(scene.bvh, stack, start, way, SHADOW_REACH, time, root) else _ONE
 
 
 @device
@@ -104,16 +105,16 @@ def media_transmittance(scene, medium_stack, start, end, stream, number):
 
 
 @device
-def shadow_transmittance(scene, stack, shadow, counts, options, time, stream, number):
+def shadow_transmittance(scene, stack, shadow, counts, options, time, stream, number, root):
     """Returns the transmittance, rgb, along a ShadowRay. counts: the path's depth counts, from its Crossings.
 
-    time: shutter time. stream, number: as for `media_transmittance`.
+    time: shutter time. stream, number: as for `media_transmittance`. root: as for `transmittance_rgb`.
     """
     layers = layers_left(counts, options)
     if scene.has.media is not None and options.transparent:
         random = u32(stream.seed), u32(stream.pixel), u32(stream.sample), shadow_block(to_int(number))
-        return transmittance_rgb(scene, stack, shadow.start, shadow.end, shadow.medium_stack, layers, time, random)
-    share = transmittance(scene, stack, shadow.start, shadow.end, options.transparent, layers, time)
+        return transmittance_rgb(scene, stack, shadow.start, shadow.end, shadow.medium_stack, layers, time, random, root)
+    share = transmittance(scene, stack, shadow.start, shadow.end, options.transparent, layers, time, root)
     left = share, share, share
     if scene.has.media is not None:
         left = vec.scale(media_transmittance(scene, shadow.medium_stack, shadow.start, shadow.end, stream, number), share)

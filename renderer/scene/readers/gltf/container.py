@@ -191,6 +191,20 @@ class Json:
             return ""
         return found
 
+    def names_in_extras(self, key: str, known: Sequence[str]) -> list[str] | None:
+        """Returns the list of names under a key of the object's extras; None if absent or not a list of known names."""
+        extras = self.value.get("extras")
+        if not isinstance(extras, dict) or key not in extras:
+            return None
+        found = extras[key]
+        if not isinstance(found, list) or not all(name in known for name in found):
+            self.fault(
+                "extras",
+                Sentence("gltf-extras-names-invalid", "has a {key} that is not a list of {known}", key=key, known=[*known]),
+            )
+            return None
+        return found
+
     def flag_in_extras(self, key: str) -> bool:
         """Returns True if the object's extras have True under a key."""
         extras = self.value.get("extras")

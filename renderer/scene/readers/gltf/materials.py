@@ -8,7 +8,8 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import NamedTuple
 
-from renderer.scene.material import AlphaMode, Material
+from renderer.bvh.layout import RAY_KINDS
+from renderer.scene.material import AlphaMode, Material, with_visibility
 from renderer.scene.readers.gltf import extensions, scattering
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.specular_glossiness import read_specular_glossiness
@@ -25,14 +26,14 @@ _ALPHA_MODES: dict[str, AlphaMode] = {"OPAQUE": "opaque", "MASK": "mask", "BLEND
 
 
 class NodeLook(NamedTuple):
-    """Material properties that a node overrides for its meshes. light_group, light_link: empty to keep the material's."""
+    """Material properties that a node overrides for its meshes. Of names, empty ones keep the material's."""
 
-    unseen: bool  # invisible to the camera
-    shadeless: bool  # casts no shadow
+    hidden_from: tuple[str, ...]  # the kinds of rays that do not see it (RAY_KINDS)
     holdout: bool
     shadow_catcher: bool
     light_group: str
     light_link: str
+    shadow_link: str
 
 
 class Materials:
@@ -82,13 +83,12 @@ class Materials:
         if key not in self._passed:
             source = self._materials[number]
             changed = replace(
-                source,
-                unseen=look.unseen,
-                shadeless=look.shadeless,
+                with_visibility(source, {kind: kind not in look.hidden_from for kind in RAY_KINDS}),
                 holdout=look.holdout or source.holdout,
                 shadow_catcher=look.shadow_catcher or source.shadow_catcher,
                 light_group=look.light_group or source.light_group,
                 light_link=look.light_link or source.light_link,
+                shadow_link=look.shadow_link or source.shadow_link,
             )
             self._materials.append(changed)
             self._passed[key] = len(self._materials) - 1
@@ -105,6 +105,7 @@ class Materials:
             material.base_color = (r, g, b)
         extensions.read_parameters(source, material, self._textures, metallic_roughness=not glossy)
         material.light_group, material.light_link = (source.name_in_extras(key) for key in ("light_group", "light_link"))
+        material.shadow_link = source.name_in_extras("shadow_link")
         material.holdout, material.shadow_catcher = (source.flag_in_extras(key) for key in ("holdout", "shadow_catcher"))
         self._alpha_mode(source, material)
         self._emission(source, material)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from renderer.bvh.layout import RAY_KINDS
 from renderer.errors import SceneError, SettingsError
 from renderer.scene.description import Camera, Instance, Light, LightLink, SceneDescription
 from renderer.scene.matrices import product
@@ -320,13 +321,20 @@ class Nodes:
     def _material_of(self, node: Json, mesh: int) -> int | None:
         """Returns the index of a material to use in place of a mesh's own; None if the mesh keeps its own.
 
-        A replacement is needed if camera rays or shadow rays ignore the node, if it is a holdout or a shadow catcher, or if it
-        has a light group or a link set.
+        A replacement is needed if some kinds of rays ignore the node, if it is a holdout or a shadow catcher, or if it has a
+        light group or a link set.
         """
         rays = node.extension(RAYS)
-        unseen, shadeless = (rays is not None and rays.value.get(kind) is False for kind in ("camera", "shadow"))
+        seen_by = node.names_in_extras("visible_to", RAY_KINDS)
+        hidden = [
+            kind
+            for kind in RAY_KINDS
+            if (rays is not None and rays.value.get(kind) is False) or (seen_by is not None and kind not in seen_by)
+        ]
         held, caught = node.flag_in_extras("holdout"), node.flag_in_extras("shadow_catcher")
-        look = NodeLook(unseen, shadeless, held, caught, node.name_in_extras("light_group"), node.name_in_extras("light_link"))
+        look = NodeLook(
+            tuple(hidden), held, caught, *(node.name_in_extras(key) for key in ("light_group", "light_link", "shadow_link"))
+        )
         return self._meshes.material_of_node(mesh, look) if any(look) else None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:
@@ -384,9 +392,14 @@ class Nodes:
 
 
 def _linked(light: Light, source: Json) -> Light:
-    """Returns the light with the light group and the link set that the extras of a glTF object name, if they name any."""
-    group, link = source.name_in_extras("light_group"), source.name_in_extras("light_link")
-    return replace(light, light_group=group or light.light_group, light_link=link or light.light_link)
+    """Returns the light with the light group and the link sets that the extras of a glTF object name, if they name any."""
+    group, link, shadow = (source.name_in_extras(key) for key in ("light_group", "light_link", "shadow_link"))
+    return replace(
+        light,
+        light_group=group or light.light_group,
+        light_link=link or light.light_link,
+        shadow_link=shadow or light.shadow_link,
+    )
 
 
 def _link_sets(scene: Json) -> dict[str, LightLink]:

@@ -1,4 +1,4 @@
-"""Light linking of USD: the objects that each light illuminates, by the collection lightLink of UsdLux.LightAPI."""
+"""Light and shadow linking of USD, by the collections lightLink and shadowLink of UsdLux.LightAPI."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def has_targets(collection: Any) -> bool:
 
 
 class LinkSets:
-    """Makes the link sets of a stage's lights, in a scene description; lights that illuminate the same objects share one."""
+    """Makes the link sets of a stage's lights, in a scene description; collections of the same objects share one."""
 
     def __init__(self, found: list[PlacedPrim], description: SceneDescription, notes: Notes) -> None:
         """Takes the prims that may be illuminated from `found`, all prims of the stage."""
@@ -31,9 +31,16 @@ class LinkSets:
         self._description, self._notes = description, notes
         self._names: dict[tuple[str, ...], str] = {}
 
-    def name_for(self, prim: Any) -> str:
-        """Returns the name of a light's link set; empty if the light illuminates everything."""
-        collection = UsdLux.LightAPI(prim).GetLightLinkCollectionAPI()
+    def names_for(self, prim: Any) -> tuple[str, str]:
+        """Returns the names of a light's link sets, `light_link` and `shadow_link`; empty if all objects take part."""
+        light = UsdLux.LightAPI(prim)
+        return (
+            self._name_for(prim, light.GetLightLinkCollectionAPI()),
+            self._name_for(prim, light.GetShadowLinkCollectionAPI()),
+        )
+
+    def _name_for(self, prim: Any, collection: Any) -> str:
+        """Returns the name of the link set of a collection of a light; empty if it includes all objects."""
         if not collection or not (has_targets(collection) or collection.GetIncludeRootAttr().Get() is False):
             return ""
         query = collection.ComputeMembershipQuery()

@@ -14,7 +14,6 @@ from renderer.scene.matrices import Matrix
 from renderer.scene.readers.number_ranges import blended_cone
 from renderer.scene.readers.shapes import disk, lathe, quad
 from renderer.scene.readers.usd.ies import Profiles
-from renderer.scene.readers.usd.light_links import has_targets
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.written_by_blender import is_written_by_blender
 from renderer.sentences import Sentence
@@ -314,5 +313,3 @@ def _note_unsupported(light: Any, prim: Any, time: Any, notes: Notes) -> None:
         )
     if light.GetFiltersRel().HasAuthoredTargets():
         notes.add(Sentence("usd-light-filters-ignored", "Filters of lights are left out"), name)
-    if has_targets(light.GetShadowLinkCollectionAPI()):
-        notes.add(Sentence("usd-shadow-linking-ignored", "Shadow linking is ignored: all objects cast shadows"), name)

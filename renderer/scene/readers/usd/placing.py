@@ -171,8 +171,9 @@ class DescriptionBuilder:
         place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
         light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
         changes = mesh_light_fields(light, material, area_of(each.prim, place, self._time), self._time)
-        if link := self._links.name_for(each.prim):
-            changes["light_link"] = link
+        for field, name in zip(("light_link", "shadow_link"), self._links.names_for(each.prim), strict=True):
+            if name:
+                changes[field] = name
         return self._surfaces.with_parameters(surface, f"shining {sorted(changes.items())}", **changes)
 
     def _face_sizes(self, prim: Any) -> npt.NDArray[np.int64]:
@@ -354,12 +355,12 @@ class DescriptionBuilder:
             lamp = read_light_prim(each.prim, place, name, self._unit, self._time, self._notes, self._profiles)
             if lamp is None:
                 continue
-            link = self._links.name_for(each.prim)
+            light_link, shadow_link = self._links.names_for(each.prim)
             if lamp.light is not None:
-                self._description.lights.append(replace(lamp.light, light_link=link))
+                self._description.lights.append(replace(lamp.light, light_link=light_link, shadow_link=shadow_link))
                 continue
             assert lamp.material is not None
-            lamp.material.light_link = link
+            lamp.material.light_link, lamp.material.shadow_link = light_link, shadow_link
             if lamp.image is not None and (
                 found := self._images.find(lamp.image, Sentence("label-light", "Light {name}", name=name), True, self._time)
             ):

@@ -10,11 +10,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from renderer.bvh.layout import RAY_KINDS
 from renderer.formats import MESH_FORMATS
 from renderer.scene.animation import Clip, Moment
 from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.files import SceneFiles
 from renderer.scene.geometry import MAX_TRIANGLES
+from renderer.scene.material import with_visibility
 from renderer.scene.matrices import product
 from renderer.scene.merge import merge
 from renderer.scene.normals import smoothed
@@ -34,7 +36,7 @@ Matrix = transforms.Matrix
 Place = tuple[str, Matrix]  # name and transform
 
 # Fields that may be animated without changing the mesh.
-_PLACEMENT_FIELDS = {"name", "transform", "instances", "shapes", "material", "center", "radius", "guide"}
+_PLACEMENT_FIELDS = {"name", "transform", "instances", "shapes", "material", "center", "radius", "guide", "visible_to"}
 MAX_PLACES = 1_000_000  # instances of shapes; nested groups could expand to billions
 
 
@@ -55,6 +57,7 @@ class Shapes:
         self._restless = {number for name, number in materials.items() if self._has_animated_surface(name)}
         self._moment = moment
         self._plain: int | None = None
+        self._hidden_copies: dict[tuple[int, frozenset[str]], int] = {}
         self._parts: dict[
             tuple[str, str | None, str | None, float | None, int | None, bool], list[Instance]
         ] = {}  # cache of mesh files
@@ -67,12 +70,20 @@ class Shapes:
         path = ("materials", material)
         return self._moving.is_animated(path) or not self._moving.animated_fields(path).isdisjoint(("emission", "anisotropy"))
 
-    def add(self, source: dict[str, Any], path: Path, parents: list[Place] | None = None, moves: bool = False) -> None:
+    def add(
+        self,
+        source: dict[str, Any],
+        path: Path,
+        parents: list[Place] | None = None,
+        moves: bool = False,
+        visible_to: list[str] | None = None,
+    ) -> None:
         """Adds a shape of the scene file to the description, once for each of its own instances and each instance of its group.
 
         path: of the shape in the file. parents: names and world transforms of the group's instances; None at the top level.
-        moves: whether the group is animated.
+        moves: whether the group is animated. visible_to: the kinds of rays that see the group's shapes; None: all.
         """
+        visible_to = source.get("visible_to", visible_to)
         whole, fields = self._moving.is_animated(path), self._moving.animated_fields(path)
         moves = moves or whole or not fields.isdisjoint(("transform", "instances", "material", "center", "radius"))
         deforms = whole or not fields <= _PLACEMENT_FIELDS
@@ -91,8 +102,9 @@ class Shapes:
             ]
         if source["type"] == "group":
             for i, child in enumerate(source["shapes"]):
-                self.add(child, (*path, "shapes", i), placed, moves)
+                self.add(child, (*path, "shapes", i), placed, moves, visible_to)
             return
+        first = len(self._description.instances), len(self._description.spheres)
         material = self._material_of(source, path)
         if source["type"] == "curves":
             self._mesh(self._curves(source, material, name, path), material, placed, path, moves, source.get("guide", False))
@@ -104,6 +116,27 @@ class Shapes:
             mesh = self._make_mesh(source, name, path)
             mesh.deforms = deforms
             self._mesh(mesh, material, placed, path, moves, source.get("guide", False))
+        if visible_to is not None:
+            self._hide(visible_to, *first)
+
+    def _hide(self, visible_to: list[str], instance: int, sphere: int) -> None:
+        """Makes shapes visible to some kinds of rays only. instance, sphere: the first instance and the first sphere of these."""
+        instances, spheres = self._description.instances, self._description.spheres
+        for i in range(instance, len(instances)):
+            own = instances[i].material
+            number = self._description.meshes[instances[i].mesh].material if own is None else own
+            instances[i] = replace(instances[i], material=self._hidden(number, visible_to))
+        for i in range(sphere, len(spheres)):
+            spheres[i] = replace(spheres[i], material=self._hidden(spheres[i].material, visible_to))
+
+    def _hidden(self, number: int, visible_to: list[str]) -> int:
+        """Returns the index of a copy of a material that is visible to some kinds of rays only."""
+        key = number, frozenset(visible_to)
+        if key not in self._hidden_copies:
+            materials = self._description.materials
+            materials.append(with_visibility(materials[number], {kind: kind in visible_to for kind in RAY_KINDS}))
+            self._hidden_copies[key] = len(materials) - 1
+        return self._hidden_copies[key]
 
     def _count(self, places: int, path: Path) -> None:
         self._places += places

@@ -21,6 +21,7 @@ from renderer.scene.description import (
     Vec3,
 )
 from renderer.scene.files import SceneFiles
+from renderer.scene.parameters import SCATTERED_RAYS
 from renderer.scene.presets import light_by_name
 from renderer.scene.readers.light_maps import LUMENS_PER_WATT, all_around, photometry_of, projected_map
 from renderer.scene.readers.linear_images import linear
@@ -41,7 +42,7 @@ _PLACED = {
     "directional": {"direction"},
 }
 LIGHT_TYPES = tuple(dict.fromkeys((*_PLACED, *get_args(LightKind))))
-_ALL = {"type", "name", "intensity", "color"}
+_ALL = {"type", "name", "intensity", "color", "visible_to"}
 _FIELDS = {
     kind: {*_ALL, *_PLACED.get(kind, _AIMED), *(p.in_file for p in LIGHT_PARAMETERS if kind in p.kinds)} for kind in LIGHT_TYPES
 }
@@ -79,6 +80,8 @@ class Lights:
         for parameter in LIGHT_PARAMETERS:
             if parameter.in_file in source:
                 setattr(light, parameter.name, value_of(parameter, source[parameter.in_file]))
+        seen_by = source.get("visible_to", SCATTERED_RAYS)
+        light.hidden_from = tuple(ray for ray in SCATTERED_RAYS if ray not in seen_by)
         light.up = vec3(source.get("up", light.up))
         if light.inner_cone > light.outer_cone:
             raise document.error(

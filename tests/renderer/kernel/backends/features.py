@@ -27,6 +27,7 @@ from renderer.scene.description import (
     Texture,
     Volume,
 )
+from renderer.scene.material import with_visibility
 from renderer.scene.readers.strands import strands_mesh
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
@@ -250,6 +251,22 @@ def linked(material: Material, **more: Any) -> SceneDescription:
     return description
 
 
+def seen_by_kind(material: Material, **more: Any) -> SceneDescription:
+    """Returns the scene of `linked` with shadow links instead, and objects and lights hidden from some kinds of rays."""
+    description = linked(material, **more)
+    point, spot, sun = (replace(light, light_link="") for light in description.lights)
+    description.lights = [
+        replace(point, shadow_link="ball", hidden_from=("diffuse",)),
+        spot,
+        replace(sun, shadow_link="no floor", hidden_from=("glossy",)),
+    ]
+    lamp = replace(description.materials[2], light_link="", shadow_link="no wall")
+    description.materials[2] = with_visibility(lamp, {"glossy": False})
+    description.materials[0] = with_visibility(description.materials[0], {"transmission": False, "volume": False})
+    description.materials[1] = with_visibility(description.materials[1], {"shadow": False})
+    return description
+
+
 def _shaped(**keys: int) -> SceneDescription:
     """Returns a scene with lights that have emission maps of all kinds, some of them moving."""
     random = np.random.default_rng(5)
@@ -461,6 +478,11 @@ FEATURES: dict[str, Feature] = {
     "linked lights": _feature(lambda: linked(Material(**PBR, metallic=0.5, roughness=0.3))),
     "linked lights through cards": _feature(lambda: linked(_half_clear(normal_texture=2))),
     "linked lights in fog": _feature(lambda: linked(Material(**GLASS), medium=Medium(sigma_s=gray(0.1))), max_depth=12),
+    "seen by some rays": _feature(lambda: seen_by_kind(Material(**PBR, metallic=0.3, roughness=0.3))),
+    "seen by some rays, through cards": _feature(lambda: seen_by_kind(_half_clear(normal_texture=2))),
+    "seen by some rays, in fog": _feature(
+        lambda: seen_by_kind(Material(**GLASS), medium=Medium(sigma_s=gray(0.1))), max_depth=12
+    ),
     "linked lights on wax": _feature(
         lambda: linked(Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05)))
     ),

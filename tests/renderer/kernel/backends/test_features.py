@@ -36,9 +36,11 @@ AIMED = (
     *("lamps in glass, with few bounces", "lamps in glass, without splitting"),
 )
 AIMED_IN_MEDIA = ("lamps in glass in fog", "lamps in glass by wax")
-# For these the kernels of hair and of light links are compiled.
+# For these the kernels of hair, of light links and of visibility by kind of ray are compiled.
 HAIR = ("hair", "hair in fog")
 LINKED = ("linked lights", "linked lights through cards", "linked lights in fog", "linked lights on wax")
+BY_KIND = ("seen by some rays", "seen by some rays, through cards", "seen by some rays, in fog")
+RARE = MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + HAIR + LINKED + BY_KIND
 
 
 def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
@@ -53,9 +55,7 @@ def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, 
         return render_frame(scene, settings, SPP, stats=stats), stats
 
 
-@grid(
-    "name", FEATURES, ordinary=[name for name in FEATURES if name not in MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + HAIR + LINKED]
-)
+@grid("name", FEATURES, ordinary=[name for name in FEATURES if name not in RARE])
 def test_a_feature_has_the_same_bits_in_both_backends(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     (pool, of_pool), (one, of_one) = _rendered(name, None), _rendered(name, monkeypatch)
     planes, *pixel = np.nonzero(pool != one)
@@ -77,11 +77,12 @@ def test_the_features_ask_for_all_variants() -> None:
         variant = "grids" if name in GRIDS else variant
         variant = "aimed" if name in AIMED else "complete" if name in (EVERYTHING, *AIMED_IN_MEDIA) else variant
         variant = "linked" if name in LINKED else variant
+        variant = "visibility" if name in BY_KIND else variant
         variant = {"hair": "hair", "hair in fog": "moving-hair"}.get(name, variant)
         assert variant_for(settings, scene) == variant, name
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("name", MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + HAIR + LINKED)
+@pytest.mark.parametrize("name", RARE)
 def test_what_moves_and_what_scatters_is_seen(name: str) -> None:
     assert render_frame(*made(name), 1)[COLOR].any()
