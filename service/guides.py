@@ -29,7 +29,7 @@ GROUPS = {
     "Start here": ("first-steps", "page"),
     "Make pictures": ("animation", "compositing", "color", "watching"),
     "Scenes and Blender": ("formats", "scene-format", "blender", "blend-files"),
-    "Write programs": ("python", "api", "datasets", "pipelines", "from-deadline"),
+    "Write programs": ("python", "api", "live", "datasets", "pipelines", "from-deadline"),
     "Run a farm": ("deployment", "server", "access", "remote-workers", "containers", "cluster"),
     "Keep it running": ("monitoring", "reliability", "queue", "settings", "graphics-cards", "scale"),
     "Background": ("correctness", "performance", "architecture", "lineage", "fault-tests", "speed-notes"),
