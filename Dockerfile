@@ -1,5 +1,5 @@
 # One file, two targets: `service` (no numba in it) and `worker` (no database in it). What each installs is listed beside its sources.
-# BASE is any Debian-like image with Python 3.11, 3.12 or 3.13 and its venv module; see docs/deployment.md for making one yourself.
+# BASE is any Debian-like image with Python 3.11, 3.12 or 3.13 and its venv module; see docs/containers.md for making one yourself.
 # Built by BuildKit: stages run side by side, and caches for pip and compiled kernels outlive a build.
 ARG BASE=python:3.12-slim-bookworm
 

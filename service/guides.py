@@ -29,9 +29,10 @@ GROUPS = {
     "Start here": ("first-steps", "page"),
     "Make pictures": ("animation", "compositing", "color", "watching"),
     "Scenes and Blender": ("formats", "scene-format", "blender", "blend-files"),
-    "Write programs": ("python", "api", "datasets", "pipelines", "from-deadline"),
-    "Run a farm": ("deployment", "graphics-cards", "queue", "reliability", "scale"),
-    "Background": ("correctness", "performance", "architecture", "lineage", "speed-notes"),
+    "Write programs": ("python", "api", "live", "datasets", "pipelines", "from-deadline"),
+    "Run a farm": ("deployment", "server", "access", "remote-workers", "containers", "cluster"),
+    "Keep it running": ("monitoring", "reliability", "queue", "settings", "graphics-cards", "scale"),
+    "Background": ("correctness", "performance", "architecture", "lineage", "fault-tests", "speed-notes"),
 }
 PICTURE_SUFFIXES = (".jpg", ".png", ".webp", ".mp4")
 INDEX, SEARCH = "index", "search.json"

@@ -84,6 +84,20 @@ function markSection() {
   mark();
 }
 
+/** Leads from a section that is on another page by now to that page: old links name the anchor alone. */
+async function findMovedSection() {
+  const anchor = decodeURIComponent(location.hash.slice(1));
+  if (!anchor || document.getElementById(anchor)) return;
+  const sections = await fetchSections().catch(() => []);
+  const moved = sections.find((section) => section.anchor === anchor);
+  if (moved) location.replace(`${moved.guide}#${anchor}`);
+}
+
+/** Fetches the text of all guides. @returns {Promise<Section[]>} */
+function fetchSections() {
+  return fetch("/docs/guides/search.json").then((answer) => answer.json());
+}
+
 /** Finds sections that have all words, those with them in their heading first. @param {Section[]} sections */
 function matches(sections, words) {
   const found = [];
@@ -118,7 +132,7 @@ function addSearch() {
     document.body.classList.toggle("finding", words.length > 0);
     list.hidden = words.length === 0;
     if (!words.length) return;
-    sections ??= fetch("/docs/guides/search.json").then((answer) => answer.json());
+    sections ??= fetchSections();
     const typed = input.value;
     let all;
     try {
@@ -161,3 +175,4 @@ foldLists();
 showCurrentGuide();
 markSection();
 addSearch();
+findMovedSection();

@@ -209,7 +209,7 @@ async def image(
 async def film(id: str, n: Number, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
     """Returns the colour of a whole frame and the sample count of each tile in one response, for a viewer that opens the job.
 
-    See docs/api.md.
+    See docs/live.md.
     """
     film, version, _ = await run_in_threadpool(_film_state, id, n, farm)
     gzip = "gzip" in request.headers.get("accept-encoding", "")

@@ -212,7 +212,7 @@ def main() -> int:
     text = table(faults)
     print(text)
     if options.page:
-        into_page(ROOT / "docs" / "reliability.md", text)
+        into_page(ROOT / "docs" / "fault-tests.md", text)
     return 0 if all(f.digest_is_right and f.recovered_s is not None for f in campaign.faults) else 1
 
 
@@ -228,7 +228,7 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--kinds", type=_words, default=[], help="only those whose names have one of these words, after commas")
     parser.add_argument("--grounds", type=_words, default=[name for name, each in GROUNDS.items() if each.is_possible()])
     parser.add_argument("--log", type=Path, help="append what was found to this file; the table is of all that is in it")
-    parser.add_argument("--page", action="store_true", help="write the table into docs/reliability.md")
+    parser.add_argument("--page", action="store_true", help="write the table into docs/fault-tests.md")
     return parser.parse_args()
 
 

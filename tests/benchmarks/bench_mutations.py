@@ -53,7 +53,7 @@ MEMORY = 1 << 30
 BLENDER_MEMORY = 8 << 30  # address space: Blender reserves 6 GiB before it opens anything
 SECONDS = 30.0
 SLOW = 5.0
-PAGE = ROOT / "docs" / "reliability.md"
+PAGE = ROOT / "docs" / "fault-tests.md"
 BLEND = ".blend"
 
 

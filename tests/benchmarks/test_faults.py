@@ -43,7 +43,7 @@ def test_table_replaces_the_text_between_markers(tmp_path: Path) -> None:
     page.write_text("no marks")
     with pytest.raises(SystemExit, match="has no place"):
         into_page(page, "new")
-    assert BEGIN in (ROOT / "docs" / "reliability.md").read_text()
+    assert BEGIN in (ROOT / "docs" / "fault-tests.md").read_text()
 
 
 def test_timeout_counts_idle_time_only() -> None:

@@ -20,10 +20,10 @@ def test_generated_files_are_current() -> None:
 
 
 def test_documented_layouts_equal_declarations() -> None:
-    """docs/api.md lists each field of the binary layouts with its type, in order."""
-    published = re.sub(r"\s+", " ", (ROOT / "docs" / "api.md").read_text())
+    """docs/live.md lists each field of the binary layouts with its type, in order."""
+    published = re.sub(r"\s+", " ", (ROOT / "docs" / "live.md").read_text())
     for layout in LAYOUTS:
-        assert layout.text in published, f"docs/api.md lacks the layout of a {layout.name}: {layout.text}"
+        assert layout.text in published, f"docs/live.md lacks the layout of a {layout.name}: {layout.text}"
 
 
 class Row(NamedTuple):
