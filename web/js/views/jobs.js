@@ -163,7 +163,7 @@ export function jobsView() {
 
   const element = h(
     "div",
-    { class: "page wide jobs-page" },
+    { class: "page jobs-page" },
     h("h1", { class: "page-title" }, t("Jobs")),
     tools,
     notice,
