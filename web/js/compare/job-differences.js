@@ -2,7 +2,7 @@
 
 import { DENOISED, channelOf } from "../film/channels.js";
 import { scenes } from "../news/farm.js";
-import { lightWords } from "../base/light-words.js";
+import { isLightless, lightWords, ownLight } from "../base/light-words.js";
 import { variantOf } from "../base/scene-version.js";
 import { known, labelOf, phraseOf, reached, settingOf, valueText } from "../news/settings-table.js";
 import { t } from "../base/words.js";
@@ -45,8 +45,8 @@ function rows() {
     plain(t("Materials"), (job) => materialsOf(job) || t("as saved")),
     {
       label: t("Light from around"),
-      value: (job) => lightWords(job.environment, sceneOf(job)) || t("The scene's own"),
-      phrase: (job) => lightWords(job.environment, sceneOf(job)) || t("its own light"),
+      value: (job) => lightOf(job) || ownLight(sceneOf(job)),
+      phrase: (job) => lightOf(job) || (isLightless(sceneOf(job) ?? {}) ? ownLight(sceneOf(job)) : t("its own light")),
     },
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
     plain(settingOf("work", "spp").label, reached),
@@ -57,6 +57,9 @@ function rows() {
 
 /** @param {Job} job */
 const sceneOf = (job) => scenes.value?.find(({ id }) => id === job.scene);
+
+/** @param {Job} job @returns {string} empty: the scene's own, or what stands in for it */
+const lightOf = (job) => lightWords(job.environment, sceneOf(job));
 
 /** @param {Job} job @returns {string} empty: the file's own */
 function materialsOf(job) {
