@@ -89,8 +89,11 @@ function renderedOf({ id }) {
   const found = (jobs.value ?? []).filter((each) => each.scene === id && each.state === "finished" && each.samples > 0 && asUploaded(each));
   const quality = (/** @type {Job} */ { samples, shot }) => samples / Math.max(shot?.count ?? 1, 1);
   const job = found.toSorted((a, b) => quality(b) - quality(a))[0];
-  return job && imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: 480, visible: "true", v: job.samples });
+  return job && cardPicture(job);
 }
+
+/** The address of a job's picture on a scene's card. @param {Job} job */
+export const cardPicture = (job) => imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: 480, visible: "true", v: job.samples });
 
 /** @param {Scene} scene @returns {string[]} */
 function shortFacts(scene) {
