@@ -44,8 +44,8 @@ const MOST_PIXELS = 1 << 20;
 const LEAST_SIDE = 16;
 /** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
-/** Samples per pixel after which the view replaces a finished picture, if it is not denoised. */
-const REPLACING_SPP = 8;
+/** Samples per pixel after which the view replaces a finished picture, and the preview mesh, if it is not denoised. */
+const [PICTURE_SPP, MESH_SPP] = [8, 1];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
 /** Request fields that do not apply to a view. */
@@ -119,6 +119,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
         mesh.setView(form.view());
         meshed.hidden = false;
         surface.style.backgroundImage = "";
+        canvas.classList.add("held-back"); // the first samples are coarser than the mesh
       },
       () => {}, // the samples come without it
     );
@@ -126,7 +127,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const hasMeshFirst = !meanwhile.url || (hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
   if (hasMeshFirst) showMesh();
   canvas.classList.toggle("held-back", meanwhile.isFinished && !hasMeshFirst);
-  const release = () => canvas.classList.remove("held-back");
+  const release = () => {
+    canvas.classList.remove("held-back");
+    if (isSampled) uncoverSoon();
+  };
   const hasAlpha = meanwhile.url.includes("/image.png"); // as thumbnailFormat asks for a transparent background
   surface.classList.toggle("has-alpha", hasAlpha);
   const below = [meanwhile.url, meanwhile.nearest].filter(Boolean).map((url) => `url("${url}")`);
@@ -134,13 +138,17 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   surface.style.backgroundImage = below.join(", ");
   /** Removes what is shown until samples come, once they cover it. */
   const uncover = () => {
+    uncovering = undefined;
     if (canvas.classList.contains("held-back")) return;
+    isCovered = false;
     surface.style.backgroundImage = "";
     meshed.hidden = true;
     mesh.dispose();
   };
+  let isCovered = true;
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let uncovering;
+  const uncoverSoon = () => void (isCovered && (uncovering ??= setTimeout(uncover, COVERED_MS)));
 
   const film = new ViewFilm();
   film.onTurn(() => {
@@ -187,13 +195,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
         isSampled = true;
         if (state.textContent === clarity(0, null, null)) say("", false); // the counts come with the next message
       }
-      if (!canvas.classList.contains("held-back")) uncovering ??= setTimeout(uncover, COVERED_MS);
+      if (!canvas.classList.contains("held-back")) uncoverSoon();
       picture.invalidate();
     },
     state(told) {
       const { samples, bound, mean, noise, done, slots, denoised, message } = told;
       surface.dataset.samples = String(samples);
-      if (denoised || done || mean >= REPLACING_SPP) release();
+      if (denoised || done || mean >= (meshed.hidden ? PICTURE_SPP : MESH_SPP)) release();
       surface.dataset.denoised = String(denoised);
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
@@ -231,12 +239,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (request.frames) request.frame = firstOf(request.frames);
     for (const name of JOB_ONLY_FIELDS) delete request[name];
     const text = JSON.stringify(request);
-    if (text !== (firstAsked ??= text)) release();
+    if (text !== (firstAsked ??= text) && meshed.hidden) release();
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
     link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
-    if (!isSampled) mesh.setView(form.view());
+    if (isCovered) mesh.setView(form.view());
     others.changed();
     offer();
     if (focused && form.view().aperture) tell();
