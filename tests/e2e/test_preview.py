@@ -24,7 +24,7 @@ def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched
     page.set_viewport_size({"width": 800, "height": 480})
     page.route_web_socket("**/viewport", lambda socket: None)  # keeps samples from arriving
     held: list[Route] = []
-    page.route("**/js/views/jobs.js", held.append)
+    page.route("**/js/views/jobs.js", lambda route: held.append(route))
     page.goto(farm.url)
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Choose files").click()
