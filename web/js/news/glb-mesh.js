@@ -1,7 +1,8 @@
 /**
  * Reads a GLB file in the browser as far as its preview needs: triangles with normals, base colours and their textures.
  *
- * The service's preview mesh (renderer/scene/preview.py), which has no textures, replaces it if it lacks something, such as poses.
+ * The service's preview mesh (renderer/scene/preview.py), whose colours are per vertex, replaces it if the file has no textures, or
+ * has what is not read here, such as poses.
  */
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
