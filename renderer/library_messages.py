@@ -15,7 +15,7 @@ from xml.parsers import expat
 
 from renderer.sentences import Sentence
 
-__all__ = ["library_message"]
+__all__ = ["library_message", "position_in_text"]
 
 _MAX_CHARACTERS = 200  # characters of a message
 
@@ -70,6 +70,11 @@ _STORE_MESSAGES: dict[str, str] = {
 }
 
 
+def position_in_text(line: int, column: int) -> Sentence:
+    """Returns the place of a fault in a text, both from 1."""
+    return Sentence("json-position", "line {line}, column {column}", line=line, column=column)
+
+
 def library_message(error: BaseException) -> str:
     """Returns the message of an exception of the system or of a library: a Sentence with a code if the message is known."""
     own = str(error)
@@ -78,7 +83,7 @@ def library_message(error: BaseException) -> str:
     if isinstance(error, (expat.ExpatError, ElementTree.ParseError)):
         return _of_xml(error)
     if isinstance(error, json.JSONDecodeError):
-        return Sentence("json-position", "line {line}, column {column}", line=error.lineno, column=error.colno)
+        return position_in_text(error.lineno, error.colno)
     if isinstance(error, zipfile.BadZipFile) and own == "File is not a zip file":
         return Sentence("zip-not-an-archive", "it is not a zip file")
     if isinstance(error, zlib.error):

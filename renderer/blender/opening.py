@@ -56,7 +56,7 @@ def callable_functions(scene: Path, reader_folder: Path) -> dict[str, Callable[.
     def convert_with_blender(name: str, out: str) -> str:
         path, folder = (scene / name).resolve(), Path(out).resolve()
         if not path.is_relative_to(scene.resolve()) or not folder.is_relative_to(reader_folder.resolve()):
-            raise SceneError(Sentence("file-not-in-scene", "{name}: is not among the scene's files; add it", name=name))
+            raise SceneError(Sentence("file-not-in-scene", "{name} is not among the scene's files; add it", name=name))
         return open_in_blender(scene, name, folder)
 
     return {"blender": convert_with_blender}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
 import os
 import signal
@@ -67,14 +68,23 @@ def error_of(message: dict[str, Any], bounds: Bounds) -> RayfarmError:
 
 
 def _exception_classes() -> dict[str, type[RayfarmError]]:
-    """Returns exception class name -> class, for the RayfarmErrors that this process has imported."""
+    """Returns exception class name -> class, for imported RayfarmErrors that can be created from a sentence alone."""
     found: dict[str, type[RayfarmError]] = {}
     waiting = [RayfarmError]
     while waiting:
         kind = waiting.pop()
-        found[f"{kind.__module__}.{kind.__qualname__}"] = kind
+        if _takes_sentence(kind):
+            found[f"{kind.__module__}.{kind.__qualname__}"] = kind
         waiting += kind.__subclasses__()
     return found
+
+
+def _takes_sentence(kind: type[RayfarmError]) -> bool:
+    try:
+        inspect.signature(kind).bind("")
+    except TypeError:
+        return False
+    return True
 
 
 def _out_of_memory(bounds: Bounds) -> MachineError:

@@ -53,7 +53,7 @@ class Limits(NamedTuple):
             raise SceneError(
                 Sentence(
                     "image-too-large",
-                    "{name}: is {width} x {height} pixels; at most {million} million are allowed. Give a smaller image",
+                    "{name} is {width} x {height} pixels; at most {million} million are allowed. Give a smaller image",
                     name=name,
                     width=width,
                     height=height,
@@ -177,7 +177,7 @@ def _select_part(source: Any, name: str, suffix: str) -> tuple[Colour, Any]:
             raise SceneError(
                 Sentence(
                     "image-channels-unsupported",
-                    "{name}: has {count} channels; give a plain RGB, RGBA or grey image",
+                    "{name} has {count} channels; give a plain RGB, RGBA or grey image",
                     name=name,
                     count=count,
                 )

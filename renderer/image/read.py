@@ -42,7 +42,7 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
         raise SceneError(
             Sentence(
                 "image-format-unknown",
-                "{name}: is not an image of a known format; give one of {formats}",
+                "{name} is not an image of a known format; give one of {formats}",
                 name=name,
                 formats=[*IMAGE_SUFFIXES],
             )
@@ -60,7 +60,7 @@ def decode(data: bytes, name: str, is_environment: bool = False) -> Decoded:
         raise SceneError(
             Sentence(
                 "image-pixels-too-many",
-                "{name}: has too many pixels; at most {million} million are allowed. Give a smaller image",
+                "{name} has too many pixels; at most {million} million are allowed. Give a smaller image",
                 name=name,
                 million=MAX_PIXELS >> 20,
             )
@@ -129,7 +129,7 @@ def _decode_with_basisu(data: bytes, name: str, limits: Limits) -> npt.NDArray[A
         raise SceneError(
             Sentence(
                 "image-ktx2-needs-package",
-                "{name}: is a KTX2 image; install the package opengl_basisu, or give a PNG",
+                "{name} is a KTX2 image; install the package opengl_basisu, or give a PNG",
                 name=name,
             )
         ) from error

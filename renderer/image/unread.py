@@ -50,7 +50,7 @@ def pillow_notes(source: Image.Image, name: str) -> list[str]:
         notes.append(Sentence("image-metadata-damaged", "{name}: its metadata is damaged and not read", name=name))
     if frames > 1:
         notes.append(
-            Sentence("image-frames-dropped", "{name}: has {frames} frames; only the first is shown", name=name, frames=frames)
+            Sentence("image-frames-dropped", "{name} has {frames} frames; only the first is shown", name=name, frames=frames)
         )
     if turned not in (0, 1):
         notes.append(

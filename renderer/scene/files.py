@@ -47,7 +47,7 @@ class SceneFiles:
             raise SceneError(
                 Sentence(
                     "scene-folder-missing",
-                    "{name}: is not a folder; give the folder of the scene's files",
+                    "{name} is not a folder; give the folder of the scene's files",
                     name=folder.name,
                 )
             )
@@ -113,13 +113,13 @@ class SceneFiles:
                 )
             )
         if not self._is_file(name):
-            raise SceneError(Sentence("file-not-in-scene", "{name}: is not among the scene's files; add it", name=name[:200]))
+            raise SceneError(Sentence("file-not-in-scene", "{name} is not among the scene's files; add it", name=name[:200]))
         size = path.stat().st_size
         if size > MAX_FILE_BYTES:
             raise SceneError(
                 Sentence(
                     "scene-file-too-large",
-                    "{name}: is {gib} GiB; a file of a scene may have at most {most_gib} GiB",
+                    "{name} is {gib} GiB; a file of a scene may have at most {most_gib} GiB",
                     name=name,
                     gib=f"{size / 2**30:.1f}",
                     most_gib=MAX_FILE_BYTES >> 30,

@@ -190,7 +190,7 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
         raise SceneError(
             Sentence(
                 "scene-mesh-triangles-too-many",
-                "{name}: has {million} million triangles, repeated meshes counted once; at most {most} million are "
+                "{name} has {million} million triangles, repeated meshes counted once; at most {most} million are "
                 "possible. Simplify its meshes",
                 name=description.name,
                 million=f"{triangles / 1e6:.0f}",
@@ -201,7 +201,7 @@ def check_size(description: SceneDescription, sharing: Sharing) -> None:
         raise SceneError(
             Sentence(
                 "scene-mesh-vertices-too-many",
-                "{name}: has {million} million vertices, repeated meshes counted once; at most {most} million are "
+                "{name} has {million} million vertices, repeated meshes counted once; at most {most} million are "
                 "possible. Simplify its meshes",
                 name=description.name,
                 million=f"{vertices / 1e6:.0f}",

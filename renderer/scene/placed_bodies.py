@@ -168,7 +168,7 @@ def _bounds(
         raise SceneError(
             Sentence(
                 "shape-without-area",
-                "{name}: has no triangle with an area and no sphere; export it with its meshes",
+                "{name} has no triangle with an area and no sphere; export it with its meshes",
                 name=name,
             )
         )

@@ -117,7 +117,7 @@ def test_picture_tools_work(farm: Farm, finished: str, watched: Watched) -> None
     expect(page.get_by_text("Copy the link to this view: done")).to_have_count(1)
     link = page.evaluate("navigator.clipboard.readText()")
     assert link == page.url and "ev=1.5" in link and json.dumps(finished)[1:-1] in link
-    whole = page.get_by_role("button", name="Whole screen")
+    whole = page.get_by_role("button", name="Full screen")
     whole.click()
     expect(page.locator(":fullscreen").locator(".stage")).to_have_count(1)
     page.keyboard.press("w")

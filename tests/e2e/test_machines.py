@@ -41,7 +41,7 @@ def test_machines_show_current_work_and_can_be_paused(many: Service, watched: Wa
         expect(alpha.get_by_role("link", name="Milk truck take 2001")).to_be_visible()
         box = alpha.locator(".tile-box").first
         expect(box).to_have_attribute("style", "left: 10%; top: 35.5556%; width: 10%; height: 17.7778%;")
-        expect(alpha).to_contain_text("Slot 2, idle")
+        expect(alpha.locator(".slot-tiles > li").last.get_by_text("Idle")).to_be_visible()
         expect(beta).to_contain_text("Set aside: 3 of its batches failed")
         expect(beta.locator(".chip")).to_have_text("Set aside")
 

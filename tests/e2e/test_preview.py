@@ -7,7 +7,7 @@ import io
 import numpy as np
 import pytest
 from PIL import Image
-from playwright.sync_api import Page, expect
+from playwright.sync_api import Page, Route, expect
 
 from tests.e2e.conftest import Watched
 from tests.e2e.small_glb import small_glb
@@ -23,6 +23,8 @@ def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched
     page = watched.page
     page.set_viewport_size({"width": 800, "height": 480})
     page.route_web_socket("**/viewport", lambda socket: None)  # keeps samples from arriving
+    held: list[Route] = []
+    page.route("**/js/views/jobs.js", lambda route: held.append(route))
     page.goto(farm.url)
     with page.expect_file_chooser() as chooser:
         page.get_by_role("button", name="Choose files").click()
@@ -42,4 +44,12 @@ def test_preview_mesh_is_shown_until_samples_arrive(farm: Farm, watched: Watched
     page.mouse.move(box["x"] + 220, box["y"] + 120, steps=4)
     page.mouse.up()
     wait_until(lambda: np.abs(live_view_pixels(page) - first).mean() > 2, 20, "the mesh turns")
+
+    page.get_by_role("link", name="Jobs").first.click()
+    expect(page.locator("main")).to_have_attribute("aria-busy", "true")
+    expect(page.locator(".scene-page.workspace canvas.mesh")).to_be_visible()  # whole, until the next view is loaded
+    wait_until(lambda: bool(held), 20, "the module is requested")
+    for route in held:
+        route.continue_()
+    expect(page.get_by_role("heading", name="Jobs")).to_be_visible()
     assert watched.errors == []

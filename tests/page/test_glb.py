@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import base64
+import io
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import trimesh
+from PIL import Image
 
 from renderer.scene.animation import Moment
 from renderer.scene.default_camera import frame
@@ -19,9 +21,9 @@ from tests.page.node import Node
 READ = """
     const known = m.readGlb(Uint8Array.from(atob(a.file), (c) => c.charCodeAt(0)).buffer, a.most ?? 300000);
     if (!known) return null;
-    const { packet, view } = known;
+    const { packet, view, images } = known;
     const plain = Object.entries(packet).map(([name, value]) => [name, ArrayBuffer.isView(value) ? [...value] : value]);
-    return { packet: Object.fromEntries(plain), view };"""
+    return { packet: Object.fromEntries(plain), view, images: images.map(({ bytes }) => [...bytes]) };"""
 
 
 def read_in_page(node: Node, data: bytes, most: int = 300_000) -> Any:
@@ -48,7 +50,8 @@ def model() -> bytes:
     scene = trimesh.Scene()
     material = trimesh.visual.material.PBRMaterial(baseColorFactor=[255, 64, 0, 255])
     box = trimesh.creation.box((1.0, 2.0, 3.0))
-    box.visual = trimesh.visual.TextureVisuals(material=material)
+    material.baseColorTexture = Image.fromarray(np.full((2, 4, 3), 200, np.uint8))
+    box.visual = trimesh.visual.TextureVisuals(uv=box.vertices[:, :2], material=material)
     turn = trimesh.transformations.rotation_matrix(0.7, (1, 2, 3), (0.5, 0, 1))
     scene.add_geometry(box, node_name="box", transform=turn @ np.diag([1.0, 0.5, 2.0, 1.0]))
     ball = trimesh.creation.icosphere(subdivisions=3, radius=0.75)
@@ -72,6 +75,19 @@ def test_browser_mesh_equals_service_mesh(node: Node, tmp_path: Path, model: byt
     np.testing.assert_allclose(np.sort(normals, axis=0), np.sort(known.normals, axis=0), atol=2e-2)
     colors = {tuple(row) for row in np.array(packet["colors"]).reshape(-1, 4).tolist()}
     assert (255, 137, 0, 255) in colors, "64 / 255 is linear, 137 in sRGB"
+
+
+def test_textures_are_given_with_their_triangles(node: Node, model: bytes) -> None:
+    """The triangles of the box have the texture of its material, and the others none."""
+    found = read_in_page(node, model)
+    packet, images = found["packet"], found["images"]
+    box, ball = packet["parts"]
+    assert (box["texture"], box["first"], box["count"]) == (0, 0, 36)
+    assert (ball["texture"], ball["first"], ball["count"]) == (-1, 36, 3 * packet["triangles"] - 36)
+    uvs = np.array(packet["uvs"]).reshape(-1, 2)[sorted(set(packet["indices"][:36]))]
+    assert {tuple(uv) for uv in uvs.tolist()} == {(x, 1 - y) for x in (-0.5, 0.5) for y in (-1, 1)}, "v goes down in glTF"
+    with Image.open(io.BytesIO(bytes(images[0]))) as image:
+        assert image.size == (4, 2)
 
 
 def test_browser_view_equals_automatic_camera(node: Node, tmp_path: Path, model: bytes) -> None:

@@ -104,14 +104,14 @@ def test_failed_frame_is_named_and_others_are_rendered(shot: Path, tmp_path: Pat
 
     def at(self: ConfinedScene, moment: Moment) -> object:
         if moment.frame in (1, 2):
-            raise SceneError("smoke.0001.obj: is not among the scene's files; add it")
+            raise SceneError("smoke.0001.obj is not among the scene's files; add it")
         return whole(self, moment)
 
     monkeypatch.setattr(ConfinedScene, "scene_at", at)
     common = ["render", shot, "-o", tmp_path / "out.#.png", *SMALL]
     done = rayfarm(*common, "--frames", "0-3", "--stats", tmp_path / "stats.json")
     assert done.returncode == 1
-    assert done.stderr.count("smoke.0001.obj: is not among the scene's files; add it") == 1
+    assert done.stderr.count("smoke.0001.obj is not among the scene's files; add it") == 1
     assert "2 of 4 frames failed: 1-2" in done.stderr
     assert sorted(path.name for path in tmp_path.glob("out.*")) == ["out.0.png", "out.3.png"]
     assert list(json.loads((tmp_path / "stats.json").read_text())["failed"]) == ["1", "2"]
@@ -248,7 +248,7 @@ def test_missing_numbered_file_is_named(tmp_path: Path) -> None:
         (tmp_path / f"drop.{number:02d}.obj").write_text(f"v 0 {number} 0\nv 1 {number} 0\nv 0 {number + 1} 0\nf 1 2 3\n")
     done = rayfarm("render", tmp_path / "drop.##.obj", "-o", tmp_path / "out.#.png", "--frames", "1-4", *SMALL)
     assert done.returncode == 1
-    assert "frame 3 failed: drop.03.obj: is not among the scene's files; add it" in done.stderr
+    assert "frame 3 failed: drop.03.obj is not among the scene's files; add it" in done.stderr
     assert sorted(path.name for path in tmp_path.glob("out.*")) == ["out.1.png", "out.2.png", "out.4.png"]
     assert len({pixels(path).tobytes() for path in tmp_path.glob("out.*")}) == 3
     told = rayfarm("info", tmp_path / "drop.##.obj")

@@ -67,7 +67,7 @@ def test_format_needs_only_a_reader_and_a_table_row(tmp_path, monkeypatch):
     description = SceneDescription()
     read_file(SceneFiles(tmp_path), "a.LINES", description, formats=(*FORMATS, Format(".lines", "lines")))
     assert description.warnings == ["read"]
-    with pytest.raises(SceneError, match=r"a\.LINES: is not a supported scene file; give one of \.glb"):
+    with pytest.raises(SceneError, match=r"a\.LINES is not a supported scene file; give one of \.glb"):
         read_file(SceneFiles(tmp_path), "a.LINES", description, formats=MESH_FORMATS)
 
 

@@ -33,7 +33,7 @@ def test_damaged_stage_gives_scene_or_error_message(error_messages: tuple[Path, 
     folder, found = error_messages
     sentences = [sentence for sentence in found[suffix] if sentence]
     for sentence in sentences:
-        assert sentence.startswith((f"a.{suffix}: ", f"a.{suffix}[")), sentence
+        assert sentence.startswith((f"a.{suffix}: ", f"a.{suffix} ", f"a.{suffix}[")), sentence
         assert "crash" not in sentence and "took longer" not in sentence
         assert str(folder) not in sentence
     assert len(found[suffix]) == TRIES

@@ -31,14 +31,14 @@ def other_clips_sentence(file: str, clips: Sequence[Clip]) -> str:
     if len(others) <= _MAX_LISTED:
         return Sentence(
             "animation-clip-chosen",
-            "{file}: shows the animation {name}. Other clips: {others}.",
+            "{file} shows the animation {name}. Other clips: {others}.",
             file=file,
             name=shown,
             others=listed,
         )
     return Sentence(
         "animation-clip-chosen-of-many",
-        "{file}: shows the animation {name}. Other clips: {others} and {count} more.",
+        "{file} shows the animation {name}. Other clips: {others} and {count} more.",
         file=file,
         name=shown,
         others=listed,

@@ -48,7 +48,7 @@ def read_file(
         raise SceneError(
             Sentence(
                 "scene-format-unknown",
-                "{name}: is not a supported scene file; give one of {formats}",
+                "{name} is not a supported scene file; give one of {formats}",
                 name=name[:120],
                 formats=known,
             )
@@ -57,7 +57,7 @@ def read_file(
         raise SceneError(
             Sentence(
                 "format-without-variants",
-                "{name}: has no variants; only glTF and USD files have them. Leave the variant out",
+                "{name} has no variants; only glTF and USD files have them. Leave the variant out",
                 name=name,
             )
         )
@@ -65,7 +65,7 @@ def read_file(
         raise SceneError(
             Sentence(
                 "format-without-clips",
-                "{name}: has no clips; only glTF, USD and FBX files have them. Leave the clip out",
+                "{name} has no clips; only glTF, USD and FBX files have them. Leave the clip out",
                 name=name,
             )
         )
@@ -73,7 +73,7 @@ def read_file(
         raise SceneError(
             Sentence(
                 "format-without-thickness",
-                "{name}: has no points or lines; only glTF files have them. Leave the thickness out",
+                "{name} has no points or lines; only glTF files have them. Leave the thickness out",
                 name=name,
             )
         )
@@ -90,7 +90,7 @@ def read_file(
     except RayfarmError as error:
         if is_readable(str(error)):
             raise
-        raise type(error)(readable(str(error))) from error
+        raise SceneError(readable(str(error))) from error  # a subclass may need other arguments
     except MemoryError:
         raise
     # An unexpected exception on a damaged file must not end the worker.

@@ -92,7 +92,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         description.warnings.append(
             Sentence(
                 "collada-read-partially",
-                "{file}: is read without its cameras, lights and animation, since parts of it are not Collada.",
+                "{file} is read without its cameras, lights and animation, since parts of it are not Collada.",
                 file=main,
             )
         )

@@ -49,7 +49,7 @@ def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bo
         line = placed if basis == "linear" else line_of(placed, basis, steps)
         strands.append((line[:, :3], line[:, 3]))
     if not strands:
-        raise SceneError(Sentence("curves-missing", "{name}: has no curves; export it again", name=name))
+        raise SceneError(Sentence("curves-missing", "{name} has no curves; export it again", name=name))
     return strands_mesh(strands, fibres)
 
 

@@ -80,7 +80,7 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         raise SceneError(
             Sentence(
                 "ies-file-too-large",
-                "{name}: has {mib} MiB; an IES profile has a few kilobytes",
+                "{name} has {mib} MiB; an IES profile has a few kilobytes",
                 name=name,
                 mib=len(data) >> 20,
             )
@@ -91,7 +91,7 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         raise SceneError(
             Sentence(
                 "ies-tilt-line-missing",
-                "{name}: is not an IES profile: it has no line TILT=; export it again as IES LM-63",
+                "{name} is not an IES profile: it has no line TILT=; export it again as IES LM-63",
                 name=name,
             )
         )
@@ -133,7 +133,7 @@ def _parsed(data: bytes, name: str, notes: list[str]) -> _Web:
         raise SceneError(
             Sentence(
                 "ies-values-too-many",
-                "{name}: has {vertical} x {horizontal} values; at most {most} are read",
+                "{name} has {vertical} x {horizontal} values; at most {most} are read",
                 name=name,
                 vertical=vertical,
                 horizontal=horizontal,
@@ -173,7 +173,7 @@ class _Numbers:
             raise SceneError(
                 Sentence(
                     "ies-file-cut-off",
-                    "{name}: ends before its {values}; give the whole file",
+                    "{name} ends before its {values}; give the whole file",
                     name=self._name,
                     values=what,
                 )

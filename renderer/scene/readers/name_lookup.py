@@ -21,17 +21,17 @@ def number_of(kind: Literal["clip", "variant"], names: list[str], name_or_number
         return int(name_or_number)
     if not names:
         raise SceneError(
-            Sentence("clips-none-in-file", "{file}: has no clips; leave the clip out", file=file)
+            Sentence("clips-none-in-file", "{file} has no clips; leave the clip out", file=file)
             if kind == "clip"
-            else Sentence("variants-none-in-file", "{file}: has no variants; leave the variant out", file=file)
+            else Sentence("variants-none-in-file", "{file} has no variants; leave the variant out", file=file)
         )
     found, wanted = [f"{i}: {name[:60]}" for i, name in enumerate(names[:20])], repr(name_or_number[:60])
     raise SceneError(
-        Sentence("clip-not-in-file", "{file}: has no clip {name}; its clips are {choices}", file=file, name=wanted, choices=found)
+        Sentence("clip-not-in-file", "{file} has no clip {name}; its clips are {choices}", file=file, name=wanted, choices=found)
         if kind == "clip"
         else Sentence(
             "variant-not-in-file",
-            "{file}: has no variant {name}; its variants are {choices}",
+            "{file} has no variant {name}; its variants are {choices}",
             file=file,
             name=wanted,
             choices=found,

@@ -40,7 +40,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         raise SceneError(
             Sentence(
                 "obj-file-too-large",
-                "{file}: has {mib} MiB; an OBJ has at most {most}. Export it as .glb or binary .ply",
+                "{file} has {mib} MiB; an OBJ has at most {most}. Export it as .glb or binary .ply",
                 file=main,
                 mib=len(data) >> 20,
                 most=MAX_BYTES >> 20,
@@ -73,7 +73,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
             shelf.warn_of_surface(
                 Sentence(
                     "obj-painted-colours-too-few",
-                    "{file}: has fewer painted colours (#MRGB) than vertices; they are left out.",
+                    "{file} has fewer painted colours (#MRGB) than vertices; they are left out.",
                     file=main,
                 )
             )

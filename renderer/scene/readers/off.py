@@ -60,7 +60,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         raise SceneError(
             Sentence(
                 "off-kind-unsupported",
-                "{file}: is of the kind {kind}, which is not supported; export it as plain OFF text",
+                "{file} is of the kind {kind}, which is not supported; export it as plain OFF text",
                 file=main,
                 kind=found[0].strip(),
             )
@@ -85,7 +85,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription) -> None:
         raise SceneError(
             Sentence(
                 "off-words-among-numbers",
-                "{file}: contains words among its numbers ({error}); export it again",
+                "{file} contains words among its numbers ({error}); export it again",
                 file=main,
                 error=library_message(error),
             )
@@ -99,19 +99,18 @@ def _parse_counts(lines: list[str], main: str) -> tuple[int, int]:
         raise SceneError(
             Sentence(
                 "off-counts-missing",
-                "{file}: is damaged or not an .off file (the counts of vertices and faces are missing); export it again",
+                "{file} is damaged or not an .off file (the counts of vertices and faces are missing); export it again",
                 file=main,
             )
         )
     vertices, faces = int(words[0]), int(words[1])
     if not vertices:
-        raise SceneError(Sentence("off-vertices-missing", "{file}: contains no vertices; export it again", file=main))
+        raise SceneError(Sentence("off-vertices-missing", "{file} contains no vertices; export it again", file=main))
     if vertices + faces > len(lines) - 1:
         raise SceneError(
             Sentence(
                 "off-file-cut-off",
-                "{file}: has {found} of {declared} lines of vertices and faces; the upload or download "
-                "was interrupted, repeat it",
+                "{file} has {found} of {declared} lines of vertices and faces; the upload or download was interrupted, repeat it",
                 file=main,
                 found=len(lines) - 1,
                 declared=vertices + faces,

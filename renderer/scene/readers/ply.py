@@ -57,7 +57,7 @@ def read_data(
     vertex = next((each for each in found if each.name == "vertex"), None)
     if vertex is None or not vertex.count or any(name not in vertex.columns for name in "xyz"):
         raise SceneError(
-            Sentence("ply-vertices-missing", "{file}: contains no vertices with x, y and z; export it again", file=main)
+            Sentence("ply-vertices-missing", "{file} contains no vertices with x, y and z; export it again", file=main)
         )
     positions = in_exact_type(_positions(vertex))
     faces = _faces(found, positions, main, shelf)

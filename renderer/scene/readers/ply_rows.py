@@ -89,7 +89,7 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
         raise SceneError(
             Sentence(
                 "ply-header-missing",
-                "{file}: is damaged or not a .ply file (its header is incomplete); export it again",
+                "{file} is damaged or not a .ply file (its header is incomplete); export it again",
                 file=file,
             )
         )
@@ -103,7 +103,7 @@ def elements(data: bytes, file: str, warn: Callable[[str], None] = lambda _: Non
         raise SceneError(
             Sentence(
                 "ply-format-unknown",
-                "{file}: is a .ply file of format {format}; export it as binary or ascii",
+                "{file} is a .ply file of format {format}; export it as binary or ascii",
                 file=file,
                 format=repr(way[:40]),
             )
@@ -135,7 +135,7 @@ def _declared(header: str, file: str) -> tuple[str, _Declared]:
         raise SceneError(
             Sentence(
                 "ply-properties-too-many",
-                "{file}: has rows with more than {most} properties; export it with fewer",
+                "{file} has rows with more than {most} properties; export it with fewer",
                 file=file,
                 most=_MOST_PROPERTIES,
             )
@@ -153,7 +153,7 @@ def _truncated_error(file: str, element: str) -> SceneError:
     return SceneError(
         Sentence(
             "ply-file-cut-off",
-            "{file}: ends within its {element} rows, or has damaged ones; the upload or download was interrupted, repeat it",
+            "{file} ends within its {element} rows, or has damaged ones; the upload or download was interrupted, repeat it",
             file=file,
             element=element[:40],
         )
@@ -323,7 +323,7 @@ class _Text:
                 raise SceneError(
                     Sentence(
                         "ply-words-among-numbers",
-                        "{file}: is damaged or not a .ply file (it contains words among its numbers); export it again",
+                        "{file} is damaged or not a .ply file (it contains words among its numbers); export it again",
                         file=file,
                     )
                 ) from None

@@ -95,7 +95,7 @@ def add_points(
         raise SceneError(
             Sentence(
                 "mesh-positions-not-finite",
-                "{file}: contains positions that are not finite numbers; export the file again",
+                "{file} has positions that are not finite numbers; export the file again",
                 file=main,
             )
         )
@@ -109,7 +109,7 @@ def add_points(
     shelf.warn(
         Sentence(
             "points-shown-as-spheres",
-            "{file}: has points and no faces; {shown} of {count} points are shown as spheres of radius {radius}.",
+            "{file} has points and no faces; {shown} of {count} points are shown as spheres of radius {radius}.",
             file=main,
             shown=len(rows),
             count=count,

@@ -49,7 +49,7 @@ def triangulated(
             raise SceneError(
                 Sentence(
                     "mesh-positions-not-finite",
-                    "{file}: contains positions that are not finite numbers; export the file again",
+                    "{file} has positions that are not finite numbers; export the file again",
                     file=main,
                 )
             )

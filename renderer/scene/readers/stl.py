@@ -92,14 +92,14 @@ def _triangles_of(data: bytes, main: str) -> int | None:
         raise SceneError(
             Sentence(
                 "stl-file-cut-off",
-                "{file}: has {found} of {declared} triangles; the upload or download was interrupted, repeat it",
+                "{file} has {found} of {declared} triangles; the upload or download was interrupted, repeat it",
                 file=main,
                 found=there,
                 declared=said,
             )
         )
     if there == 0:
-        raise SceneError(Sentence("stl-triangles-missing", "{file}: has no triangles; export it again", file=main))
+        raise SceneError(Sentence("stl-triangles-missing", "{file} has no triangles; export it again", file=main))
     return said or there
 
 

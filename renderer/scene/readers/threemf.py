@@ -156,7 +156,7 @@ class _Model:
         raise SceneError(
             Sentence(
                 "xml-entities-forbidden",
-                "{file}: declares XML entities, which are not allowed; remove its DOCTYPE",
+                "{file} declares XML entities, which are not allowed; remove its DOCTYPE",
                 file=self._file,
             )
         )
@@ -250,7 +250,7 @@ class _Reader:
             raise SceneError(
                 Sentence(
                     "3mf-file-damaged",
-                    "{file}: is damaged or not a 3MF file ({error}); export it again",
+                    "{file} is damaged or not a 3MF file ({error}); export it again",
                     file=main,
                     error=library_message(error),
                 )
@@ -297,7 +297,7 @@ class _Reader:
             self._shelf.warn_of_surface(
                 Sentence(
                     "3mf-contents",
-                    "{file}: holds {contents}.",
+                    "{file} holds {contents}.",
                     file=self._main,
                     contents=[count_of(count, what) for what, count in odd.items()],
                 )
@@ -331,7 +331,7 @@ class _Reader:
                     return target
         found = [name for name in self._names if name.endswith(".model")]
         if not found:
-            raise SceneError(Sentence("3mf-model-missing", "{file}: contains no model; export the file again", file=self._main))
+            raise SceneError(Sentence("3mf-model-missing", "{file} contains no model; export the file again", file=self._main))
         return min(found, key=len)
 
     def _bytes(self, path: str) -> bytes:
@@ -400,7 +400,7 @@ class _Reader:
             raise SceneError(
                 Sentence(
                     "3mf-object-missing",
-                    "{file}: refers to object {number}, which does not exist; export it again",
+                    "{file} refers to object {number}, which does not exist; export it again",
                     file=self._main,
                     number=number[:20],
                 )
@@ -424,7 +424,7 @@ class _Reader:
                 raise SceneError(
                     Sentence(
                         "3mf-objects-too-many",
-                        "{file}: places more than {most} objects; reduce them",
+                        "{file} places more than {most} objects; reduce them",
                         file=self._main,
                         most=MAX_INSTANCES,
                     )

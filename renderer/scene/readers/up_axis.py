@@ -70,7 +70,7 @@ def turn_up(file: str, format: Format, up_axis: str | None, description: SceneDe
         description.warnings.append(
             Sentence(
                 "up-axis-guessed",
-                "{file}: states no up axis; {up} is taken, since the model stands on it, instead of {custom}. Choose the up axis "
+                "{file} states no up axis; {up} is taken, since the model stands on it, instead of {custom}. Choose the up axis "
                 "to change that.",
                 file=file,
                 up=up.upper(),

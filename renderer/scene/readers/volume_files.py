@@ -33,7 +33,7 @@ def read_volume(data: bytes, name: str) -> F32:
         return _as_grid(_read_vol(data, name))
     raise SceneError(
         Sentence(
-            "volume-file-format-unknown", "{name}: is not a volume; a numpy file (.npy) or a Mitsuba volume (.vol) is", name=name
+            "volume-file-format-unknown", "{name} is not a volume; a numpy file (.npy) or a Mitsuba volume (.vol) is", name=name
         )
     )
 
@@ -54,7 +54,7 @@ def _as_grid(values: npt.NDArray[Any]) -> F32:
 
 
 def _damaged(name: str) -> SceneError:
-    return SceneError(Sentence("volume-file-damaged", "{name}: is damaged or incomplete; write it again", name=name))
+    return SceneError(Sentence("volume-file-damaged", "{name} is damaged or incomplete; write it again", name=name))
 
 
 def _check_size(count: int, name: str) -> None:
@@ -62,7 +62,7 @@ def _check_size(count: int, name: str) -> None:
         raise SceneError(
             Sentence(
                 "volume-file-too-large",
-                "{name}: has {count} voxels; at most {most} are supported. Reduce its resolution",
+                "{name} has {count} voxels; at most {most} are supported. Reduce its resolution",
                 name=name,
                 count=count,
                 most=MOST_VOXELS,
@@ -82,7 +82,7 @@ def _read_npy(data: bytes, name: str) -> npt.NDArray[Any]:
         raise SceneError(
             Sentence(
                 "volume-array-unsuitable",
-                "{name}: holds {dtype} of the shape {shape}; a volume is an array of numbers with three axes, x, y and z",
+                "{name} holds {dtype} of the shape {shape}; a volume is an array of numbers with three axes, x, y and z",
                 name=name,
                 dtype=str(dtype)[:40],
                 shape=list(shape),

@@ -22,7 +22,7 @@ def refuse_entities(data: bytes, file: str, doctype_too: bool = True) -> None:
         raise SceneError(
             Sentence(
                 "xml-entities-forbidden",
-                "{file}: declares XML entities, which are not allowed; remove its DOCTYPE",
+                "{file} declares XML entities, which are not allowed; remove its DOCTYPE",
                 file=file,
             )
         )

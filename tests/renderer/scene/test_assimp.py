@@ -251,7 +251,7 @@ def test_texture_is_found_beside_the_file(scene, png):
 @pytest.mark.parametrize("suffix", LONG_TAIL)
 def test_invalid_file_is_an_error_message(scene, suffix):
     for data in (b"", b"hello", bytes(range(256)) * 8):
-        with pytest.raises(SceneError, match=rf"a\{suffix}: "):
+        with pytest.raises(SceneError, match=rf"a\{suffix}[: ]"):
             scene(f"a{suffix}", data)
 
 
@@ -337,7 +337,7 @@ def test_separate_animation_files_cause_a_warning(scene):
 def test_empty_file_is_reported_after_other_files(scene):
     with pytest.raises(SceneError, match="damaged"):
         scene("a.3ds", b"hello")
-    with pytest.raises(SceneError, match=r"b\.x: is empty"):
+    with pytest.raises(SceneError, match=r"b\.x is empty"):
         scene("b.x", b"")
 
 

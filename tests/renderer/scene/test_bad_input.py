@@ -82,7 +82,7 @@ def test_broken_gltf_error_names_the_fault(scene, png, case):
         warnings = scene("broken.glb", g.glb()).warnings
     except SceneError as error:
         warnings = [str(error)]
-    sentences = [w for w in warnings if w.startswith("broken.glb: ")]
+    sentences = [w for w in warnings if w.startswith(("broken.glb: ", "broken.glb "))]
     assert sentences
     assert not any("Error" in sentence for sentence in sentences)  # raised by a reader's own check, not by the general handler
 
@@ -145,7 +145,7 @@ def test_stl_name_in_another_encoding(scene):
 
 
 def test_missing_scene_file_is_an_error(tmp_path):
-    with pytest.raises(SceneError, match=r"gone\.glb: is not among the scene's files"):
+    with pytest.raises(SceneError, match=r"gone\.glb is not among the scene's files"):
         read(tmp_path, "gone.glb")
 
 

@@ -167,7 +167,7 @@ def test_hidden_nodes_are_omitted_and_counted(scene):
 
 @pytest.mark.parametrize("data", [b"", b"Kaydara FBX Binary  \x00\x1a\x00", b"hello", b"; FBX 7.5.0 project file\nObjects: {"])
 def test_non_fbx_data_is_an_error_message(scene, data):
-    with pytest.raises(SceneError, match=r"a\.fbx: "):
+    with pytest.raises(SceneError, match=r"a\.fbx[: ]"):
         scene("a.fbx", data)
 
 
@@ -186,7 +186,7 @@ def test_damaged_fbx_is_read_or_rejected(tmp_path):
             description = Shot(tmp_path, "a.fbx").scene_at(Moment(3))
         except SceneError as error:
             told += 1
-            assert str(error).startswith("a.fbx: ")
+            assert str(error).startswith(("a.fbx: ", "a.fbx "))
             assert "could not be read as" not in str(error)
         else:
             assert all(np.isfinite(i.transform).all() for i in description.instances)
@@ -209,7 +209,7 @@ def test_first_moving_animation_stack_is_used(scene):
     shown, description = far()
     assert shown == pytest.approx(1.2)
     assert [clip.name for clip in description.clips] == ["walk", "run", "Take 001"]
-    assert [w for w in description.warnings if "clip" in w] == ["a.fbx: shows the animation 'walk'. Other clips: run, Take 001."]
+    assert [w for w in description.warnings if "clip" in w] == ["a.fbx shows the animation 'walk'. Other clips: run, Take 001."]
     still, description = far("run")
     assert still == pytest.approx(2.4)
     assert not any("clip" in w for w in description.warnings)

@@ -6,6 +6,7 @@ import struct
 import numpy as np
 import pytest
 
+from renderer.confine.reader_errors import Bounds, error_of
 from renderer.errors import SceneError
 from renderer.scene.animation import Moment
 from renderer.scene.readers.gltf.faults import DamagedError
@@ -25,6 +26,9 @@ def test_fault_leaves_the_process_that_reads_the_file():
     fault = DamagedError("duck.glb", "accessor 3", "is cut off")
     found = pickle.loads(pickle.dumps(fault))
     assert (str(found), found.place, found.what) == (str(fault), "accessor 3", "is cut off")
+    message = {"error": str(fault), "kind": f"{DamagedError.__module__}.{DamagedError.__qualname__}"}
+    received = error_of(message, Bounds(1 << 30, 60.0))
+    assert type(received) is SceneError and str(received) == str(fault), "as its class needs more than a sentence"
 
 
 @grid("value", BAD)

@@ -68,7 +68,7 @@ def test_mutated_glb_is_read_or_rejected(samples, tmp_path, png, file):
             description = read(tmp_path, "a.glb", moment=Moment(8))
         except SceneError as error:
             told += 1
-            assert str(error).startswith("a.glb: ")
+            assert str(error).startswith(("a.glb: ", "a.glb "))
             assert "could not be read as" not in str(error), "the backstop spoke: a reader let a value through unchecked"
         else:
             assert all(np.isfinite(i.transform).all() for i in description.instances)
@@ -106,7 +106,7 @@ def test_glb_with_damaged_numbers_is_read_or_rejected(samples, tmp_path, png, fi
         try:
             description = read(tmp_path, "a.glb", moment=Moment(8))
         except SceneError as error:
-            assert str(error).startswith("a.glb: ")
+            assert str(error).startswith(("a.glb: ", "a.glb "))
             assert "could not be read as" not in str(error)
         else:
             assert all(np.isfinite(m.positions).all() for m in description.meshes)

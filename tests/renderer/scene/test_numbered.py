@@ -36,7 +36,7 @@ def test_file_of_the_frame_is_read(scene, tmp_path, suffix):
         up = 1 if suffix != "stl" else int(np.argmin(np.ptp(points, axis=0)))
         np.testing.assert_allclose(np.abs(points[:, up]), height)
         assert description.moves
-    with pytest.raises(SceneError, match=rf"drop\.003\.{suffix}: is not among the scene's files; add it"):
+    with pytest.raises(SceneError, match=rf"drop\.003\.{suffix} is not among the scene's files; add it"):
         shot.scene_at(Moment(3))
 
 

@@ -134,13 +134,13 @@ def test_slicer_filament_colors(scene):
     ],
 )
 def test_damage_is_an_error_message(scene, resources, build, says):
-    with pytest.raises(SceneError, match=f"a.3mf: .*{says}"):
+    with pytest.raises(SceneError, match=f"a.3mf[: ].*{says}"):
         scene("a.3mf", package(model(resources, build)))
 
 
 def test_non_package_is_an_error_message(scene):
     for data in (b"", b"PK\x03\x04" + bytes(40), package("<model")):
-        with pytest.raises(SceneError, match=r"a\.3mf: "):
+        with pytest.raises(SceneError, match=r"a\.3mf[: ]"):
             scene("a.3mf", data)
     with pytest.raises(SceneError, match="entities"):
         scene("a.3mf", package('<!DOCTYPE m [<!ENTITY a "b">]><model/>'))
@@ -156,7 +156,7 @@ def test_damaged_packages_are_read_or_rejected(tmp_path):
         try:
             read(tmp_path, "a.3mf")
         except SceneError as error:
-            assert str(error).startswith("a.3mf: ")
+            assert str(error).startswith(("a.3mf: ", "a.3mf "))
             assert "could not be read as" not in str(error)
 
 

@@ -305,7 +305,7 @@ def test_damaged_usd_error_has_no_machine_path(tmp_path):
     texts = [b'#usda 1.0\ndef Mesh "a" { what', b'#usda 1.0\ndef Mesh "a" { \xff\x86 }']
     for suffix, data in (*(("usda", text) for text in texts), ("usdc", b"PXR-USDC" + bytes(200)), ("usdz", b"PK")):
         (tmp_path / f"a.{suffix}").write_bytes(data)
-        with pytest.raises(SceneError, match=f"^a.{suffix}: ") as told:
+        with pytest.raises(SceneError, match=f"^a.{suffix}[: ]") as told:
             read(tmp_path / f"a.{suffix}")
         assert str(tmp_path) not in str(told.value)
 

@@ -114,7 +114,7 @@ def test_a_scene_file_names_the_grids_of_its_media(tmp_path: Path) -> None:
 
 
 BAD = {
-    "a missing file": (SCENE.replace("plume.npy", "gone.npy"), {}, r"line 3.*gone\.npy: is not among"),
+    "a missing file": (SCENE.replace("plume.npy", "gone.npy"), {}, r"line 3.*gone\.npy is not among"),
     "a damaged file": (SCENE.replace("plume.npy", "s.yaml"), {}, r"line 3.*is not a volume"),
     "bounds without extent": (SCENE.replace("[1, 3, 1]", "[1, 0, 1]"), {}, "second corner"),
     "an unknown volume": (SCENE.replace("volume: plume}\nmedium", "volume: fog}\nmedium"), {}, "no volume fog; known are"),

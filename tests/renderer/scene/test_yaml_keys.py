@@ -110,7 +110,7 @@ def test_mesh_file_clips(scene):
     places = [tuple(world(shot, i)[0, 0]) for i in range(3)]
     assert places == [(0.5, 0, 9), (0, 2, 0), (0, 2, 0)]
     assert shot.moves
-    with pytest.raises(SceneError, match=r"actor\.glb: has no clip 'swim'"):
+    with pytest.raises(SceneError, match=r"actor\.glb has no clip 'swim'"):
         scene("s.yaml", text.replace("jump", "swim"), {"actor.glb": g.glb()})
 
 

@@ -59,6 +59,19 @@ export function fill(element, ...children) {
 }
 
 /**
+ * Shows short facts in a row, with dots between those on one line (the class `facts-line`).
+ *
+ * @param {HTMLElement} element
+ * @param {string[]} facts
+ */
+export function setFacts(element, facts) {
+  const text = facts.join("\n");
+  if (element.dataset.facts === text) return;
+  element.dataset.facts = text;
+  fill(element, facts.map((fact) => h("span", null, fact)));
+}
+
+/**
  * Sets an element's text if it differs, since screen readers repeat text that is written again.
  *
  * @param {Element} element

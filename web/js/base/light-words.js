@@ -10,6 +10,9 @@ import { t } from "./words.js";
 /** Whether the file has no light, so that a studio light stands in. @param {Pick<Scene, "codes">} scene */
 export const isLightless = ({ codes }) => (codes?.["warnings"] ?? []).some((/** @type {any} */ coded) => hasCode(coded, WITHOUT_LIGHT));
 
+/** The light of a scene's file, or what stands in for it. @param {Pick<Scene, "codes"> | undefined} scene */
+export const ownLight = (scene) => (scene && isLightless(scene) ? t("Soft studio light") : t("The scene's own"));
+
 /** @param {string} id "dark-studio" @returns {string} "Dark studio" */
 const presetName = (id) => t((id[0]?.toUpperCase() ?? "") + id.slice(1).replaceAll("-", " "));
 

@@ -2,7 +2,7 @@
 
 import { DENOISED, channelOf } from "../film/channels.js";
 import { scenes } from "../news/farm.js";
-import { lightWords } from "../base/light-words.js";
+import { isLightless, lightWords, ownLight } from "../base/light-words.js";
 import { variantOf } from "../base/scene-version.js";
 import { known, labelOf, phraseOf, reached, settingOf, valueText } from "../news/settings-table.js";
 import { t } from "../base/words.js";
@@ -10,7 +10,7 @@ import { t } from "../base/words.js";
 /** @typedef {import("../base/types.js").Job} Job */
 /** @typedef {import("../base/types.js").Setting} Setting */
 
-/** Maximum number of differences in a side's name; the table has all. */
+/** Maximum number of differences in a side's name; the table has all. Two scenes have their names alone. */
 const NAMED_BY = 2;
 
 /** Sections of settings, most significant first. */
@@ -41,12 +41,12 @@ function rows() {
   const ofJob = settings.filter(({ name, of }) => name !== "width" && name !== "height" && of !== "environment");
   const byTelling = SECTIONS_BY_SIGNIFICANCE.flatMap((group) => ofJob.filter((setting) => setting.group === group));
   return [
-    plain(t("Scene"), (job) => sceneOf(job)?.name ?? job.name),
+    plain(t("Scene"), nameOfScene),
     plain(t("Materials"), (job) => materialsOf(job) || t("as saved")),
     {
       label: t("Light from around"),
-      value: (job) => lightWords(job.environment, sceneOf(job)) || t("The scene's own"),
-      phrase: (job) => lightWords(job.environment, sceneOf(job)) || t("its own light"),
+      value: (job) => lightOf(job) || ownLight(sceneOf(job)),
+      phrase: (job) => lightOf(job) || (isLightless(sceneOf(job) ?? {}) ? ownLight(sceneOf(job)) : t("its own light")),
     },
     ...byTelling.map((setting) => row(setting, (job) => job.settings ?? undefined)),
     plain(settingOf("work", "spp").label, reached),
@@ -57,6 +57,12 @@ function rows() {
 
 /** @param {Job} job */
 const sceneOf = (job) => scenes.value?.find(({ id }) => id === job.scene);
+
+/** @param {Job} job */
+const nameOfScene = (job) => sceneOf(job)?.name ?? job.name;
+
+/** @param {Job} job @returns {string} empty: the scene's own, or what stands in for it */
+const lightOf = (job) => lightWords(job.environment, sceneOf(job));
 
 /** @param {Job} job @returns {string} empty: the file's own */
 function materialsOf(job) {
@@ -83,7 +89,9 @@ export const differences = (a, b) =>
  * @returns {[string, string]}
  */
 export function sideNames(left, right) {
-  const telling = differing(left.job, right.job).slice(0, NAMED_BY);
+  const all = differing(left.job, right.job);
+  const isOfTwoScenes = left.job.scene !== right.job.scene && nameOfScene(left.job) !== nameOfScene(right.job);
+  const telling = all.slice(0, isOfTwoScenes ? 1 : NAMED_BY);
   const isDenoised = [left.channel, right.channel].includes(DENOISED);
   const name = (/** @type {{job: Job, channel: string}} */ { job, channel }) => {
     const parts = telling.map(({ phrase }) => phrase(job) || "–");

@@ -7,6 +7,7 @@ import { count, radiance } from "../base/format.js";
 import { drawPath } from "../film/path-lines.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
+import { toolWord } from "./picture-tools.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Explained} Explained */
@@ -145,7 +146,7 @@ export function explainPanel(picture, life, moments) {
     isOn = on;
     button.setAttribute("aria-pressed", String(on));
   };
-  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Explain a pixel"), onclick: () => turn(!isOn) }, icon("path"));
+  const button = h("button", { class: "icon-button", type: "button", "aria-pressed": "false", "aria-label": t("Explain a pixel"), onclick: () => turn(!isOn) }, icon("path"), toolWord(t("Explain")));
   button.title = t("Explain a pixel: click on the picture to see its light's paths (Q explains the one under the cursor)");
   if (view) {
     /** @type {Pixel | null} */

@@ -9,6 +9,7 @@ import { drawsRegions } from "../film/region.js";
 import { icon } from "../base/icons.js";
 import { announce } from "../shell/tray.js";
 import { change } from "./job-panel.js";
+import { toolWord } from "./picture-tools.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Job} Job */
@@ -30,6 +31,7 @@ export function focusTool(job, picture, life) {
     "button",
     { class: "icon-button for-submit", type: "button", "aria-pressed": "false", "aria-label": t("Render a part first"), onclick: () => turn(!isOn) },
     icon("region"),
+    toolWord(t("Part first")),
   );
   button.title = t("Render a part first: click or drag on the picture (A); Shift and drag does it at once");
   const said = h("span");

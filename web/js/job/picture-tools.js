@@ -1,6 +1,6 @@
 /** Tools for the displayed picture: fullscreen, copy, copy link. */
 
-import { fill, h } from "../base/dom.js";
+import { h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
 import { fetchFile } from "../news/images.js";
 import { announce, showError } from "../shell/tray.js";
@@ -13,6 +13,9 @@ import { t } from "../base/words.js";
 const DONE_MS = 1600;
 const NO_CLIPBOARD = t("Browsers copy from pages on HTTPS and localhost only.");
 
+/** The word on a tool's button, shown where there is room. @param {string} word */
+export const toolWord = (word) => h("span", { class: "tool-word", "aria-hidden": "true" }, word);
+
 /**
  * @param {HTMLElement} stage
  * @param {FilmView | null} view
@@ -21,12 +24,12 @@ const NO_CLIPBOARD = t("Browsers copy from pages on HTTPS and localhost only.");
  * @returns {{element: HTMLElement, keys: Shortcut[]}}
  */
 export function pictureTools(stage, view, image, more = []) {
-  const copyPicture = tool(t("Copy the picture"), "Y", "copy", () => {
+  const copyPicture = tool(t("Copy the picture"), t("Copy"), "Y", "copy", () => {
     // The promise is passed to the item, since Safari only copies what starts within the click.
     return navigator.clipboard.write([new ClipboardItem({ "image/png": fetchFile(image()) })]);
   });
-  const copyLink = tool(t("Copy the link to this view"), "Shift+Y", "link", () => navigator.clipboard.writeText(location.href));
-  const whole = tool(t("Whole screen"), "W", "screen", () =>
+  const copyLink = tool(t("Copy the link to this view"), t("Link"), "Shift+Y", "link", () => navigator.clipboard.writeText(location.href));
+  const whole = tool(t("Full screen"), t("Full screen"), "W", "screen", () =>
     document.fullscreenElement ? document.exitFullscreen() : stage.requestFullscreen(),
   );
   const tools = view ? [copyPicture, copyLink, whole] : [];
@@ -43,24 +46,25 @@ export function pictureTools(stage, view, image, more = []) {
 
 /**
  * @param {string} does
+ * @param {string} word on the button, where there is room
  * @param {string} keys
  * @param {import("../base/icons.js").IconName} sign
  * @param {() => Promise<unknown>} work
  */
-function tool(does, keys, sign, work) {
+function tool(does, word, keys, sign, work) {
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let showing;
   const run = async () => {
     try {
       await work();
       announce(t("{does}: done", { does }));
-      fill(button, icon("check"));
+      button.firstElementChild?.replaceWith(icon("check"));
       clearTimeout(showing);
-      showing = setTimeout(() => fill(button, icon(sign)), DONE_MS);
+      showing = setTimeout(() => button.firstElementChild?.replaceWith(icon(sign)), DONE_MS);
     } catch (error) {
       showError(t("{does}: not done", { does }), navigator.clipboard ? error : NO_CLIPBOARD);
     }
   };
-  const button = h("button", { class: "icon-button", type: "button", "aria-label": does, title: `${does} (${keys})`, onclick: run }, icon(sign));
+  const button = h("button", { class: "icon-button", type: "button", "aria-label": does, title: `${does} (${keys})`, onclick: run }, icon(sign), toolWord(word));
   return { button, keys, does, run };
 }

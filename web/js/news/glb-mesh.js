@@ -1,19 +1,27 @@
 /**
- * Reads a GLB file in the browser as far as its preview needs: triangles with normals and base colours, without textures.
+ * Reads a GLB file in the browser as far as its preview needs: triangles with normals, base colours and their textures.
  *
- * The service's preview mesh (renderer/scene/preview.py) replaces it once a worker has read the file.
+ * The service's preview mesh (renderer/scene/preview.py), whose colours are per vertex, replaces it if the file has no textures, or
+ * has what is not read here, such as poses.
  */
 
 /** @typedef {import("../base/types.js").Vec3} Vec3 */
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("./mesh-packet.js").MeshPacket} MeshPacket */
-/** @typedef {{packet: MeshPacket, view: View}} LocalMesh */
+/**
+ * @typedef {object} LocalMesh
+ * @property {MeshPacket} packet
+ * @property {View} view
+ * @property {boolean} isWhole false: parts are missing or not posed
+ */
+/** An image file in the GLB. @typedef {{bytes: Uint8Array<ArrayBuffer>, type: string}} Picture */
 
 export const MOST_TRIANGLES = 150_000;
 const FEWEST = 24; // triangles of a decimated primitive
 const EXCESS = 1.5; // at which a primitive is decimated again
 const MOST_INSTANCES = 20_000;
 const MOST_DEPTH = 64;
+const BLENDED = 0.5; // alpha below which blended surfaces are left out, since nothing is sorted
 
 const MAGIC = 0x46546c67;
 const JSON_CHUNK = 0x4e4f534a;
@@ -38,34 +46,74 @@ const MARGIN = 1.06;
 const ASPECT = 4 / 3;
 const SAMPLED = 50_000; // vertices
 
-/** A primitive in its own space, decimated. @typedef {{positions: Float32Array, normals: Float32Array | null, indices: Uint32Array}} Shape */
+/** A primitive in its own space, decimated. @typedef {{positions: Float32Array, normals: Float32Array | null, uvs: Float32Array | null, indices: Uint32Array}} Shape */
+/** A base colour texture: its image, the UV set and transform (a, b, c, d, e, f), and the alpha below which nothing is seen. @typedef {{image: number, set: number, transform: number[], cutoff: number}} Surface */
 
 /**
  * @param {ArrayBuffer} buffer of the file
  * @param {number} [most] triangles, about
- * @returns {LocalMesh | null} null if the file is malformed, has no triangles, or is compressed
+ * @returns {(LocalMesh & {images: Picture[]}) | null} images: as numbered by the packet's parts. null if the file is malformed, has no triangles, or is compressed
  */
 export function readGlb(buffer, most = MOST_TRIANGLES) {
   const parts = chunks(buffer);
   if (!parts) return null;
   const { gltf, bin } = parts;
-  const placed = instances(gltf).slice(0, MOST_INSTANCES);
+  const all = instances(gltf);
+  const placed = all.slice(0, MOST_INSTANCES);
   const total = placed.reduce((sum, { primitive }) => sum + triangleCount(gltf, primitive), 0);
   if (!total) return null;
   const share = Math.min(1, most / total);
   /** @type {Map<object, Shape | null>} */
   const shapes = new Map();
-  /** @type {{shape: Shape, matrix: number[], color: number[]}[]} */
+  /** @type {Drawn[]} */
   const drawn = [];
+  /** @type {Map<number, Picture>} */
+  const pictures = new Map();
   for (const { primitive, matrix } of placed) {
-    if (!shapes.has(primitive)) shapes.set(primitive, shapeOf(gltf, bin, primitive, share));
+    const material = gltf.materials?.[primitive.material];
+    const surface = surfaceOf(gltf, material);
+    if (!shapes.has(primitive)) shapes.set(primitive, shapeOf(gltf, bin, primitive, share, surface));
     const shape = shapes.get(primitive);
-    if (shape) drawn.push({ shape, matrix, color: colorOf(gltf.materials?.[primitive.material]) });
+    if (!shape) continue;
+    const picture = surface && shape.uvs && (pictures.get(surface.image) ?? pictureOf(gltf, bin, surface.image));
+    if (picture) pictures.set(surface.image, picture);
+    drawn.push({ shape, matrix, color: colorOf(material), surface: picture ? surface : null });
   }
-  return drawn.length ? joined(drawn, gltf) : null;
+  if (!drawn.length) return null;
+  const numbers = [...pictures.keys()];
+  drawn.sort((a, b) => order(a.surface, numbers) - order(b.surface, numbers));
+  const found = joined(drawn, gltf, numbers);
+  const isWhole = drawn.length === all.length && !(gltf.nodes ?? []).some((/** @type {any} */ node) => node.skin !== undefined || node.weights) && !gltf.extensions?.KHR_materials_variants;
+  return found && { ...found, isWhole, images: [...pictures.values()] };
 }
 
-/** @param {ArrayBuffer} buffer @returns {{gltf: any, bin: Uint8Array} | null} */
+/** @typedef {{shape: Shape, matrix: number[], color: number[], surface: Surface | null}} Drawn */
+
+/** Textured parts come first, those with the same image together. @param {Surface | null} surface @param {number[]} numbers */
+const order = (surface, numbers) => (surface ? numbers.indexOf(surface.image) : numbers.length);
+
+/** Returns a material's base colour texture. @param {any} gltf @param {any} material @returns {Surface | null} */
+function surfaceOf(gltf, material) {
+  const info = material?.pbrMetallicRoughness?.baseColorTexture;
+  const texture = gltf.textures?.[info?.index];
+  const image = texture?.extensions?.EXT_texture_webp?.source ?? texture?.source;
+  if (image === undefined) return null;
+  const { offset: [u, v] = [0, 0], scale: [x, y] = [1, 1], rotation = 0, texCoord = info.texCoord ?? 0 } = info.extensions?.KHR_texture_transform ?? {};
+  const [cos, sin] = [Math.cos(rotation), Math.sin(rotation)];
+  const cutoff = material.alphaMode === "MASK" ? (material.alphaCutoff ?? 0.5) : material.alphaMode === "BLEND" ? BLENDED : 0;
+  return { image, set: texCoord, transform: [x * cos, y * sin, u, -x * sin, y * cos, v], cutoff };
+}
+
+/** @param {any} gltf @param {Uint8Array<ArrayBuffer>} bin @param {number} number @returns {Picture | null} null if the image is not in the file */
+function pictureOf(gltf, bin, number) {
+  const { bufferView, mimeType: type } = gltf.images?.[number] ?? {};
+  const view = gltf.bufferViews?.[bufferView];
+  const start = view?.byteOffset ?? 0;
+  if (!view || !type || view.buffer || view.extensions || start + view.byteLength > bin.length) return null;
+  return { bytes: bin.subarray(start, start + view.byteLength), type };
+}
+
+/** @param {ArrayBuffer} buffer @returns {{gltf: any, bin: Uint8Array<ArrayBuffer>} | null} */
 function chunks(buffer) {
   const view = new DataView(buffer);
   if (buffer.byteLength < 20 || view.getUint32(0, true) !== MAGIC || view.getUint32(4, true) !== 2) return null;
@@ -131,24 +179,39 @@ function triangleCount(gltf, { attributes, indices }) {
   return Math.floor((gltf.accessors?.[indices ?? attributes.POSITION]?.count ?? 0) / 3);
 }
 
-/** @param {any} gltf @param {Uint8Array} bin @param {any} primitive @param {number} share of the triangles to keep @returns {Shape | null} */
-function shapeOf(gltf, bin, primitive, share) {
+/** @param {any} gltf @param {Uint8Array} bin @param {any} primitive @param {number} share of the triangles to keep @param {Surface | null} surface @returns {Shape | null} */
+function shapeOf(gltf, bin, primitive, share, surface) {
   const positions = floats(gltf, bin, primitive.attributes.POSITION, 3);
   if (!positions?.length) return null;
   const vertices = positions.length / 3;
   const own = primitive.attributes.NORMAL === undefined ? null : floats(gltf, bin, primitive.attributes.NORMAL, 3);
   const normals = own?.length === positions.length ? own : null;
+  const uvs = surface && uvsOf(gltf, bin, primitive.attributes[`TEXCOORD_${surface.set}`], surface, vertices);
   const given = primitive.indices === undefined ? Uint32Array.from({ length: vertices }, (_, i) => i) : integers(gltf, bin, primitive.indices);
   if (!given || !isBelow(given, vertices)) return null;
   const indices = given.subarray(0, given.length - (given.length % 3));
   const target = Math.max(share * (indices.length / 3), FEWEST);
   /** @type {Shape} */
-  let shape = { positions, normals, indices };
+  let shape = { positions, normals, uvs, indices };
   const count = () => shape.indices.length / 3;
   // A flat grid of cells gives two triangles a cell, a closed surface several times as many.
   for (let cells = Math.sqrt(target / 2); count() > EXCESS * target && cells >= 2; cells *= 0.9 * Math.sqrt(target / count()))
-    shape = clustered(positions, normals, indices, cells);
+    shape = clustered(positions, normals, uvs, indices, cells);
   return shape;
+}
+
+/** Returns a UV set, transformed; null if there is none of as many vertices. @param {any} gltf @param {Uint8Array} bin @param {number | undefined} number @param {Surface} surface @param {number} vertices */
+function uvsOf(gltf, bin, number, { transform: [a = 1, b = 0, c = 0, d = 0, e = 1, f = 0] }, vertices) {
+  const given = number === undefined ? null : floats(gltf, bin, number, 2);
+  if (given?.length !== 2 * vertices) return null;
+  const found = new Float32Array(2 * vertices);
+  for (let i = 0; i < vertices; i++) {
+    const u = given[2 * i] ?? 0;
+    const v = given[2 * i + 1] ?? 0;
+    found[2 * i] = a * u + b * v + c;
+    found[2 * i + 1] = d * u + e * v + f;
+  }
+  return found;
 }
 
 /** Returns whether all indices are below a limit. @param {Uint32Array} indices @param {number} limit */
@@ -195,11 +258,12 @@ function integers(gltf, bin, number) {
  *
  * @param {Float32Array} positions
  * @param {Float32Array | null} normals
+ * @param {Float32Array | null} uvs
  * @param {Uint32Array} indices
  * @param {number} cells along the longest side
  * @returns {Shape}
  */
-function clustered(positions, normals, indices, cells) {
+function clustered(positions, normals, uvs, indices, cells) {
   const { low, high } = boundsOf(positions);
   const size = Math.max(...high.map((value, i) => value - (low[i] ?? 0)), 1e-30) / cells;
   const side = Math.floor(cells) + 2;
@@ -237,18 +301,16 @@ function clustered(positions, normals, indices, cells) {
     corners[length++] = b;
     corners[length++] = c;
   }
-  /** @param {Float32Array} source */
-  const picked = (source) => {
-    const found = new Float32Array(3 * count);
+  /** @param {Float32Array} source @param {number} width */
+  const picked = (source, width) => {
+    const found = new Float32Array(width * count);
     for (let i = 0; i < count; i++) {
-      const at = 3 * (kept[i] ?? 0);
-      found[3 * i] = source[at] ?? 0;
-      found[3 * i + 1] = source[at + 1] ?? 0;
-      found[3 * i + 2] = source[at + 2] ?? 0;
+      const at = width * (kept[i] ?? 0);
+      for (let k = 0; k < width; k++) found[width * i + k] = source[at + k] ?? 0;
     }
     return found;
   };
-  return { positions: picked(positions), normals: normals && picked(normals), indices: corners.slice(0, length) };
+  return { positions: picked(positions, 3), normals: normals && picked(normals, 3), uvs: uvs && picked(uvs, 2), indices: corners.slice(0, length) };
 }
 
 /** @param {Float32Array | Float64Array} positions @returns {{low: Vec3, high: Vec3}} */
@@ -282,19 +344,23 @@ const encoded = (value) => (value <= 0.0031308 ? 12.92 * value : 1.055 * value *
 /**
  * Joins shapes in world space.
  *
- * @param {{shape: Shape, matrix: number[], color: number[]}[]} drawn
+ * @param {Drawn[]} drawn those with the same image together
  * @param {any} gltf
- * @returns {LocalMesh | null}
+ * @param {number[]} images those that are used
+ * @returns {{packet: MeshPacket, view: View} | null}
  */
-function joined(drawn, gltf) {
+function joined(drawn, gltf, images) {
   const vertices = drawn.reduce((sum, { shape }) => sum + shape.positions.length / 3, 0);
   const corners = drawn.reduce((sum, { shape }) => sum + shape.indices.length, 0);
   const places = new Float64Array(3 * vertices);
   const normals = new Int8Array(4 * vertices);
   const colors = new Uint8Array(4 * vertices);
   const indices = new Uint32Array(corners);
+  const uvs = images.length ? new Float32Array(2 * vertices) : undefined;
+  /** @type {import("./mesh-packet.js").MeshPart[]} */
+  const parts = [];
   let [vertex, corner] = [0, 0];
-  for (const { shape, matrix, color } of drawn) {
+  for (const { shape, matrix, color, surface } of drawn) {
     const [a = 0, b = 0, c = 0, , d = 0, e = 0, f = 0, , g = 0, h = 0, i = 0, , tx = 0, ty = 0, tz = 0] = matrix;
     // The cofactors of the matrix, which turn normals.
     const [n0, n1, n2, n3, n4, n5, n6, n7, n8] = [e * i - f * h, f * g - d * i, d * h - e * g, c * h - b * i, a * i - c * g, b * g - a * h, b * f - c * e, c * d - a * f, a * e - b * d];
@@ -321,6 +387,11 @@ function joined(drawn, gltf) {
       }
       colors.set(color, 4 * vertex);
     }
+    if (surface && shape.uvs) uvs?.set(shape.uvs, 2 * first);
+    const [texture, cutoff] = surface ? [images.indexOf(surface.image), surface.cutoff] : [-1, 0];
+    const last = parts.at(-1);
+    if (last?.texture === texture && last.cutoff === cutoff) last.count += shape.indices.length;
+    else parts.push({ texture, cutoff, first: corner, count: shape.indices.length });
     for (const index of shape.indices) indices[corner++] = first + index;
   }
   const { low, high } = boundsOf(places);
@@ -329,7 +400,7 @@ function joined(drawn, gltf) {
   const scale = low.map((value, axis) => STEPS / ((high[axis] ?? 0) - value || 1));
   for (let k = 0; k < vertices; k++)
     for (let axis = 0; axis < 3; axis++) positions[4 * k + axis] = Math.round(((places[3 * k + axis] ?? 0) - (low[axis] ?? 0)) * (scale[axis] ?? 0));
-  const packet = { vertices, triangles: corners / 3, low, high, positions, normals, colors, indices };
+  const packet = { vertices, triangles: corners / 3, low, high, positions, normals, colors, indices, ...(uvs && { uvs, parts }) };
   return { packet, view: fileCamera(gltf, low, high) ?? frame(places) };
 }
 

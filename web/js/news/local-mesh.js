@@ -19,9 +19,22 @@ export function readLocally(files) {
   if (!file || others.length || !file.name.toLowerCase().endsWith(".glb") || file.size > MOST_BYTES) return Promise.resolve(null);
   return new Promise((resolve) => {
     const worker = new Worker(new URL("./glb-worker.js", import.meta.url), { type: "module" });
-    const end = (/** @type {LocalMesh | null} */ mesh) => (worker.terminate(), resolve(mesh));
-    worker.onmessage = ({ data }) => end(data);
-    worker.onerror = () => end(null);
+    /** @type {((image: ImageBitmap | null) => void)[]} textures that are still being decoded */
+    const awaited = [];
+    const end = () => {
+      worker.terminate();
+      resolve(null); // without effect once the mesh is here
+      for (const take of awaited.splice(0)) take(null);
+    };
+    worker.onmessage = ({ data }) => {
+      if (data?.mesh) {
+        /** @type {Promise<ImageBitmap | null>[]} */
+        const textures = Array.from({ length: data.textures }, () => new Promise((take) => awaited.push(take)));
+        resolve({ ...data.mesh, packet: { ...data.mesh.packet, textures } });
+      } else if (data) awaited.shift()?.(data.image);
+      if (!data || !awaited.length) end();
+    };
+    worker.onerror = end;
     worker.postMessage(file);
   });
 }

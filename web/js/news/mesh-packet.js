@@ -14,7 +14,12 @@ import { MESH_HEAD_BYTES, decodeMeshHead } from "../base/protocol.js";
  * @property {Int8Array} normals four a vertex: three 127ths, and 0; all 0: flat shading
  * @property {Uint8Array} colors four a vertex: sRGB, and 255; 0: unshaded
  * @property {Uint32Array} indices three a triangle
+ * @property {Float32Array} [uvs] two a vertex; absent: no textures
+ * @property {MeshPart[]} [parts] all triangles, with the textures that `uvs` are for
+ * @property {Promise<ImageBitmap | null>[]} [textures] by number; null: it cannot be shown
  */
+
+/** A range of `indices`, its texture (-1: none), and the alpha below which nothing is seen. @typedef {{first: number, count: number, texture: number, cutoff: number}} MeshPart */
 
 const BOUNDS_BYTES = 48;
 

@@ -44,6 +44,10 @@ const MOST_PIXELS = 1 << 20;
 const LEAST_SIDE = 16;
 /** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
+/** Samples per pixel after which the view replaces a finished picture, and the preview mesh, if it is not denoised. */
+const [PICTURE_SPP, MESH_SPP] = [8, 1];
+/** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
+const COVERED_MS = 500;
 /** Request fields that do not apply to a view. */
 const JOB_ONLY_FIELDS = ["fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
@@ -57,8 +61,9 @@ const HAND_KEYS = [
 /**
  * @param {import("../base/types.js").Scene} scene
  * @param {import("./settings-form.js").SettingsForm} form
- * @param {{url: string, isFinished: boolean}} meanwhile a picture to show until the view's first picture arrives; "" for none. A finished
- *   one stays until there is a sample per pixel, or something else is asked for
+ * @param {{url: string, nearest: string, isFinished: boolean}} meanwhile a picture to show until the view's first picture arrives; "" for none. A finished
+ *   one stays until the view is denoised or has some samples per pixel, or something else is asked for. nearest: the same, smaller, which
+ *   the page has loaded before
  * @param {(view: View) => void} turned called when the user moves the camera
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides the pictures shown in place of the live view
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, made of their differences
@@ -114,6 +119,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
         mesh.setView(form.view());
         meshed.hidden = false;
         surface.style.backgroundImage = "";
+        canvas.classList.add("held-back"); // the first samples are coarser than the mesh
       },
       () => {}, // the samples come without it
     );
@@ -121,10 +127,28 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const hasMeshFirst = !meanwhile.url || (hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
   if (hasMeshFirst) showMesh();
   canvas.classList.toggle("held-back", meanwhile.isFinished && !hasMeshFirst);
-  const release = () => canvas.classList.remove("held-back");
+  const release = () => {
+    canvas.classList.remove("held-back");
+    if (isSampled) uncoverSoon();
+  };
   const hasAlpha = meanwhile.url.includes("/image.png"); // as thumbnailFormat asks for a transparent background
   surface.classList.toggle("has-alpha", hasAlpha);
-  if (meanwhile.url) surface.style.backgroundImage = `url("${meanwhile.url}")${hasAlpha ? ", var(--squares-image)" : ""}`;
+  const below = [meanwhile.url, meanwhile.nearest].filter(Boolean).map((url) => `url("${url}")`);
+  if (hasAlpha) below.push("var(--squares-image)");
+  surface.style.backgroundImage = below.join(", ");
+  /** Removes what is shown until samples come, once they cover it. */
+  const uncover = () => {
+    uncovering = undefined;
+    if (canvas.classList.contains("held-back")) return;
+    isCovered = false;
+    surface.style.backgroundImage = "";
+    meshed.hidden = true;
+    mesh.dispose();
+  };
+  let isCovered = true;
+  /** @type {ReturnType<typeof setTimeout> | undefined} */
+  let uncovering;
+  const uncoverSoon = () => void (isCovered && (uncovering ??= setTimeout(uncover, COVERED_MS)));
 
   const film = new ViewFilm();
   film.onTurn(() => {
@@ -170,16 +194,14 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       if (!isSampled) {
         isSampled = true;
         if (state.textContent === clarity(0, null, null)) say("", false); // the counts come with the next message
-        meshed.hidden = true;
-        mesh.dispose();
       }
-      if (!canvas.classList.contains("held-back")) surface.style.backgroundImage = "";
+      if (!canvas.classList.contains("held-back")) uncoverSoon();
       picture.invalidate();
     },
     state(told) {
       const { samples, bound, mean, noise, done, slots, denoised, message } = told;
       surface.dataset.samples = String(samples);
-      if (mean >= 1) release();
+      if (denoised || done || mean >= (meshed.hidden ? PICTURE_SPP : MESH_SPP)) release();
       surface.dataset.denoised = String(denoised);
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
@@ -217,12 +239,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (request.frames) request.frame = firstOf(request.frames);
     for (const name of JOB_ONLY_FIELDS) delete request[name];
     const text = JSON.stringify(request);
-    if (text !== (firstAsked ??= text)) release();
+    if (text !== (firstAsked ??= text) && meshed.hidden) release();
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
     asked = { width, height };
     link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
-    if (!isSampled) mesh.setView(form.view());
+    if (isCovered) mesh.setView(form.view());
     others.changed();
     offer();
     if (focused && form.view().aperture) tell();
@@ -396,6 +418,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     look: () => look.value,
     film: () => film.film,
     dispose() {
+      clearTimeout(uncovering);
       resizing.disconnect();
       stage.dispose();
       letGo();

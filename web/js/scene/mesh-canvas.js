@@ -11,10 +11,13 @@ uniform vec3 extent;
 in vec3 share;
 in vec3 normal;
 in vec4 color;
+in vec2 uv;
 out vec3 place;
 out vec3 facing;
 out vec4 shown;
+out vec2 texel;
 void main() {
+  texel = uv;
   place = (share - 0.5) * extent;
   facing = normal;
   shown = color;
@@ -25,18 +28,32 @@ void main() {
 const FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec3 light;
+uniform sampler2D image;
+uniform float cutoff;
+in vec2 texel;
 in vec3 place;
 in vec3 facing;
 in vec4 shown;
 out vec4 pixel;
 void main() {
+  vec4 base = texture(image, texel);
+  if (base.a < cutoff) discard;
   vec3 flatly = cross(dFdx(place), dFdy(place));
   vec3 n = normalize(dot(facing, facing) > 0.01 ? facing : flatly);
   float shade = mix(1.0, 0.3 + 0.7 * abs(dot(n, light)), step(0.5, shown.a));
-  pixel = vec4(shown.rgb * shade, 1.0);
+  pixel = vec4(shown.rgb * base.rgb * shade, 1.0);
 }`;
 
 const MAX_RATIO = 2;
+
+/** @param {WebGL2RenderingContext} gl */
+function whiteTexture(gl) {
+  const texture = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, texture);
+  gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, 1, 1, 0, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array([255, 255, 255, 255]));
+  gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.NEAREST);
+  return texture;
+}
 
 export class MeshCanvas {
   /** @param {HTMLCanvasElement} canvas as large as its box */
@@ -50,6 +67,8 @@ export class MeshCanvas {
     this.gl = canvas.getContext("webgl2", { alpha: true, antialias: true, depth: true });
     /** @type {WebGLProgram | null} */
     this.program = null;
+    /** By number; the last is white. @type {WebGLTexture[]} */
+    this.textures = [];
     this.resizing = new ResizeObserver(() => this.invalidate());
     this.resizing.observe(canvas);
     canvas.addEventListener("webglcontextlost", (event) => event.preventDefault());
@@ -82,13 +101,30 @@ export class MeshCanvas {
       gl.bindBuffer(gl.ARRAY_BUFFER, gl.createBuffer());
       gl.bufferData(gl.ARRAY_BUFFER, data, gl.STATIC_DRAW);
       gl.enableVertexAttribArray(at);
-      gl.vertexAttribPointer(at, size, type, true, 4 * (type === gl.UNSIGNED_SHORT ? 2 : 1), 0);
+      gl.vertexAttribPointer(at, size, type, true, type === gl.UNSIGNED_SHORT || type === gl.FLOAT ? 8 : 4, 0);
     };
     attribute("share", /** @type {any} */ (mesh.positions), 3, gl.UNSIGNED_SHORT);
     attribute("normal", /** @type {any} */ (mesh.normals), 3, gl.BYTE);
     attribute("color", /** @type {any} */ (mesh.colors), 4, gl.UNSIGNED_BYTE);
+    if (mesh.uvs) attribute("uv", /** @type {any} */ (mesh.uvs), 2, gl.FLOAT);
+    else gl.disableVertexAttribArray(gl.getAttribLocation(program, "uv"));
     gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, gl.createBuffer());
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, /** @type {any} */ (mesh.indices), gl.STATIC_DRAW);
+    this.textures = [...(mesh.textures ?? []), null].map(() => whiteTexture(gl));
+    mesh.textures?.forEach((arriving, number) => void arriving.then((image) => image && this.mesh === mesh && this.setTexture(number, image)));
+    this.invalidate();
+  }
+
+  /** @param {number} number @param {ImageBitmap} image */
+  setTexture(number, image) {
+    const { gl } = this;
+    if (!gl || gl.isContextLost()) return;
+    gl.bindTexture(gl.TEXTURE_2D, this.textures[number] ?? null);
+    gl.pixelStorei(gl.UNPACK_PREMULTIPLY_ALPHA_WEBGL, false);
+    gl.texImage2D(gl.TEXTURE_2D, 0, gl.RGBA8, gl.RGBA, gl.UNSIGNED_BYTE, image);
+    gl.generateMipmap(gl.TEXTURE_2D);
+    gl.texParameteri(gl.TEXTURE_2D, gl.TEXTURE_MIN_FILTER, gl.LINEAR_MIPMAP_LINEAR);
+    this.canvas.dataset.textures = String(Number(this.canvas.dataset.textures ?? 0) + 1);
     this.invalidate();
   }
 
@@ -119,7 +155,11 @@ export class MeshCanvas {
     const [right, above, back] = cameraAxes(view);
     const light = [0, 1, 2].map((i) => -0.4 * (right[i] ?? 0) + 0.5 * (above[i] ?? 0) + 0.77 * (back[i] ?? 0));
     gl.uniform3fv(gl.getUniformLocation(program, "light"), light);
-    gl.drawElements(gl.TRIANGLES, 3 * mesh.triangles, gl.UNSIGNED_INT, 0);
+    for (const { first, count, texture, cutoff } of mesh.parts ?? [{ first: 0, count: 3 * mesh.triangles, texture: -1, cutoff: 0 }]) {
+      gl.bindTexture(gl.TEXTURE_2D, this.textures.at(texture) ?? null); // -1 is the last
+      gl.uniform1f(gl.getUniformLocation(program, "cutoff"), cutoff);
+      gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * first);
+    }
     canvas.dataset.drawn = String(mesh.triangles);
   }
 

@@ -80,7 +80,7 @@ export function preparingView(scene) {
       surface.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
       follow(first, /** @type {Vec3} */ (low), /** @type {Vec3} */ (high));
       meshOf(id).then(
-        (packet) => isOpen && mesh.setMesh(packet),
+        (packet) => isOpen && mesh.mesh !== packet && mesh.setMesh(packet),
         () => {}, // the list of steps shows the progress
       );
     },

@@ -1,6 +1,7 @@
 /** The preview mesh of the latest scene, and the view that it was turned to while the scene was being prepared. */
 
 import { fetchMesh } from "../news/api.js";
+import { localMeshOf } from "../news/local-mesh.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../news/mesh-packet.js").MeshPacket} MeshPacket */
@@ -8,10 +9,10 @@ import { fetchMesh } from "../news/api.js";
 /** @type {{scene: string, mesh: Promise<MeshPacket>} | null} */
 let latest = null;
 
-/** Fetches a scene's mesh, once. @param {string} scene its id @returns {Promise<MeshPacket>} */
+/** Returns a scene's mesh: what this page read with textures, or else the service's, which is fetched once. @param {string} scene its id @returns {Promise<MeshPacket>} */
 export function meshOf(scene) {
   if (latest?.scene !== scene) {
-    latest = { scene, mesh: fetchMesh(scene) };
+    latest = { scene, mesh: localMeshOf(scene).then((local) => (local?.isWhole && local.packet.textures?.length ? local.packet : fetchMesh(scene))) };
     latest.mesh.catch(() => (latest = null));
   }
   return latest.mesh;

@@ -31,13 +31,14 @@ export function failure(scene) {
     ? [t("It was uploaded as strict, so its warnings are errors. Uploaded here, it is taken with them."), warningList(scene, scene.warnings)]
     : [saidOf(scene, "error")];
   return [
-    h("div", { class: "notice error", role: "alert" }, icon("warning"), h("div", null, h("strong", null, t("This cannot be rendered. ")), ...why)),
+    h("div", { class: "notice error failure", role: "alert" }, icon("warning"), h("div", null, h("strong", null, t("This cannot be rendered. ")), ...why)),
     h(
       "section",
       { class: "section row wraps for-submit" },
       add,
       h("button", { class: `button ${add ? "" : "primary"}`, type: "button", onclick: () => choose({ folder: false }) }, icon("upload"), t("Upload it again")),
       h("button", { class: "button", type: "button", onclick: () => choose({ folder: true }) }, icon("folder"), t("Upload a folder")),
+      h("span", { class: "quiet small" }, t("or drop it anywhere on this page")),
     ),
   ];
 }

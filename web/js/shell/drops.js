@@ -2,6 +2,7 @@
 
 import { fill, h } from "../base/dom.js";
 import { chosenProject } from "../base/project.js";
+import { setDropPlace } from "./drop-place.js";
 import { filesOfDrop } from "./gather-files.js";
 import { icon } from "../base/icons.js";
 import { mayChange } from "../news/projects.js";
@@ -61,6 +62,7 @@ export function acceptDrops() {
     event.preventDefault();
     hide();
     if (!isFree) return;
+    setDropPlace({ x: event.clientX, y: event.clientY });
     const gathering = filesOfDrop(event.dataTransfer);
     void gatherAndSend(() => gathering, upload);
   });

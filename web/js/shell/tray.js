@@ -2,6 +2,7 @@
 
 import { fill, h } from "../base/dom.js";
 import { icon } from "../base/icons.js";
+import { moveToDropPlace } from "./drop-place.js";
 import { t } from "../base/words.js";
 
 const tray = /** @type {HTMLElement} */ (document.getElementById("tray"));
@@ -76,10 +77,11 @@ export function clearPageErrors() {
  *
  * @param {string} title
  * @param {unknown} error
- * @param {{remedy?: string, action?: {label: string, run: () => void}, ofPage?: boolean, brief?: boolean}} [help] what to do
- *   about it. ofPage: it means nothing on other pages. brief: it goes away by itself
+ * @param {{remedy?: string, action?: {label: string, run: () => void}, ofPage?: boolean, brief?: boolean, atDrop?: boolean}} [help] what to do
+ *   about it. ofPage: it means nothing on other pages. brief: it goes away by itself.
+ *   atDrop: it is shown where the files were dropped or chosen, in place of an earlier one
  */
-export function showError(title, error, { remedy, action, ofPage = false, brief = false } = {}) {
+export function showError(title, error, { remedy, action, ofPage = false, brief = false, atDrop = false } = {}) {
   const sentence = error instanceof Error ? error.message : String(error);
   const key = `${title}\n${sentence}`;
   const same = errors.find((each) => each.key === key);
@@ -107,6 +109,10 @@ export function showError(title, error, { remedy, action, ofPage = false, brief 
     );
   }
   card.onClose(() => dismiss(entry));
+  if (!atDrop) return;
+  for (const other of errors.filter((each) => each.card.element.classList.contains("at-drop"))) dismiss(other);
+  card.element.classList.add("at-drop");
+  moveToDropPlace(card.element);
 }
 
 /**

@@ -28,11 +28,14 @@ const ANSWER_MS = 300;
 /** Time without progress after which the upload is shown as stalled. */
 const STALLED_MS = 15_000;
 
+/** The way on after a refusal. */
+const again = { label: t("Choose other files"), run: () => pick({ folder: false }, start) };
+
 /** @param {NamedFile[]} files */
 export async function start(files) {
   if (!files.length) {
     const { formats } = await getInfo();
-    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }));
+    showError(t("Nothing to upload"), t("There was no file in what you dropped. A scene is one of {formats}.", { formats: formats.join(" ") }), { atDrop: true });
     return;
   }
   const sent = files.map(({ file }) => file);
@@ -51,7 +54,7 @@ export async function start(files) {
     for (const [suffix, advice] of Object.entries(foreign)) {
       const at = paths.findIndex((path) => path.endsWith(suffix));
       if (at < 0) continue;
-      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }));
+      showError(t("{path} cannot be read here", { path: files[at]?.path ?? "" }), hasCode(codes?.[suffix], UNPACK) ? `${said(advice, codes?.[suffix])}.` : t("{advice}; drop what that writes.", { advice: said(advice, codes?.[suffix]) }), { atDrop: true, action: again });
       return;
     }
   }
@@ -220,8 +223,8 @@ async function sendOnce(files, fields) {
     const heading = notUploadedTitle(files);
     // Error responses of the service name the remedy.
     if (error instanceof ApiError && error.status === 0)
-      return new Promise((resolve) => showError(heading, error, { action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
-    showError(heading, error, { action: { label: t("Choose other files"), run: () => pick({ folder: false }, start) } });
+      return new Promise((resolve) => showError(heading, error, { atDrop: true, action: { label: t("Try again"), run: () => resolve(AGAIN) } }));
+    showError(heading, error, { atDrop: true, action: again });
     return null;
   } finally {
     clearTimeout(stalling);
@@ -261,6 +264,7 @@ function explainImages(files) {
     );
   };
   showError(t("{name} is not a scene", { name }), isLight ? t("It can light one: open a scene, and drop it there.") : t("Images are textures of a scene, or light it. Drop them with the scene's file, or drop one image on the page of a scene to light it."), {
-    action: isLight ? { label: t("Add it to the lights"), run: keep } : undefined,
+    atDrop: true,
+    action: isLight ? { label: t("Add it to the lights"), run: keep } : again,
   });
 }

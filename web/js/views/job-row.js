@@ -2,7 +2,7 @@
 
 import { imageUrl, thumbnailFormat } from "../news/api.js";
 import { showImage } from "../news/images.js";
-import { h, setText } from "../base/dom.js";
+import { h, setFacts, setText } from "../base/dom.js";
 import { scenes } from "../news/farm.js";
 import { remove as removeJobs } from "./job-deeds.js";
 import { ago, clock } from "../base/format.js";
@@ -39,8 +39,8 @@ setInterval(() => {
 export function jobRow(job, lead) {
   const name = h("a", { class: "name", href: linkTo("jobs", job.id) });
   const note = h("span", { class: "quiet small" });
-  const size = h("span");
-  const also = h("span", { class: "also" }); // in columns of their own where there are some
+  const size = h("span", { class: "facts-line" });
+  const also = h("span", { class: "facts-line also" }); // in columns of their own where there are some
   const samples = h("span", { class: "quiet small number samples" });
   const by = h("span", { class: "quiet small by" });
   const late = h("span", { class: "late", hidden: true }, icon("clock"), t("late"));
@@ -65,7 +65,7 @@ export function jobRow(job, lead) {
     { class: "job-row" },
     lead,
     box,
-    h("div", { class: "title" }, h("div", { class: "called" }, name, note), h("div", { class: "quiet small number" }, late, size, also)),
+    h("div", { class: "title" }, h("div", { class: "called" }, name, note), h("div", { class: "quiet small number facts-line" }, late, size, also)),
     chip.element,
     h("div", { class: "bar" }, bar.element, far),
     samples,
@@ -83,8 +83,8 @@ export function jobRow(job, lead) {
       setText(note, next.note ?? "");
       note.title = next.note ?? "";
       remove.setAttribute("aria-label", t("Delete the picture of {name}", { name: next.name }));
-      setText(size, next.width && next.height ? sizeLine(next) : "");
-      setText(also, [next.width && next.height ? reached(next) : "", next.user].filter(Boolean).map((part) => ` · ${part}`).join(""));
+      setFacts(size, next.width && next.height ? sizeLine(next) : []);
+      setFacts(also, [next.width && next.height ? reached(next) : "", next.user ?? ""].filter(Boolean));
       setText(samples, next.width && next.height ? reached(next) : "");
       setText(by, next.user ?? "");
       by.title = next.user ?? "";
@@ -110,11 +110,11 @@ export function jobRow(job, lead) {
   };
 }
 
-/** @param {Job} job */
+/** @param {Job} job @returns {string[]} */
 function sizeLine(job) {
   const scene = scenes.value?.find(({ id }) => id === job.scene);
   const parts = [`${job.width}×${job.height}`, shotName(job, scene?.fps), lightWords(job.environment, scene), ...placeWords(job)];
-  return parts.filter(Boolean).join(" · ");
+  return parts.filter((part) => Boolean(part));
 }
 
 /** An open job's queue properties that differ from the defaults: priority, deadline. @param {Job} job */

@@ -5,7 +5,7 @@ import { canDenoise } from "../job/denoise-fields.js";
 import { clampExposure, displayFromUrl, displayPanel } from "../job/display-panel.js";
 import { fill, h, setText } from "../base/dom.js";
 import { adoptJob, jobs, scenes, workers } from "../news/farm.js";
-import { isLightless, lightWords } from "../base/light-words.js";
+import { lightWords, ownLight } from "../base/light-words.js";
 import { emptyPage } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { actionsPanel, progressPanel } from "../job/job-panel.js";
@@ -267,8 +267,7 @@ function light(job, life) {
   const told = h("span");
   const show = () => {
     const scene = scenes.value?.find(({ id }) => id === job.scene);
-    const own = scene && isLightless(scene) ? t("Soft studio light") : t("The scene's own");
-    setText(told, lightWords(job.environment, scene) || own);
+    setText(told, lightWords(job.environment, scene) || ownLight(scene));
   };
   life.add(scenes.subscribe(show));
   return told;

@@ -6,6 +6,7 @@ import { JobList } from "../news/job-list.js";
 import { count } from "../base/format.js";
 import { chosenProject } from "../base/project.js";
 import { mayChange, offer } from "../news/projects.js";
+import { session } from "../news/session.js";
 import { freshId } from "../forms/fields.js";
 import { emptyState, noWorkerNotice } from "../shell/hints.js";
 import { here, linkTo, onParams, setParams, setTitle } from "../shell/router.js";
@@ -163,7 +164,7 @@ export function jobsView() {
 
   const element = h(
     "div",
-    { class: "page wide jobs-page" },
+    { class: `page jobs-page ${session.value.kind === "open" ? "of-no-users" : ""}` },
     h("h1", { class: "page-title" }, t("Jobs")),
     tools,
     notice,

@@ -149,7 +149,8 @@ function slotTile() {
   image.addEventListener("load", () => (image.hidden = false));
   image.addEventListener("error", () => (image.hidden = true));
   const box = h("div", { class: "tile-box", hidden: true });
-  const frame = h("div", { class: "frame" }, image, box);
+  const rest = h("span", { class: "rest" }, t("Idle"));
+  const frame = h("div", { class: "frame" }, image, box, rest);
   const label = h("span", { class: "small" });
   const element = h("li", null, frame, label);
   let pictureOf = "";
@@ -157,7 +158,7 @@ function slotTile() {
     element,
     update({ key, slot }) {
       const job = jobs.value?.find(({ id }) => id === slot.job);
-      element.classList.toggle("idle", Object.keys(slot).length === 0);
+      rest.hidden = Object.keys(slot).length > 0;
       sayWhat(label, slot, job?.name, key);
       const isKnown = Boolean(job?.width && job.height);
       frame.style.aspectRatio = isKnown ? `${job?.width} / ${job?.height}` : "";
@@ -195,7 +196,7 @@ function sayWhat(label, slot, name, key) {
     ? [linkTo("jobs", slot.job), name ?? t("A picture")]
     : slot.scene
       ? [linkTo("scenes", slot.scene), t("Prepares a scene")]
-      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.view ? t("Live view") : t("Slot {number}, idle", { number: Number(key) + 1 })];
+      : ["", slot.hidden ? t("Works for a project you cannot see") : slot.denoise ? t("Denoises") : slot.vectors ? t("Motion vectors") : slot.view ? t("Live view") : t("Slot {number}", { number: Number(key) + 1 })];
   const said = slot.compiling ? t("{text}, compiling", { text }) : text;
   if (label.title === `${href} ${said}`) return;
   label.title = `${href} ${said}`;

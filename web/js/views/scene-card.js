@@ -1,7 +1,7 @@
 /** A scene's card on the front page. */
 
 import { deleteScene, imageUrl, thumbnailFormat, thumbnailUrl } from "../news/api.js";
-import { h, setText } from "../base/dom.js";
+import { h, setFacts, setText } from "../base/dom.js";
 import { jobs, putScene, setHidden } from "../news/farm.js";
 import { compact } from "../base/format.js";
 import { firstFrame } from "../base/shot-words.js";
@@ -24,7 +24,7 @@ import { t, tn } from "../base/words.js";
 export function sceneCard(scene) {
   const name = h("a", { class: "name", href: linkTo("scenes", scene.id) });
   const chip = stateChip(scene.status);
-  const facts = h("span", { class: "quiet small number" });
+  const facts = h("span", { class: "quiet small number facts-line" });
   const picture = thumbnail();
   let latest = scene;
   const remove = h(
@@ -49,7 +49,7 @@ export function sceneCard(scene) {
       remove.setAttribute("aria-label", t("Delete {name}", { name: next.name }));
       chip.update(next.status);
       chip.element.hidden = next.status === "ready";
-      setText(facts, next.status === "ready" ? shortFacts(next) : "");
+      setFacts(facts, next.status === "ready" ? shortFacts(next) : []);
       picture.update(next, renderedOf(next));
     },
   };
@@ -89,10 +89,13 @@ function renderedOf({ id }) {
   const found = (jobs.value ?? []).filter((each) => each.scene === id && each.state === "finished" && each.samples > 0 && asUploaded(each));
   const quality = (/** @type {Job} */ { samples, shot }) => samples / Math.max(shot?.count ?? 1, 1);
   const job = found.toSorted((a, b) => quality(b) - quality(a))[0];
-  return job && imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: 480, visible: "true", v: job.samples });
+  return job && cardPicture(job);
 }
 
-/** @param {Scene} scene */
+/** The address of a job's picture on a scene's card. @param {Job} job */
+export const cardPicture = (job) => imageUrl({ job: job.id, frame: firstFrame(job) }, thumbnailFormat(job), { width: 480, visible: "true", v: job.samples });
+
+/** @param {Scene} scene @returns {string[]} */
 function shortFacts(scene) {
   const { counts } = scene;
   const parts = [variantOf(scene), lightOf(scene)].filter(Boolean);
@@ -101,7 +104,7 @@ function shortFacts(scene) {
   if (counts.textures) parts.push(tn(counts.textures, "{n} texture", "{n} textures"));
   const end = Math.max(0, ...(scene.clips ?? []).map((clip) => clip.end));
   if (end) parts.push(t("moves for {n} s", { n: Number(end.toFixed(1)) }));
-  return parts.map((part) => part.replaceAll(" ", "\u00a0")).join(" · "); // lines break between facts
+  return parts;
 }
 
 /** A scene's thumbnail, or a placeholder until it exists. */

@@ -26,7 +26,7 @@ import { renderStrip } from "../scene/render-strip.js";
 import { failure, stepWords, warnings } from "../scene/scene-notices.js";
 import { sidesFromUrl } from "../scene/sides.js";
 import { sideNames } from "../compare/job-differences.js";
-import { removeScene } from "./scene-card.js";
+import { cardPicture, removeScene } from "./scene-card.js";
 import { t } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
@@ -72,6 +72,9 @@ export function sceneView(id) {
   );
   return { element, dispose: () => life.dispose() };
 }
+
+/** Largest relative difference of two aspect ratios that counts as none. */
+const SAME_SHAPE = 0.01;
 
 /** @param {Scene} scene */
 function heading(scene) {
@@ -237,14 +240,15 @@ function viewOf(scene, form, sides, life) {
   const linked = viewFromText(written) ?? takeTurned(scene.id);
   if (linked) form.turn(linked);
   // Of the same view and in the same light: a picture of another one would jump when the samples come.
-  const { background = "visible", environment, floor } = form.request();
-  const isSeen = (/** @type {Job} */ { scene: of, state, settings, environment: light, floor: on }) =>
-    of === scene.id && state === "finished" && settings !== null && viewToText(settings.view) === viewToText(form.view()) && (settings["background"] ?? "visible") === background && !light && !environment && JSON.stringify(on ?? null) === JSON.stringify(floor ?? null);
+  const { background = "visible", environment, floor, width: wide = 1, height: tall = 1 } = form.request();
+  const isSeen = (/** @type {Job} */ { scene: of, state, settings, environment: light, floor: on, width, height }) =>
+    of === scene.id && state === "finished" && Math.abs(((width ?? 0) * tall) / ((height ?? 1) * wide) - 1) < SAME_SHAPE && settings !== null && viewToText(settings.view) === viewToText(form.view()) && (settings["background"] ?? "visible") === background && !light && !environment && JSON.stringify(on ?? null) === JSON.stringify(floor ?? null);
   const finished = (jobs.value ?? []).find(isSeen);
   const example = linked ? undefined : examplePictures.get(scene.id); // shown while the scene was prepared
   const picture = finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, thumbnailFormat(finished), { width: 800, visible: "true", v: finished.samples });
   const best = picture || example;
-  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), isFinished: best !== undefined };
+  const smaller = finished && cardPicture(finished); // a card has shown it
+  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined };
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;

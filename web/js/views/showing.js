@@ -91,18 +91,19 @@ export function showViews(main, markSection) {
   onNavigate(async ({ path: [section = "", ...ids] }) => {
     visit += 1;
     const mine = visit;
-    shown?.dispose();
-    shown = null;
     clearPageErrors();
     markSection(SECTION_OF[section] ?? section);
     const address = ahead.viewAt(location.hash);
     let make = here.get(address) ?? null;
     if (!make && address !== null) {
-      // The previous view stays visible meanwhile, but inactive.
+      // The previous view stays visible meanwhile, but inactive. It is disposed of afterwards, since that clears its canvas.
       main.inert = !isFirst;
       main.setAttribute("aria-busy", "true");
       make = await fetched(address);
     }
-    if (make && mine === visit) show(make(...ids));
+    if (!make || mine !== visit) return;
+    shown?.dispose();
+    shown = null;
+    show(make(...ids));
   });
 }

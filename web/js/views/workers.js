@@ -69,7 +69,7 @@ export function workersView() {
   );
   const element = h(
     "div",
-    { class: "page wide" },
+    { class: "page" },
     h("h1", { class: "page-title" }, t("Workers")),
     summary,
     sitesLines(life),

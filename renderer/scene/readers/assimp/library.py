@@ -245,7 +245,7 @@ def import_file(data: bytes, name: str) -> Imported:
     Raises SceneError if it cannot be imported.
     """
     if not data:
-        raise SceneError(Sentence("file-empty", "{name}: is empty; export it again", name=name))
+        raise SceneError(Sentence("file-empty", "{name} is empty; export it again", name=name))
     library = _library()
     hint = Path(name).suffix[1:].lower().encode()
     said: Counter[str] = Counter()
@@ -267,7 +267,7 @@ def import_file(data: bytes, name: str) -> Imported:
         raise SceneError(
             Sentence(
                 "file-damaged-or-misnamed",
-                "{name}: is damaged or not a {format} file ({reason}); export it again",
+                "{name} is damaged or not a {format} file ({reason}); export it again",
                 name=name,
                 format=Path(name).suffix,
                 reason=reason[0][:160],
@@ -370,7 +370,7 @@ def _nodes(root: int | None, name: str) -> list[Node]:
             raise SceneError(
                 Sentence(
                     "assimp-nodes-too-many",
-                    "{name}: has more than {most} nodes; simplify it",
+                    "{name} has more than {most} nodes; simplify it",
                     name=name,
                     most=MAX_NODES,
                 )

@@ -54,5 +54,5 @@ def _check_package(data: bytes, main: str) -> None:
         return
     except (*DAMAGED, OSError) as error:
         raise SceneError(
-            Sentence("archive-damaged", "{file}: is damaged ({error}); pack it again", file=main, error=library_message(error))
+            Sentence("archive-damaged", "{file} is damaged ({error}); pack it again", file=main, error=library_message(error))
         ) from error

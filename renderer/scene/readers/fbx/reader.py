@@ -69,7 +69,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         raise SceneError(
             Sentence(
                 "nodes-too-many",
-                "{file}: has {count} nodes; at most {most} are allowed. Simplify it",
+                "{file} has {count} nodes; at most {most} are allowed. Simplify it",
                 file=main,
                 count=opened.scene.nodes.count,
                 most=MAX_NODES,
@@ -178,7 +178,7 @@ class _Reader:
             raise SceneError(
                 Sentence(
                     "fbx-mesh-parts-too-many",
-                    "{file}: shows more than {most} mesh parts; simplify it",
+                    "{file} shows more than {most} mesh parts; simplify it",
                     file=self._main,
                     most=MAX_INSTANCES,
                 )

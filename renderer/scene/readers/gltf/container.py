@@ -237,7 +237,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
         raise SceneError(
             Sentence(
                 "gltf-header-cut-off",
-                "{file}: ends inside its header; the upload or download was interrupted, repeat it",
+                "{file} ends inside its header; the upload or download was interrupted, repeat it",
                 file=file,
             )
         )
@@ -246,7 +246,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
         raise SceneError(
             Sentence(
                 "gltf-glb-version-unsupported",
-                "{file}: is GLB version {version}; export it as glTF 2.0",
+                "{file} is GLB version {version}; export it as glTF 2.0",
                 file=file,
                 version=version,
             )
@@ -256,7 +256,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
         notes.append(
             Sentence(
                 "gltf-glb-length-differs",
-                "{file}: has {found} bytes, but its header says {declared}; all are read.",
+                "{file} has {found} bytes, but its header says {declared}; all are read.",
                 file=file,
                 found=len(data),
                 declared=length,
@@ -272,7 +272,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
                 raise SceneError(
                     Sentence(
                         "gltf-json-cut-off",
-                        "{file}: ends inside its JSON; the upload or download was interrupted, repeat it",
+                        "{file} ends inside its JSON; the upload or download was interrupted, repeat it",
                         file=file,
                     )
                 )
@@ -302,7 +302,7 @@ def parse(data: bytes, file: str) -> tuple[Json, memoryview | None]:
             )
     if _JSON_CHUNK not in chunks:
         raise SceneError(
-            Sentence("gltf-json-chunk-missing", "{file}: has no JSON chunk; the file is damaged, export it again", file=file)
+            Sentence("gltf-json-chunk-missing", "{file} has no JSON chunk; the file is damaged, export it again", file=file)
         )
     root = _parse_json(bytes(chunks[_JSON_CHUNK]), file)
     for sentence in notes:
@@ -330,7 +330,7 @@ def _parse_json(data: bytes, file: str) -> Json:
         raise SceneError(
             Sentence(
                 "gltf-json-too-large",
-                "{file}: contains {mib} MiB of JSON; export it as .glb, or with its buffers in separate files",
+                "{file} contains {mib} MiB of JSON; export it as .glb, or with its buffers in separate files",
                 file=file,
                 mib=len(data) >> 20,
             )
@@ -343,7 +343,7 @@ def _parse_json(data: bytes, file: str) -> Json:
         raise SceneError(
             Sentence(
                 "gltf-json-damaged",
-                "{file}: is not glTF: its JSON is damaged ({error}); export it again",
+                "{file} is damaged or not a glTF file ({error}); export it again",
                 file=file,
                 error=library_message(error),
             )
@@ -354,7 +354,7 @@ def _parse_json(data: bytes, file: str) -> Json:
         raise SceneError(
             Sentence(
                 "gltf-version-unsupported",
-                "{file}: is glTF version {version}; only 2.0 is supported. Export it as 2.0",
+                "{file} is glTF version {version}; only 2.0 is supported. Export it as 2.0",
                 file=file,
                 version=version[:10] or "unknown",
             )

@@ -29,7 +29,7 @@ def decode(extension: Json, accessors: Accessors) -> tuple[npt.NDArray[np.int64]
         raise SceneError(
             Sentence(
                 "gltf-draco-not-installed",
-                "{file}: is compressed with Draco; install DracoPy, or export it without compression",
+                "{file} is compressed with Draco; install DracoPy, or export it without compression",
                 file=extension.file,
             )
         ) from error

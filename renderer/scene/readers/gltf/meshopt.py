@@ -35,7 +35,7 @@ def decode(extension: Json, packed: memoryview, length: int) -> memoryview:
         raise SceneError(
             Sentence(
                 "gltf-meshopt-not-installed",
-                "{file}: is compressed with meshopt; install the package meshopt, or export it without",
+                "{file} is compressed with meshopt; install the package meshopt, or export it without",
                 file=extension.file,
             )
         ) from error

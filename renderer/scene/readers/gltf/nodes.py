@@ -73,7 +73,7 @@ class Nodes:
             raise SceneError(
                 Sentence(
                     "nodes-too-many",
-                    "{file}: has {count} nodes; at most {most} are allowed. Simplify it",
+                    "{file} has {count} nodes; at most {most} are allowed. Simplify it",
                     file=self._root.file,
                     count=len(self._nodes),
                     most=MAX_NODES,

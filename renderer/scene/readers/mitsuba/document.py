@@ -161,7 +161,7 @@ class Document:
             raise SceneError(
                 Sentence(
                     "mitsuba-root-element-wrong",
-                    "{file}: begins with <{tag}>; a Mitsuba scene begins with <scene>",
+                    "{file} begins with <{tag}>; a Mitsuba scene begins with <scene>",
                     file=main,
                     tag=root.tag[:40],
                 )
@@ -199,7 +199,7 @@ class Document:
             raise SceneError(
                 Sentence(
                     "mitsuba-xml-unreadable",
-                    "{name}: is not valid XML ({error}); correct it",
+                    "{name} is not valid XML ({error}); correct it",
                     name=name,
                     error=library_message(error),
                 )
@@ -211,7 +211,7 @@ class Document:
             raise SceneError(
                 Sentence(
                     "mitsuba-elements-too-many",
-                    "{file}: has too many or too deeply nested elements; make the scene smaller",
+                    "{file} has too many or too deeply nested elements; make the scene smaller",
                     file=file,
                 )
             )
@@ -273,7 +273,7 @@ class Document:
                 raise SceneError(
                     Sentence(
                         "mitsuba-include-missing",
-                        "{file}: includes {name}, which is not among the files; add it",
+                        "{file} includes {name}, which is not among the files; add it",
                         file=file,
                         name=PurePosixPath(wanted).name[:120],
                     )
@@ -294,7 +294,7 @@ class Document:
             raise SceneError(
                 Sentence(
                     "mitsuba-reference-unknown",
-                    "{file}: refers to {id}, which is not in the scene; correct the reference",
+                    "{file} refers to {id}, which is not in the scene; correct the reference",
                     file=file,
                     id=repr(id[:80]),
                 )

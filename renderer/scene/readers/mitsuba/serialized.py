@@ -24,7 +24,7 @@ _MAX_UNPACKED = 4 << 30
 def read_serialized(data: bytes, name: str, index: int) -> Mesh:
     """Returns the mesh with this index in the file. Raises SceneError if the file is damaged or has fewer meshes."""
     damaged = SceneError(
-        Sentence("mitsuba-serialized-damaged", "{name}: is damaged, or not a Mitsuba mesh file; export it again", name=name)
+        Sentence("mitsuba-serialized-damaged", "{name} is damaged, or not a Mitsuba mesh file; export it again", name=name)
     )
     try:
         magic, version = struct.unpack_from("<HH", data, 0)
@@ -35,7 +35,7 @@ def read_serialized(data: bytes, name: str, index: int) -> Mesh:
             raise SceneError(
                 Sentence(
                     "mitsuba-serialized-mesh-missing",
-                    "{name}: has {count} meshes, but none with the number {index}",
+                    "{name} has {count} meshes, but none with the number {index}",
                     name=name,
                     count=count,
                     index=index,

@@ -62,7 +62,7 @@ class Statements:
             raise SceneError(
                 Sentence(
                     "pbrt-includes-too-deep",
-                    "{name}: is included at a depth of {depth} files; do files include each other?",
+                    "{name} is included at a depth of {depth} files; do files include each other?",
                     name=name,
                     depth=MAX_DEPTH,
                 )
@@ -181,7 +181,7 @@ def unpacked(data: bytes, name: str) -> bytes:
                 most=most >> 20,
             )
             if len(found) >= most
-            else Sentence("pbrt-gzip-cut-off", "{name}: is cut off; pack it again", name=name)
+            else Sentence("pbrt-gzip-cut-off", "{name} is cut off; pack it again", name=name)
         )
     return found
 

@@ -16,6 +16,7 @@ from typing import Any
 from pxr import Sdf, Tf, Usd, UsdUtils, Work
 
 from renderer.errors import SceneError
+from renderer.library_messages import position_in_text
 from renderer.scene.readers.name_lookup import number_of
 from renderer.scene.readers.usd import mtlx
 from renderer.scene.readers.usd.notes import Notes
@@ -70,9 +71,9 @@ def as_scene_errors(main: str) -> Iterator[None]:
     except Tf.ErrorException as error:
         reason = _error_text(error, "")
         raise SceneError(
-            Sentence("usd-file-damaged-at", "{file}: is damaged ({reason}); export it again", file=main, reason=reason)
+            Sentence("usd-file-damaged-at", "{file} is damaged ({reason}); export it again", file=main, reason=reason)
             if reason
-            else Sentence("usd-file-damaged", "{file}: is damaged; export it again", file=main)
+            else Sentence("usd-file-damaged", "{file} is damaged; export it again", file=main)
         ) from None
 
 
@@ -219,7 +220,7 @@ class _Opener:
             raise SceneError(
                 Sentence(
                     "usd-layers-too-many",
-                    "{name}: is layer number {number}, which is too many; flatten the stage",
+                    "{name} is layer number {number}, which is too many; flatten the stage",
                     name=name,
                     number=MAX_LAYERS + 1,
                 )
@@ -236,13 +237,13 @@ class _Opener:
             raise SceneError(
                 Sentence(
                     "usd-layer-unreadable",
-                    "{name}: is damaged or not a USD layer ({error}); export it again",
+                    "{name} is damaged or not a USD layer ({error}); export it again",
                     name=name,
                     error=_error_text(error, path),
                 )
             ) from None
         if layer is None:
-            raise SceneError(Sentence("usd-layer-damaged", "{name}: is damaged or not a USD layer; export it again", name=name))
+            raise SceneError(Sentence("usd-layer-damaged", "{name} is damaged or not a USD layer; export it again", name=name))
         self.opened[name] = layer
         self.names[layer.identifier] = name
 
@@ -347,4 +348,6 @@ def _error_text(error: Exception, path: str) -> str:
         r"(?:/[^/\s<>'\"]+)+/", "", _message_text(error).replace(path, "") if path else _message_text(error)
     ).splitlines()
     last = _without_addresses(next((line for line in said if " in file " in line), said[0] if said else ""))
+    if (place := re.search(r":(\d+):(\d+): parse error", last)) is not None:
+        return position_in_text(int(place[1]), int(place[2]))  # the rest is in the terms of USD's grammar
     return last.split(" : ", 1)[-1].strip(" '\"")[:200]

@@ -57,7 +57,7 @@ def layer_of(data: bytes, name: str, included: Callable[[str, str], tuple[str, b
                 notes.add_sentence(
                     Sentence(
                         "usd-materialx-include-missing",
-                        "{file}: includes the document {document}, which is not among the files; add it.",
+                        "{file} includes the document {document}, which is not among the files; add it.",
                         file=file,
                         document=posixpath.basename(reference)[:120],
                     )
@@ -85,7 +85,7 @@ class _Document:
             raise SceneError(
                 Sentence(
                     "usd-materialx-damaged",
-                    "{file}: is not a valid MaterialX document ({error}); export it again",
+                    "{file} is not a valid MaterialX document ({error}); export it again",
                     file=file,
                     error=library_message(error),
                 )
@@ -94,7 +94,7 @@ class _Document:
             raise SceneError(
                 Sentence(
                     "usd-materialx-root-wrong",
-                    "{file}: is not a MaterialX document; it begins with {tag}",
+                    "{file} is not a MaterialX document; it begins with {tag}",
                     file=file,
                     tag=root.tag[:40],
                 )

@@ -68,7 +68,7 @@ class Sources:
             raise SceneError(
                 Sentence(
                     "usd-package-compressed",
-                    "{name}: is compressed, which USD does not allow; package it again with usdzip",
+                    "{name} is compressed, which USD does not allow; package it again with usdzip",
                     name=name,
                 )
             )

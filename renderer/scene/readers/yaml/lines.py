@@ -71,7 +71,7 @@ class Yaml:
             raise SceneError(
                 Sentence(
                     "yaml-values-too-many",
-                    "{file}: contains more than {most} values; keep meshes in separate files",
+                    "{file} contains more than {most} values; keep meshes in separate files",
                     file=self.file,
                     most=MAX_VALUES,
                 )
@@ -155,7 +155,7 @@ def parse(data: bytes, file: str) -> Yaml:
         raise SceneError(
             Sentence(
                 "scene-description-too-large",
-                "{file}: has {mib} MiB; a scene file may have at most {most}. Keep meshes in separate files",
+                "{file} has {mib} MiB; a scene file may have at most {most}. Keep meshes in separate files",
                 file=file,
                 mib=len(data) >> 20,
                 most=MAX_BYTES >> 20,
@@ -166,7 +166,7 @@ def parse(data: bytes, file: str) -> Yaml:
         _check_depth(text, file)
         node = yaml.compose(text, Loader=_LOADER)
     except UnicodeDecodeError as error:
-        raise SceneError(Sentence("file-not-utf-8", "{file}: is not UTF-8 text; save it as UTF-8", file=file)) from error
+        raise SceneError(Sentence("file-not-utf-8", "{file} is not UTF-8 text; save it as UTF-8", file=file)) from error
     except yaml.MarkedYAMLError as error:
         line = error.problem_mark.line + 1 if error.problem_mark else 1
         raise SceneError(
@@ -180,13 +180,13 @@ def parse(data: bytes, file: str) -> Yaml:
         ) from error
     except (yaml.YAMLError, RecursionError, ValueError) as error:
         raise SceneError(
-            Sentence("yaml-malformed", "{file}: is not valid YAML: {error}", file=file, error=library_message(error))
+            Sentence("yaml-malformed", "{file} is not valid YAML: {error}", file=file, error=library_message(error))
         ) from error
     result = Yaml(file)
     if node is None:
         raise SceneError(
             Sentence(
-                "scene-description-empty", "{file}: is empty; docs/scene-format.md describes the content of a scene", file=file
+                "scene-description-empty", "{file} is empty; docs/scene-format.md describes the content of a scene", file=file
             )
         )
     result.data = result.plain_data(node, ())

@@ -36,7 +36,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         raise SceneError(
             Sentence(
                 "scene-description-without-clips",
-                "{file}: has no clips, as glTF files do; leave the clip out",
+                "{file} has no clips, as glTF files do; leave the clip out",
                 file=main,
             )
         )

@@ -39,7 +39,7 @@ def _grid(reference: str, document: Yaml, files: SceneFiles, path: Path) -> F32:
     name = files.find(reference, document.file)
     if name is None:
         raise document.error(
-            path, Sentence("file-not-in-scene", "{name}: is not among the scene's files; add it", name=reference[:200])
+            path, Sentence("file-not-in-scene", "{name} is not among the scene's files; add it", name=reference[:200])
         )
     try:
         return files.get_or_make(("volume", name), lambda: read_volume(files.read(name), name))
