@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.bvh.simd import load_int, store_int
 from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit, shadow_root
-from renderer.jit import device, never_inline, subroutine
+from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
@@ -53,7 +53,7 @@ from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_l
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_radiance
 from renderer.wide.values import as_wide, not_, to_int, u32, where, where3, zero_like
 
-__all__ = ["intersect_closest", "resolve_shadow_rays", "trace_shadow_rays"]
+__all__ = ["add_unoccluded", "intersect_closest", "resolve_shadow_rays", "trace_shadow_rays"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -186,12 +186,33 @@ def _light_through(scene, alone, pool, lists, options):
                 pool[at(path, _RADIANCE + np.uintp(c))] = radiance[c]
 
 
-@device
-def _light(scene, alone, stack, pool, lists, options):
-    """Adds direct light to the paths that wait for a shadow ray (list WAITING), unless any surface occludes the ray.
+@template
+def add_unoccluded(scene, pool, rows, occluded, options):
+    """Adds direct light to the paths in one row of the pool or in eight, unless their shadow rays are occluded (a mask).
 
     Only for scenes without transparent surfaces. In a medium the light is multiplied by its transmittance.
     """
+    path, light = gather(pool, rows, PathState), gather(pool, rows, DirectLight)
+    none = zero_like(path.depth)
+    one = none + _ONE
+    left = one, one, one
+    if scene.has.media is not None:
+        ray = gather(pool, rows, Outcome)
+        stream = streams_of(pool, rows, options)
+        left = media_transmittance(scene, light.medium_stack, ray.start, ray.end, stream, path.number - one)
+    lit = add_direct_light(path.radiance, light.brought, left, light.segments, options)
+    if scene.has.groups is not None:
+        brought = direct_light(light.brought, left, light.segments, options)
+        add_group_light(pool, _chosen_row(pool, rows, options), brought, not_(occluded))
+    if scene.has.light_paths is not None:
+        brought = direct_light(light.brought, left, light.segments, options)
+        add_sampled_path_light(pool, group_row(rows, options), options, brought, path.number, not_(occluded))
+    scatter(pool, rows, with_radiance(path, where3(occluded, path.radiance, lit)))
+
+
+@device
+def _light(scene, alone, stack, pool, lists, options):
+    """Adds direct light to the paths that wait for a shadow ray (list WAITING), as `add_unoccluded` does."""
     count = pad(lists, WAITING)
     for k in range(0, count, 8):
         rows = eight_rows(lists, WAITING, k)
@@ -208,23 +229,7 @@ def _light(scene, alone, stack, pool, lists, options):
     traverse_rays(scene.bvh, scene.has.motion, alone, pool, stack, lists, None)
     for k in range(0, count, 8):
         rows = eight_rows(lists, WAITING, k)
-        path, light = gather(pool, rows, PathState), gather(pool, rows, DirectLight)
-        none = zero_like(path.depth)
-        one = none + _ONE
-        left = one, one, one
-        if scene.has.media is not None:
-            ray = gather(pool, rows, Outcome)
-            stream = streams_of(pool, rows, options)
-            left = media_transmittance(scene, light.medium_stack, ray.start, ray.end, stream, path.number - one)
-        lit = add_direct_light(path.radiance, light.brought, left, light.segments, options)
-        occluded = gather(pool, rows, Traversal).best != _ZERO
-        if scene.has.groups is not None:
-            brought = direct_light(light.brought, left, light.segments, options)
-            add_group_light(pool, _chosen_row(pool, rows, options), brought, not_(occluded))
-        if scene.has.light_paths is not None:
-            brought = direct_light(light.brought, left, light.segments, options)
-            add_sampled_path_light(pool, group_row(rows, options), options, brought, path.number, not_(occluded))
-        scatter(pool, rows, with_radiance(path, where3(occluded, path.radiance, lit)))
+        add_unoccluded(scene, pool, rows, gather(pool, rows, Traversal).best != _ZERO, options)
 
 
 @subroutine

@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
 from renderer.bvh.simd import store_int
-from renderer.jit import device, never_inline, subroutine
+from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel.backends.cpu.lists import LIT, NODES, eight_rows, pad, put, row
 from renderer.kernel.backends.cpu.rows import (
     ChosenLight,
@@ -35,7 +35,7 @@ from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.state import PathState
 from renderer.wide.values import as_wide, zero_like
 
-__all__ = ["choose_lights"]
+__all__ = ["choose_light", "choose_lights"]
 
 _ONE = np.float32(1.0)
 _ROOT = np.uint32(0)
@@ -86,6 +86,33 @@ def _store_group(scene, pool, rows, options, choice, light):
     scatter_group(pool, group_row(rows, options) + options.groups, ChosenGroup(group_of_sample(scene, choice, light)))
 
 
+@template
+def choose_light(scene, pool, rows, by_tree, options):
+    """Samples a light for the vertices in one row of the pool or in eight; writes ChosenLight and Outcome.
+
+    by_tree: whether the rows' LightDescent has the light that each has chosen by the light tree.
+    """
+    vertex, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
+    if scene.has.lights is not None and by_tree:
+        way = gather(pool, rows, LightDescent)
+        which, chosen = way.choice, way.here ^ np.uint32(0xFFFFFFFF)
+        light = sample_chosen(scene, vertex.point, vertex.normal, which, (way.u, way.v), chosen, way.chance, time)
+        if scene.has.groups is not None:
+            _store_group(scene, pool, rows, options, which, chosen)
+    else:
+        u, v, which = _numbers(pool, rows, options)
+        chosen, chance = choose_by_power(scene, which)
+        light = sample_chosen(scene, vertex.point, vertex.normal, which, (u, v), chosen, chance, time)
+        if scene.has.groups is not None:
+            _store_group(scene, pool, rows, options, which, chosen)
+    if scene.has.links is not None:
+        light = linked_sample(scene, which, chosen, light, vertex.object)
+    none = zero_like(light.pdf)
+    branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
+    scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))
+    scatter(pool, rows, Outcome((none, none, none), light.end, none, none))
+
+
 @subroutine
 def choose_lights(scene, pool, lists, options):
     """Samples a light for each vertex that can use light sampling (list LIT); writes ChosenLight and Outcome to the pool."""
@@ -96,23 +123,4 @@ def choose_lights(scene, pool, lists, options):
         if by_tree:
             _descend(scene, pool, lists, options)
     for k in range(0, pad(lists, LIT), 8):
-        rows = eight_rows(lists, LIT, k)
-        vertex, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
-        if scene.has.lights is not None and by_tree:
-            way = gather(pool, rows, LightDescent)
-            which, chosen = way.choice, way.here ^ np.uint32(0xFFFFFFFF)
-            light = sample_chosen(scene, vertex.point, vertex.normal, which, (way.u, way.v), chosen, way.chance, time)
-            if scene.has.groups is not None:
-                _store_group(scene, pool, rows, options, which, chosen)
-        else:
-            u, v, which = _numbers(pool, rows, options)
-            chosen, chance = choose_by_power(scene, which)
-            light = sample_chosen(scene, vertex.point, vertex.normal, which, (u, v), chosen, chance, time)
-            if scene.has.groups is not None:
-                _store_group(scene, pool, rows, options, which, chosen)
-        if scene.has.links is not None:
-            light = linked_sample(scene, which, chosen, light, vertex.object)
-        none = zero_like(light.pdf)
-        branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
-        scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))
-        scatter(pool, rows, Outcome((none, none, none), light.end, none, none))
+        choose_light(scene, pool, eight_rows(lists, LIT, k), by_tree, options)
