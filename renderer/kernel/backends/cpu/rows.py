@@ -254,13 +254,19 @@ def at(row, field):
 @device
 def second_rows(pool, rows):
     """Returns the rows of the second branches of the paths in one row of the pool or in eight."""
-    return u32(rows + SECOND)
+    second = SECOND
+    if pool.ndim == 2:  # a graphics card's
+        second = np.uint32(pool.shape[1] // 2)
+    return u32(rows + second)
 
 
 @device
 def spare_where_not(pool, chosen, rows):
     """Returns one row of the pool or eight, with the spare row in place of those that are not chosen. chosen: a mask."""
-    return where(chosen, rows, SPARE)
+    spare = SPARE
+    if pool.ndim == 2:  # a graphics card's
+        spare = np.uint32(pool.shape[1] - 1)
+    return where(chosen, rows, spare)
 
 
 @device
