@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import Any
 
 from renderer.arrays.scene import CompiledScene
-from renderer.kernel.backends.cuda.wavefront import SCATTERING, SPLITTING
+from renderer.kernel.backends.cuda.wavefront import scattering_kernels
 
 __all__ = ["paths_for", "take_turns"]
 
@@ -34,6 +34,7 @@ def take_turns(
     the number of active paths, after all kernels launched before. paths: rows of the Wave for first branches.
     """
     lit = scene.environment_frame[3] > 0 or len(scene.light_primitive) > 0
+    splitting, others = scattering_kernels(scene.has)
     launch("free_rows", paths - 1, False)
     turn = 0
     while True:
@@ -49,9 +50,9 @@ def take_turns(
         if lit:
             launch("choose_lights", 2 * paths, False)
         if options.splitting > 1:
-            for kernel in SPLITTING:
+            for kernel in splitting:
                 launch(kernel, 2 * paths, True)
-        for kernel in SCATTERING:
+        for kernel in (*splitting, *others):
             launch(kernel, 2 * paths, False)
         if lit:
             launch("trace_shadow_rays", 2 * paths, False)

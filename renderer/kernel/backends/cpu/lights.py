@@ -35,7 +35,7 @@ from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.state import PathState
 from renderer.wide.values import as_wide, zero_like
 
-__all__ = ["choose_light", "choose_lights"]
+__all__ = ["choose_light", "choose_lights", "numbers_for_light"]
 
 _ONE = np.float32(1.0)
 _ROOT = np.uint32(0)
@@ -44,8 +44,8 @@ _LEFT, _CHANCE, _HERE = (column(LightDescent, field) for field in ("left", "chan
 
 
 @device
-def _numbers(pool, rows, options):
-    """Returns the random numbers with which eight paths sample lights: two for the point on a light, one to choose it."""
+def numbers_for_light(pool, rows, options):
+    """Returns the random numbers with which one path or eight sample lights: two for the point on a light, one to choose it."""
     u = draw_light(streams_of(pool, rows, options), gather(pool, rows, PathState).number)
     return u[0], u[1], u[2]
 
@@ -60,7 +60,7 @@ def _descend(scene, pool, lists, options):
     waiting = np.uintp(pad(lists, LIT))
     for k in range(0, np.int64(waiting), 8):
         rows = eight_rows(lists, LIT, k)
-        u, v, choice = _numbers(pool, rows, options)
+        u, v, choice = numbers_for_light(pool, rows, options)
         _, left = nearby_choice(scene, choice)
         scatter(pool, rows, LightDescent(left, zero_like(left) + _ONE, as_wide(_ROOT, left), u, v, choice))
     for k in range(np.int64(waiting)):
@@ -100,7 +100,7 @@ def choose_light(scene, pool, rows, by_tree, options):
         if scene.has.groups is not None:
             _store_group(scene, pool, rows, options, which, chosen)
     else:
-        u, v, which = _numbers(pool, rows, options)
+        u, v, which = numbers_for_light(pool, rows, options)
         chosen, chance = choose_by_power(scene, which)
         light = sample_chosen(scene, vertex.point, vertex.normal, which, (u, v), chosen, chance, time)
         if scene.has.groups is not None:

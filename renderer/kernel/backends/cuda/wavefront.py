@@ -15,8 +15,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.arrays.scene_features import SceneFeatures
 from renderer.bvh.compressed_tree import STACK_DEPTH
-from renderer.bvh.traverse import NO_PRIMITIVE, SHADOW_REACH, Hit, any_hit, camera_root, closest_hit, shadow_root
+from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, SHADOW_REACH, Hit, any_hit, camera_root, closest_hit, shadow_root
 from renderer.film import CHANNELS
 from renderer.jit import device, local_floats, subroutine, template
 from renderer.kernel import vec
@@ -25,20 +26,26 @@ from renderer.kernel.backends.cpu.bsdfs import (
     eval_and_sample_conductor,
     eval_and_sample_diffuse,
     eval_and_sample_metallic_roughness,
+    eval_and_sample_rare,
     eval_and_sample_specular,
     eval_diffuse_lobe_diffuse,
     eval_diffuse_lobe_metallic_roughness,
+    eval_diffuse_lobe_rare,
     eval_no_lobe,
 )
 from renderer.kernel.backends.cpu.camera_rays import start_path
-from renderer.kernel.backends.cpu.intersect import add_unoccluded
-from renderer.kernel.backends.cpu.lights import choose_light
+from renderer.kernel.backends.cpu.intersect import add_transmitted, add_unoccluded
+from renderer.kernel.backends.cpu.lights import choose_light, numbers_for_light
 from renderer.kernel.backends.cpu.rows import (
+    ChosenLight,
+    LightDescent,
     Outcome,
     RowHit,
     Sample,
     Shading,
+    column,
     gather,
+    last_vertex,
     scatter,
     second_rows,
     time_of,
@@ -57,14 +64,16 @@ from renderer.kernel.backends.scalar.first_hit import (
 )
 from renderer.kernel.backends.scalar.light import has_lights
 from renderer.kernel.backends.scalar.tile import add_sample
+from renderer.kernel.light.lights import choose_sampled
 from renderer.kernel.material.material import factors_at
 from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.splitting import splits
 from renderer.kernel.steps.state import PathState, Ray
 from renderer.kernel.surface.surface import surface_at
+from renderer.prune_absent_features import where_present
 from renderer.wide.values import u32
 
-__all__ = ["ACTIVE", "COUNTERS", "KERNELS", "LISTS", "SCATTERING", "SPLITTING", "Wave", "is_in_wavefront"]
+__all__ = ["ACTIVE", "COUNTERS", "LISTS", "Wave", "is_in_wavefront", "kernels_of", "scattering_kernels"]
 
 _NEXT = np.uintp(2)  # entry of `Wave.counters` after BAD and RAYS: the next sample of the job to start
 COUNTERS = 3
@@ -75,10 +84,13 @@ _ACTIVE, _MISSED, _HIT, _LIT, _WAITING, _DONE = (
     np.uintp(which) for which in (lists.ACTIVE, lists.MISSED, lists.TRIANGLES, lists.LIT, lists.WAITING, lists.DONE)
 )
 _FREE = np.uintp(lists.LISTS)  # rows without a path
-_DIFFUSE, _SPECULAR, _METALLIC_ROUGHNESS, _CONDUCTOR = (
-    np.uintp(which) for which in (lists.DIFFUSE, lists.SPECULAR, lists.METALLIC_ROUGHNESS, lists.CONDUCTOR)
+_DIFFUSE, _SPECULAR, _METALLIC_ROUGHNESS, _CONDUCTOR, _RARE = (
+    np.uintp(which) for which in (lists.DIFFUSE, lists.SPECULAR, lists.METALLIC_ROUGHNESS, lists.CONDUCTOR, lists.RARE)
 )
-_TO_SPECULAR, _TO_RARE = np.uint32(lists.SPECULAR), np.uint32(lists.RARE)
+_TO_SPECULAR, _TO_RARE, _TO_RARE_SPECULAR = (np.uint32(which) for which in (lists.SPECULAR, lists.RARE, lists.RARE_SPECULAR))
+_THROUGH, _ON = np.uint32(lists.PASSED), np.uint32(lists.ACTIVE)
+_LIGHT_PDF = column(ChosenLight, "pdf")
+_LIGHT_BITS = np.uint32(0xFFFFFFFF)
 _STACK = 2 * STACK_DEPTH
 _SUMS = (CHANNELS, 1, 1)
 _ZERO, _INF = np.float32(0.0), np.float32(np.inf)
@@ -163,7 +175,10 @@ def trace_rays(job, thread):
         stack = local_floats(_STACK)
         ray, met = gather(pool, row, Ray), gather(pool, row, RowHit)
         root = camera_root(scene.bvh) if gather(pool, row, PathState).number == _ZERO else _ROOT
-        hit = closest_hit(scene.bvh, stack, ray.o, ray.d, _INF, time_of(scene.has.motion, pool, row), root)
+        after = where_present(scene.has.textures, FROM_ORIGIN)
+        if scene.has.textures is not None and gather(pool, row, Shading).list == _THROUGH:
+            after = met.t, np.int32(met.instance), np.int32(met.primitive)
+        hit = closest_hit(scene.bvh, stack, ray.o, ray.d, _INF, time_of(scene.has.motion, pool, row), root, after)
         found = RowHit(hit.t, hit.u, hit.v, u32(hit.primitive), u32(hit.instance), met.passed, met.object, met.weight)
         scatter(pool, row, found)
         _append(job, _MISSED if hit.primitive == NO_PRIMITIVE else _HIT, row)
@@ -196,8 +211,13 @@ def shade_hits(job, thread):
         row = _row(job, _HIT, thread)
         shade_hit(job.scene, job.pool, row, _HIT, _find_surface, factors_at, job.options, _NO)
         into = gather(job.pool, row, Shading).list
-        if into <= _TO_RARE and into != _TO_SPECULAR:
+        if job.scene.has.layers is not None and into == _TO_RARE_SPECULAR:
+            job.pool[_LIGHT_PDF, row] = _ZERO  # no light
+            into = _TO_RARE
+        elif into <= _TO_RARE and into != _TO_SPECULAR:
             _append(job, _LIT, row)
+        if job.scene.has.textures is not None and into == _THROUGH:
+            into = _ON
         _append(job, into, row)
 
 
@@ -205,7 +225,16 @@ def shade_hits(job, thread):
 def choose_lights(job, thread):
     """Samples a light for each vertex that can use light sampling. Threads: 2 * paths."""
     if _is_listed(job, _LIT, thread):
-        choose_light(job.scene, job.pool, _row(job, _LIT, thread), _NO, job.options)
+        scene, pool, row = job.scene, job.pool, _row(job, _LIT, thread)
+        by_tree = False
+        if scene.has.lights is not None:
+            by_tree = len(scene.light_node) > 0
+            if by_tree:
+                u, v, choice = numbers_for_light(pool, row, job.options)
+                vertex = last_vertex(scene, pool, row)
+                light, chance = choose_sampled(scene, vertex.point, vertex.normal, choice)
+                scatter(pool, row, LightDescent(_ZERO, chance, u32(light) ^ _LIGHT_BITS, u, v, choice))
+        choose_light(scene, pool, row, by_tree, job.options)
 
 
 @template
@@ -213,7 +242,8 @@ def _scatter(job, thread, which, answer, diffuse_lobe, is_lit):
     """Scatters the path at a vertex on list `which`, or starts its second branch; answer to is_lit: as for `scatter_vertex`."""
     if _is_listed(job, which, thread):
         pool, row, second = job.pool, _row(job, which, thread), job.second
-        if splits(gather(pool, row, PathState).number, _NO) or not second:
+        is_rare_specular = gather(pool, row, Shading).list == _TO_RARE_SPECULAR
+        if splits(gather(pool, row, PathState).number, is_rare_specular) or not second:
             lit = has_lights(job.scene)
             scatter_vertex(job.scene, pool, row, answer, diffuse_lobe, is_lit, _YES, job.options, lit, second)
             written = second_rows(pool, row) if second else row
@@ -255,15 +285,24 @@ def scatter_conductor(job, thread):
 
 
 @subroutine
+def scatter_rare(job, thread):
+    """Scatters paths at materials of many properties."""
+    _scatter(job, thread, _RARE, eval_and_sample_rare, eval_diffuse_lobe_rare, True)
+
+
+@subroutine
 def trace_shadow_rays(job, thread):
     """Adds the light of shadow rays that nothing occludes. Threads: 2 * paths."""
     if _is_listed(job, _WAITING, thread):
         scene, pool, row = job.scene, job.pool, _row(job, _WAITING, thread)
         stack = local_floats(_STACK)
-        ray, time = gather(pool, row, Outcome), time_of(scene.has.motion, pool, row)
-        way = vec.sub(ray.end, ray.start)
-        occluded = any_hit(scene.bvh, stack, ray.start, way, SHADOW_REACH, time, shadow_root(scene.bvh))
-        add_unoccluded(scene, pool, row, occluded, job.options)
+        if scene.has.textures is not None and job.options.transparent:
+            add_transmitted(scene, stack, pool, row, job.options)
+        else:
+            ray, time = gather(pool, row, Outcome), time_of(scene.has.motion, pool, row)
+            way = vec.sub(ray.end, ray.start)
+            occluded = any_hit(scene.bvh, stack, ray.start, way, SHADOW_REACH, time, shadow_root(scene.bvh))
+            add_unoccluded(scene, pool, row, occluded, job.options)
 
 
 @subroutine
@@ -299,29 +338,36 @@ def _add_to_film(job, pool, batch, path):
         add_atomically(job.counters, _BAD, _ONE)
 
 
-SPLITTING = ("scatter_diffuse", "scatter_metallic_roughness", "scatter_conductor")  # those whose vertices may split
-SCATTERING = (*SPLITTING, "scatter_specular")
-KERNELS: dict[str, Callable[..., Any]] = {
-    each.__name__: each
-    for each in (
-        free_rows,
-        start_paths,
-        begin_turn,
-        trace_rays,
-        end_rays,
-        shade_misses,
-        shade_hits,
-        choose_lights,
-        scatter_diffuse,
-        scatter_specular,
-        scatter_metallic_roughness,
-        scatter_conductor,
-        trace_shadow_rays,
-        end_paths,
-    )
-}
+_KERNELS = (
+    free_rows,
+    start_paths,
+    begin_turn,
+    trace_rays,
+    end_rays,
+    shade_misses,
+    shade_hits,
+    choose_lights,
+    trace_shadow_rays,
+    end_paths,
+)
 
 
 def is_in_wavefront(variant: str) -> bool:
     """Returns True if a variant's scenes are rendered by these kernels, and False if by `render_thread` of megakernel.py."""
-    return variant == "plain"
+    return variant in ("plain", "full")
+
+
+def kernels_of(has: SceneFeatures) -> dict[str, Callable[..., Any]]:
+    """Returns the kernels for scenes with these features, by name."""
+    return {each.__name__: each for each in (*_KERNELS, *_scattering(has))}
+
+
+def scattering_kernels(has: SceneFeatures) -> tuple[list[str], list[str]]:
+    """Returns the names of the kernels that scatter paths: of those whose vertices may split, and of the others."""
+    splitting, others = [each.__name__ for each in _scattering(has)], [scatter_specular.__name__]
+    return [name for name in splitting if name not in others], others
+
+
+def _scattering(has: SceneFeatures) -> list[Callable[..., Any]]:
+    rare = [scatter_rare] if has.layers is not None else []
+    return [scatter_diffuse, scatter_metallic_roughness, scatter_conductor, scatter_specular, *rare]
