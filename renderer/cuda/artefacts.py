@@ -13,9 +13,10 @@ from numba import types
 from renderer import jit
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cache_folders import make_private, read_private
-from renderer.cuda.job import job_type
+from renderer.cuda.job import job_type, wave_type
 from renderer.kernel.backends.cuda.megakernel import render_thread
-from renderer.kernel.backends.cuda.ptx import card_module, emit_ptx, linked_module
+from renderer.kernel.backends.cuda.ptx import KERNEL, card_module, emit_ptx, joined_modules, linked_module
+from renderer.kernel.backends.cuda.wavefront import is_in_wavefront, kernels_of
 from renderer.machine_code import SUFFIX, note_file
 from renderer.reference import Reference
 from renderer.shipped_kernels import copy_shipped_kernels
@@ -32,7 +33,7 @@ def kernel_name(variant: str) -> str:
 
 
 def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
-    """Returns the PTX of a kernel variant (renderer/arrays/scene_features.py) from the cache, or builds it, which takes a minute.
+    """Returns the PTX of a variant's kernels (renderer/arrays/scene_features.py) from the cache, or builds it in a minute.
 
     fetch: called with the kernel's name before it is built; may fetch the file from another host. Raises InexactError if the
     kernel needs an operation that graphics cards lack or round differently.
@@ -51,15 +52,16 @@ def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
 
 
 def card_module_of(variant: str) -> Any:
-    """Compiles a kernel variant for graphics cards; returns its optimised LLVM module.
+    """Compiles the kernels of a variant for graphics cards; returns their optimised LLVM module.
 
     Raises InexactError as `ptx_of` does.
     """
-    kind = job_type(variant)
-    module, name = linked_module(render_thread, (Reference(kind), types.int64))
+    kind = wave_type(variant) if is_in_wavefront(variant) else job_type(variant)
+    kernels = kernels_of(KERNEL_VARIANTS[variant]) if is_in_wavefront(variant) else {KERNEL: render_thread}
     context = KernelDispatcher.targetdescr.target_context
     size = context.get_abi_sizeof(context.get_value_type(kind))
-    return card_module(module, name, size)
+    linked = {kernel: linked_module(function, (Reference(kind), types.int64)) for kernel, function in kernels.items()}
+    return joined_modules([card_module(module, name, size, kernel) for kernel, (module, name) in linked.items()])
 
 
 def path_of(variant: str) -> Path:

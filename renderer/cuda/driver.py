@@ -21,6 +21,7 @@ _LOG, _LOG_BYTES = 5, 6  # CU_JIT_ERROR_LOG_BUFFER and its size
 _LOG_SIZE = 8192
 _NAME_SIZE = 256
 _Pointer = ctypes.c_uint64  # CUdeviceptr
+Kernel = ctypes.c_void_p  # CUfunction
 
 
 class DriverError(Exception):
@@ -106,13 +107,6 @@ class Driver:
         return value.value
 
 
-class Kernel(NamedTuple):
-    """A kernel loaded on a graphics card."""
-
-    module: ctypes.c_void_p
-    function: ctypes.c_void_p
-
-
 class Device:
     """An open graphics card: allocates its memory and launches its kernels, in its primary context.
 
@@ -123,7 +117,7 @@ class Device:
         self._driver = driver
         self._handle = driver.handle(number)
         self._allocated: set[int] = set()
-        self._kernels: list[Kernel] = []
+        self._modules: list[ctypes.c_void_p] = []
         context = ctypes.c_void_p()
         driver.call("cuDevicePrimaryCtxRetain", ctypes.byref(context), self._handle)
         self._context = context
@@ -135,12 +129,17 @@ class Device:
 
     def upload(self, array: npt.NDArray[Any]) -> int:
         """Copies a C-contiguous array to newly allocated GPU memory; returns its address there."""
-        address = _Pointer()
-        self._call_in_context("cuMemAlloc_v2", ctypes.byref(address), ctypes.c_size_t(max(array.nbytes, 1)))
-        self._allocated.add(address.value)
+        address = self.allocate(array.nbytes)
         if array.nbytes:
             source = ctypes.c_void_p(array.ctypes.data)
-            self._call_in_context("cuMemcpyHtoD_v2", address, source, ctypes.c_size_t(array.nbytes))
+            self._call_in_context("cuMemcpyHtoD_v2", _Pointer(address), source, ctypes.c_size_t(array.nbytes))
+        return address
+
+    def allocate(self, size: int) -> int:
+        """Allocates GPU memory of `size` bytes, not initialised; returns its address."""
+        address = _Pointer()
+        self._call_in_context("cuMemAlloc_v2", ctypes.byref(address), ctypes.c_size_t(max(size, 1)))
+        self._allocated.add(address.value)
         return address.value
 
     def download(self, address: int, array: npt.NDArray[Any]) -> None:
@@ -150,33 +149,34 @@ class Device:
             self._call_in_context("cuMemcpyDtoH_v2", target, _Pointer(address), ctypes.c_size_t(array.nbytes))
 
     def free(self, address: int) -> None:
-        """Frees memory allocated by `upload`."""
+        """Frees memory allocated by `allocate` or `upload`."""
         self._allocated.discard(address)
         self._call_in_context("cuMemFree_v2", _Pointer(address))
 
-    def load(self, ptx: str, name: str) -> Kernel:
-        """Translates PTX for this graphics card, or loads it from the driver's disk cache; returns the kernel `name`."""
+    def load(self, ptx: str, names: Sequence[str]) -> dict[str, Kernel]:
+        """Translates PTX for this graphics card, or loads it from the driver's disk cache; returns its kernels by name."""
         log = ctypes.create_string_buffer(_LOG_SIZE)
         options = (ctypes.c_int * 2)(_LOG, _LOG_BYTES)
         values = (ctypes.c_void_p * 2)(ctypes.addressof(log), _LOG_SIZE)
-        module, function = ctypes.c_void_p(), ctypes.c_void_p()
+        module = ctypes.c_void_p()
         text = ctypes.c_char_p(ptx.encode())
         try:
             self._call_in_context("cuModuleLoadDataEx", ctypes.byref(module), text, ctypes.c_uint(2), options, values)
         except DriverError as error:
             details = log.value.decode(errors="replace").strip()
             raise DriverError(f"{error}: {details}" if details else str(error), error.code) from error
-        self._call_in_context("cuModuleGetFunction", ctypes.byref(function), module, ctypes.c_char_p(name.encode()))
-        kernel = Kernel(module, function)
-        self._kernels.append(kernel)
-        return kernel
+        self._modules.append(module)
+        kernels = {name: Kernel() for name in names}
+        for name, kernel in kernels.items():
+            self._call_in_context("cuModuleGetFunction", ctypes.byref(kernel), module, ctypes.c_char_p(name.encode()))
+        return kernels
 
     def launch(self, kernel: Kernel, blocks: int, threads: int, arguments: Sequence[bytes]) -> None:
         """Launches a kernel with `blocks` blocks of `threads` threads; returns immediately."""
         buffers = [ctypes.create_string_buffer(argument, len(argument)) for argument in arguments]
         places = (ctypes.c_void_p * len(buffers))(*(ctypes.addressof(each) for each in buffers))
         sizes = (ctypes.c_uint(each) for each in (blocks, 1, 1, threads, 1, 1, 0))
-        self._call_in_context("cuLaunchKernel", kernel.function, *sizes, None, places, None)
+        self._call_in_context("cuLaunchKernel", kernel, *sizes, None, places, None)
 
     def synchronize(self) -> None:
         """Waits until all launched kernels have ended. Raises DriverError if one failed."""
@@ -186,6 +186,6 @@ class Device:
         """Frees all memory and kernels on the graphics card."""
         for address in list(self._allocated):
             self.free(address)
-        while self._kernels:
-            self._call_in_context("cuModuleUnload", self._kernels.pop().module)
+        while self._modules:
+            self._call_in_context("cuModuleUnload", self._modules.pop())
         self._driver.call("cuDevicePrimaryCtxRelease_v2", self._handle)

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -14,12 +15,14 @@ from renderer.bvh.compress import compressed
 from renderer.bvh.layout import Bvh
 from renderer.cuda.artefacts import ptx_of
 from renderer.cuda.driver import LIBRARY, Card, Device, Driver, DriverError, Kernel
-from renderer.cuda.job import job_for, packed
+from renderer.cuda.job import BYTES_PER_PATH, job_for, packed, wave_for
+from renderer.cuda.turns import paths_for, take_turns
 from renderer.errors import MachineError, SceneError
 from renderer.film import Sums
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
 from renderer.kernel.backends.cuda.ptx import KERNEL, THREADS
+from renderer.kernel.backends.cuda.wavefront import ACTIVE, Wave, is_in_wavefront
 from renderer.kernel.camera import Camera
 from renderer.kernel.options import Options
 from renderer.sentences import Sentence
@@ -30,7 +33,8 @@ __all__ = ["CardError", "CardMemoryError", "CardRenderer", "Rendered"]
 _LEAST_THREADS = 1 << 18  # fewer leave a card idle
 _MOST_SAMPLES = 1 << 22  # of a launch, so that none runs for seconds: a card with a screen ends such launches
 _OUT_OF_MEMORY = "CUDA_ERROR_OUT_OF_MEMORY"
-_PARAMETER = re.compile(rf"\b{KERNEL}_param_0\[(\d+)\]")
+_ENTRY = re.compile(r"\.entry (\w+)\(")
+_PARAMETER = re.compile(r"\b\w+_param_0\[(\d+)\]")
 
 
 class CardError(MachineError):
@@ -58,22 +62,23 @@ class CardRenderer:
     def __init__(self, card: Card, library: str = LIBRARY) -> None:
         self.card = card
         self._device = Device(Driver(library), card.number)
-        self._kernels: dict[str, tuple[Kernel, int]] = {}  # of a variant: the kernel, and the size of its jobs
+        self._kernels: dict[str, tuple[dict[str, Kernel], int]] = {}  # of a variant: its kernels by name, and their job's size
         # The arrays in the card's memory by their place in the CPU's. They are kept, so that no other array takes their place.
         self._arrays: dict[tuple[int, int], tuple[npt.NDArray[Any], int]] = {}
+        self._rows: tuple[int, list[int]] = 0, []  # of a Wave: how many paths they are for, and their addresses
         self._tree: tuple[Bvh, Bvh] | None = None  # of the last scene: the CPU's, and the compressed one
 
     def has_kernel(self, variant: str) -> bool:
-        """Returns True if the kernel of a variant is loaded."""
+        """Returns True if the kernels of a variant are loaded."""
         return variant in self._kernels
 
     def load(self, variant: str, fetch: Callable[[str], None] | None = None) -> None:
-        """Loads a variant's kernel on the graphics card, after building it if necessary.
+        """Loads a variant's kernels on the graphics card, after building them if necessary.
 
         fetch: as for `ptx_of`. Raises CardError if that fails.
         """
         try:
-            self._kernel(variant, fetch)
+            self._loaded(variant, fetch)
         except DriverError as error:
             raise CardError(
                 Sentence(
@@ -114,46 +119,103 @@ class CardRenderer:
     def close(self) -> None:
         """Frees the memory and kernels on the graphics card."""
         self._arrays.clear()
+        self._rows = 0, []
         self._tree = None
         self._device.close()
 
     def _render(
         self, scene: CompiledScene, variant: str, camera: Camera, options: Options, batch: Batch, width: int, height: int
     ) -> Rendered:
-        kernel, size = self._kernel(variant)
-        job = job_for(scene._replace(bvh=self._compressed(scene.bvh)), camera, options, batch, width, height)
+        whole = scene._replace(bvh=self._compressed(scene.bvh)), camera, options, batch, width, height
+        if is_in_wavefront(variant):
+            paths = paths_for(width * height * batch.count, self.card.memory, BYTES_PER_PATH)
+            return self._render_wave(variant, wave_for(*whole, paths=paths), paths)
+        return self._render_pixels(variant, job_for(*whole))
+
+    def _render_wave(self, variant: str, wave: Wave, paths: int) -> Rendered:
+        """Renders a variant's Wave, with its kernels in turn."""
+        self._free_others(wave)
+        with self._results(wave.film, wave.counters, wave.lengths) as own:
+            own.update(self._path_memory(wave, paths))
+            address = self._addresses(own)
+            data = [packed(wave._replace(second=np.bool_(second)), address) for second in (False, True)]
+
+            def count_active() -> int:
+                self._device.download(own[id(wave.lengths)], wave.lengths)
+                return int(wave.lengths[ACTIVE])
+
+            def launch(kernel: str, threads: int, second: bool) -> None:
+                self._launch(variant, kernel, data[second], threads)
+
+            take_turns(launch, count_active, wave.scene, wave.options, paths)
+            return self._rendered(own, wave.film, wave.counters)
+
+    def _render_pixels(self, variant: str, job: Job) -> Rendered:
+        """Renders a variant's Job, with its only kernel."""
         self._free_others(job)
-        results: dict[int, int] = {}
-
-        def device_address(array: npt.NDArray[Any]) -> int:
-            if array is job.film or array is job.counters:
-                if id(array) not in results:
-                    results[id(array)] = self._device.upload(array)
-                return results[id(array)]
-            key = array.ctypes.data, array.nbytes
-            if key not in self._arrays:
-                self._arrays[key] = array, self._device.upload(array)
-            return self._arrays[key][1]
-
-        try:
-            pixels = width * height
+        batch, pixels = job.batch, job.film[0].size
+        with self._results(job.film, job.counters) as own:
             step = max(1, _MOST_SAMPLES // max(pixels, 1))
             for first in range(batch.first, batch.first + batch.count, step):
                 count = min(step, batch.first + batch.count - first)
                 pieces = min(count, max(1, _LEAST_THREADS // max(pixels, 1)))
                 part = job._replace(batch=batch._replace(first=first, count=count), pieces=np.int64(pieces))
-                data = packed(part, device_address)
-                if len(data) != size:
-                    raise AssertionError(f"a job has {len(data)} bytes, and its kernel takes {size}")
-                threads = pixels * pieces
-                self._device.launch(kernel, -(-threads // THREADS), THREADS, [data, threads.to_bytes(8, "little")])
-            self._device.synchronize()
-            for array in (job.film, job.counters):
-                self._device.download(results[id(array)], array)
+                self._launch(variant, KERNEL, packed(part, self._addresses(own)), pixels * pieces)
+            return self._rendered(own, job.film, job.counters)
+
+    @contextlib.contextmanager
+    def _results(self, *arrays: npt.NDArray[Any]) -> Iterator[dict[int, int]]:
+        """Context manager of the GPU memory of the arrays that a batch changes: id -> address, freed at the end."""
+        own: dict[int, int] = {}
+        try:
+            for array in arrays:
+                own[id(array)] = self._device.upload(array)
+            yield dict(own)
         finally:
-            for address in results.values():
+            for address in own.values():
                 self._device.free(address)
-        return Rendered(job.film, int(job.counters[BAD]), int(job.counters[RAYS]))
+
+    def _path_memory(self, wave: Wave, paths: int) -> dict[int, int]:
+        """Returns the GPU memory of a Wave's rows: id -> address. It is kept for the next one with as many paths."""
+        arrays = wave.pool, wave.lists, wave.branches
+        if self._rows[0] != paths:
+            for address in self._rows[1]:
+                self._device.free(address)
+            self._rows = 0, []
+            addresses: list[int] = []
+            self._rows = paths, addresses
+            addresses += (self._device.allocate(array.nbytes) for array in arrays)
+        return {id(array): address for array, address in zip(arrays, self._rows[1], strict=True)}
+
+    def _addresses(self, own: dict[int, int]) -> Callable[[npt.NDArray[Any]], int]:
+        """Returns a function that returns an array's address in GPU memory, after uploading it if it is not there.
+
+        own: id -> address of the arrays that are not kept for other batches.
+        """
+
+        def device_address(array: npt.NDArray[Any]) -> int:
+            if id(array) in own:
+                return own[id(array)]
+            key = array.ctypes.data, array.nbytes
+            if key not in self._arrays:
+                self._arrays[key] = array, self._device.upload(array)
+            return self._arrays[key][1]
+
+        return device_address
+
+    def _launch(self, variant: str, kernel: str, data: bytes, threads: int) -> None:
+        """Launches a kernel of a variant with a job's bytes."""
+        kernels, size = self._loaded(variant)
+        if len(data) != size:
+            raise AssertionError(f"a job has {len(data)} bytes, and its kernels take {size}")
+        self._device.launch(kernels[kernel], -(-threads // THREADS), THREADS, [data, threads.to_bytes(8, "little")])
+
+    def _rendered(self, own: dict[int, int], film: npt.NDArray[np.int64], counters: npt.NDArray[np.int64]) -> Rendered:
+        """Returns the results of the launched kernels, once they have ended. own: id -> address."""
+        self._device.synchronize()
+        for array in (film, counters):
+            self._device.download(own[id(array)], array)
+        return Rendered(film, int(counters[BAD]), int(counters[RAYS]))
 
     def _compressed(self, bvh: Bvh) -> Bvh:
         """Returns the tree `bvh` in compressed form; the result is kept until another tree is passed."""
@@ -166,7 +228,7 @@ class CardRenderer:
                     raise CardError(f"card {self.card.number} ({self.card.name}) cannot render this scene: {error}") from error
         return self._tree[1]
 
-    def _free_others(self, job: Job) -> None:
+    def _free_others(self, job: Job | Wave) -> None:
         """Frees the arrays in GPU memory that the job does not use."""
         used: set[tuple[int, int]] = set()
 
@@ -178,12 +240,12 @@ class CardRenderer:
         for key in self._arrays.keys() - used:
             self._device.free(self._arrays.pop(key)[1])
 
-    def _kernel(self, variant: str, fetch: Callable[[str], None] | None = None) -> tuple[Kernel, int]:
+    def _loaded(self, variant: str, fetch: Callable[[str], None] | None = None) -> tuple[dict[str, Kernel], int]:
         if variant not in self._kernels:
             ptx = ptx_of(variant, fetch)
             size = _PARAMETER.search(ptx)
             assert size is not None
-            self._kernels[variant] = self._device.load(ptx, KERNEL), int(size[1])
+            self._kernels[variant] = self._device.load(ptx, _ENTRY.findall(ptx)), int(size[1])
         return self._kernels[variant]
 
 

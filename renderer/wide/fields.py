@@ -160,11 +160,16 @@ def _bool(builder: Any, value: Any) -> Any:
     return builder.trunc(value, _I1) if isinstance(value.type, ir.IntType) and value.type.width > 1 else value
 
 
-def _pointer(context: Any, builder: Any, kind: Any, table: Any, row: Any, width: int, first: int) -> Any:
-    data = context.make_array(kind)(context, builder, table).data
+def _addresses(context: Any, builder: Any, kind: Any, table: Any, row: Any, width: int, columns: range) -> list[Any]:
+    """Emits code that computes the addresses of these columns of one row. kind: the table's type, see `accessors`."""
+    array = context.make_array(kind)(context, builder, table)
+    data = builder.bitcast(array.data, _FLOAT.as_pointer())
     row = builder.zext(row, _I64) if row.type.width < _I64.width else row
-    start = builder.add(builder.mul(row, _I64(width)), _I64(first))
-    return builder.gep(builder.bitcast(data, _FLOAT.as_pointer()), [start])
+    if kind.ndim == 1:
+        start = builder.mul(row, _I64(width))
+        return [builder.gep(data, [builder.add(start, _I64(column))]) for column in columns]
+    rows = builder.extract_value(array.shape, 1)
+    return [builder.gep(data, [builder.add(builder.mul(rows, _I64(column)), row)]) for column in columns]
 
 
 def accessors(layout: Layout) -> tuple[Any, Any]:
@@ -172,7 +177,8 @@ def accessors(layout: Layout) -> tuple[Any, Any]:
 
     gather(table, rows, Tuple) returns the named tuple of one row or of eight rows (u32x8) of a C-contiguous float32 table.
     scatter(table, rows, value) writes a tuple; if several lanes have the same row, the last lane is written last. Indices are not
-    checked.
+    checked. A table of one dimension has its rows one after the other. One of two, (columns, rows), has its columns one after the
+    other, so that the threads of a graphics card, a row each, read adjacent numbers; only single rows of it can be accessed.
     """
 
     @intrinsic
@@ -185,8 +191,8 @@ def accessors(layout: Layout) -> tuple[Any, Any]:
                 data = context.make_array(sig.args[0])(context, builder, args[0]).data
                 columns = emit_gather(builder, data, args[1], _I64(layout.width), _I64(first), count)
             else:
-                pointer = _pointer(context, builder, sig.args[0], args[0], args[1], layout.width, first)
-                columns = [builder.load(builder.gep(pointer, [_I64(k)])) for k in range(count)]
+                places = _addresses(context, builder, sig.args[0], args[0], args[1], layout.width, range(first, first + count))
+                columns = [builder.load(each) for each in places]
             parts = []
             for place, kind in zip(_places(named).values(), result.types, strict=True):
                 numbers = _decoded(builder, place, columns, wide)
@@ -207,9 +213,10 @@ def accessors(layout: Layout) -> tuple[Any, Any]:
                 for group in range(0, len(columns), _GROUP):
                     emit_scatter(builder, data, args[1], _I64(layout.width), _I64(first + group), columns[group : group + _GROUP])
             else:
-                pointer = _pointer(context, builder, sig.args[0], args[0], args[1], layout.width, first)
-                for k, number in enumerate(columns):
-                    builder.store(number, builder.gep(pointer, [_I64(k)]))
+                every = range(first, first + len(columns))
+                places = _addresses(context, builder, sig.args[0], args[0], args[1], layout.width, every)
+                for number, place in zip(columns, places, strict=True):
+                    builder.store(number, place)
             return context.get_dummy_value()
 
         return types.void(table, rows, value), codegen

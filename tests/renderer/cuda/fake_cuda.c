@@ -1,5 +1,5 @@
 /* A driver for tests, with the part of CUDA's API that renderer/cuda/driver.py calls. The card's memory is this process's.
-   A kernel is a shared object, named by $FAKE_CUDA_KERNEL, whose launch(job, threads) runs all threads one after the other.
+   A module is a shared object, named by $FAKE_CUDA_KERNEL, whose launch_NAME(job, threads) runs all threads of kernel NAME in order.
    $FAKE_CUDA_CARDS: a card each, NAME:MAJOR:MINOR:MEGABYTES, separated by commas. $FAKE_CUDA_VERSION: such as 12010. */
 #include <dlfcn.h>
 #include <stdint.h>
@@ -107,7 +107,7 @@ int cuMemcpyDtoH_v2(void *to, uint64_t from, size_t size) {
 }
 int cuModuleLoadDataEx(void **module, const char *ptx, unsigned count, int *options, void **values) {
   NEEDS_CONTEXT;
-  if (!strstr(ptx, ".entry render(")) {
+  if (!strstr(ptx, ".entry ")) {
     for (unsigned k = 0; k < count; k++)
       if (options[k] == 5) strcpy(values[k], "ptxas: there is no entry");
     return INVALID_PTX;
@@ -116,7 +116,11 @@ int cuModuleLoadDataEx(void **module, const char *ptx, unsigned count, int *opti
   return *module ? 0 : INVALID_PTX;
 }
 int cuModuleUnload(void *module) { return 0; }
-int cuModuleGetFunction(void **function, void *module, const char *name) { return *function = dlsym(module, "launch"), 0; }
+int cuModuleGetFunction(void **function, void *module, const char *name) {
+  char launch[128];
+  snprintf(launch, sizeof launch, "launch_%s", name);
+  return *function = dlsym(module, launch), *function ? 0 : INVALID_PTX;
+}
 int cuLaunchKernel(void *function, unsigned gx, unsigned gy, unsigned gz, unsigned bx, unsigned by, unsigned bz, unsigned shared,
                    void *stream, void **arguments, void **extra) {
   NEEDS_CONTEXT;

@@ -23,16 +23,16 @@ __all__ = ["card_module", "fake_driver", "launcher", "shared_object"]
 
 _REGISTERS = {"tid": "load i32, ptr @thread", "ctaid": "add i32 0, 0", "ntid": "add i32 1, 0"}
 # Runs all threads of a launch in sequence, each as if it were alone in the first block.
-_LAUNCH = f"""
-@thread = internal global i32 0
-define void @launch(ptr %job, i64 %count) {{
+_THREAD = "@thread = internal global i32 0\n"
+_LAUNCH = """
+define void @launch_{kernel}(ptr %job, i64 %count) {{
 entry:
   br label %loop
 loop:
   %i = phi i64 [0, %entry], [%next, %loop]
   %thread = trunc i64 %i to i32
   store i32 %thread, ptr @thread
-  call void @{KERNEL}(ptr %job, i64 %count)
+  call void @{kernel}(ptr %job, i64 %count)
   %next = add i64 %i, 1
   %more = icmp ult i64 %next, %count
   br i1 %more, label %loop, label %end
@@ -40,6 +40,7 @@ end:
   ret void
 }}
 """
+_ENTRY = re.compile(r"^define .*ptx_kernel .*@(\w+)\(", re.MULTILINE)
 _REMOVED = (
     r'^target (?:triple|datalayout) = ".*"$',
     r"^declare .*@llvm\.nvvm\.read\.ptx\.sreg\..*$",
@@ -47,7 +48,6 @@ _REMOVED = (
     r"byval\(\[\d+ x i8\]\) ",
     r'"nvvm\.\w+"(?:="\d+")?',
 )
-_engines: list[llvm.ExecutionEngine] = []  # the engines own the machine code and must stay alive
 
 
 @functools.cache
@@ -57,14 +57,19 @@ def card_module(variant: str) -> llvm.ModuleRef:
 
 
 @functools.cache
-def launcher(variant: str) -> Callable[[int, int], None]:
-    """Returns a function that runs a variant's kernel: launch(address of the job struct, number of threads)."""
+def launcher(variant: str, kernel: str = KERNEL) -> Callable[[int, int], None]:
+    """Returns a function that runs a kernel of a variant: launch(address of the job struct, number of threads)."""
+    return ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(_engine(variant).get_function_address(f"launch_{kernel}"))
+
+
+@functools.cache
+def _engine(variant: str) -> llvm.ExecutionEngine:
+    """Returns an engine with the machine code of a variant's kernels."""
     code = _machine_code(variant)
     engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), _machine())
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
-    _engines.append(engine)
-    return ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(engine.get_function_address("launch"))
+    return engine
 
 
 def fake_driver(folder: Path) -> Path:
@@ -75,7 +80,7 @@ def fake_driver(folder: Path) -> Path:
 
 
 def shared_object(variant: str, folder: Path) -> Path:
-    """Writes a variant's kernel as the shared object that fake_cuda.c loads, and returns its path.
+    """Writes a variant's kernels as the shared object that fake_cuda.c loads, and returns its path.
 
     Skips the test if there is no C compiler.
     """
@@ -93,14 +98,15 @@ def _linked(arguments: list[str], library: Path) -> None:
 
 @functools.cache
 def _machine_code(variant: str) -> bytes:
-    """Returns the object file of a variant's kernel for this CPU, with a function `launch` added; made once for all tests."""
+    """Returns the object file of a variant's kernels for this CPU, each with a function launch_NAME; made once for all tests."""
     text = str(card_module(variant))
     for pattern in _REMOVED:
         text = re.sub(pattern, "", text, flags=re.MULTILINE)
     text = re.sub(r"call (?:range\([^)]*\) )?i32 @llvm\.nvvm\.read\.ptx\.sreg\.(\w+)\.x\(\)", r"call i32 @register_\1()", text)
     for register, value in _REGISTERS.items():
         text += f"define internal i32 @register_{register}() {{\n  %value = {value}\n  ret i32 %value\n}}\n"
-    module, machine = llvm.parse_assembly(text + _LAUNCH), _machine()
+    text += _THREAD + "".join(_LAUNCH.format(kernel=kernel) for kernel in _ENTRY.findall(str(card_module(variant))))
+    module, machine = llvm.parse_assembly(text), _machine()
     module.triple = llvm.get_default_triple()
     module.data_layout = str(machine.target_data)
     return bytes(machine.emit_object(module))

@@ -147,7 +147,7 @@ def test_driver_error_has_name_and_description(library: str, with_cards: pytest.
     device = Device(Driver(library), 0)
     said = r"cuModuleLoadDataEx failed: PTX is invalid \(CUDA_ERROR_INVALID_PTX\): ptxas: there is no entry"
     with pytest.raises(DriverError, match=said) as error:
-        device.load("nothing", "render")
+        device.load("nothing", ["render"])
     assert error.value.code == "CUDA_ERROR_INVALID_PTX"
     with pytest.raises(DriverError, match="lacks the function cuNone"):
         Driver(library).call("cuNone")
@@ -176,8 +176,8 @@ def test_card_batch_equals_the_cpu_batch(card: CardRenderer) -> None:
     assert (render_batch(scene, settings, tile, 2, 5, card).sums == render_batch(scene, settings, tile, 2, 5).sums).all()
 
 
-def test_many_samples_are_split_into_launches(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("renderer.cuda.render._MOST_SAMPLES", 100)
+def test_few_paths_render_many_samples(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("renderer.cuda.turns._MOST_PATHS", 40)
     scene, settings = made("diffuse")
     tile = Tile(0, 0, 8, 8)
     sums = render_batch(scene, settings, tile, 0, 3, card).sums

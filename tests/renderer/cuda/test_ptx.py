@@ -11,8 +11,9 @@ import llvmlite.binding as llvm
 import pytest
 
 from renderer.arrays.scene_features import KERNEL_VARIANTS
-from renderer.kernel.backends.cuda.ptx import InexactError, card_module, check_exact, emit_ptx
+from renderer.kernel.backends.cuda.ptx import KERNEL, InexactError, card_module, check_exact, emit_ptx
 from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
+from renderer.kernel.backends.cuda.wavefront import is_in_wavefront, kernels_of
 from tests.grids import grid
 from tests.renderer.cuda.on_host import card_module as module_of
 
@@ -87,7 +88,8 @@ def test_variant_ptx_is_accepted_by_the_assembler(variant: str, tmp_path: Path) 
     ptx = emit_ptx(module_of(variant).clone())
     assert f".target sm_{CAPABILITY[0]}{CAPABILITY[1]}" in ptx
     assert f".version {PTX_VERSION[0]}.{PTX_VERSION[1]}" in ptx
-    assert ".entry render(" in ptx
+    wanted = list(kernels_of(KERNEL_VARIANTS[variant])) if is_in_wavefront(variant) else [KERNEL]
+    assert sorted(re.findall(r"\.entry (\w+)\(", ptx)) == sorted(wanted)
     assembler = shutil.which("ptxas")
     if assembler is None or variant == "plain":  # takes ten seconds or more
         return
@@ -95,7 +97,8 @@ def test_variant_ptx_is_accepted_by_the_assembler(variant: str, tmp_path: Path) 
     path.write_text(ptx)
     command = [assembler, f"-arch={ARCHITECTURE}", "-v", str(path), "-o", str(tmp_path / "kernel.cubin")]
     said = subprocess.run(command, capture_output=True, text=True, check=True).stderr
-    kernel = said[said.index("Function properties for render\n") :]
-    stack, stored = (int(re.findall(rf"(\d+) bytes {what}", kernel)[0]) for what in ("stack frame", "spill stores"))
-    assert stack <= STACK
-    assert stored <= SPILLED
+    for name in wanted:
+        kernel = said[said.index(f"Function properties for {name}\n") :]
+        stack, stored = (int(re.findall(rf"(\d+) bytes {what}", kernel)[0]) for what in ("stack frame", "spill stores"))
+        assert stack <= STACK
+        assert stored <= SPILLED

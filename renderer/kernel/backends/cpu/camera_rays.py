@@ -7,10 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.bvh.simd import store_int
-from renderer.jit import device, never_inline, subroutine
+from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel.backends.cpu.lists import ACTIVE, DONE, append, eight_rows, length, pad, row
 from renderer.kernel.backends.cpu.rows import (
-    SECOND,
     Facet,
     Mapped,
     RowHit,
@@ -20,6 +19,7 @@ from renderer.kernel.backends.cpu.rows import (
     column,
     gather,
     scatter,
+    second_rows,
 )
 from renderer.kernel.steps.record_first_hit import no_hit
 from renderer.kernel.steps.spawn_camera_ray import spawn_camera_ray
@@ -27,7 +27,7 @@ from renderer.kernel.steps.state import PathState, camera_path, no_crossings
 from renderer.kernel.surface.surface import NO_OBJECT
 from renderer.wide.values import as_wide, zero_like
 
-__all__ = ["NextSample", "start_paths"]
+__all__ = ["NextSample", "start_path", "start_paths"]
 
 _ONE = np.float32(1.0)
 _NONE = np.uint32(0)
@@ -66,6 +66,33 @@ def _number(pool, lists, count, following, width, height, batch):
     return NextSample(x, y, sample)
 
 
+@template
+def start_path(pool, rows, camera, options, motion, medium_stack):
+    """Starts the paths of the samples in one row of the pool or in eight. motion, medium_stack: as for `start_paths`."""
+    sample = gather(pool, rows, Sample)
+    seen = spawn_camera_ray(motion, camera, options, sample.x, sample.y, sample.number)
+    none = zero_like(seen.start)
+    time = none
+    if motion is not None:
+        time = seen.time
+    one, nothing, no = none + _ONE, as_wide(_NONE, none), none != none
+    black = none, none, none
+    ray, path = camera_path(seen.o, seen.d)
+    scatter(pool, rows, ray)
+    scatter(pool, rows, path)
+    scatter(pool, second_rows(pool, rows), PathState(black, none, black, none))
+    scatter(pool, rows, RowHit(none, none, none, nothing, nothing, none, nothing, none))
+    scatter(pool, rows, Sample(seen.stream.pixel, sample.number, sample.place, sample.x, sample.y, time, seen.start, one))
+    scatter(pool, rows, Facet(seen.o, none, black, no, no))
+    scatter(pool, rows, Shading(black, black, nothing, nothing))
+    scatter(pool, rows, no_hit(none))
+    scatter(pool, rows, Mapped(black, black, as_wide(NO_OBJECT, black[0])))
+    if medium_stack is not None:
+        scatter(pool, rows, no_crossings(medium_stack, none))
+    elif options.has_depths:
+        scatter(pool, rows, no_crossings(_NONE, none))
+
+
 @subroutine
 def start_paths(pool, lists, following, width, height, camera, options, batch, motion, medium_stack):
     """Starts paths in free rows of the pool while samples of the batch remain; returns the next sample to start.
@@ -79,27 +106,5 @@ def start_paths(pool, lists, following, width, height, camera, options, batch, m
     following = _number(pool, lists, count, following, width, height, batch)
     pad(lists, DONE)
     for k in range(0, count, 8):
-        rows = eight_rows(lists, DONE, k)
-        sample = gather(pool, rows, Sample)
-        seen = spawn_camera_ray(motion, camera, options, sample.x, sample.y, sample.number)
-        none = zero_like(seen.start)
-        time = none
-        if motion is not None:
-            time = seen.time
-        one, nothing, no = none + _ONE, as_wide(_NONE, none), none != none
-        black = none, none, none
-        ray, path = camera_path(seen.o, seen.d)
-        scatter(pool, rows, ray)
-        scatter(pool, rows, path)
-        scatter(pool, rows + SECOND, PathState(black, none, black, none))
-        scatter(pool, rows, RowHit(none, none, none, nothing, nothing, none, nothing, none))
-        scatter(pool, rows, Sample(seen.stream.pixel, sample.number, sample.place, sample.x, sample.y, time, seen.start, one))
-        scatter(pool, rows, Facet(seen.o, none, black, no, no))
-        scatter(pool, rows, Shading(black, black, nothing, nothing))
-        scatter(pool, rows, no_hit(none))
-        scatter(pool, rows, Mapped(black, black, as_wide(NO_OBJECT, black[0])))
-        if medium_stack is not None:
-            scatter(pool, rows, no_crossings(medium_stack, none))
-        elif options.has_depths:
-            scatter(pool, rows, no_crossings(_NONE, none))
+        start_path(pool, eight_rows(lists, DONE, k), camera, options, motion, medium_stack)
     return following

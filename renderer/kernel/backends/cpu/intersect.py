@@ -6,7 +6,7 @@ import numpy as np
 
 from renderer.bvh.simd import load_int, store_int
 from renderer.bvh.traverse import NO_PRIMITIVE, camera_root, closest_hit, shadow_root
-from renderer.jit import device, never_inline, subroutine
+from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
@@ -42,7 +42,7 @@ from renderer.kernel.backends.cpu.rows import (
     streams_of,
     time_of,
 )
-from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, load_vector, start_traversal
+from renderer.kernel.backends.cpu.traversal_state import BEST, TOP, start_traversal
 from renderer.kernel.backends.cpu.walk import CLOSEST, traverse_rays
 from renderer.kernel.backends.scalar.visibility import media_transmittance, transmittance_rgb
 from renderer.kernel.light_groups import ChosenGroup, add_group_light, gather_group
@@ -53,7 +53,7 @@ from renderer.kernel.steps.sample_direct_light import add_direct_light, direct_l
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_radiance
 from renderer.wide.values import as_wide, lookup, not_, to_int, u32, where, where3, zero_like
 
-__all__ = ["intersect_closest", "resolve_shadow_rays", "trace_shadow_rays"]
+__all__ = ["add_transmitted", "add_unoccluded", "intersect_closest", "resolve_shadow_rays", "trace_shadow_rays"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -64,7 +64,7 @@ _TRACED_ALONE = np.int32(-1)  # in column TOP: the ray was traced by `_trace_pas
 _YES = np.bool_(True)
 _NO_COUNTS = (_ZERO, _ZERO, _ZERO, _ZERO)
 _T, _U, _V, _PRIMITIVE, _INSTANCE = (column(RowHit, field) for field in ("t", "u", "v", "primitive", "instance"))
-_BEHIND, _RADIANCE = column(Crossings, "behind"), column(PathState, "radiance")
+_BEHIND = column(Crossings, "behind")
 _IS_CAST, _SURVIVAL = column(Outcome, "is_cast"), column(Outcome, "survival")
 
 
@@ -162,43 +162,68 @@ def _chosen_row(pool, rows, options):
     return first + gather_group(pool, first + options.groups, ChosenGroup).group
 
 
-@device
-def _light_through(scene, alone, pool, lists, options):
-    """Adds the direct light of the paths that wait for a shadow ray (list WAITING), one at a time.
+@template
+def add_transmitted(scene, alone, pool, row, options):
+    """Traces the shadow ray of the path in one row of the pool, and adds its direct light.
 
     The light is multiplied by the transmittance of transparent surfaces and media on the way.
     """
+    ray, light, path = gather(pool, row, Outcome), gather(pool, row, DirectLight), gather(pool, row, PathState)
+    time, counts = time_of(scene.has.motion, pool, row), _NO_COUNTS
+    if options.has_depths:
+        counts = gather(pool, row, Crossings).counts
+    layers = layers_left(counts, options)
+    stream, number = streams_of(pool, row, options), path.number - _ONE
+    random = u32(stream.seed), u32(stream.pixel), u32(stream.sample), shadow_block(to_int(number))
+    root = shadow_root(scene.bvh)
+    if scene.has.visibility is not None:
+        root = lookup(scene.bvh.ray_roots, light.root)
+    left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time, random, root)
+    if vec.maximum(left) > _ZERO:
+        if scene.has.groups is not None:
+            brought = direct_light(light.brought, left, light.segments, options)
+            add_group_light(pool, _chosen_row(pool, np.uint32(row), options), brought, _YES)
+        if scene.has.light_paths is not None:
+            brought, first = direct_light(light.brought, left, light.segments, options), group_row(np.uint32(row), options)
+            add_sampled_path_light(pool, first, options, brought, number + _ONE, _YES)
+        radiance = add_direct_light(path.radiance, light.brought, left, light.segments, options)
+        scatter(pool, row, with_radiance(path, radiance))
+
+
+@device
+def _light_through(scene, alone, pool, lists, options):
+    """Adds the direct light of the paths that wait for a shadow ray (list WAITING), one at a time, by `add_transmitted`."""
     for k in range(length(lists, WAITING)):
-        path = row(lists, WAITING, k)
-        ray, light = gather(pool, path, Outcome), gather(pool, path, DirectLight)
-        time, counts = time_of(scene.has.motion, pool, path), _NO_COUNTS
-        if options.has_depths:
-            counts = gather(pool, path, Crossings).counts
-        layers = layers_left(counts, options)
-        stream, number = streams_of(pool, path, options), gather(pool, path, PathState).number - _ONE
-        random = u32(stream.seed), u32(stream.pixel), u32(stream.sample), shadow_block(to_int(number))
-        root = shadow_root(scene.bvh)
-        if scene.has.visibility is not None:
-            root = lookup(scene.bvh.ray_roots, light.root)
-        left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time, random, root)
-        if vec.maximum(left) > _ZERO:
-            if scene.has.groups is not None:
-                brought = direct_light(light.brought, left, light.segments, options)
-                add_group_light(pool, _chosen_row(pool, np.uint32(path), options), brought, _YES)
-            if scene.has.light_paths is not None:
-                brought, first = direct_light(light.brought, left, light.segments, options), group_row(np.uint32(path), options)
-                add_sampled_path_light(pool, first, options, brought, number + _ONE, _YES)
-            radiance = add_direct_light(load_vector(pool, at(path, _RADIANCE)), light.brought, left, light.segments, options)
-            for c in range(3):
-                pool[at(path, _RADIANCE + np.uintp(c))] = radiance[c]
+        add_transmitted(scene, alone, pool, row(lists, WAITING, k), options)
+
+
+@template
+def add_unoccluded(scene, pool, rows, occluded, options):
+    """Adds direct light to the paths in one row of the pool or in eight, unless their shadow rays are occluded (a mask).
+
+    Only for scenes without transparent surfaces. In a medium the light is multiplied by its transmittance.
+    """
+    path, light = gather(pool, rows, PathState), gather(pool, rows, DirectLight)
+    none = zero_like(path.depth)
+    one = none + _ONE
+    left = one, one, one
+    if scene.has.media is not None:
+        ray = gather(pool, rows, Outcome)
+        stream = streams_of(pool, rows, options)
+        left = media_transmittance(scene, light.medium_stack, ray.start, ray.end, stream, path.number - one)
+    lit = add_direct_light(path.radiance, light.brought, left, light.segments, options)
+    if scene.has.groups is not None:
+        brought = direct_light(light.brought, left, light.segments, options)
+        add_group_light(pool, _chosen_row(pool, rows, options), brought, not_(occluded))
+    if scene.has.light_paths is not None:
+        brought = direct_light(light.brought, left, light.segments, options)
+        add_sampled_path_light(pool, group_row(rows, options), options, brought, path.number, not_(occluded))
+    scatter(pool, rows, with_radiance(path, where3(occluded, path.radiance, lit)))
 
 
 @device
 def _light(scene, alone, stack, pool, lists, options):
-    """Adds direct light to the paths that wait for a shadow ray (list WAITING), unless any surface occludes the ray.
-
-    Only for scenes without transparent surfaces. In a medium the light is multiplied by its transmittance.
-    """
+    """Adds direct light to the paths that wait for a shadow ray (list WAITING), as `add_unoccluded` does."""
     count = pad(lists, WAITING)
     for k in range(0, count, 8):
         rows = eight_rows(lists, WAITING, k)
@@ -217,23 +242,7 @@ def _light(scene, alone, stack, pool, lists, options):
     traverse_rays(scene.bvh, scene.has.motion, alone, pool, stack, lists, None)
     for k in range(0, count, 8):
         rows = eight_rows(lists, WAITING, k)
-        path, light = gather(pool, rows, PathState), gather(pool, rows, DirectLight)
-        none = zero_like(path.depth)
-        one = none + _ONE
-        left = one, one, one
-        if scene.has.media is not None:
-            ray = gather(pool, rows, Outcome)
-            stream = streams_of(pool, rows, options)
-            left = media_transmittance(scene, light.medium_stack, ray.start, ray.end, stream, path.number - one)
-        lit = add_direct_light(path.radiance, light.brought, left, light.segments, options)
-        occluded = gather(pool, rows, Traversal).best != _ZERO
-        if scene.has.groups is not None:
-            brought = direct_light(light.brought, left, light.segments, options)
-            add_group_light(pool, _chosen_row(pool, rows, options), brought, not_(occluded))
-        if scene.has.light_paths is not None:
-            brought = direct_light(light.brought, left, light.segments, options)
-            add_sampled_path_light(pool, group_row(rows, options), options, brought, path.number, not_(occluded))
-        scatter(pool, rows, with_radiance(path, where3(occluded, path.radiance, lit)))
+        add_unoccluded(scene, pool, rows, gather(pool, rows, Traversal).best != _ZERO, options)
 
 
 @subroutine

@@ -10,7 +10,7 @@ import numpy as np
 
 from renderer.arrays.light_rows import LIGHT_ROWS, LIGHT_WIDTH
 from renderer.bvh.simd import store_int
-from renderer.jit import device, never_inline, subroutine
+from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel.backends.cpu.lists import LIT, NODES, eight_rows, pad, put, row
 from renderer.kernel.backends.cpu.rows import (
     ChosenLight,
@@ -36,7 +36,7 @@ from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.state import PathState
 from renderer.wide.values import as_wide, to_float, zero_like
 
-__all__ = ["choose_lights"]
+__all__ = ["choose_light", "choose_lights", "numbers_for_light"]
 
 _ONE = np.float32(1.0)
 _ROOT = np.uint32(0)
@@ -45,8 +45,8 @@ _LEFT, _CHANCE, _HERE = (column(LightDescent, field) for field in ("left", "chan
 
 
 @device
-def _numbers(pool, rows, options):
-    """Returns the random numbers with which eight paths sample lights: two for the point on a light, one to choose it."""
+def numbers_for_light(pool, rows, options):
+    """Returns the random numbers with which one path or eight sample lights: two for the point on a light, one to choose it."""
     u = draw_light(streams_of(pool, rows, options), gather(pool, rows, PathState).number)
     return u[0], u[1], u[2]
 
@@ -61,7 +61,7 @@ def _descend(scene, pool, lists, options):
     waiting = np.uintp(pad(lists, LIT))
     for k in range(0, np.int64(waiting), 8):
         rows = eight_rows(lists, LIT, k)
-        u, v, choice = _numbers(pool, rows, options)
+        u, v, choice = numbers_for_light(pool, rows, options)
         _, left = nearby_choice(scene, choice)
         scatter(pool, rows, LightDescent(left, zero_like(left) + _ONE, as_wide(_ROOT, left), u, v, choice))
     for k in range(np.int64(waiting)):
@@ -87,6 +87,37 @@ def _store_group(scene, pool, rows, options, choice, light):
     scatter_group(pool, group_row(rows, options) + options.groups, ChosenGroup(group_of_sample(scene, choice, light)))
 
 
+@template
+def choose_light(scene, pool, rows, by_tree, options):
+    """Samples a light for the vertices in one row of the pool or in eight; writes ChosenLight and Outcome.
+
+    by_tree: whether the rows' LightDescent has the light that each has chosen by the light tree.
+    """
+    vertex, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
+    if scene.has.lights is not None and by_tree:
+        way = gather(pool, rows, LightDescent)
+        which, chosen = way.choice, way.here ^ np.uint32(0xFFFFFFFF)
+        light = sample_chosen(scene, vertex.point, vertex.normal, which, (way.u, way.v), chosen, way.chance, time)
+        if scene.has.groups is not None:
+            _store_group(scene, pool, rows, options, which, chosen)
+    else:
+        u, v, which = numbers_for_light(pool, rows, options)
+        chosen, chance = choose_by_power(scene, which)
+        light = sample_chosen(scene, vertex.point, vertex.normal, which, (u, v), chosen, chance, time)
+        if scene.has.groups is not None:
+            _store_group(scene, pool, rows, options, which, chosen)
+    if scene.has.links is not None:
+        light = linked_sample(scene, which, chosen, light, vertex.object)
+    none = zero_like(light.pdf)
+    seen_by = none
+    if scene.has.visibility is not None:
+        word = sampled_visibility(scene, which, chosen)
+        light, seen_by = with_visibility(light, word), to_float(word)
+    branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
+    scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))
+    scatter(pool, rows, Outcome((none, none, none), light.end, seen_by, none))
+
+
 @subroutine
 def choose_lights(scene, pool, lists, options):
     """Samples a light for each vertex that can use light sampling (list LIT); writes ChosenLight and Outcome to the pool."""
@@ -97,27 +128,4 @@ def choose_lights(scene, pool, lists, options):
         if by_tree:
             _descend(scene, pool, lists, options)
     for k in range(0, pad(lists, LIT), 8):
-        rows = eight_rows(lists, LIT, k)
-        vertex, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
-        if scene.has.lights is not None and by_tree:
-            way = gather(pool, rows, LightDescent)
-            which, chosen = way.choice, way.here ^ np.uint32(0xFFFFFFFF)
-            light = sample_chosen(scene, vertex.point, vertex.normal, which, (way.u, way.v), chosen, way.chance, time)
-            if scene.has.groups is not None:
-                _store_group(scene, pool, rows, options, which, chosen)
-        else:
-            u, v, which = _numbers(pool, rows, options)
-            chosen, chance = choose_by_power(scene, which)
-            light = sample_chosen(scene, vertex.point, vertex.normal, which, (u, v), chosen, chance, time)
-            if scene.has.groups is not None:
-                _store_group(scene, pool, rows, options, which, chosen)
-        if scene.has.links is not None:
-            light = linked_sample(scene, which, chosen, light, vertex.object)
-        none = zero_like(light.pdf)
-        seen_by = none
-        if scene.has.visibility is not None:
-            word = sampled_visibility(scene, which, chosen)
-            light, seen_by = with_visibility(light, word), to_float(word)
-        branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
-        scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))
-        scatter(pool, rows, Outcome((none, none, none), light.end, seen_by, none))
+        choose_light(scene, pool, eight_rows(lists, LIT, k), by_tree, options)

@@ -17,7 +17,7 @@ from renderer.kernel.steps.state import Crossings, LastVertex, PathState, Ray, s
 from renderer.kernel.surface.surface import NO_OBJECT
 from renderer.prune_absent_features import where_present
 from renderer.wide.fields import Flag, Float, Int, Layout, Pair, Vector, accessors
-from renderer.wide.values import as_wide
+from renderer.wide.values import as_wide, u32, where
 
 __all__ = [
     "FIRST_GROUP",
@@ -48,6 +48,8 @@ __all__ = [
     "last_vertex",
     "line_floats",
     "scatter",
+    "second_rows",
+    "spare_where_not",
     "streams_of",
     "surface_of",
     "time_of",
@@ -248,6 +250,24 @@ def line_floats(count: int) -> npt.NDArray[np.float32]:
 def at(row, field):
     """Returns the flat index into the pool of column `field` in row number `row`."""
     return np.uintp(row) * ROW + field
+
+
+@device
+def second_rows(pool, rows):
+    """Returns the rows of the second branches of the paths in one row of the pool or in eight."""
+    second = SECOND
+    if pool.ndim == 2:  # a graphics card's
+        second = np.uint32(pool.shape[1] // 2)
+    return u32(rows + second)
+
+
+@device
+def spare_where_not(pool, chosen, rows):
+    """Returns one row of the pool or eight, with the spare row in place of those that are not chosen. chosen: a mask."""
+    spare = SPARE
+    if pool.ndim == 2:  # a graphics card's
+        spare = np.uint32(pool.shape[1] - 1)
+    return where(chosen, rows, spare)
 
 
 @device

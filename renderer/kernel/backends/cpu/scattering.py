@@ -42,8 +42,6 @@ from renderer.kernel.backends.cpu.lists import (
 )
 from renderer.kernel.backends.cpu.rows import (
     PATHS,
-    SECOND,
-    SPARE,
     Appearance,
     Axes,
     ChosenLight,
@@ -60,6 +58,8 @@ from renderer.kernel.backends.cpu.rows import (
     group_row,
     last_vertex,
     scatter,
+    second_rows,
+    spare_where_not,
     streams_of,
     surface_of,
     time_of,
@@ -80,7 +80,7 @@ from renderer.kernel.steps.splitting import second_branch_numbers, second_branch
 from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, with_radiance, with_ray_kind
 from renderer.wide.values import any_of, as_wide, to_int, u32, where, zero_like
 
-__all__ = ["kinds_of_scattering", "scatter_vertices"]
+__all__ = ["kinds_of_scattering", "scatter_vertex", "scatter_vertices"]
 
 _DIFFUSE, _SPECULAR, _METALLIC_ROUGHNESS, _CONDUCTOR, _RARE = (
     np.uintp(which) for which in (DIFFUSE, SPECULAR, METALLIC_ROUGHNESS, CONDUCTOR, RARE)
@@ -130,7 +130,7 @@ def _splitting(pool, lists, which):
 @device
 def _copy_vertices(scene, pool, rows, stream, facet, shading):
     """Copies the vertices of paths that split to the pool rows of their second branches, which get new random numbers."""
-    others = rows + SECOND
+    others = second_rows(pool, rows)
     own = gather(pool, rows, Sample)
     pixel = second_branch_stream(stream).pixel
     scatter(pool, others, Sample(pixel, own.number, own.place, own.x, own.y, own.time, own.start, own.branches))
@@ -152,121 +152,126 @@ def _list_branches(pool, lists, which):
 
 
 @template
-def _scatter(scene, pool, lists, which, answer, diffuse_lobe, is_lit, is_surface, options, lit, second):
-    """Scatters the paths at the vertices on one list: writes their next ray, and the shadow ray towards the sampled light.
+def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, options, lit, second):
+    """Scatters the paths at the vertices in one row of the pool or in eight, which have one scattering model.
 
-    answer, diffuse_lobe: the functions of bsdfs.py for this list's materials. is_lit: None if light sampling finds nothing for
-    them. is_surface: False in a medium. lit, second: as for `scatter_vertices`.
+    Writes their next ray, and the shadow ray towards the sampled light. answer, diffuse_lobe: the functions of bsdfs.py for the
+    vertices' materials. is_lit: None if light sampling finds nothing for them. is_surface: False in a medium. lit, second: as for
+    `scatter_vertices`.
     """
+    ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
+    none = zero_like(ray.pdf)
+    if options.has_mattes:
+        hit = gather(pool, rows, FirstHit)
+        caught = (path.number == _ZERO) & (hit.caught > _ZERO)
+    facet, shading, to_light = gather(pool, rows, Facet), gather(pool, rows, Shading), gather(pool, rows, ChosenLight)
+    surface = surface_of(pool, rows, facet, shading)
+    m = _material(scene, pool, rows, surface)
+    s, t, n = m.frame
+    wo = vec.to_local(s, t, n, vec.neg(ray.d))
+    wi = vec.to_local(s, t, n, to_light.direction)
+    if second or not lit:
+        wi = wo  # there is no light: any direction
+    stream = streams_of(pool, rows, options)
+    u = draw_scattering(stream, path.number)
+    if second:
+        u = second_branch_numbers(u)
+    choose = u[2]
+    if is_lit is not None and scene.has.targets is not None:
+        here = last_vertex(scene, pool, rows)
+        targets = targets_in_view(scene, here, m.material, shading.list == _RARE_SPECULAR, is_surface, options)
+        chosen = aim(scene, here, targets, choose, (u[0], u[1]))
+        choose = chosen.choose
+    if is_lit is not None and scene.path_guide is not None:
+        is_rare = shading.list == _RARE_SPECULAR
+        guided = choose_guided(scene, facet.point, n, is_rare, is_surface, choose, (u[0], u[1]))
+        choose = guided.choose
+    f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, choose, (u[0], u[1]))
+    sample = BsdfSample(on, weight, pdf, eta2, none + _ONE)
+    if is_lit is not None and scene.has.targets is not None:
+        scatter_pdf = mixture_pdf(scene, here, targets, to_light.direction, scatter_pdf, none + NOT_AIMED)
+        along, own_f, own_pdf = vec.to_local(s, t, n, chosen.direction), (none, none, none), none
+        if any_of(chosen.is_aimed):
+            own_f, own_pdf, _, _, _, _ = answer(scene, m, wo, along, choose, (u[0], u[1]))
+        sample = aimed_sample(scene, here, targets, chosen, m.frame, sample, along, own_f, own_pdf)
+    if is_lit is not None and scene.path_guide is not None:
+        if lit and not second:
+            scatter_pdf = guided_pdf(scene, guided, to_light.direction, scatter_pdf)
+        along, own_f, own_pdf = vec.to_local(s, t, n, guided.direction), (none, none, none), none
+        if any_of(guided.is_guided):
+            own_f, own_pdf, _, _, _, _ = answer(scene, m, wo, along, choose, (u[0], u[1]))
+        inner_pdf = own_pdf
+        if scene.has.targets is not None:
+            inner_pdf = mixture_pdf(scene, here, targets, guided.direction, own_pdf, none + NOT_AIMED)
+        sample = guided_sample(scene, guided, m.frame, sample, along, own_f, own_pdf, inner_pdf)
+    reflected, value, to_sample = (none, none, none), (none, none, none), (none, none, none)
+    if scene.has.visibility is not None or scene.has.light_paths is not None:
+        reflected, value = diffuse_lobe(scene, m, wo, sample.wi), vec.scale(sample.weight, sample.pdf)
+        if is_lit is not None and lit and not second:
+            to_sample = diffuse_lobe(scene, m, wo, wi)
+    if scene.has.visibility is not None:
+        left = after_vertex(scene, stream, path.number, second, reflected, value, sample.wi, is_surface)
+        reflected, value = left.diffuse, left.value
+        sample = BsdfSample(sample.wi, vec.mul(sample.weight, left.factor), sample.pdf, sample.eta2, sample.unguided)
+        if is_lit is not None and lit and not second:
+            word = u32(to_int(gather(pool, rows, Outcome).is_cast))
+            to_sample, f = visible_lobes(word, to_sample, f, wi, is_surface)
+    if scene.has.light_paths is not None:
+        first = spare_where_not(pool, path.number == _ZERO, second_rows(pool, rows) if second else rows)
+        share = share_after_vertex(reflected, value, sample.wi, is_surface)
+        store_share(pool, group_row(first, options), options, share)
+        if is_lit is not None and lit and not second:
+            share = share_after_vertex(to_sample, f, wi, is_surface)
+            store_sampled_share(pool, group_row(first, options), options, share)
+    branches = none + _ONE
+    if is_lit is not None:
+        branches = where(splits(path.number, shading.list == _RARE_SPECULAR), none + np.float32(options.splitting), branches)
+    start, end, is_cast = (none, none, none), (none, none, none), none
+    if is_lit is not None and lit and not second:
+        light = LightSample(to_light.direction, gather(pool, rows, Outcome).end, to_light.radiance, to_light.pdf, none != none)
+        share = light_weight(to_light.pdf, scatter_pdf, to_light.branches)
+        if options.has_mattes:
+            share = where(caught, none + _ONE, share)  # a path ends there, so that light sampling alone finds its light
+        medium_stack = as_wide(_WORLD, none)
+        if scene.has.media is not None:
+            medium_stack = gather(pool, rows, Crossings).medium_stack
+        shadow = sample_direct_light(scene, surface, path, light, wi, f, share, medium_stack, is_surface)
+        start, end, is_cast = shadow.start, shadow.end, where(shadow.is_cast, _ONE, none)
+        if options.has_mattes:
+            bright = where(shadow.is_cast, vec.luminance(shadow.brought), none)
+            scatter(pool, spare_where_not(pool, caught, rows), record_direct_light(hit, bright))
+        root = shadow.medium_stack  # unused
+        if scene.has.visibility is not None:
+            root = shadow_root_of(word)
+        scatter(pool, rows, DirectLight(shadow.brought, shadow.segments, share, to_light.pdf, shadow.medium_stack, root))
+
+    ray, path, bounce = scattering.scatter(surface, m.frame, ray, path, sample, branches, options)
+    path, survival = continue_or_end(path, ray, u[3], is_surface, options)
+    if options.has_mattes:
+        survival = where(caught, none, survival)
+    written = rows
+    if second:
+        _copy_vertices(scene, pool, rows, stream, facet, shading)
+        written = second_rows(pool, rows)
+        path = with_radiance(path, (none, none, none))
+    if scene.has.media is not None or options.has_depths:
+        crossings = gather(pool, rows, Crossings)
+        crossings = scattering.cross_surface(scene, surface, crossings, bounce, is_surface)
+        if scene.has.visibility is not None:
+            crossings = with_ray_kind(crossings, left.kind)
+        scatter(pool, written, crossings)
+    scatter(pool, written, ray)
+    scatter(pool, written, path)
+    scatter(pool, written, Outcome(start, end, is_cast, survival))
+
+
+@template
+def _scatter(scene, pool, lists, which, answer, diffuse_lobe, is_lit, is_surface, options, lit, second):
+    """Scatters the paths at the vertices on one list, as `scatter_vertex` does."""
     taken = _splitting(pool, lists, which) if second else which
     for k in range(0, pad(lists, taken), 8):
         rows = eight_rows(lists, taken, k)
-        ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
-        none = zero_like(ray.pdf)
-        if options.has_mattes:
-            hit = gather(pool, rows, FirstHit)
-            caught = (path.number == _ZERO) & (hit.caught > _ZERO)
-        facet, shading, to_light = gather(pool, rows, Facet), gather(pool, rows, Shading), gather(pool, rows, ChosenLight)
-        surface = surface_of(pool, rows, facet, shading)
-        m = _material(scene, pool, rows, surface)
-        s, t, n = m.frame
-        wo = vec.to_local(s, t, n, vec.neg(ray.d))
-        wi = vec.to_local(s, t, n, to_light.direction)
-        if second or not lit:
-            wi = wo  # there is no light: any direction
-        stream = streams_of(pool, rows, options)
-        u = draw_scattering(stream, path.number)
-        if second:
-            u = second_branch_numbers(u)
-        choose = u[2]
-        if is_lit is not None and scene.has.targets is not None:
-            here = last_vertex(scene, pool, rows)
-            targets = targets_in_view(scene, here, m.material, shading.list == _RARE_SPECULAR, is_surface, options)
-            chosen = aim(scene, here, targets, choose, (u[0], u[1]))
-            choose = chosen.choose
-        if is_lit is not None and scene.path_guide is not None:
-            is_rare = shading.list == _RARE_SPECULAR
-            guided = choose_guided(scene, facet.point, n, is_rare, is_surface, choose, (u[0], u[1]))
-            choose = guided.choose
-        f, scatter_pdf, on, weight, pdf, eta2 = answer(scene, m, wo, wi, choose, (u[0], u[1]))
-        sample = BsdfSample(on, weight, pdf, eta2, none + _ONE)
-        if is_lit is not None and scene.has.targets is not None:
-            scatter_pdf = mixture_pdf(scene, here, targets, to_light.direction, scatter_pdf, none + NOT_AIMED)
-            along, own_f, own_pdf = vec.to_local(s, t, n, chosen.direction), (none, none, none), none
-            if any_of(chosen.is_aimed):
-                own_f, own_pdf, _, _, _, _ = answer(scene, m, wo, along, choose, (u[0], u[1]))
-            sample = aimed_sample(scene, here, targets, chosen, m.frame, sample, along, own_f, own_pdf)
-        if is_lit is not None and scene.path_guide is not None:
-            if lit and not second:
-                scatter_pdf = guided_pdf(scene, guided, to_light.direction, scatter_pdf)
-            along, own_f, own_pdf = vec.to_local(s, t, n, guided.direction), (none, none, none), none
-            if any_of(guided.is_guided):
-                own_f, own_pdf, _, _, _, _ = answer(scene, m, wo, along, choose, (u[0], u[1]))
-            inner_pdf = own_pdf
-            if scene.has.targets is not None:
-                inner_pdf = mixture_pdf(scene, here, targets, guided.direction, own_pdf, none + NOT_AIMED)
-            sample = guided_sample(scene, guided, m.frame, sample, along, own_f, own_pdf, inner_pdf)
-        reflected, value, to_sample = (none, none, none), (none, none, none), (none, none, none)
-        if scene.has.visibility is not None or scene.has.light_paths is not None:
-            reflected, value = diffuse_lobe(scene, m, wo, sample.wi), vec.scale(sample.weight, sample.pdf)
-            if is_lit is not None and lit and not second:
-                to_sample = diffuse_lobe(scene, m, wo, wi)
-        if scene.has.visibility is not None:
-            left = after_vertex(scene, stream, path.number, second, reflected, value, sample.wi, is_surface)
-            reflected, value = left.diffuse, left.value
-            sample = BsdfSample(sample.wi, vec.mul(sample.weight, left.factor), sample.pdf, sample.eta2, sample.unguided)
-            if is_lit is not None and lit and not second:
-                word = u32(to_int(gather(pool, rows, Outcome).is_cast))
-                to_sample, f = visible_lobes(word, to_sample, f, wi, is_surface)
-        if scene.has.light_paths is not None:
-            first = where(path.number == _ZERO, rows + SECOND if second else rows, SPARE)
-            share = share_after_vertex(reflected, value, sample.wi, is_surface)
-            store_share(pool, group_row(first, options), options, share)
-            if is_lit is not None and lit and not second:
-                share = share_after_vertex(to_sample, f, wi, is_surface)
-                store_sampled_share(pool, group_row(first, options), options, share)
-        branches = none + _ONE
-        if is_lit is not None:
-            branches = where(splits(path.number, shading.list == _RARE_SPECULAR), none + np.float32(options.splitting), branches)
-        start, end, is_cast = (none, none, none), (none, none, none), none
-        if is_lit is not None and lit and not second:
-            light = LightSample(
-                to_light.direction, gather(pool, rows, Outcome).end, to_light.radiance, to_light.pdf, none != none
-            )
-            share = light_weight(to_light.pdf, scatter_pdf, to_light.branches)
-            if options.has_mattes:
-                share = where(caught, none + _ONE, share)  # a path ends there, so that light sampling alone finds its light
-            medium_stack = as_wide(_WORLD, none)
-            if scene.has.media is not None:
-                medium_stack = gather(pool, rows, Crossings).medium_stack
-            shadow = sample_direct_light(scene, surface, path, light, wi, f, share, medium_stack, is_surface)
-            start, end, is_cast = shadow.start, shadow.end, where(shadow.is_cast, _ONE, none)
-            if options.has_mattes:
-                bright = where(shadow.is_cast, vec.luminance(shadow.brought), none)
-                scatter(pool, where(caught, rows, SPARE), record_direct_light(hit, bright))
-            root = shadow.medium_stack  # unused
-            if scene.has.visibility is not None:
-                root = shadow_root_of(word)
-            scatter(pool, rows, DirectLight(shadow.brought, shadow.segments, share, to_light.pdf, shadow.medium_stack, root))
-
-        ray, path, bounce = scattering.scatter(surface, m.frame, ray, path, sample, branches, options)
-        path, survival = continue_or_end(path, ray, u[3], is_surface, options)
-        if options.has_mattes:
-            survival = where(caught, none, survival)
-        written = rows
-        if second:
-            _copy_vertices(scene, pool, rows, stream, facet, shading)
-            written = rows + SECOND
-            path = with_radiance(path, (none, none, none))
-        if scene.has.media is not None or options.has_depths:
-            crossings = gather(pool, rows, Crossings)
-            crossings = scattering.cross_surface(scene, surface, crossings, bounce, is_surface)
-            if scene.has.visibility is not None:
-                crossings = with_ray_kind(crossings, left.kind)
-            scatter(pool, written, crossings)
-        scatter(pool, written, ray)
-        scatter(pool, written, path)
-        scatter(pool, written, Outcome(start, end, is_cast, survival))
+        scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, options, lit, second)
     if second:
         _list_branches(pool, lists, taken)
 

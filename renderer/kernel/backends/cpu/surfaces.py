@@ -7,7 +7,7 @@ import numpy as np
 from renderer.arrays import rows as kinds
 from renderer.bvh.simd import load_int
 from renderer.bvh.traverse import Hit
-from renderer.jit import device, never_inline, subroutine
+from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import (
     CONDUCTOR,
@@ -33,7 +33,6 @@ from renderer.kernel.backends.cpu.lists import (
 )
 from renderer.kernel.backends.cpu.material_stage import surfaces_at, texture_factors_of
 from renderer.kernel.backends.cpu.rows import (
-    SPARE,
     Appearance,
     Axes,
     ChosenLight,
@@ -48,6 +47,7 @@ from renderer.kernel.backends.cpu.rows import (
     group_row,
     last_vertex,
     scatter,
+    spare_where_not,
     streams_of,
     time_of,
 )
@@ -73,7 +73,7 @@ from renderer.kernel.steps.state import Crossings, PathState, Ray, no_crossings,
 from renderer.kernel.surface.surface import is_emissive, sphere_at
 from renderer.wide.values import any_of, as_wide, lookup, not_, u32, where, where3, zero_like
 
-__all__ = ["shade_hits", "shade_misses"]
+__all__ = ["shade_hit", "shade_hits", "shade_miss", "shade_misses"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -93,45 +93,50 @@ _OVER, _THROUGH = np.uint32(DONE), np.uint32(PASSED)
 _LIST, _LIGHT_PDF = column(Shading, "list"), column(ChosenLight, "pdf")
 
 
+@template
+def shade_miss(scene, pool, rows, options, is_recorded):
+    """Adds environment and sun light to the paths in one row of the pool or in eight. is_recorded: as for `shade_hits`."""
+    ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
+    seen, counts = emitted_by_environment(scene, ray), background_counts(ray, path, options)
+    if options.transparent_background:
+        seen_first = spare_where_not(pool, path.number == _ZERO, rows)
+        scatter(pool, seen_first, record_background(path.throughput))
+    weight = hit_weight(ray.pdf, seen.light_pdf)
+    if is_recorded:
+        met = gather(pool, rows, RowHit)
+        scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, met.passed, met.object, weight))
+    light = vec.scale(seen.radiance, weight)
+    if scene.has.groups is not None:
+        group = group_row(rows, options) + group_of_environment(scene, weight)
+        add_group_light(pool, group, brought_light(path, light, options), counts)
+    if scene.has.light_paths is not None:
+        first, brought = group_row(rows, options), brought_light(path, light, options)
+        add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
+    path = add_light(path, light, counts, options)
+    if scene.has.lights is not None:
+        last, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
+        kind = gather(pool, rows, Crossings).ray_kind
+        for which in range(len(scene.sun)):
+            seen = emitted_by_sun(scene, which, ray, last, path.number, kind, time)
+            light = vec.scale(seen.radiance, hit_weight(ray.pdf, seen.light_pdf))
+            if scene.has.groups is not None:
+                sun = as_wide(np.uint32(scene.sun[which]), weight)
+                group = group_row(rows, options) + group_of_light(scene, sun)
+                add_group_light(pool, group, brought_light(path, light, options), counts)
+            if scene.has.light_paths is not None:
+                first, brought = group_row(rows, options), brought_light(path, light, options)
+                add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
+            path = add_light(path, light, counts, options)
+    scatter(pool, rows, path)
+
+
 @subroutine
 def shade_misses(scene, pool, lists, options, is_recorded):
     """Adds environment and sun light to the paths that hit nothing, and ends them. is_recorded: as for `shade_hits`."""
     never_inline()
     count = pad(lists, MISSED)
     for k in range(0, count, 8):
-        rows = eight_rows(lists, MISSED, k)
-        ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
-        seen, counts = emitted_by_environment(scene, ray), background_counts(ray, path, options)
-        if options.transparent_background:
-            seen_first = where(path.number == _ZERO, rows, SPARE)
-            scatter(pool, seen_first, record_background(path.throughput))
-        weight = hit_weight(ray.pdf, seen.light_pdf)
-        if is_recorded:
-            met = gather(pool, rows, RowHit)
-            scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, met.passed, met.object, weight))
-        light = vec.scale(seen.radiance, weight)
-        if scene.has.groups is not None:
-            group = group_row(rows, options) + group_of_environment(scene, weight)
-            add_group_light(pool, group, brought_light(path, light, options), counts)
-        if scene.has.light_paths is not None:
-            first, brought = group_row(rows, options), brought_light(path, light, options)
-            add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
-        path = add_light(path, light, counts, options)
-        if scene.has.lights is not None:
-            last, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
-            kind = gather(pool, rows, Crossings).ray_kind
-            for which in range(len(scene.sun)):
-                seen = emitted_by_sun(scene, which, ray, last, path.number, kind, time)
-                light = vec.scale(seen.radiance, hit_weight(ray.pdf, seen.light_pdf))
-                if scene.has.groups is not None:
-                    sun = as_wide(np.uint32(scene.sun[which]), weight)
-                    group = group_row(rows, options) + group_of_light(scene, sun)
-                    add_group_light(pool, group, brought_light(path, light, options), counts)
-                if scene.has.light_paths is not None:
-                    first, brought = group_row(rows, options), brought_light(path, light, options)
-                    add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
-                path = add_light(path, light, counts, options)
-        scatter(pool, rows, path)
+        shade_miss(scene, pool, eight_rows(lists, MISSED, k), options, is_recorded)
     for k in range(count):
         append(lists, DONE, row(lists, MISSED, k))
 
@@ -166,92 +171,110 @@ def _store_appearance(scene, pool, rows, surface, through, parameters, eta, fram
         scatter(pool, rows, Mapped(n, facing, number))
 
 
+@template
+def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_recorded):
+    """Processes the surfaces hit by the paths in one row of the pool or in eight: adds emission, and stores their vertices.
+
+    Writes to Shading the list on which each path belongs next. which: the list on which the paths are, passed to
+    find_surface(scene, which, o, d, hit), which returns the Surface; find_factors(scene, surface, time) returns the texture
+    factors as `texture_factors_of` does. is_recorded: as for `shade_hits`.
+    """
+    ray, path, met = gather(pool, rows, Ray), gather(pool, rows, PathState), gather(pool, rows, RowHit)
+    time, passed = time_of(scene.has.motion, pool, rows), met.passed
+    none = zero_like(ray.pdf)
+    hit = Hit(met.t, met.primitive, met.u, met.v, met.instance, time)
+    surface = find_surface(scene, which, ray.o, ray.d, hit)
+    stream = streams_of(pool, rows, options)
+    through = is_passed(scene, surface, stream, path.number + passed, options, time)
+    path = with_throughput(path, absorb(scene, surface, through, path.throughput, gather(pool, rows, Facet).point))
+    lit, weight = is_emissive(surface) & (ray.pdf >= _ZERO) & counts_emission(scene, surface, through), none
+    first = (path.number == _ZERO) & not_(through)
+    if options.has_mattes:
+        held, caught = (
+            first & has_flag(scene, surface.material, _HOLDOUT),
+            first & has_flag(scene, surface.material, _CATCHER),
+        )
+        lit = lit & not_(held | caught)
+    if any_of(lit):
+        seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
+        weight = hit_weight(ray.pdf, seen.light_pdf)
+        light = vec.scale(seen.radiance, weight)
+        if scene.has.groups is not None:
+            group = group_row(rows, options) + group_of_light(scene, where(lit, surface.light, _NONE))
+            add_group_light(pool, group, brought_light(path, light, options), lit)
+        if scene.has.light_paths is not None:
+            brought = brought_light(path, light, options)
+            add_path_light(pool, group_row(rows, options), options, brought, path.number, EMISSION, lit)
+        path = add_light(path, light, lit, options)
+
+    frame = shading_frame(scene, surface, vec.neg(ray.d), time)
+    parameters = parameters_at(scene, surface, find_factors(scene, surface, time))
+    ior, throughput = disperse(scene, surface, parameters.ior, path.throughput, not_(through), stream, path.number)
+    path = with_throughput(path, throughput)
+    eta = relative_index(ior, surface.front)
+    _store_appearance(scene, pool, rows, surface, through, parameters, eta, frame)
+    kind = u32(lookup(scene.material_kind, surface.material))
+    unlit = (kind == _UNLIT) & not_(through)
+    if options.has_mattes:
+        unlit = unlit & not_(held | caught)
+    if any_of(unlit):
+        if scene.has.groups is not None:
+            group = group_row(rows, options) + group_of_material(scene, surface.material)
+            add_group_light(pool, group, brought_light(path, parameters.base, options), unlit)
+        if scene.has.light_paths is not None:
+            brought = brought_light(path, parameters.base, options)
+            add_path_light(pool, group_row(rows, options), options, brought, path.number, EMISSION, unlit)
+        path = add_light(path, parameters.base, unlit, options)
+    if any_of(first):
+        seen = record_first_hit(surface, parameters, frame[2], hit.t, gather(pool, rows, Sample).start)
+        scatter(pool, spare_where_not(pool, first, rows), seen)
+        if options.has_mattes:
+            scatter(pool, spare_where_not(pool, caught, rows), record_catcher(seen, path.throughput))
+            scatter(pool, spare_where_not(pool, held, rows), record_background(path.throughput))
+
+    which_next = _list_of(scene, surface.material, kind, parameters.roughness)
+    if scene.has.media is not None:
+        which_next = where(has_flag(scene, surface.material, _SCATTERS_WITHIN), _TO_WITHIN, which_next)
+    crossings = no_crossings(_NONE, none)
+    if options.has_depths or scene.has.media is not None:
+        crossings = gather(pool, rows, Crossings)
+    which_next = where(is_last(path, crossings.counts, unlit, options), _OVER, which_next)
+    if options.has_mattes:
+        which_next = where(held, _OVER, which_next)
+    point = surface.point
+    if scene.has.textures is not None and any_of(through):
+        passed, ends = where(through, passed + _ONE, passed), passed != passed
+        if scene.has.media is not None or options.has_depths:
+            crossings, ends = pass_through(scene, surface, through, crossings, options)
+            scatter(pool, rows, crossings)
+        which_next = where(through, where(ends, _OVER, _THROUGH), which_next)
+        point = where3(through, gather(pool, rows, Facet).point, point)  # if passed, the last vertex stays
+    if scene.has.textures is not None or is_recorded:  # subsurface walks read the object's number
+        weight = where(lit, weight, none)
+        scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, passed, surface.object, weight))
+    if scene.has.textures is not None or any_of(lit | unlit):
+        scatter(pool, rows, path)
+    scatter(pool, rows, Facet(point, surface.error, surface.geometric, surface.front, surface.smooth))
+    scatter(pool, rows, Shading(surface.shading, surface.lift, surface.material, which_next))
+
+
+@device
+def _find_surfaces(scene, which, o, d, hit):
+    """Returns the surfaces at the hits of eight rays, which are all on the list TRIANGLES or all on SPHERES."""
+    if which == TRIANGLES:
+        surface = surfaces_at(scene, d, hit)
+    else:
+        surface = sphere_at(scene, o, d, hit)
+    return surface
+
+
 @subroutine
 def _arrive(scene, pool, lists, which, options, is_recorded):
-    """Processes the surfaces hit by the paths on one list: adds emission, and lists the paths by their scattering model."""
+    """Processes the surfaces hit by the paths on one list, as `shade_hit` does."""
     never_inline()
     for k in range(0, pad(lists, which), 8):
         rows = eight_rows(lists, which, k)
-        ray, path, met = gather(pool, rows, Ray), gather(pool, rows, PathState), gather(pool, rows, RowHit)
-        time, passed = time_of(scene.has.motion, pool, rows), met.passed
-        none = zero_like(ray.pdf)
-        hit = Hit(met.t, met.primitive, met.u, met.v, met.instance, time)
-        if which == TRIANGLES:
-            surface = surfaces_at(scene, ray.d, hit)
-        else:
-            surface = sphere_at(scene, ray.o, ray.d, hit)
-        stream = streams_of(pool, rows, options)
-        through = is_passed(scene, surface, stream, path.number + passed, options, time)
-        path = with_throughput(path, absorb(scene, surface, through, path.throughput, gather(pool, rows, Facet).point))
-        lit, weight = is_emissive(surface) & (ray.pdf >= _ZERO) & counts_emission(scene, surface, through), none
-        first = (path.number == _ZERO) & not_(through)
-        if options.has_mattes:
-            held, caught = (
-                first & has_flag(scene, surface.material, _HOLDOUT),
-                first & has_flag(scene, surface.material, _CATCHER),
-            )
-            lit = lit & not_(held | caught)
-        if any_of(lit):
-            seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
-            weight = hit_weight(ray.pdf, seen.light_pdf)
-            light = vec.scale(seen.radiance, weight)
-            if scene.has.groups is not None:
-                group = group_row(rows, options) + group_of_light(scene, where(lit, surface.light, _NONE))
-                add_group_light(pool, group, brought_light(path, light, options), lit)
-            if scene.has.light_paths is not None:
-                brought = brought_light(path, light, options)
-                add_path_light(pool, group_row(rows, options), options, brought, path.number, EMISSION, lit)
-            path = add_light(path, light, lit, options)
-
-        frame = shading_frame(scene, surface, vec.neg(ray.d), time)
-        parameters = parameters_at(scene, surface, texture_factors_of(scene, surface, time))
-        ior, throughput = disperse(scene, surface, parameters.ior, path.throughput, not_(through), stream, path.number)
-        path = with_throughput(path, throughput)
-        eta = relative_index(ior, surface.front)
-        _store_appearance(scene, pool, rows, surface, through, parameters, eta, frame)
-        kind = u32(lookup(scene.material_kind, surface.material))
-        unlit = (kind == _UNLIT) & not_(through)
-        if options.has_mattes:
-            unlit = unlit & not_(held | caught)
-        if any_of(unlit):
-            if scene.has.groups is not None:
-                group = group_row(rows, options) + group_of_material(scene, surface.material)
-                add_group_light(pool, group, brought_light(path, parameters.base, options), unlit)
-            if scene.has.light_paths is not None:
-                brought = brought_light(path, parameters.base, options)
-                add_path_light(pool, group_row(rows, options), options, brought, path.number, EMISSION, unlit)
-            path = add_light(path, parameters.base, unlit, options)
-        if any_of(first):
-            seen = record_first_hit(surface, parameters, frame[2], hit.t, gather(pool, rows, Sample).start)
-            scatter(pool, where(first, rows, SPARE), seen)
-            if options.has_mattes:
-                scatter(pool, where(caught, rows, SPARE), record_catcher(seen, path.throughput))
-                scatter(pool, where(held, rows, SPARE), record_background(path.throughput))
-
-        which_next = _list_of(scene, surface.material, kind, parameters.roughness)
-        if scene.has.media is not None:
-            which_next = where(has_flag(scene, surface.material, _SCATTERS_WITHIN), _TO_WITHIN, which_next)
-        crossings = no_crossings(_NONE, none)
-        if options.has_depths or scene.has.media is not None:
-            crossings = gather(pool, rows, Crossings)
-        which_next = where(is_last(path, crossings.counts, unlit, options), _OVER, which_next)
-        if options.has_mattes:
-            which_next = where(held, _OVER, which_next)
-        point = surface.point
-        if scene.has.textures is not None and any_of(through):
-            passed, ends = where(through, passed + _ONE, passed), passed != passed
-            if scene.has.media is not None or options.has_depths:
-                crossings, ends = pass_through(scene, surface, through, crossings, options)
-                scatter(pool, rows, crossings)
-            which_next = where(through, where(ends, _OVER, _THROUGH), which_next)
-            point = where3(through, gather(pool, rows, Facet).point, point)  # if passed, the last vertex stays
-        if scene.has.textures is not None or is_recorded:  # subsurface walks read the object's number
-            weight = where(lit, weight, none)
-            scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, passed, surface.object, weight))
-        if scene.has.textures is not None or any_of(lit | unlit):
-            scatter(pool, rows, path)
-        scatter(pool, rows, Facet(point, surface.error, surface.geometric, surface.front, surface.smooth))
-        scatter(pool, rows, Shading(surface.shading, surface.lift, surface.material, which_next))
+        shade_hit(scene, pool, rows, which, _find_surfaces, texture_factors_of, options, is_recorded)
 
 
 @subroutine

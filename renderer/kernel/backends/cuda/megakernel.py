@@ -9,15 +9,12 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
-from llvmlite import ir
-from numba import types
-from numba.core import cgutils
-from numba.extending import intrinsic
-from numba.np.arrayobj import populate_array
 
 from renderer.bvh.compressed_tree import STACK_DEPTH
 from renderer.film import CHANNELS
 from renderer.jit import local_floats, subroutine
+from renderer.kernel.backends.cuda.atomics import add_atomically
+from renderer.kernel.backends.cuda.local_zeros import local_zeros
 from renderer.kernel.backends.scalar.picture import trace_picture
 from renderer.kernel.backends.scalar.tile import render_tile
 
@@ -65,45 +62,6 @@ class _Output(NamedTuple):
     ids: Any
 
 
-@intrinsic(prefer_literal=True)
-def _local_zeros(typingctx: Any, dtype: Any, shape: Any) -> Any:
-    """Returns an array of zeros on the thread's stack, valid until the calling function returns. shape: a literal."""
-    lengths = [each.literal_value for each in shape]
-    array = types.Array(dtype.dtype, len(lengths), "C")
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        word = context.get_value_type(array.dtype)
-        size = context.get_abi_sizeof(word)
-        kind = ir.ArrayType(word, int(np.prod(lengths)))
-        memory = cgutils.alloca_once(builder, kind)
-        builder.store(ir.Constant(kind, None), memory)
-        strides = [size * int(np.prod(lengths[k + 1 :])) for k in range(len(lengths))]
-        view = context.make_array(array)(context, builder)
-        populate_array(
-            view,
-            data=builder.bitcast(memory, word.as_pointer()),
-            shape=[context.get_constant(types.intp, each) for each in lengths],
-            strides=[context.get_constant(types.intp, each) for each in strides],
-            itemsize=context.get_constant(types.intp, size),
-            meminfo=None,
-        )
-        return view._getvalue()
-
-    return array(dtype, shape), codegen
-
-
-@intrinsic
-def _add_atomically(typingctx: Any, array: Any, index: Any, value: Any) -> Any:
-    """Adds a number to the flat element `index` of an int64 array, atomically with other threads. The index is not checked."""
-
-    def codegen(context: Any, builder: Any, sig: Any, args: Any) -> Any:
-        data = context.make_array(sig.args[0])(context, builder, args[0]).data
-        builder.atomic_rmw("add", builder.gep(data, [args[1]]), args[2], "monotonic")
-        return context.get_dummy_value()
-
-    return types.void(array, types.uintp, types.int64), codegen
-
-
 @subroutine
 def render_thread(job, thread):
     """Renders the samples of one GPU thread, and adds them to the job's film.
@@ -119,14 +77,14 @@ def render_thread(job, thread):
     if count <= 0:
         return
     stack = local_floats(_STACK)
-    sums = _local_zeros(np.int64, _SUMS)
-    output = _Output(sums, _local_zeros(np.int64, _NO_BAD), _local_zeros(np.float64, _NO_LOG), _local_zeros(np.uint32, _NO_IDS))
+    sums = local_zeros(np.int64, _SUMS)
+    output = _Output(sums, local_zeros(np.int64, _NO_BAD), local_zeros(np.float64, _NO_LOG), local_zeros(np.uint32, _NO_IDS))
     part = _Part(batch.x + place % width, batch.y + place // width, batch.first + first, count, batch.origin)
     bad, rays = render_tile(trace_picture, job.scene, stack, job.camera, job.options, part, output)
     for channel in range(CHANNELS):
         value = sums[channel, 0, 0]
         if value != 0:
-            _add_atomically(film, np.uintp(channel * pixels + place), value)
+            add_atomically(film, np.uintp(channel * pixels + place), value)
     if bad > 0:
-        _add_atomically(job.counters, _BAD, bad)
-    _add_atomically(job.counters, _RAYS, rays)
+        add_atomically(job.counters, _BAD, bad)
+    add_atomically(job.counters, _RAYS, rays)

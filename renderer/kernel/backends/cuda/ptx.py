@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import functools
 import re
+from collections.abc import Sequence
 from typing import Any
 
 import llvmlite.binding as llvm
 
 from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
 
-__all__ = ["KERNEL", "THREADS", "InexactError", "card_module", "check_exact", "emit_ptx", "linked_module"]
+__all__ = ["KERNEL", "THREADS", "InexactError", "card_module", "check_exact", "emit_ptx", "joined_modules", "linked_module"]
 
-KERNEL = "render"
+KERNEL = "render"  # the name of a variant's only kernel
 THREADS = 128  # per block, at most
 _TRIPLE = "nvptx64-nvidia-cuda"
 # LLVM intrinsics that PTX computes with the CPU's bits: integers, memory, and floating-point operations rounded once.
@@ -106,8 +107,8 @@ def _retargeted(text: str) -> llvm.ModuleRef:
     return module
 
 
-def card_module(module: llvm.ModuleRef, name: str, size: int) -> llvm.ModuleRef:
-    """Returns the optimised LLVM module of the GPU kernel, whose entry is KERNEL(job, number of threads).
+def card_module(module: llvm.ModuleRef, name: str, size: int, kernel: str = KERNEL) -> llvm.ModuleRef:
+    """Returns the optimised LLVM module of a GPU kernel, whose entry is kernel(job, number of threads).
 
     module, name: from `linked_module`, for a subroutine that takes a reference to a job and a thread's number. size: of a job in
     bytes. Raises InexactError if the module contains an operation that a graphics card lacks.
@@ -116,9 +117,9 @@ def card_module(module: llvm.ModuleRef, name: str, size: int) -> llvm.ModuleRef:
     declared = {each.name for each in card.functions if each.is_declaration}
     if declared & {"sqrt", "sqrtf"}:
         card.link_in(_retargeted(_ROOTS))
-    card.link_in(_retargeted(_ENTRY.format(name=name, kernel=KERNEL, size=size, threads=THREADS)))
+    card.link_in(_retargeted(_ENTRY.format(name=name, kernel=kernel, size=size, threads=THREADS)))
     for each in (*card.functions, *card.global_variables):
-        if not each.is_declaration and each.name != KERNEL:
+        if not each.is_declaration and each.name != kernel:
             each.linkage = "internal"
     card.get_function(name).add_function_attribute("alwaysinline")  # the job's fields are read where the kernel's parameter lies
     passes = llvm.create_pass_builder(_machine(), llvm.create_pipeline_tuning_options(speed_level=3))
@@ -129,6 +130,14 @@ def card_module(module: llvm.ModuleRef, name: str, size: int) -> llvm.ModuleRef:
     if found:
         raise InexactError(f"the kernel needs {', '.join(found)}, which a card does not have or rounds differently")
     return card
+
+
+def joined_modules(cards: Sequence[llvm.ModuleRef]) -> llvm.ModuleRef:
+    """Links the modules of several GPU kernels from `card_module`, which share nothing; returns the first, which has them all."""
+    first, *others = cards
+    for each in others:
+        first.link_in(each)
+    return first
 
 
 def emit_ptx(card: llvm.ModuleRef) -> str:

@@ -23,7 +23,7 @@ from renderer.kernel.light_groups import add_sample_by_group, forget_groups
 from renderer.kernel.medium.camera_media import media_of_camera
 from renderer.kernel.steps.spawn_camera_ray import spawn_camera_ray
 
-__all__ = ["render_tile"]
+__all__ = ["add_sample", "render_tile"]
 
 _COLOR, _COLOR_HALF = COLOR.start, COLOR_HALF.start
 _ONE, _TWO, _THREE = np.uint32(1), np.uint32(2), np.uint32(3)
@@ -36,6 +36,18 @@ def _add_radiance(sums, channel, count, y, x, radiance, scale):
     sums[channel + 1, y, x] += fixed(radiance[1], scale)
     sums[channel + 2, y, x] += fixed(radiance[2], scale)
     sums[count, y, x] += 1
+
+
+@device
+def add_sample(sums, y, x, sample, radiance, hit, scale, origin):
+    """Adds a sample of pixel (x, y) to the planes of colour and of the first hit.
+
+    sample: its number. hit: the array of its first hit. origin: see Batch (renderer/kernel/accumulate.py).
+    """
+    _add_radiance(sums, _COLOR, SAMPLES, y, x, radiance, scale)
+    if in_half(sample):
+        _add_radiance(sums, _COLOR_HALF, SAMPLES_HALF, y, x, radiance, scale)
+    add_first_hit(sums, y, x, hit, sample, scale, origin)
 
 
 @template
@@ -75,7 +87,7 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                 if caught:  # a shadow is black
                     store_shadow(hit, radiance)
                     radiance = vec.sub(radiance, radiance)
-                _add_radiance(sums, _COLOR, SAMPLES, y, x, radiance, scale)
+                add_sample(sums, y, x, sample, radiance, hit, scale, batch.origin)
                 if scene.has.groups is not None and not caught:
                     place = np.uintp(CHANNELS) * pixels + np.uintp(y * sums.shape[2] + x)
                     rows = FIRST_GROUP, FIRST_GROUP + options.group_rows
@@ -85,9 +97,6 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                     behind = FIRST_GROUP + options.groups + _ONE
                     rows = behind, behind + options.group_rows
                     add_sample_by_group(output.flat, place, pixels, hit, *rows, options.paths, radiance, scale)
-                if in_half(sample):
-                    _add_radiance(sums, _COLOR_HALF, SAMPLES_HALF, y, x, radiance, scale)
-                add_first_hit(sums, y, x, hit, sample, scale, batch.origin)
                 if options.transparent_background:
                     add_alpha(sums, y, x, hit, scale)
                 if len(output.ids) > 0:

@@ -1,0 +1,126 @@
+"""Tests that the kernels for graphics cards render films that are bit-identical to the CPU kernel's.
+
+The LLVM code that becomes PTX is run on the CPU.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+
+from renderer.arrays.scene import CompiledScene
+from renderer.bvh.compress import compressed
+from renderer.cuda.job import job_for, packed, wave_for
+from renderer.cuda.turns import paths_for, take_turns
+from renderer.kernel.accumulate import Batch
+from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
+from renderer.kernel.backends.cuda.wavefront import ACTIVE, Wave, is_in_wavefront
+from renderer.kernel.camera import Camera, camera_frame
+from renderer.kernel.options import Options, kernel_options
+from renderer.render import RenderStats, _prepared, render_frame, variant_for
+from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
+from renderer.threads import Team
+from tests.grids import grid
+from tests.renderer.cuda.on_host import launcher
+from tests.renderer.kernel.backends.features import FEATURES, made
+
+SPP = 4
+ORDINARY = ("diffuse", "glass", "metal and plastic", "no triangles", "a sky's picture", "a lens")
+
+
+Picture = tuple[CompiledScene, Camera, Options, Batch, int, int]
+
+
+def picture_of(name: str, first: int = 0, count: int = SPP) -> Picture:
+    """Returns samples of a feature's picture, as the first arguments of `job_for`."""
+    scene, settings = made(name)
+    prepared = _prepared(scene, settings)
+    camera, options = camera_frame(settings_relative_to_origin(settings, prepared.origin)), kernel_options(settings, prepared)
+    batch = Batch(0, 0, first, count, fixed_point_origin(prepared.origin, settings.film_exponent))
+    with Team(1) as team:
+        on_card = prepared._replace(bvh=compressed(prepared.bvh, team))
+    return on_card, camera, options, batch, settings.width, settings.height
+
+
+def variant_of(name: str) -> str:
+    scene, settings = made(name)
+    return variant_for(settings, scene)
+
+
+def bytes_of(job: Job | Wave) -> npt.NDArray[np.uint8]:
+    return np.frombuffer(packed(job, lambda array: array.ctypes.data), np.uint8).copy()
+
+
+def run_job(variant: str, job: Job) -> None:
+    """Runs the kernel of a variant, which adds the job's samples to the job's film."""
+    data = bytes_of(job)
+    launcher(variant)(data.ctypes.data, job.film[0].size * int(job.pieces))
+
+
+def run_wave(variant: str, wave: Wave) -> int:
+    """Runs the kernels of a variant, which add the wave's samples to the wave's film; returns how many were launched."""
+    data = [bytes_of(wave._replace(second=np.bool_(second))) for second in (False, True)]
+    launched: list[str] = []
+
+    def launch(kernel: str, threads: int, second: bool) -> None:
+        launched.append(kernel)
+        launcher(variant, kernel)(data[second].ctypes.data, threads)
+
+    take_turns(launch, lambda: int(wave.lengths[ACTIVE]), wave.scene, wave.options, len(wave.branches))
+    return len(launched)
+
+
+def run(name: str, paths: int = 96) -> Job | Wave:
+    """Renders a feature's picture with the kernels of its variant, with `paths` - 1 paths at once if they are a wavefront's."""
+    variant, picture = variant_of(name), picture_of(name)
+    if is_in_wavefront(variant):
+        wave = wave_for(*picture, paths=paths)
+        run_wave(variant, wave)
+        return wave
+    job = job_for(*picture)
+    run_job(variant, job)
+    return job
+
+
+def of_cpu(name: str) -> tuple[npt.NDArray[np.int64], RenderStats]:
+    stats = RenderStats()
+    return render_frame(*made(name), SPP, stats=stats), stats
+
+
+@grid("name", FEATURES, ordinary=ORDINARY)
+def test_gpu_kernel_film_equals_the_cpu_film(name: str) -> None:
+    job = run(name)
+    film, stats = of_cpu(name)
+    assert (job.film != film).any(0).sum() == 0
+    assert job.counters[RAYS] == stats.rays
+    assert job.counters[BAD] == 0
+
+
+@pytest.mark.parametrize("paths", (32, 8192))
+def test_number_of_paths_under_way_has_no_effect(paths: int) -> None:
+    assert (run("diffuse", paths).film == of_cpu("diffuse")[0]).all()
+
+
+def test_kernels_add_to_an_existing_film() -> None:
+    first, rest = picture_of("diffuse", count=1), picture_of("diffuse", first=1, count=SPP - 1)
+    wave = wave_for(*first, paths=64)
+    run_wave("plain", wave)
+    run_wave("plain", wave_for(*rest, paths=64)._replace(film=wave.film))
+    assert (wave.film == of_cpu("diffuse")[0]).all()
+
+
+def test_paths_of_a_batch_fit_into_the_memory() -> None:
+    assert paths_for(100, 1 << 33, 1000) == 128
+    assert paths_for(1 << 30, 1 << 40, 1000) == (1 << 20) + 32
+    few = paths_for(1 << 30, 1 << 27, 1000)
+    assert (1 << 27) / 5 < few * 1000 < (1 << 27) / 3
+    assert few % 32 == 0
+
+
+@pytest.mark.long  # compiles the kernel of another variant
+@pytest.mark.parametrize("pieces", (2, 3, 9))
+def test_samples_of_a_pixel_are_divided_among_threads(pieces: int) -> None:
+    job = job_for(*picture_of("textures"), pieces)
+    run_job("full", job)
+    assert (job.film == of_cpu("textures")[0]).all()
