@@ -13,14 +13,17 @@ from numba.core.compiler import CompilerBase, DefaultPassBuilder
 from numba.core.compiler_machinery import FunctionPass, register_pass
 from numba.core.ir_utils import get_definition, guard
 from numba.core.typed_passes import AnnotateTypes, IRLegalization, NopythonRewrites
-from numba.core.untyped_passes import InlineInlinables
+from numba.core.untyped_passes import InlineClosureLikes, InlineInlinables, IRProcessing, MakeFunctionToJitFunction
 from numba.extending import intrinsic
 
 from renderer.fused_multiply_add import FuseProducts
+from renderer.inline_templates import InlineTemplates
 from renderer.linking import ChooseLibrary
 from renderer.reference import Reference
 
 __all__ = ["Compiler", "function_if", "where_present"]
+
+_OMITTED = (AnnotateTypes, NopythonRewrites, InlineClosureLikes, InlineInlinables)
 
 
 @register_pass(mutates_CFG=False, analysis_only=False)
@@ -47,16 +50,18 @@ class PruneNoneFields(FunctionPass):
 
 
 class Compiler(CompilerBase):
-    """Numba's nopython pipeline with PruneNoneFields after templates are inlined and before branches are pruned.
+    """Numba's nopython pipeline with InlineTemplates first, and PruneNoneFields before branches are pruned.
 
-    Two passes are omitted: annotations, which nothing reads, and array-expression rewriting, which kernels do not need.
+    Omitted are annotations, which nothing reads, rewriting of array expressions and inlining of closures, which kernels do not
+    have, and Numba's own inlining of functions.
     """
 
     def define_pipelines(self) -> list[Any]:
         """Returns the nopython pipeline."""
         pipeline = DefaultPassBuilder.define_nopython_pipeline(self.state)
-        pipeline.passes = [each for each in pipeline.passes if each[0] not in (AnnotateTypes, NopythonRewrites)]
-        pipeline.add_pass_after(PruneNoneFields, InlineInlinables)
+        pipeline.passes = [each for each in pipeline.passes if each[0] not in _OMITTED]
+        pipeline.add_pass_after(InlineTemplates, IRProcessing)
+        pipeline.add_pass_after(PruneNoneFields, MakeFunctionToJitFunction)
         pipeline.add_pass_after(FuseProducts, PruneNoneFields)
         pipeline.add_pass_after(ChooseLibrary, IRLegalization)
         pipeline.finalize()

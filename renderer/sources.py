@@ -25,6 +25,7 @@ MACHINE_CODE = (
     "jit.py",
     "target.py",
     "cpu.py",
+    "inline_templates.py",
     "prune_absent_features.py",
     "fused_multiply_add.py",
     "lane_types.py",

@@ -186,7 +186,7 @@ def _fill_nodes(source, plan, first, end, target, scratch):
     """Writes the content of reachable nodes first ... end - 1, and the nodes and leaves made from the packets below them."""
     for at in range(first, end):
         this = plan.order[at]
-        count = 0
+        count = np.int64(0)
         for lane in range(WIDTH):
             if not source.node[this, 0, lane] <= source.node[this, 1, lane]:
                 continue
@@ -218,7 +218,7 @@ def _fill_nodes(source, plan, first, end, target, scratch):
                 _put_instance(target, first_leaf, ~child >> 2)
                 first_leaf += 1
             else:
-                _put_primitive(source, plan, target, first_leaf, ~child, 0)
+                _put_primitive(source, plan, target, first_leaf, ~child, np.int64(0))
                 first_leaf += 1
         children = below
         for place in range(children):
@@ -258,7 +258,7 @@ def _count_primitives(packet, number):
 def _put_packet(source, plan, target, to, leaf, scratch):
     """Writes the node made from a packet, at index `to`, and the leaves below it. leaf: the packet's number and kind."""
     number, kind = leaf >> 2, leaf & 3
-    count = 0
+    count = np.int64(0)
     for lane in range(WIDTH):
         if source.packet[number, 0, lane] == source.packet[number, 0, lane]:
             _bound_primitive(source, number, lane, kind, scratch.box, count)
@@ -267,7 +267,7 @@ def _put_packet(source, plan, target, to, leaf, scratch):
             count += 1
     _assign_slots(count, scratch)
     row = plan.packet_leaf[number]
-    _put_node(target.node, to, count, scratch, 0, row)
+    _put_node(target.node, np.int64(to), count, scratch, np.int32(0), row)
     for place in range(WIDTH):
         i = scratch.members[place]
         if i >= 0:
