@@ -81,6 +81,7 @@ def camera_frame(settings: RenderSettings) -> Camera:
     flat = view.projection == "orthographic"
     pixel, aperture, focus, near, *middle = _lens(view, settings)
     corner = up * (pixel * middle[1]) - right * (pixel * middle[0])
+    exposure, first, across, down = readout_of(settings)
     return Camera(
         kind=np.int32(PROJECTIONS.index(view.projection)),
         eye=vector(eye),
@@ -98,11 +99,11 @@ def camera_frame(settings: RenderSettings) -> Camera:
         motion=_motion(settings.views),
         lens=np.array([_lens(each, settings) for each in settings.views]).reshape(-1, 6),
         distortion=distortion_row(view, settings.width, settings.height),
-        readout=readout_of(settings),
+        readout=(np.float32(exposure), np.float32(first), np.float32(across), np.float32(down)),
     )
 
 
-def readout_of(settings: RenderSettings) -> tuple[np.float32, np.float32, np.float32, np.float32]:
+def readout_of(settings: RenderSettings) -> tuple[float, float, float, float]:
     """Returns the coefficients of `exposure_time`: of the random number, the constant, and per pixel in x and in y.
 
     A rolling shutter reads pixels out one row, or column, after the other in a share r of the shutter's time, and exposes each
@@ -114,7 +115,7 @@ def readout_of(settings: RenderSettings) -> tuple[np.float32, np.float32, np.flo
     step = share / (settings.width if across else settings.height) * (-1.0 if is_backwards else 1.0)
     first = share if is_backwards else 0.0
     x, y = (step, 0.0) if across else (0.0, step)
-    return np.float32(1.0 - share), np.float32(first), np.float32(x), np.float32(y)
+    return 1.0 - share, first, x, y
 
 
 def distortion_row(view: View, width: int, height: int) -> npt.NDArray[np.float64]:
