@@ -1,7 +1,7 @@
 """Exact annotation of pixels: what the rays through pixel centres meet, without filtering.
 
-A ray goes through the centre of its pixel and of the lens, at the middle of the pixel's exposure. Surfaces with an opacity below 1/2 and
-lamps that let rays pass are not met, as for motion vectors (vectors.py).
+A ray goes through the centre of its pixel and of the lens, at the middle of the pixel's exposure. Surfaces with an opacity below
+1/2 and lamps that let rays pass are not met, as for motion vectors (vectors.py).
 """
 
 from __future__ import annotations
@@ -127,10 +127,10 @@ def _occlude(scene, stack, eye, places, times, occluded):
 def trace_annotation(scene, stack, camera, top, times, places, hits, normals, ids, layers, counts):
     """Fills the annotation of h rows of pixels from row `top` on.
 
-    times: (h, w, 3) float32, of the shutter, 0 ... 1; rays are those of the second. places: (h, w, 3, 4) float64, where the point
-    is at each time: a world point (x, y, z, 1), or if nothing is hit the ray's direction and 0. hits: (h, w, HIT_COLUMNS) float64,
-    for `locate_points`. normals: (h, w, 3) float32, unit shading normals on the viewer's side, 0 without a surface. ids:
-    (h, w, ID_COLUMNS) int32, -1 for none: numbers of object, instance and material; instance -1 is the world's own geometry.
+    times: (h, w, 3) float32, of the shutter, 0 ... 1; rays are those of the second. places: (h, w, 3, 4) float64, where the
+    point is at each time: a world point (x, y, z, 1), or if nothing is hit the ray's direction and 0. hits: (h, w, HIT_COLUMNS)
+    float64, for `locate_points`. normals: (h, w, 3) float32, unit shading normals on the viewer's side, 0 without a surface.
+    ids: (h, w, ID_COLUMNS) int32, -1 for none: numbers of object, instance and material; instance -1 is the world's own geometry.
     layers: (h, w, d, 2) int32, the objects and instances that the ray meets, in order, each once; d = 0: not traced. counts:
     (h, w) int32, how many there are, which may exceed d. scene: in the variant for moving scenes. stack: from new_stack.
     """

@@ -233,7 +233,7 @@ def test_views_round_trip_through_json():
 
 
 def test_rolling_shutter_exposes_one_row_after_the_other():
-    """A row's exposure begins with its share of the readout; without a rolling shutter the random number is the time, to the bit."""
+    """A row's exposure begins with its share of the readout; otherwise the random number is the time, to the bit."""
     half, third = np.float32(0.5), np.float32(1 / 3)
 
     def time(x, y, u, **rolling):
