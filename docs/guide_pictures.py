@@ -8,6 +8,7 @@ Each picture is a row of panels, one for each value of a setting.
 from __future__ import annotations
 
 import argparse
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from PIL import Image
 
 import rayfarm
+from renderer.image.read import read
 from renderer.image.tonemap import Curve, apply, apply_straight
 
 __all__ = ["main"]
@@ -26,6 +28,7 @@ PICTURES = Path(__file__).parent / "pictures"
 GAP = 8  # pixels between panels, white
 CHECKS = (205, 245)  # greys of the board behind transparent pictures
 BOARD = 12  # pixels a square
+ID_COLORS = ((20, 20, 28), (60, 64, 78), (230, 90, 70), (240, 190, 70), (80, 150, 220))  # of nothing, the floor and three poles
 
 Panel = npt.NDArray[np.uint8]  # (height, width, 3)
 
@@ -88,6 +91,43 @@ def motion_blur() -> list[Panel]:
     return [_shown(rayfarm.render(scene, shutter=shutter, **settings)["denoised"], "neutral") for shutter in (0, 0.5, 2)]
 
 
+def rolling_shutter() -> list[Panel]:
+    """Returns poles that fly by, with the whole picture exposed at once, by a rolling shutter, and its ids as colours."""
+    poles = [
+        {
+            "type": "cube",
+            "name": f"pole-{i}",
+            "material": name,
+            "transform": [
+                {"scale": [0.08, 1.2, 0.08]},
+                {"translate": {"keys": [[0, [x - 2.2, 1.2, z]], [1, [x + 2.2, 1.2, z]]]}},
+            ],
+        }
+        for i, (name, x, z) in enumerate((("coral", -0.9, 0.4), ("gold", 0.3, 0.0), ("coral", 1.3, -0.6)))
+    ]
+    scene = BALLS | {"shapes": [*BALLS["shapes"][:1], *poles]}
+    pose = np.eye(4)
+    pose[:3, 3] = 0, 1.2, 6.2
+    size = {name: SMALL[name] for name in ("width", "height")} | {"fps": 2}
+    found = []
+    for rolling in (0.0, 0.97):
+        with tempfile.TemporaryDirectory() as folder:
+            rayfarm.dataset(
+                *(scene, [pose] * 2),
+                **size,
+                folder=Path(folder) / "poles",
+                fov=30,
+                outputs=["color", "object"],
+                picture_format="exr",
+                environment="studio",
+                **{"spp": 256, "shutter": 0.6, "rolling_shutter": rolling},
+            )
+            light = read((Path(folder) / "poles/color/000001.exr").read_bytes(), "color.exr")
+            ids = np.load(Path(folder) / "poles/object/000001.npy")
+        found.append(_shown(light[..., :3], "neutral"))
+    return [*found, np.array(ID_COLORS, np.uint8)[ids]]
+
+
 def denoising() -> list[Panel]:
     """Returns a still life at 8 samples a pixel, the same denoised, and at 256 samples."""
     scene = ROOT / "scenes" / "still-life.yaml"
@@ -128,6 +168,7 @@ DRAWN: dict[str, tuple[Callable[[], list[Panel]], int]] = {
     "backgrounds": (backgrounds, 3),
     "denoising": (denoising, 3),
     "motion-blur": (motion_blur, 3),
+    "rolling-shutter": (rolling_shutter, 3),
 }
 
 

@@ -12,7 +12,7 @@ from rayfarm.stage import OpenScene
 from renderer.confine.reader import Link, error_message
 from renderer.errors import RayfarmError, SceneError
 from renderer.image.read import read as read_image
-from renderer.scene.animation import Moment
+from renderer.scene.animation import Moment, Shutter
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.compiled_parts import Saver
 from renderer.scene.files import SceneFiles
@@ -43,7 +43,7 @@ def serve_requests(
         moment = Moment(**request["moment"])
         try:
             if request["which"] == "between":
-                compiled, summary = stage.between_neighbours(moment)
+                compiled, summary = stage.between_neighbours(moment, Shutter(**request["shutter"]))
             else:
                 compiled, summary = stage.scene_at(moment, lambda step: link.send({"step": step}))
         except RayfarmError as error:

@@ -19,7 +19,7 @@ from renderer.blender.opening import callable_functions
 from renderer.confine.job_folder import temporary_folder
 from renderer.confine.running import Reader, error_of, run
 from renderer.errors import SceneError
-from renderer.scene.animation import Moment
+from renderer.scene.animation import BETWEEN, Moment, Shutter
 
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
@@ -60,15 +60,16 @@ class ConfinedScene:
 
         Raises RayfarmError.
         """
-        return self._request_scene("at", moment, say)
+        return self._request_scene({"which": "at", "moment": asdict(moment)}, say)
 
-    def between_neighbours(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
+    def between_neighbours(self, moment: Moment, shutter: Shutter = BETWEEN) -> tuple[CompiledScene, dict[str, Any]]:
         """Returns the scene with a shutter that is open from the previous to the next frame, for motion vectors.
 
-        moment: the frame between them. Otherwise like `scene_at`."""
-        return self._request_scene("between", moment, lambda step: None)
+        moment: the frame between them. shutter: another time around it. Otherwise like `scene_at`."""
+        request = {"which": "between", "moment": asdict(moment), "shutter": asdict(shutter)}
+        return self._request_scene(request, lambda step: None)
 
-    def _request_scene(self, method: str, moment: Moment, say: Say) -> tuple[CompiledScene, dict[str, Any]]:
+    def _request_scene(self, request: dict[str, Any], say: Say) -> tuple[CompiledScene, dict[str, Any]]:
         found: dict[str, Any] = {}
 
         def handle_message(message: dict[str, Any]) -> None:
@@ -83,7 +84,7 @@ class ConfinedScene:
             if self._reader is None:
                 self._reader, self._compiled = self._start_reader(), None
             try:
-                if self._reader.request({"which": method, "moment": asdict(moment)}, handle_message):
+                if self._reader.request(request, handle_message):
                     break
             finally:
                 if self._reader.is_over:

@@ -8,7 +8,7 @@ from dataclasses import fields, replace
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from renderer.scene.animation import Moment
+from renderer.scene.animation import BETWEEN, Moment, Shutter
 
 if TYPE_CHECKING:
     from renderer.scene.compiled import CompiledScene
@@ -59,9 +59,12 @@ class OpenScene:
         """
         return self._compile_moment(moment, say, lambda each: self._shot.over_shutter(each, self._shutter))
 
-    def between_neighbours(self, moment: Moment) -> tuple[CompiledScene, dict[str, Any]]:
-        """Like `scene_at`, but compiles the time from the previous to the next frame, for motion vectors."""
-        return self._compile_moment(moment, lambda step: None, self._shot.between_frames)
+    def between_neighbours(self, moment: Moment, shutter: Shutter = BETWEEN) -> tuple[CompiledScene, dict[str, Any]]:
+        """Like `scene_at`, but compiles the time from the previous to the next frame, for motion vectors.
+
+        shutter: another time around the moment.
+        """
+        return self._compile_moment(moment, lambda step: None, lambda each: self._shot.between_frames(each, shutter))
 
     @property
     def part_offsets(self) -> PartOffsets:

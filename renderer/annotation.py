@@ -18,8 +18,19 @@ from renderer.arrays.rows import PART_OBJECT
 from renderer.arrays.scene import example
 from renderer.bvh.layout import INSTANCE, ROW_CHILD, ROW_PRIMITIVE
 from renderer.bvh.traverse import new_stack
-from renderer.kernel.annotation import ID_COLUMNS, INSTANCE_ID, MATERIAL_ID, OBJECT_ID, trace_annotation, trace_occlusion
+from renderer.exposure import PixelTimes, pixel_times
+from renderer.kernel.annotation import (
+    HIT_COLUMNS,
+    ID_COLUMNS,
+    INSTANCE_ID,
+    MATERIAL_ID,
+    OBJECT_ID,
+    locate_points,
+    trace_annotation,
+    trace_occlusion,
+)
 from renderer.kernel.camera import camera_frame
+from renderer.scene.animation import BETWEEN, Shutter
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings, View
@@ -37,13 +48,19 @@ _TIMES = (np.float32(0.0), np.float32(0.5), np.float32(1.0))
 _MOVING = "moving"
 _KERNEL = "annotation"
 _ROWS = 16  # rows of pixels per part
+_ROUNDS = 40  # of an iteration
+_EXACT, _CONVERGED = 1e-5, 1e-3  # pixels by which a time is off: where an iteration ends, and what it must have reached
 _LAYERS = 8  # at first; a picture with deeper pixels is traced again
 
 
 class Annotation(NamedTuple):
-    """The first hits of the rays through the pixel centres of a picture of h rows and w columns."""
+    """The first hits of the rays through the pixel centres of a picture of h rows and w columns.
+
+    NOW is the middle of a pixel's own exposure; BEFORE and AFTER are a frame earlier and later.
+    """
 
     places: F64  # (h, w, 3, 4): the point at BEFORE, NOW, AFTER, relative to the scene's origin, and 1; directions and 0
+    hits: F64  # (h, w, HIT_COLUMNS), of `trace_annotation`
     normal: F32  # (h, w, 3): unit, world space, on the viewer's side; 0 without a surface
     object: I32  # (h, w): number, -1 for none
     instance: I32  # (h, w): compiled instance; -1 for the world's own geometry, or none
@@ -67,15 +84,24 @@ class Flow(NamedTuple):
     occluded: npt.NDArray[np.bool_]  # (h, w): whether the point is hidden in the other view, or outside its picture
 
 
-def annotate(scene: CompiledScene, settings: RenderSettings, layers: bool = True, threads: int | None = None) -> Annotation:
-    """Returns the annotation of a picture. scene: at one moment, or compiled from `Shot.between_frames`.
+def annotate(
+    scene: CompiledScene,
+    settings: RenderSettings,
+    layers: bool = True,
+    threads: int | None = None,
+    window: Shutter | None = BETWEEN,
+) -> Annotation:
+    """Returns the annotation of a picture. scene: static, or compiled over the time `window` of `window_between`, for flow.
 
-    settings: their size and view are used; the lens is a pinhole. layers: whether to trace all surfaces along each ray.
+    settings: their size, view and rolling shutter are used; the lens is a pinhole. layers: whether to trace all surfaces along
+    each ray. window: None if the scene is compiled over the settings' own shutter; BEFORE and AFTER are then as NOW.
     """
     settings = _sharp(settings, scene)
     shape = settings.height, settings.width
     prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
-    places, normals = np.empty((*shape, 3, 4)), np.empty((*shape, 3), np.float32)
+    when = pixel_times(settings, window)
+    times = _frame_times(when.at(*_pixel_centres(shape)), when.frame)
+    places, hits, normals = np.empty((*shape, 3, 4)), np.empty((*shape, HIT_COLUMNS)), np.empty((*shape, 3), np.float32)
     ids, counts = np.empty((*shape, ID_COLUMNS), np.int32), np.zeros(shape, np.int32)
     room = _LAYERS if layers else 0
     if not jit.is_ready(_KERNEL):
@@ -86,40 +112,94 @@ def annotate(scene: CompiledScene, settings: RenderSettings, layers: bool = True
 
             def trace_part(part: tuple[int, int], listed: I32 = listed) -> None:
                 rows = slice(*part)
-                arrays = places[rows], normals[rows], ids[rows], listed[rows], counts[rows]
+                arrays = times[rows], places[rows], hits[rows], normals[rows], ids[rows], listed[rows], counts[rows]
                 trace_annotation(prepared, new_stack(), camera, part[0], *arrays)
 
             team.each(trace_part, parts_of(0, settings.height, _ROWS))
             if not layers or counts.max(initial=0) <= room:
                 break
             room = int(counts.max())
-    return Annotation(places, normals, ids[..., OBJECT_ID], ids[..., INSTANCE_ID], ids[..., MATERIAL_ID], listed)
+    return Annotation(places, hits, normals, ids[..., OBJECT_ID], ids[..., INSTANCE_ID], ids[..., MATERIAL_ID], listed)
 
 
 def flow_to(
-    scene: CompiledScene, settings: RenderSettings, found: Annotation, other: View, when: int, threads: int | None = None
+    scene: CompiledScene,
+    settings: RenderSettings,
+    found: Annotation,
+    other: View,
+    when: int,
+    threads: int | None = None,
+    window: Shutter | None = BETWEEN,
 ) -> Flow:
     """Returns the motion from the annotated picture to that of another view, at the frame `when`: BEFORE or AFTER.
 
-    scene: as for `annotate`; for a static one, the flow is that of the camera alone. settings: those of the annotated picture.
+    With a rolling shutter the flow ends where the other picture's rows see the point at their own time; it is NaN where no row
+    does, or where the point moves about as fast as the readout. scene, window: as for `annotate`; for a static scene, the flow is
+    that of the camera alone. settings: those of the annotated picture.
     """
     here = _sharp(settings, scene)
     there = _sharp(replace(settings, view=other), scene)
     start = projected(here.view, here, found.places[:, :, NOW])
-    moved = np.ascontiguousarray(found.places[:, :, when])
-    end = projected(there.view, there, moved)
-    with np.errstate(invalid="ignore"):
-        inside = ((end >= 0.0) & (end <= (settings.width, settings.height))).all(axis=2)  # False for NaN
-    occluded = np.asarray(~inside, np.uint8)
-    prepared, eye = strip_absent_features(scene, _MOVING), tuple(np.float64(v) for v in there.view.eye)
-
-    def trace_part(part: tuple[int, int]) -> None:
-        rows = slice(*part)
-        trace_occlusion(prepared, new_stack(), eye, moved[rows], _TIMES[when], occluded[rows])
-
+    prepared = strip_absent_features(scene, _MOVING)
+    times = pixel_times(settings, window)
+    moved, end = np.ascontiguousarray(found.places[:, :, when]), projected(there.view, there, found.places[:, :, when])
+    seen = np.full(end.shape[:2], _TIMES[when])
     with Team(threads) as team:
+        if times.is_rolling:
+            moved, end, seen = _where_rows_see(prepared, here, there, found, times, when, team)
+        with np.errstate(invalid="ignore"):
+            inside = ((end >= 0.0) & (end <= (settings.width, settings.height))).all(axis=2)  # False for NaN
+        occluded = np.asarray(~inside, np.uint8)
+        eye = tuple(np.float64(v) for v in there.view.eye)
+
+        def trace_part(part: tuple[int, int]) -> None:
+            rows = slice(*part)
+            trace_occlusion(prepared, new_stack(), eye, moved[rows], seen[rows], occluded[rows])
+
         team.each(trace_part, parts_of(0, settings.height, _ROWS))
     return Flow((end - start).astype(np.float32), occluded != 0)
+
+
+def _where_rows_see(
+    scene: CompiledScene, here: RenderSettings, there: RenderSettings, found: Annotation, times: PixelTimes, when: int, team: Team
+) -> tuple[F64, F64, F32]:
+    """Returns points (h, w, 4), positions (h, w, 2) and times (h, w) at which a rolling shutter sees points in another frame.
+
+    The time at which a point is seen depends on its row, and its row on the time: a fixed point, by iteration, which converges if
+    the point moves slower in the picture than the readout. Positions are NaN where it does not.
+    """
+    camera = camera_frame(here)
+    own = times.at(*_pixel_centres((here.height, here.width)))
+    shift = (when - NOW) * times.frame
+    target, places = own + shift, np.empty((*own.shape, 1, 4))
+    pixel = abs(times.across) + abs(times.down)
+    for _ in range(_ROUNDS):
+        pairs = np.stack([own, target], axis=2).astype(np.float32)
+
+        def locate_part(part: tuple[int, int], pairs: F32 = pairs) -> None:
+            rows = slice(*part)
+            locate_points(scene, camera, part[0], pairs[rows], found.hits[rows], places[rows])
+
+        team.each(locate_part, parts_of(0, here.height, _ROWS))
+        end = projected(there.view, there, places[:, :, 0])
+        x, y = (np.clip(np.nan_to_num(end[..., k]), 0.0, most) for k, most in ((0, here.width), (1, here.height)))
+        before, target = target, times.at(x, y) + shift
+        off = abs(target - before) / pixel
+        if off.max(initial=0.0) < _EXACT:
+            break
+    end[off > _CONVERGED] = np.nan
+    return np.ascontiguousarray(places[:, :, 0]), end, target.astype(np.float32)
+
+
+def _pixel_centres(shape: tuple[int, int]) -> tuple[F64, F64]:
+    """Returns x and y of the centres of a picture's pixels (h, w)."""
+    y, x = np.mgrid[0 : shape[0], 0 : shape[1]] + 0.5
+    return x, y
+
+
+def _frame_times(now: F64, frame: float) -> F32:
+    """Returns times (h, w, 3) a frame before, at, and a frame after the times `now`. frame: duration of a frame."""
+    return np.stack([now - frame, now, now + frame], axis=2).astype(np.float32)
 
 
 def load_kernel() -> None:
@@ -128,10 +208,12 @@ def load_kernel() -> None:
     scene, camera = strip_absent_features(example(), _MOVING), camera_frame(nothing)
     ids, counts = np.empty((0, 1, ID_COLUMNS), np.int32), np.empty((0, 1), np.int32)
     with jit.compiling(_KERNEL):
-        arrays = np.empty((0, 1, 3, 4)), np.empty((0, 1, 3), np.float32), ids, np.empty((0, 1, 1, 2), np.int32), counts
-        trace_annotation(scene, new_stack(), camera, 0, *arrays)
+        arrays = np.empty((0, 1, 3), np.float32), np.empty((0, 1, 3, 4)), np.empty((0, 1, HIT_COLUMNS))
+        planes = np.empty((0, 1, 3), np.float32), ids, np.empty((0, 1, 1, 2), np.int32), counts
+        trace_annotation(scene, new_stack(), camera, 0, *arrays, *planes)
         eye = np.float64(0.0), np.float64(0.0), np.float64(0.0)
-        trace_occlusion(scene, new_stack(), eye, np.empty((0, 1, 4)), _TIMES[0], np.empty((0, 1), np.uint8))
+        times = np.empty((0, 1), np.float32)
+        trace_occlusion(scene, new_stack(), eye, np.empty((0, 1, 4)), times, np.empty((0, 1), np.uint8))
 
 
 def bodies_of(scene: CompiledScene) -> list[Body]:

@@ -40,6 +40,7 @@ __all__ = [
     "PATH",
     "PROJECTIONS",
     "REST_GROUP",
+    "ROLLING_SHUTTERS",
     "SAMPLERS",
     "SAMPLINGS",
     "SETTINGS",
@@ -114,6 +115,14 @@ SHUTTERS = Choices(
         "centred": SettingTexts("Centred", "The frame's time is the middle of the exposure."),
         "trailing": SettingTexts("Trailing", "The exposure ends at the frame's time."),
         "leading": SettingTexts("Leading", "The exposure starts at the frame's time."),
+    }
+)
+ROLLING_SHUTTERS = Choices(
+    {
+        "top": SettingTexts("From the top", "The top row is read out first."),
+        "bottom": SettingTexts("From the bottom", "The bottom row is read out first."),
+        "left": SettingTexts("From the left", "The left column is read out first, as on a phone held upright."),
+        "right": SettingTexts("From the right", "The right column is read out first."),
     }
 )
 MISTAKES = Choices(
@@ -447,6 +456,29 @@ class RenderSettings:
             phrase="{} keys",
         ),
     ] = 0
+    rolling_shutter: Annotated[
+        float,
+        Setting(0.001, 1.0, off=0.0),
+        SettingTexts(
+            "Rolling shutter",
+            "Share of the shutter's time in which rows are read out one after the other. 1: each is exposed for an instant.",
+            unit="fraction",
+            section="Samples",
+            off=Sentence("setting-off-all-at-once", "all at once"),
+            phrase="rolling shutter {}",
+            usual=(0.0, 1.0),
+        ),
+    ] = 0.0
+    rolling_shutter_from: Annotated[
+        str,
+        Setting(choices=ROLLING_SHUTTERS),
+        SettingTexts(
+            "Readout",
+            "Edge of the picture at which a rolling shutter begins.",
+            section="Samples",
+            phrase="rolling shutter {}",
+        ),
+    ] = "top"
     light_groups: Annotated[
         str,
         Setting(names=MAX_LIGHT_GROUPS),
@@ -525,6 +557,14 @@ class RenderSettings:
     def __post_init__(self) -> None:
         checked(self)
         object.__setattr__(self, "views", tuple(self.views))
+        if self.rolling_shutter and not self.shutter:
+            raise SettingsError(
+                Sentence(
+                    "rolling-shutter-closed",
+                    "rolling_shutter needs a shutter; set shutter to the part of a frame's time in which all rows are read out",
+                ),
+                field="rolling_shutter",
+            )
         if REST_GROUP in self.light_groups.split(","):
             raise SettingsError(
                 Sentence(
@@ -646,7 +686,10 @@ class RenderSettings:
 
 
 SETTINGS = table(RenderSettings)
-_LATER = ("caustics", "guiding", "transparency_depth", "light_groups", "light_paths", "background", "cryptomatte")
+_LATER = (
+    *("caustics", "guiding", "transparency_depth", "light_groups", "light_paths", "background", "cryptomatte"),
+    *("rolling_shutter", "rolling_shutter_from"),
+)
 
 # Settings with defaults in the scene file, and then in RenderSettings.
 OPTIONAL = tuple(name for name, each in SETTINGS.items() if each.setting.of == "job" and each.default is not MISSING)

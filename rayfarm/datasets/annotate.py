@@ -102,6 +102,22 @@ class ViewAnnotation:
     variation: dict[str, Any]
 
 
+def _rolling_shutter(settings: RenderSettings) -> dict[str, Any] | None:
+    """Returns when each row, or column, is exposed, as dataset.json has it; times are in frames from the view's own."""
+    from renderer.exposure import pixel_times
+    from renderer.scene.animation import Shutter
+
+    if not settings.rolling_shutter:
+        return None
+    times = pixel_times(settings, Shutter(1.0))
+    return {
+        "from": settings.rolling_shutter_from,
+        "first": round(times.first + (times.across + times.down) / 2 - 0.5, 12),
+        "step": round(times.across + times.down, 12),
+        "exposure": round((1 - settings.rolling_shutter) * settings.shutter, 12),
+    }
+
+
 class Annotator:
     """Annotates the views of a data set, with the scene compiled in this process."""
 
@@ -126,6 +142,7 @@ class Annotator:
         self._fps, self._clip, self._threads = fps, clip, threads
         self._given, self._every = categories, every
         _, summary = stage.scene_at(Moment(0.0, fps, clip))
+        self.rolling_shutter = _rolling_shutter(settings(summary))
         self.objects: list[str] = list(summary["objects"])
         self.materials: list[str] = list(summary["materials"])
         of_object = [self._category_of(name) for name in self.objects]
@@ -140,16 +157,18 @@ class Annotator:
     def annotate(self, number: int) -> ViewAnnotation:
         """Returns the annotation of a view. Raises SceneError."""
         from renderer.annotation import AFTER, BEFORE, NOW, annotate, flow_to
+        from renderer.exposure import window_between
 
         moment = Moment(float(number), self._fps, self._clip)
         compiled, summary = self._stage.scene_at(moment)
         bodies = self._bodies_of(compiled)
-        if any(name in FLOWS for name in self._outputs):
-            compiled, summary = self._stage.between_neighbours(moment)
         view = self._views[number]
-        settings = replace(self._settings(summary), view=view, views=())
+        settings, window = replace(self._settings(summary), view=view, views=()), None
+        if any(name in FLOWS for name in self._outputs):
+            window = window_between(settings)
+            compiled, summary = self._stage.between_neighbours(moment, window)
         is_listed = any(name in self._outputs for name in ("boxes", "masks"))
-        seen = annotate(compiled, settings, is_listed, self._threads)
+        seen = annotate(compiled, settings, is_listed, self._threads, window)
         surface = seen.places[:, :, NOW, 3] != 0
         places = seen.places[:, :, NOW, :3] + compiled.origin
         instance = self._instance_ids(seen.object, seen.instance, bodies)
@@ -164,7 +183,7 @@ class Annotator:
             if name.startswith(_IN_SPACE):
                 planes[name] = _scene_flow(seen, surface, when)
             else:
-                flow = flow_to(compiled, settings, seen, self._views[other], when, self._threads)
+                flow = flow_to(compiled, settings, seen, self._views[other], when, self._threads, window)
                 planes |= {name: flow.offset, f"{name}{OCCLUDED}": flow.occluded.astype(np.uint8)}
         described = self._described(seen, instance, bodies, summary.get("poses", {})) if is_listed else None
         return ViewAnnotation(planes, described, summary.get("variation", {}))

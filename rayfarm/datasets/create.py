@@ -199,6 +199,7 @@ def _description(request: Request, path: Path, annotator: Annotator) -> dict[str
         "height": request.height,
         "intrinsics": request.intrinsics.tolist(),
         **({"distortion": request.distortion.to_json()} if request.distortion is not None else {}),
+        **({"rolling_shutter": annotator.rolling_shutter} if annotator.rolling_shutter is not None else {}),
         "outputs": list(request.outputs),
         "settings": request.settings,
         **({"vary": request.vary} if request.vary is not None else {}),

@@ -1,7 +1,7 @@
 """Exact annotation of pixels: what the rays through pixel centres meet, without filtering.
 
-A ray goes through the centre of its pixel and of the lens, at the middle of the shutter. Surfaces with an opacity below 1/2 and
-lamps that let rays pass are not met, as for motion vectors (vectors.py).
+A ray goes through the centre of its pixel and of the lens, at the middle of the pixel's exposure. Surfaces with an opacity below
+1/2 and lamps that let rays pass are not met, as for motion vectors (vectors.py).
 """
 
 from __future__ import annotations
@@ -10,17 +10,29 @@ import math
 
 import numpy as np
 
+from renderer.bvh.hit import Hit
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE
 from renderer.jit import device, entry, never_inline, subroutine
 from renderer.kernel.camera import moving_ray
 from renderer.kernel.surface.surface import surface_at
-from renderer.kernel.vectors import next_visible, write_places
+from renderer.kernel.vectors import next_visible, write_place
 from renderer.reference import by_reference
 
-__all__ = ["ID_COLUMNS", "INSTANCE_ID", "MATERIAL_ID", "OBJECT_ID", "trace_annotation", "trace_occlusion"]
+__all__ = [
+    "HIT_COLUMNS",
+    "ID_COLUMNS",
+    "INSTANCE_ID",
+    "MATERIAL_ID",
+    "OBJECT_ID",
+    "locate_points",
+    "trace_annotation",
+    "trace_occlusion",
+]
 
 OBJECT_ID, INSTANCE_ID, MATERIAL_ID = range(3)  # columns of `ids`
 ID_COLUMNS = 3
+HIT_T, HIT_U, HIT_V, HIT_INSTANCE, HIT_PRIMITIVE = range(5)  # columns of `hits`
+HIT_COLUMNS = 5
 
 _HALF = np.float32(0.5)
 _MIDDLE = (_HALF, _HALF)
@@ -49,18 +61,22 @@ def _list_layers(scene, stack, o, d, hit, y, x, layers, counts):
                 layers[y, x, count, 0] = number
                 layers[y, x, count, 1] = hit.instance
             count += 1
-        hit = next_visible(scene, stack, o, d, _HALF, (hit.t, hit.instance, hit.primitive))
+        hit = next_visible(scene, stack, o, d, hit.time, (hit.t, hit.instance, hit.primitive))
     counts[y, x] = count
 
 
 @subroutine
-def _annotate(scene, stack, camera, top, places, normals, ids, layers, counts):
+def _annotate(scene, stack, camera, top, times, places, hits, normals, ids, layers, counts):
     never_inline()
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
-            o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
-            hit = next_visible(scene, stack, o, d, _HALF, FROM_ORIGIN)
-            write_places(scene, hit, o, d, y, x, places)
+            time = times[y, x, 1]
+            o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, time)
+            hit = next_visible(scene, stack, o, d, time, FROM_ORIGIN)
+            for which in range(3):
+                write_place(scene, hit, o, d, y, x, which, times[y, x, which], places)
+            hits[y, x, HIT_T], hits[y, x, HIT_U], hits[y, x, HIT_V] = hit.t, hit.u, hit.v
+            hits[y, x, HIT_INSTANCE], hits[y, x, HIT_PRIMITIVE] = hit.instance, hit.primitive
             for k in range(3):
                 normals[y, x, k] = np.float32(0.0)
                 ids[y, x, k] = np.int32(-1)
@@ -77,7 +93,19 @@ def _annotate(scene, stack, camera, top, places, normals, ids, layers, counts):
 
 
 @subroutine
-def _occlude(scene, stack, eye, places, time, occluded):
+def _locate(scene, camera, top, times, hits, places):
+    never_inline()
+    for y in range(places.shape[0]):
+        for x in range(places.shape[1]):
+            time = times[y, x, 0]
+            o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, time)
+            t, u, v = np.float32(hits[y, x, HIT_T]), np.float32(hits[y, x, HIT_U]), np.float32(hits[y, x, HIT_V])
+            hit = Hit(t, np.int32(hits[y, x, HIT_PRIMITIVE]), u, v, np.int32(hits[y, x, HIT_INSTANCE]), time)
+            write_place(scene, hit, o, d, y, x, 0, times[y, x, 1], places)
+
+
+@subroutine
+def _occlude(scene, stack, eye, places, times, occluded):
     never_inline()
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
@@ -90,29 +118,39 @@ def _occlude(scene, stack, eye, places, time, occluded):
                 continue
             o = np.float32(eye[0]), np.float32(eye[1]), np.float32(eye[2])
             d = np.float32(a / length), np.float32(b / length), np.float32(c / length)
-            hit = next_visible(scene, stack, o, d, time, FROM_ORIGIN)
+            hit = next_visible(scene, stack, o, d, times[y, x], FROM_ORIGIN)
             if hit.primitive != NO_PRIMITIVE and (near == 0.0 or np.float64(hit.t) < _NEARER * length):
                 occluded[y, x] = np.uint8(1)
 
 
 @entry
-def trace_annotation(scene, stack, camera, top, places, normals, ids, layers, counts):
+def trace_annotation(scene, stack, camera, top, times, places, hits, normals, ids, layers, counts):
     """Fills the annotation of h rows of pixels from row `top` on.
 
-    places: (h, w, 3, 4) float64, as by `trace_motion_points`. normals: (h, w, 3) float32, unit shading normals on the viewer's
-    side, 0 without a surface. ids: (h, w, ID_COLUMNS) int32, -1 for none: numbers of object, instance and material; instance -1
-    is the world's own geometry. layers: (h, w, d, 2) int32, the objects and instances that the ray meets, in order, each once;
-    d = 0: not traced. counts: (h, w) int32, how many there are, which may exceed d. scene: in the variant for moving scenes, with
-    an odd number of keys. stack: from new_stack.
+    times: (h, w, 3) float32, of the shutter, 0 ... 1; rays are those of the second. places: (h, w, 3, 4) float64, where the
+    point is at each time: a world point (x, y, z, 1), or if nothing is hit the ray's direction and 0. hits: (h, w, HIT_COLUMNS)
+    float64, for `locate_points`. normals: (h, w, 3) float32, unit shading normals on the viewer's side, 0 without a surface.
+    ids: (h, w, ID_COLUMNS) int32, -1 for none: numbers of object, instance and material; instance -1 is the world's own geometry.
+    layers: (h, w, d, 2) int32, the objects and instances that the ray meets, in order, each once; d = 0: not traced. counts:
+    (h, w) int32, how many there are, which may exceed d. scene: in the variant for moving scenes. stack: from new_stack.
     """
-    _annotate(by_reference(scene), stack, camera, top, places, normals, ids, layers, counts)
+    _annotate(by_reference(scene), stack, camera, top, times, places, hits, normals, ids, layers, counts)
 
 
 @entry
-def trace_occlusion(scene, stack, eye, places, time, occluded):
+def locate_points(scene, camera, top, times, hits, places):
+    """Computes where the points of a picture are at other times, from their hits; places: (h, w, 1, 4), as above.
+
+    times: (h, w, 2) float32, of the ray and of the place. The other arguments are those of `trace_annotation`.
+    """
+    _locate(by_reference(scene), camera, top, times, hits, places)
+
+
+@entry
+def trace_occlusion(scene, stack, eye, places, times, occluded):
     """Sets `occluded`, (h, w) uint8, to 1 where a surface lies between a point and the eye.
 
     eye: three float64. places: (h, w, 4) float64, points with a last column of 1, or directions with 0, which any surface
-    occludes. Pixels that are occluded already are not traced. time: of the shutter, 0 ... 1.
+    occludes. times: (h, w) float32, of the shutter, 0 ... 1. Pixels that are occluded already are not traced.
     """
-    _occlude(by_reference(scene), stack, eye, places, time, occluded)
+    _occlude(by_reference(scene), stack, eye, places, times, occluded)

@@ -31,7 +31,9 @@ __all__ = [
     "camera_frame",
     "camera_ray",
     "distortion_row",
+    "exposure_time",
     "moving_ray",
+    "readout_of",
 ]
 
 PERSPECTIVE, ORTHOGRAPHIC, PANORAMA = (np.int32(PROJECTIONS.index(n)) for n in ("perspective", "orthographic", "panorama"))
@@ -65,6 +67,7 @@ class Camera(NamedTuple):
     motion: npt.NDArray[np.float64]  # (K, KEY_COLUMNS) of right, up, back and eye (renderer/bvh/motion.py); or no rows
     lens: npt.NDArray[np.float64]  # (K, 6): a pixel's width, aperture, focus, near, middle 2
     distortion: npt.NDArray[np.float64]  # (1, 12) from LensDistortion.row; no rows: none
+    readout: tuple[np.float32, np.float32, np.float32, np.float32]  # see `readout_of`
 
 
 def camera_frame(settings: RenderSettings) -> Camera:
@@ -78,6 +81,7 @@ def camera_frame(settings: RenderSettings) -> Camera:
     flat = view.projection == "orthographic"
     pixel, aperture, focus, near, *middle = _lens(view, settings)
     corner = up * (pixel * middle[1]) - right * (pixel * middle[0])
+    exposure, first, across, down = readout_of(settings)
     return Camera(
         kind=np.int32(PROJECTIONS.index(view.projection)),
         eye=vector(eye),
@@ -95,7 +99,23 @@ def camera_frame(settings: RenderSettings) -> Camera:
         motion=_motion(settings.views),
         lens=np.array([_lens(each, settings) for each in settings.views]).reshape(-1, 6),
         distortion=distortion_row(view, settings.width, settings.height),
+        readout=(np.float32(exposure), np.float32(first), np.float32(across), np.float32(down)),
     )
+
+
+def readout_of(settings: RenderSettings) -> tuple[float, float, float, float]:
+    """Returns the coefficients of `exposure_time`: of the random number, the constant, and per pixel in x and in y.
+
+    A rolling shutter reads pixels out one row, or column, after the other in a share r of the shutter's time, and exposes each
+    for the remaining 1 - r, as Cycles does with a rolling shutter duration of 1 - r.
+    """
+    share, edge = settings.rolling_shutter, settings.rolling_shutter_from
+    is_backwards = edge in ("bottom", "right")
+    across = edge in ("left", "right")
+    step = share / (settings.width if across else settings.height) * (-1.0 if is_backwards else 1.0)
+    first = share if is_backwards else 0.0
+    x, y = (step, 0.0) if across else (0.0, step)
+    return 1.0 - share, first, x, y
 
 
 def distortion_row(view: View, width: int, height: int) -> npt.NDArray[np.float64]:
@@ -231,6 +251,7 @@ def _camera_at(camera, x, y, u, v, time):
         camera.motion,
         camera.lens,
         camera.distortion,
+        camera.readout,
     )
     return camera_ray(now, x, y, (u, v))
 
@@ -256,6 +277,17 @@ def _distorted_ray(camera, x, y, time):
         start = near / along
         eye = vec.add(eye, vec.scale(d, start))
     return eye, d, start
+
+
+@device
+def exposure_time(camera, x, y, u):
+    """Returns the shutter time, 0 ... 1, at which a pixel with the centre (x, y) is exposed.
+
+    u: a number in [0, 1), uniform over the pixel's exposure; without a rolling shutter it is the time. For one sample or for
+    eight lanes.
+    """
+    exposure, first, across, down = camera.readout
+    return u * exposure + first + x * across + y * down
 
 
 @device

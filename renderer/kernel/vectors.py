@@ -11,7 +11,7 @@ import math
 import numpy as np
 
 from renderer.arrays.rows import LAMP, TRANSPARENT
-from renderer.bvh.motion import transform_at
+from renderer.bvh.motion import step_at, transform_at
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import device, entry, never_inline, subroutine
 from renderer.kernel.camera import moving_ray
@@ -19,7 +19,7 @@ from renderer.kernel.material.material import has_flag, opacity
 from renderer.kernel.surface.surface import surface_at
 from renderer.reference import by_reference
 
-__all__ = ["next_visible", "trace_motion_points", "write_places"]
+__all__ = ["next_visible", "trace_motion_points", "write_place"]
 
 _INF = np.float32(np.inf)
 _LAMP, _TRANSPARENT = np.uint32(LAMP), np.uint32(TRANSPARENT)
@@ -29,39 +29,32 @@ _MIDDLE = (_HALF, _HALF)
 
 
 @device
-def _key(keys, time):
-    """Returns the index of the key at the opening, middle or closing of the shutter, as `time` selects.
-
-    keys: number of keys, odd.
-    """
-    return 0 if time == _OPENS else keys - 1 if time == _CLOSES else keys // 2
-
-
-@device
-def _row(fixed, moving, keys, i, time):
-    """Returns the first three columns of vertex row i at the opening, middle or closing of the shutter.
+def _interpolated(fixed, moving, keys, i, column, time):
+    """Returns an element of row i at a shutter time, float64, interpolated between the two nearest keys.
 
     The row is in `moving` if it is one of the last rows, which have keys, else in `fixed`.
     """
     count = len(moving) // keys if keys > 0 else 0
     first = len(fixed) - count
     if i < first:
-        return fixed[i, 0], fixed[i, 1], fixed[i, 2]
-    row = _key(keys, time) * count + i - first
-    return moving[row, 0], moving[row, 1], moving[row, 2]
+        return np.float64(fixed[i, column])
+    step, share = step_at(time, keys)
+    a = np.float64(moving[step * count + i - first, column])
+    b = np.float64(moving[(step + 1) * count + i - first, column])
+    return b if share == _CLOSES else a + np.float64(share) * (b - a)
 
 
 @device
-def _radius(scene, i, time):
-    keys = np.int64(scene.bvh.keyed_packets[1])
-    count = len(scene.key_sphere) // keys
-    first = len(scene.sphere) - count
-    return np.float64(scene.sphere[i, 3] if i < first else scene.key_sphere[_key(keys, time) * count + i - first, 3])
+def _row(fixed, moving, keys, i, time):
+    """Returns the first three columns of vertex row i at a shutter time."""
+    x = _interpolated(fixed, moving, keys, i, 0, time)
+    y = _interpolated(fixed, moving, keys, i, 1, time)
+    return x, y, _interpolated(fixed, moving, keys, i, 2, time)
 
 
 @subroutine
 def _triangle_position(scene, hit, time):
-    """Returns the world position, float64, of the point hit on a triangle, at the opening, middle or closing of the shutter."""
+    """Returns the world position, float64, of the point hit on a triangle, at a shutter time."""
     never_inline()
     keys = np.int64(scene.bvh.keyed_packets[1])
     corners = scene.triangle[hit.primitive]
@@ -94,17 +87,17 @@ def _triangle_position(scene, hit, time):
 
 @subroutine
 def _sphere_position(scene, hit, o, d, time):
-    """Returns the world position, float64, of the point hit on a sphere, at the opening, middle or closing of the shutter.
+    """Returns the world position, float64, of the point hit on a sphere, at a shutter time.
 
     Spheres do not rotate, so the point's direction from the centre is constant.
     """
     never_inline()
     keys = np.int64(scene.bvh.keyed_packets[1])
     i = np.int64(hit.primitive) - len(scene.triangle)
-    c = _row(scene.sphere, scene.key_sphere, keys, i, _HALF)
+    c = _row(scene.sphere, scene.key_sphere, keys, i, hit.time)
     t = np.float64(hit.t)
     x, y, z = o[0] + t * d[0] - c[0], o[1] + t * d[1] - c[1], o[2] + t * d[2] - c[2]
-    scale = _radius(scene, i, time) / math.sqrt(x * x + y * y + z * z)
+    scale = _interpolated(scene.sphere, scene.key_sphere, keys, i, 3, time) / math.sqrt(x * x + y * y + z * z)
     c = _row(scene.sphere, scene.key_sphere, keys, i, time)
     return c[0] + scale * x, c[1] + scale * y, c[2] + scale * z
 
@@ -140,17 +133,18 @@ def _write(places, y, x, which, place, near):
 
 
 @subroutine
-def write_places(scene, hit, o, d, y, x, places):
-    """Writes row (y, x) of `places`, (h, w, 3, 4) float64, for a Hit of the ray o + t d: see `trace_motion_points`."""
+def write_place(scene, hit, o, d, y, x, which, time, places):
+    """Writes element (y, x, which) of `places`, (h, w, n, 4) float64: where the point of a Hit of the ray o + t d is at a time.
+
+    The last number is 1; without a hit, the ray's direction and 0.
+    """
     never_inline()
-    for which in range(3):
-        time = _OPENS if which == 0 else _HALF if which == 1 else _CLOSES
-        if hit.primitive == NO_PRIMITIVE:
-            _write(places, y, x, which, (np.float64(d[0]), np.float64(d[1]), np.float64(d[2])), 0.0)
-        elif hit.primitive < len(scene.triangle):
-            _write(places, y, x, which, _triangle_position(scene, hit, time), 1.0)
-        else:
-            _write(places, y, x, which, _sphere_position(scene, hit, o, d, time), 1.0)
+    if hit.primitive == NO_PRIMITIVE:
+        _write(places, y, x, which, (np.float64(d[0]), np.float64(d[1]), np.float64(d[2])), 0.0)
+    elif hit.primitive < len(scene.triangle):
+        _write(places, y, x, which, _triangle_position(scene, hit, time), 1.0)
+    else:
+        _write(places, y, x, which, _sphere_position(scene, hit, o, d, time), 1.0)
 
 
 @subroutine
@@ -160,7 +154,9 @@ def _see_places(scene, stack, camera, top, places):
         for x in range(places.shape[1]):
             o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
             hit = next_visible(scene, stack, o, d, _HALF, FROM_ORIGIN)
-            write_places(scene, hit, o, d, y, x, places)
+            for which in range(3):
+                time = _OPENS if which == 0 else _HALF if which == 1 else _CLOSES
+                write_place(scene, hit, o, d, y, x, which, time, places)
 
 
 @entry
@@ -168,6 +164,6 @@ def trace_motion_points(scene, stack, camera, top, places):
     """Fills `places`, (h, w, 3, 4) float64, for h rows of pixels from row `top` on.
 
     For each of the three times: a world point (x, y, z, 1), or if nothing is hit the ray's direction and 0. scene: in the variant
-    for moving scenes, with an odd number of keys. stack: from new_stack.
+    for moving scenes. stack: from new_stack.
     """
     _see_places(by_reference(scene), stack, camera, top, places)

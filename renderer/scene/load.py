@@ -209,14 +209,14 @@ class Shot:
             )
         return moving
 
-    def between_frames(self, moment: Moment = _START) -> SceneDescription:
+    def between_frames(self, moment: Moment = _START, shutter: Shutter = BETWEEN) -> SceneDescription:
         """Returns the scene from the previous frame to the next, with three keys for moving objects: the input of motion vectors.
 
-        If a neighbouring frame is empty or cannot be read, returns the scene at the moment. Raises SceneError if that cannot be
-        read.
+        shutter: another time around the moment, with other keys. If a neighbouring frame is empty or cannot be read, returns the
+        scene at the moment. Raises SceneError if that cannot be read.
         """
         try:
-            return self.over_shutter(moment, dict(zip(SHUTTER, (BETWEEN.length, BETWEEN.at, BETWEEN.keys), strict=True)))
+            return self.over_shutter(moment, dict(zip(SHUTTER, (shutter.length, shutter.at, shutter.keys), strict=True)))
         except SceneError:
             return self.scene_at(moment)
 

@@ -25,6 +25,7 @@ CYCLES = {
     "film_exposure": 1.0,
     "film_transparent_glass": False,
     "rolling_shutter_type": "NONE",
+    "rolling_shutter_duration": 0.1,
     "texture_limit_render": "OFF",
     "use_camera_cull": False,
     "use_distance_cull": False,
@@ -46,7 +47,7 @@ BUT_HOW = {
 }
 WITH = {  # reported together with other settings or by their feature
     *("film_transparent_roughness", "camera_cull_margin", "distance_cull_margin"),
-    *("rolling_shutter_duration", "fast_gi_method", "ao_bounces_render"),
+    *("fast_gi_method", "ao_bounces_render"),
     *("volume_bounces", "volume_step_rate", "volume_max_steps"),
     *("dicing_rate", "max_subdivisions", "dicing_camera", "offscreen_dicing_scale"),
 }
@@ -103,7 +104,6 @@ def test_default_scene_has_no_warnings() -> None:
         ({"use_sky": False}, "Environment"),
         ({"use_solid": False}, "Surfaces"),
         ({"use_strand": False}, "Hair"),
-        ({"use_motion_blur": True, "rolling_shutter_type": "TOP"}, "rolling"),
         ({"use_simplify": True, "texture_limit_render": "512"}, "512 texels"),
         ({"use_simplify": True, "use_camera_cull": True}, "Camera Culling"),
         ({"use_simplify": True, "use_distance_cull": True}, "Distance Culling"),
@@ -128,6 +128,18 @@ def test_bounce_limits_match_cycles() -> None:
     assert (most["transmission_depth"], most["transparency_depth"]) == (1024, 1024)
     assert set(most) <= set(OPTIONAL)
     assert not reported_settings(diffuse_bounces=0, glossy_bounces=1, transmission_bounces=2, transparent_max_bounces=1)
+
+
+def test_rolling_shutter_reads_out_while_rows_are_not_exposed() -> None:
+    def share(**changed: Any) -> float:
+        return cycles.rolling_shutter_of(scene(**changed)[0])
+
+    assert share() == 0.0
+    assert share(rolling_shutter_type="TOP") == 0.9
+    assert share(rolling_shutter_type="TOP", rolling_shutter_duration=0.0) == 1.0
+    assert share(rolling_shutter_type="TOP", rolling_shutter_duration=1.0) == 0.0
+    assert share(rolling_shutter_type="TOP", engine="BLENDER_EEVEE_NEXT") == 0.0
+    assert not reported_settings(use_motion_blur=True, rolling_shutter_type="TOP")
 
 
 @pytest.mark.parametrize("engine", ["BLENDER_EEVEE_NEXT", "BLENDER_WORKBENCH"])

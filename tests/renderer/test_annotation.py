@@ -6,9 +6,11 @@ import math
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from renderer.annotation import AFTER, BEFORE, NOW, annotate, bodies_of, flow_to
-from renderer.scene.animation import BETWEEN, Moment
+from renderer.exposure import pixel_times, window_between
+from renderer.scene.animation import BETWEEN, Moment, Shutter
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Material, Mesh, SceneDescription, Sphere
 from renderer.scene.shutter_merge import merge_over_shutter
@@ -175,3 +177,73 @@ def test_flow_is_the_motion_of_points_and_hides_what_others_occlude() -> None:
         np.testing.assert_array_equal(flow.occluded[clear | outside], expected[clear | outside])
         assert not flow.occluded[~clear & ~outside].any()
         assert (expected & ~outside).sum() > 20 and (~expected).sum() > 500
+
+
+def test_the_window_of_flow_covers_the_exposures_of_both_neighbours() -> None:
+    assert window_between(settings()) == BETWEEN and not pixel_times(settings(), BETWEEN).is_rolling
+    for at, reach in (("centred", 0.25), ("trailing", 0.5), ("leading", 0.5)):
+        rolled = replace(settings(), shutter=0.5, rolling_shutter=1.0, shutter_at=at)
+        window = window_between(rolled)
+        assert window.length == 2 + 2 * reach and window.keys % 2 == 1 and window.length / (window.keys - 1) <= 0.125
+        times = pixel_times(rolled, window)
+        ends = times.at(np.zeros(2), np.array([0.0, HEIGHT]))
+        shares = {"centred": (-0.25, 0.25), "trailing": (-0.5, 0.0), "leading": (0.0, 0.5)}[at]
+        np.testing.assert_allclose((ends - 0.5) / times.frame, shares, atol=1e-12)
+        assert ends.min() - times.frame > -1e-12 and ends.max() + times.frame < 1 + 1e-12
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("edge", ["top", "left"])
+def test_a_rolling_shutter_gives_each_row_its_own_time(edge: str) -> None:
+    """Ids and positions are those of all primitives at the time of each row; flow ends where a row of the next frame is."""
+    rolled = replace(settings(), shutter=0.8, shutter_at="trailing", rolling_shutter=0.75, rolling_shutter_from=edge)
+    count = HEIGHT if edge == "top" else WIDTH
+    y, x = np.mgrid[0:HEIGHT, 0:WIDTH] + 0.5
+    eye, d = pixel_rays(VIEW)
+
+    def moment_of(position: F64) -> F64:
+        """Returns the middle of the exposure at a row or column, in frames from the picture's."""
+        return -0.8 + 0.8 * (0.125 + 0.75 * position / count)
+
+    own = moment_of(y if edge == "top" else x)
+    first, places = np.full(own.shape, -1), np.zeros((*own.shape, 3))
+    for line in range(count):
+        part = np.s_[line] if edge == "top" else np.s_[:, line]
+        hits = all_hits(described(float(moment_of(np.array(line + 0.5)))), eye, d[part])
+        distance = np.array([t for _, t in hits])
+        nearest = distance.min(axis=0)
+        met = np.isfinite(nearest)
+        first[part] = np.where(met, np.array([n for n, _ in hits])[distance.argmin(axis=0)], -1)
+        places[part] = eye + np.where(met, nearest, 0.0)[:, None] * d[part]
+
+    window = window_between(rolled)
+
+    def over(shutter: Shutter) -> SceneDescription:
+        return merge_over_shutter(lambda moment: described(moment.offset, moves=True), Moment(), shutter)
+
+    for shutter, passed in ((Shutter(0.8, "trailing"), None), (window, window)):
+        found = annotate(compile_scene(over(shutter)), rolled, window=passed)
+        np.testing.assert_array_equal(found.object, first)
+        np.testing.assert_allclose(found.places[first >= 0, NOW, :3], places[first >= 0], atol=3e-5)
+        np.testing.assert_array_equal(found.layers[:, :, 0, 0], first)
+    other = replace(VIEW, eye=(0.6, 0.95, 4.0))
+    compiled = compile_scene(over(window))
+    found = annotate(compiled, rolled, layers=False, window=window)
+    forward = np.subtract(other.target, other.eye) / np.linalg.norm(np.subtract(other.target, other.eye))
+    right = np.cross(forward, other.up)
+    right /= np.linalg.norm(right)
+    pixel = 2 * math.tan(math.radians(other.fov) / 2) / HEIGHT
+    for when, sign in ((BEFORE, -1.0), (AFTER, 1.0)):
+        flow = flow_to(compiled, rolled, found, other, when, window=window)
+        ends = np.stack([x, y], -1) + flow.offset
+        inside = ((ends >= 0) & (ends <= (WIDTH, HEIGHT))).all(-1) & (first >= 0)
+        later = sign + moment_of(ends[..., 1] if edge == "top" else ends[..., 0]) - own
+        points = places + np.where(first == 3, 0.2 * later, 0.0)[..., None] * np.array([1.0, 0.0, 0.0])
+        a, b, c = np.moveaxis((points - other.eye) @ np.stack([right, np.cross(right, forward), forward]).T, -1, 0)
+        expected = np.stack(
+            [a / c / pixel + WIDTH / 2 - other.shift_x * HEIGHT, HEIGHT / 2 + other.shift_y * HEIGHT - b / c / pixel], -1
+        )
+        np.testing.assert_allclose(ends[inside], expected[inside], atol=1e-3)
+        assert inside.sum() > 1000 and (inside & (first == 3)).sum() > 50
+        assert flow.occluded[~inside & (first >= 0)].all() and flow.occluded[inside].mean() < 0.2
+        assert abs(ends - np.stack([x, y], -1))[inside & (first == 3)].max() > 2

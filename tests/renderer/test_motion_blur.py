@@ -382,3 +382,53 @@ def test_unsupported_motion_is_named() -> None:
     left = "materials, the environment, textures other than their placement, the mesh icosphere, whose triangles change"
     assert found.warnings == [f"Shown as in the middle of the shutter, not blurred: {left}."]
     assert len(found.instances[1].keys) == 5, "it still goes where it goes"
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("edge", ["top", "right"])
+def test_rows_of_a_rolling_shutter_equal_those_of_frames_at_their_times(edge: str) -> None:
+    """With rows exposed for an instant each is that of a still at its time, of things that rotate, and of a camera that moves."""
+    size = 32
+    wheel = square((0, 0, 0), (1.8, 0, 0), (0, 0.3, 0), UNLIT)
+
+    def at(t: float) -> SceneDescription:
+        return described(
+            meshes=[wheel],
+            instances=[Instance(0, turned(2 * math.pi * t), moves=True)],
+            spheres=[Sphere((3 * t, -1.0, 1.0), 0.3, UNLIT, moves=True)],
+        )
+
+    def view(share: float) -> View:
+        return replace(FLAT, eye=(0.5 - share, 0, 5.0), target=(0.5 - share, 0, 0))
+
+    moving = compile_scene(merged_over_shutter(at))
+    views = tuple(view(k / 4) for k in range(5))
+    rolled = settings_of(view(0.5), size, rolling_shutter=1.0, rolling_shutter_from=edge, views=views)
+    found = picture(moving, rolled, 16)
+    worst = []
+    for row in range(size):
+        share = (row + 0.5) / size if edge == "top" else 1 - (row + 0.5) / size
+        still = picture(compile_scene(at(share - 0.5)), settings_of(view(share), size), 16)
+        worst.append(abs(found - still)[row] if edge == "top" else abs(found - still)[:, row])
+    assert (np.array(worst) > 1e-6).mean() < 0.005, "of pixels, at edges: a moving body is rounded otherwise"
+    assert np.max(worst) < 0.07
+    plain = picture(moving, replace(rolled, rolling_shutter=0.0), 16)
+    assert abs(plain - found).max() > 0.5
+
+
+@pytest.mark.long
+def test_rows_of_a_rolling_shutter_are_blurred_by_their_exposure() -> None:
+    """A bar that crosses the picture leans, and its streak is as wide as the bar and what it moves in a row's exposure."""
+    size, share = 64, 0.75
+    bar = square((0, 0, 0), (0.1, 0, 0), (0, 2.0, 0), UNLIT)
+    flying = merged_over_shutter(
+        lambda t: described(meshes=[bar], instances=[Instance(0, turned(0, (2.0 * t, 0, 0)), moves=True)])
+    )
+    found = picture(compile_scene(flying), settings_of(size=size, rolling_shutter=share), 256)
+    x, _ = from_the_middle(size, 4.0)
+    center = (found * x).sum(axis=1) / found.sum(axis=1)
+    middle = share * (np.arange(size) + 0.5) / size + (1 - share) / 2 - 0.5
+    np.testing.assert_allclose(center, 2.0 * middle, atol=0.01)
+    spread = np.sqrt((found * (x - center[:, None]) ** 2).sum(axis=1) / found.sum(axis=1))
+    known = math.sqrt((0.2**2 + (2.0 * (1 - share)) ** 2 + (4.0 / size) ** 2) / 12)
+    np.testing.assert_allclose(spread, known, rtol=0.05)

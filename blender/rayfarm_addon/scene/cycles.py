@@ -1,8 +1,8 @@
 """Warns about Cycles settings that Rayfarm does not support, for the add-on and for .blend files.
 
 The tables follow Blender's panels. They contain neither settings without effect on the picture (devices, threads, BVH, path
-guiding, sample distribution) nor supported ones (size, border, frame rate, shutter and its position, bounces of each kind,
-subdivision, overrides, indirect-only objects).
+guiding, sample distribution) nor supported ones (size, border, frame rate, shutter and its position, rolling shutter, bounces of
+each kind, subdivision, overrides, indirect-only objects).
 """
 
 from __future__ import annotations
@@ -12,12 +12,22 @@ from typing import Any, NamedTuple
 
 from ..farm.protocol.sentences import Sentence, first_items
 
-__all__ = ["Flags", "depths_of", "takes_time", "warn_of_material", "warn_of_passes", "warn_of_settings", "warn_of_volumes"]
+__all__ = [
+    "Flags",
+    "depths_of",
+    "rolling_shutter_of",
+    "takes_time",
+    "warn_of_material",
+    "warn_of_passes",
+    "warn_of_settings",
+    "warn_of_volumes",
+]
 
 Warn = Callable[[str], None]
 ENGINES = ("CYCLES", "RAYFARM")  # other engines ignore Cycles' settings
 MIN_RELEVANT_BOUNCES = 4  # Cycles' default number of bounces: further ones add little light
 MOST_DEPTH = 1024
+LEAST_READOUT = 0.001  # of the farm's rolling_shutter
 USUAL_CLAMP = 10.0
 USUAL_WIDTH = 1.5
 TOLERANCE = 1e-3
@@ -134,14 +144,6 @@ ROWS = (
         lambda _: Sentence("cycles-layer-hair", "Hair is visible, though the view layer excludes it"),
     ),
 )
-MOVING = (
-    _CheckedSetting(
-        "cycles",
-        "rolling_shutter_type",
-        _other_than("NONE"),
-        lambda _: Sentence("cycles-rolling-shutter", "The shutter opens everywhere at once, not as a rolling shutter"),
-    ),
-)
 TRANSPARENT = (
     _CheckedSetting(
         "cycles",
@@ -193,6 +195,15 @@ def takes_time(scene: Any, layer: Any) -> bool:
     return bool(scene.render.use_motion_blur and getattr(layer, "use_motion_blur", True))
 
 
+def rolling_shutter_of(scene: Any) -> float:
+    """Returns the part of the shutter's time in which rows are read out, from the top; 0 without a rolling shutter."""
+    cycles = getattr(scene, "cycles", None) if scene.render.engine in ENGINES else None
+    if cycles is None or getattr(cycles, "rolling_shutter_type", "NONE") == "NONE":
+        return 0.0
+    share = round(1.0 - float(cycles.rolling_shutter_duration), 6)
+    return share if share >= LEAST_READOUT else 0.0
+
+
 def _is_curved(shutter: Any) -> bool:
     """Returns True if a shutter curve transmits less light while the shutter opens or closes."""
     return any(point.location[1] < 1 - TOLERANCE for curve in shutter.curves[:1] for point in curve.points)
@@ -225,8 +236,7 @@ def warn_of_settings(scene: Any, layer: Any, warn: Warn, is_clamped: bool, has_f
     cycles = getattr(scene, "cycles", None) if render.engine in ENGINES else None
     owners = {"render": render, "cycles": cycles, "layer": layer}
     moves = takes_time(scene, layer)
-    further = (*(MOVING if moves else ()), *(TRANSPARENT if render.film_transparent else ()))
-    for row in (*ROWS, *further, *(SIMPLIFIED if render.use_simplify else ())):
+    for row in (*ROWS, *(TRANSPARENT if render.film_transparent else ()), *(SIMPLIFIED if render.use_simplify else ())):
         value = getattr(owners[row.owner], row.name, None)
         if value is not None and row.differs(value):
             warn(row.sentence(value))

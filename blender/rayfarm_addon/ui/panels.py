@@ -134,6 +134,11 @@ class RAYFARM_PT_motion_blur(_Panel, bpy.types.Panel):
         column.prop(render, "motion_blur_position", text="Position")
         column.prop(render, "motion_blur_shutter")
         column.prop(context.scene.rayfarm, "keys")
+        if (cycles := getattr(context.scene, "cycles", None)) is not None:
+            column.prop(cycles, "rolling_shutter_type")
+            duration = column.column()
+            duration.active = cycles.rolling_shutter_type != "NONE"
+            duration.prop(cycles, "rolling_shutter_duration", text="Row Exposure")
 
 
 class RAYFARM_PT_notes(_Panel, bpy.types.Panel):

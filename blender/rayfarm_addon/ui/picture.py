@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..farm.protocol.sentences import Sentence
 from ..farm.render_request import Light, RenderRequest
 from ..scene.cameras import NAME, lens_of, shot_of_camera, with_keys
-from ..scene.cycles import depths_of, takes_time
+from ..scene.cycles import depths_of, rolling_shutter_of, takes_time
 from ..scene.files import FPS, MAIN, scene_files
 from ..scene.gather import export_scene, extends_beyond_clip_end, over_the_shutter
 from ..scene.ids import Ids, ids_of
@@ -122,6 +123,15 @@ def picture_of(
         go_to(frame)
         if moves or any(node.places for node in scene.nodes) or any(mesh.shapes for mesh in scene.meshes.values()):
             request |= {"frame": FRAME, "shutter": length, "shutter_at": "centred"}
+            if readout := rolling_shutter_of(blender):
+                request |= {"rolling_shutter": readout}
+                if border is not None:
+                    scene.warn(
+                        Sentence(
+                            "cycles-rolling-shutter",
+                            "The rolling shutter reads out the render region in the whole time, not as a part of the picture",
+                        )
+                    )
     request |= {"camera": NAME} if moves else {"view": shot.view}
     files = scene_files(scene)
     asked = RenderRequest(files, MAIN, title, light_of(scene.world), request, planes, settings.denoise)

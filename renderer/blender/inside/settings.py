@@ -36,6 +36,8 @@ def settings_of(scene: Any, layer: Any, addon_module: Any) -> dict[str, Any]:
     if render.use_motion_blur and getattr(layer, "use_motion_blur", True):
         found["shutter"] = round(min(max(render.motion_blur_shutter, 0.001), 64.0), 6)
         found["shutter_at"] = SHUTTERS.get(getattr(render, "motion_blur_position", "CENTER"), "centred")
+        if addon_module is not None and (share := addon_module.rolling_shutter_of(scene)):
+            found["rolling_shutter"] = share
     return found
 
 

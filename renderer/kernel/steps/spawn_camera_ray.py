@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.jit import device
-from renderer.kernel.camera import camera_ray, moving_ray
+from renderer.kernel.camera import camera_ray, exposure_time, moving_ray
 from renderer.kernel.sampling.filter import filter_offset
 from renderer.kernel.sampling.sampler import draw_film, pixel_key
 from renderer.kernel.steps.random_blocks import draw_time
@@ -40,7 +40,7 @@ def spawn_camera_ray(motion, camera, options, x, y, sample):
     u = draw_film(stream)
     film_x = to_float(x) + _HALF + filter_offset(options.filter, u[0])
     film_y = to_float(y) + _HALF + filter_offset(options.filter, u[1])
-    time = where_present(motion, draw_time(stream))
+    time = where_present(motion, exposure_time(camera, to_float(x) + _HALF, to_float(y) + _HALF, draw_time(stream)))
     if motion is not None:
         o, d, start = moving_ray(camera, film_x, film_y, (u[2], u[3]), time)
     else:

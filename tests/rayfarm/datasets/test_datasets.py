@@ -18,6 +18,7 @@ from rayfarm.datasets.cameras import opencv
 from rayfarm.datasets.document import dataset_of_file
 from rayfarm.datasets.sinks import write_transforms
 from renderer.errors import RayfarmError, SettingsError
+from renderer.image.read import read
 from renderer.lens_distortion import LensDistortion
 from tests.helpers import ROOT
 from tests.renderer.kernel.test_distortion import opencv as opencv_pixels
@@ -173,6 +174,46 @@ def test_view_n_shows_frame_n_and_flow_has_the_motion_of_things(tmp_path: Path) 
             assert not hidden[sign].any() and hidden.sum() > 20
         (body,) = (b for b in json.loads((tmp_path / "a" / "boxes" / f"{view:06}.json").read_text()) if b["name"] == "sign")
         assert body["box"] == body["amodal_box"] and np.mean(body["box_3d"], axis=0)[0] == pytest.approx(0.2 * view, abs=1e-5)
+
+
+@pytest.mark.long
+def test_a_rolling_shutter_leans_what_moves_in_every_output(tmp_path: Path) -> None:
+    """The sign of above at the time of each row, which dataset.json has: ids, picture and flow agree with it."""
+    move = {"translate": {"keys": [[0, [0, 0, 0]], [1, [9.6, 0, 0]]]}}
+    scene = {
+        "environment": {"color": 0},
+        "materials": {"bright": {"kind": "unlit", "color": [1, 1, 1]}},
+        "shapes": [{"type": "quad", "name": "sign", "material": "bright", "transform": [{"scale": 0.45}, move]}],
+    }
+    pose = np.eye(4)
+    pose[2, 3] = 4.0
+    found = rayfarm.dataset(
+        *(scene, [pose] * 3),
+        folder=tmp_path / "a",
+        intrinsics=K,
+        outputs=["color", "object", "depth", "flow_forward"],
+        plane_format="npy",
+        picture_format="exr",
+        **{**SMALL, "fps": 24, "shutter": 0.5, "rolling_shutter": 1.0, "filter": "box", "spp": 16},
+    )
+    rows = found.description["rolling_shutter"]
+    assert rows == {"from": "top", "first": pytest.approx(0.5 * (0.5 / 48 - 0.5)), "step": pytest.approx(0.5 / 48), "exposure": 0}
+    x = np.arange(64) + 0.5
+    for view in (1, 2):
+        sign = plane(tmp_path / "a", "object", view) == 1
+        color = read((tmp_path / "a" / "color" / f"{view:06}.exr").read_bytes(), "a.exr")[..., 0]
+        for row in np.flatnonzero(sign.any(axis=1))[1:-1]:
+            middle = 30.5 + 70 * 0.4 * (view + rows["first"] + row * rows["step"]) / 4
+            inside, margin = abs(x - middle) < 70 * 0.45 / 4, abs(abs(x - middle) - 70 * 0.45 / 4) > 1e-3
+            np.testing.assert_array_equal(sign[row, margin], inside[margin])
+            covered = np.clip(np.minimum(x + 0.5, middle + 7.875) - np.maximum(x - 0.5, middle - 7.875), 0, 1)
+            np.testing.assert_allclose(color[row], covered, atol=0.15)
+            assert color[row].sum() == pytest.approx(15.75, abs=0.15)
+        if view == 1:  # the rows of the point are the same in both frames
+            np.testing.assert_allclose(plane(tmp_path / "a", "flow_forward", 1)[sign], [(7.0, 0.0)] * sign.sum(), atol=1e-3)
+    leaning = plane(tmp_path / "a", "object", 1)
+    first, last = np.flatnonzero(leaning.any(axis=1))[[0, -1]]
+    assert np.flatnonzero(leaning[last])[0] > np.flatnonzero(leaning[first])[0]
 
 
 def test_an_amodal_mask_is_what_the_object_alone_would_show(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 from renderer.errors import SettingsError
 from renderer.film import DEPTH, NORMAL, POSITION, mean
 from renderer.jit import entry
-from renderer.kernel.camera import camera_frame, camera_ray, moving_ray
+from renderer.kernel.camera import camera_frame, camera_ray, exposure_time, moving_ray
 from renderer.render import render_frame
 from renderer.scene.animation.orbit import orbit
 from renderer.scene.description import Material, Sphere
@@ -230,3 +230,24 @@ def test_incompatible_views_are_rejected():
 def test_views_round_trip_through_json():
     settings = RenderSettings(8, 8, View(**LEVEL), views=(View(**LEVEL), View(**TILTED)), shutter=0.5)
     assert RenderSettings.from_json(json.loads(json.dumps(settings.to_json()))) == settings
+
+
+def test_rolling_shutter_exposes_one_row_after_the_other():
+    """A row's exposure begins with its share of the readout; otherwise the random number is the time, to the bit."""
+    half, third = np.float32(0.5), np.float32(1 / 3)
+
+    def time(x, y, u, **rolling):
+        camera = camera_frame(RenderSettings(40, 20, View(**LEVEL), shutter=0.5, **rolling))
+        return float(exposure_time.py_func(camera, np.float32(x) + half, np.float32(y) + half, u))
+
+    assert time(39, 19, third) == float(third)
+    for share in (0.75, 1.0):
+        for u in (0.0, 0.5, 0.999):
+            begin = (1 - share) * u
+            for x, y in ((0, 0), (39, 0), (7, 11), (0, 19), (39, 19)):
+                down, across = share * (y + 0.5) / 20, share * (x + 0.5) / 40
+                expected = {"top": down, "bottom": share - down, "left": across, "right": share - across}
+                for edge, after in expected.items():
+                    found = time(x, y, np.float32(u), rolling_shutter=share, rolling_shutter_from=edge)
+                    assert found == pytest.approx(begin + after, abs=1e-6)
+                    assert 0 <= found < 1

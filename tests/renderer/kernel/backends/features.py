@@ -388,6 +388,9 @@ FEATURES: dict[str, Feature] = {
     "half clear lamps": _feature(lambda: hidden(_half_clear())),
     # Motion while the shutter is open
     "what moves": _feature(lambda: moving(Material(**PBR, metallic=0.5, roughness=0.3))),
+    "a rolling shutter": _feature(
+        lambda: moving(Material(base_color=gray(0.7))), shutter=0.5, rolling_shutter=0.7, rolling_shutter_from="left"
+    ),
     "textures that slide": _feature(
         lambda: sliding(Material(**PBR, **TEXTURED, **COATED, normal_texture=2, clearcoat_texture=1, **BLEND))
     ),
