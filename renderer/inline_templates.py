@@ -1,7 +1,7 @@
 """A Numba compiler pass that inlines templates (renderer/jit.py) into their callers before type inference.
 
-It replaces Numba's InlineInlinables, which runs all untyped passes on each callee, copies all variables of the callee with each of
-its blocks, and inlines what a callee calls once more in each of its callers.
+It replaces Numba's InlineInlinables, which runs all untyped passes on each callee, copies all variables of the callee with
+each of its blocks, and inlines what a callee calls once more in each of its callers.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class _Inliner(InlineWorker):
 
     def run_untyped_passes(self, func: Callable[..., Any], enable_ssa: bool = False) -> Any:
         """Returns a function's IR as translated from its byte code, for one inlining."""
-        state = StateDict()
+        state: Any = StateDict()
         state.func_ir = None
         state.func_id = FunctionIdentity.from_function(func)
         state.args = (None,) * len(state.func_id.pysig.parameters)
@@ -69,7 +69,7 @@ class InlineTemplates(FunctionPass):
         return found
 
 
-def _share_in_copies(scope: ir.Scope) -> None:
+def _share_in_copies(scope: Any) -> None:
     """Makes copies of IR refer to this scope: `copy.deepcopy` returns the scope itself.
 
     The inliner copies the callee block by block, and each copy of a block would contain a copy of all variables.
