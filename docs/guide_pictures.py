@@ -120,7 +120,9 @@ def rolling_shutter() -> list[Panel]:
                 outputs=["color", "object"],
                 picture_format="exr",
                 environment="studio",
-                **{"spp": 256, "shutter": 0.6, "rolling_shutter": rolling},
+                spp=256,
+                shutter=0.6,
+                rolling_shutter=rolling,
             )
             light = read((Path(folder) / "poles/color/000001.exr").read_bytes(), "color.exr")
             ids = np.load(Path(folder) / "poles/object/000001.npy")

@@ -19,6 +19,7 @@ __all__ = [
     "takes_time",
     "warn_of_material",
     "warn_of_passes",
+    "warn_of_region",
     "warn_of_settings",
     "warn_of_volumes",
 ]
@@ -202,6 +203,16 @@ def rolling_shutter_of(scene: Any) -> float:
         return 0.0
     share = round(1.0 - float(cycles.rolling_shutter_duration), 6)
     return share if share >= LEAST_READOUT else 0.0
+
+
+def warn_of_region(warn: Warn) -> None:
+    """Warns that a rolling shutter takes the render region for the whole picture."""
+    warn(
+        Sentence(
+            "cycles-rolling-shutter",
+            "The rolling shutter reads out the render region in the whole time, not as a part of the picture",
+        )
+    )
 
 
 def _is_curved(shutter: Any) -> bool:

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..farm.protocol.sentences import Sentence
 from ..farm.render_request import Light, RenderRequest
 from ..scene.cameras import NAME, lens_of, shot_of_camera, with_keys
-from ..scene.cycles import depths_of, rolling_shutter_of, takes_time
+from ..scene.cycles import depths_of, rolling_shutter_of, takes_time, warn_of_region
 from ..scene.files import FPS, MAIN, scene_files
 from ..scene.gather import export_scene, extends_beyond_clip_end, over_the_shutter
 from ..scene.ids import Ids, ids_of
@@ -126,12 +125,7 @@ def picture_of(
             if readout := rolling_shutter_of(blender):
                 request |= {"rolling_shutter": readout}
                 if border is not None:
-                    scene.warn(
-                        Sentence(
-                            "cycles-rolling-shutter",
-                            "The rolling shutter reads out the render region in the whole time, not as a part of the picture",
-                        )
-                    )
+                    warn_of_region(scene.warn)
     request |= {"camera": NAME} if moves else {"view": shot.view}
     files = scene_files(scene)
     asked = RenderRequest(files, MAIN, title, light_of(scene.world), request, planes, settings.denoise)
