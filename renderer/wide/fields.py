@@ -166,8 +166,8 @@ def _addresses(context: Any, builder: Any, kind: Any, table: Any, row: Any, widt
     data = builder.bitcast(array.data, _FLOAT.as_pointer())
     row = builder.zext(row, _I64) if row.type.width < _I64.width else row
     if kind.ndim == 1:
-        start = builder.mul(row, _I64(width))
-        return [builder.gep(data, [builder.add(start, _I64(column))]) for column in columns]
+        first = builder.gep(data, [builder.add(builder.mul(row, _I64(width)), _I64(columns.start))])
+        return [builder.gep(first, [_I64(k)]) for k in range(len(columns))]
     rows = builder.extract_value(array.shape, 1)
     return [builder.gep(data, [builder.add(builder.mul(rows, _I64(column)), row)]) for column in columns]
 
