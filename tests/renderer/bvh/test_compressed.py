@@ -24,6 +24,8 @@ from tests.renderer.bvh.test_instances import forest
 from tests.renderer.bvh.test_ray_masks import laid
 from tests.renderer.bvh.test_traverse import directions, random_primitives
 
+_ROOT = np.int32(0)
+
 
 class Hits(NamedTuple):
     """The results of a traversal for n rays."""
@@ -39,7 +41,7 @@ class Hits(NamedTuple):
 def _trace_all(bvh, stack, o, d, time, distance, number, uv, count, occluded):
     for i in range(len(o)):
         origin, direction = (o[i, 0], o[i, 1], o[i, 2]), (d[i, 0], d[i, 1], d[i, 2])
-        hit = closest_hit(bvh, stack, origin, direction, np.float32(1e6), time[i])
+        hit = closest_hit(bvh, stack, origin, direction, np.float32(1e6), time[i], _ROOT, FROM_ORIGIN, FACING)
         distance[i, 0], number[i, 0], number[i, 1], uv[i, 0], uv[i, 1] = hit.t, hit.primitive, hit.instance, hit.u, hit.v
         hit = closest_hit(bvh, stack, origin, direction, np.float32(1e6), time[i], camera_root(bvh), FROM_ORIGIN, FACING)
         distance[i, 1], number[i, 2], number[i, 3] = hit.t, hit.primitive, hit.instance

@@ -18,7 +18,7 @@ SPP = 4
 # tests/renderer/test_media.py.
 MOVING = (
     *("what moves", "textures that slide", "lights that turn with their pictures", "a camera that moves"),
-    *("a lens that distorts", "a fisheye"),
+    *("a lens that distorts", "a fisheye", "a rolling shutter"),
 )
 MOVING_MEDIA = "fog in a room that the camera moves in"
 EVERYTHING = "fog that moves"
