@@ -1,4 +1,4 @@
-"""What it costs that a batch may go to a machine that lacks its compiled scene: downloads, and the time for which slots wait.
+"""Measures placement: downloads of compiled scenes by machines that lack them, and how long slots wait for them.
 
     python3 farm.py bench placement [--scenes 3] [--machines 3] [--triangles 1000000] [--spp 64] [--size 960x544]
 

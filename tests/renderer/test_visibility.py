@@ -69,7 +69,7 @@ def _agree(a: tuple[float, float], b: tuple[float, float], tests: int) -> None:
 @pytest.mark.parametrize("light", [None, POINT], ids=["ball", "point"])
 @pytest.mark.parametrize("kind", ["diffuse", "glossy"])
 def test_a_lobe_whose_rays_do_not_see_a_light_receives_none_of_it(kind: str, light: Light | None) -> None:
-    """Of two materials of one lobe each, that of the kind is black, the other has the bits of a visible light."""
+    """Hides a light from one kind of ray: a material of that lobe alone is black, one of another lobe keeps its bits."""
     for of, material in NOT.items():
         if light is None:
             every, hidden = _render(_floor(material)), _render(_floor(material, kind))
