@@ -23,7 +23,7 @@ from service.scheduling.dispatching.dispatcher import Dispatcher
 from service.scheduling.dispatching.job_queue import JobQueue
 from service.scheduling.dispatching.leases import Lease, Leases
 from service.scheduling.dispatching.lost_batches import LossVerdict, LostLeaseFinder
-from service.scheduling.dispatching.pacing import BatchSizing
+from service.scheduling.dispatching.pacing import MESSAGE_SHARE, BatchSizing
 from service.scheduling.dispatching.sites import ReadySite, Sites
 from service.scheduling.faults.bulkhead import Bulkheads, Step
 from service.scheduling.faults.suspicion import Suspicion
@@ -166,9 +166,9 @@ class Scheduler:
             groups = [] if found is None else [found]
         else:
             batch_s = self._pace.batch_s(card_worker.slots, job.rendered_s / max(card_worker.slots, 1))
-            groups = next_batch_groups(
-                job, SlotGroup(kind, card_worker.slots, batch_s, several=True, joint=False, most=1, message_s=batch_s / 2)
-            )
+            message_s = MESSAGE_SHARE * batch_s
+            slots = SlotGroup(kind, card_worker.slots, batch_s, several=True, joint=False, most=1, message_s=message_s)
+            groups = next_batch_groups(job, slots)
             groups = [replace(group, queue=card_worker.queue, only=card_worker.name) for group in groups]
         self._send_all(job, kind, groups)
 
