@@ -75,6 +75,7 @@ class _Document:
         self._name, self._notes = name, notes
         self._scopes: dict[str, dict[str, Said]] = {"": {}}  # elements by name, for each graph and the document itself
         self._count = 0
+        self._color_config = ""  # the first that a document names
 
     def add(self, file: str, data: bytes) -> list[str]:
         """Adds a file's elements; returns the names of the files that it includes. Raises SceneError if the file is damaged."""
@@ -107,6 +108,7 @@ class _Document:
                 ),
                 file,
             )
+        self._color_config = self._color_config or root.get("cmsconfig", "")
         said = _inherited(root, {"fileprefix": ""})
         self._gather("", root, said)
         for graph in root.iter("nodegraph"):
@@ -122,6 +124,8 @@ class _Document:
     def layer(self) -> Any:
         """Returns a layer that contains all materials of the document."""
         layer = Sdf.Layer.CreateAnonymous(".usda")
+        if self._color_config:
+            layer.colorConfiguration = Sdf.AssetPath(self._color_config)
         stage = Usd.Stage.Open(layer)
         stage.SetDefaultPrim(stage.DefinePrim("/MaterialX"))
         for element, said in list(self._scopes[""].values()):

@@ -14,7 +14,7 @@ from renderer.scene.readers.usd.arnold import follow_arnold
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.nodes import follow_coordinates, follow_node
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.textures import PLAIN, Four, Images, TextureInput, composed_transform, transform_2d
+from renderer.scene.readers.usd.textures import PLAIN, Four, Images, TextureInput, color_space, composed_transform, transform_2d
 from renderer.scene.textures import IDENTITY_UV_TRANSFORM
 from renderer.sentences import Sentence
 
@@ -114,12 +114,10 @@ class Network:
         file = shader.GetInput("file")
         found: list[Any] = file.GetValueProducingAttributes() if file else []
         space = str(constant_input("sourceColorSpace", "auto"))
-        encoded = srgb if space == "auto" else space.lower() == "srgb"
-        image = (
-            self.images.find(found[0], Sentence("label-material", "Material {name}", name=self.user), encoded, self.time)
-            if found
-            else None
-        )
+        if space == "auto":
+            space = color_space(found[0]) if found and srgb else ""
+        user = Sentence("label-material", "Material {name}", name=self.user)
+        image = self.images.find(found[0], user, srgb, self.time, space=space) if found else None
         if image is None:
             # No file: black. Missing file: the fallback if authored, otherwise the input's default.
             fallback = constant_input("fallback", None if found else (0.0, 0.0, 0.0, 1.0))

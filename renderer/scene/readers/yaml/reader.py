@@ -51,6 +51,8 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     _check(files, main, document, moving)
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
+    if "color_config" in data:
+        shelf.colors.choose(data["color_config"], main)
     description.name, description.fps = data.get("name", description.name), fps
     description.warnings += map(from_text, data.get("notes", []))
     _add_defaults(data.get("settings", {}), document, description)
