@@ -173,3 +173,14 @@ def test_usd_and_materialx_textures(shaded, tmp_path, space, config):  # noqa: F
         wanted = by_ocio(ocio.Config.CreateFromFile(BUILTIN["cg"]), "ACEScct", rgb)
     np.testing.assert_allclose(linear(image)[0, 0], np.maximum(wanted, 0), rtol=1e-3, atol=2e-4)
     assert not [w for w in found.warnings if "OCIO" in w]
+
+
+def test_colors_without_a_texture_are_converted(shaded):  # noqa: F811
+    def make(made):
+        look, shader = material(made, "/look", diffuseColor=(TYPES.Color3f, (0.5, 0.2, 0.1)))
+        shader.GetInput("diffuseColor").GetAttr().SetColorSpace("lin_ap1")
+        return look
+
+    _, look = shaded(make)
+    wanted = by_ocio(ocio.Config.CreateFromFile(BUILTIN["cg"]), "ACEScg", (0.5, 0.2, 0.1))
+    np.testing.assert_allclose(look.base_color, wanted, rtol=1e-4)

@@ -19,6 +19,7 @@ from renderer.image.tonemap import decode_srgb
 from renderer.library_messages import library_message
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.xml import refuse_entities
+from renderer.scene.texture_colors import SRGB, common_space
 from renderer.sentences import Sentence
 
 __all__ = ["SUFFIX", "layer_of"]
@@ -219,9 +220,13 @@ class _Document:
             numbers = [float(word) for word in text.replace(",", " ").split()]
             if kind in _VECTORS:
                 type_name, vector = _VECTORS[kind]
-                if kind.startswith("color") and "srgb" in space.lower() and "lin" not in space.lower():
+                common = common_space(space)
+                if kind.startswith("color") and common == SRGB:
                     numbers[:3] = decode_srgb(np.maximum(numbers[:3], 0.0)).tolist()
-                shader.CreateInput(name, type_name).Set(vector(*numbers))
+                made = shader.CreateInput(name, type_name)
+                made.Set(vector(*numbers))
+                if kind.startswith("color") and space and common is None:
+                    made.GetAttr().SetColorSpace(space)
             elif kind in ("float", "integer"):
                 shader.CreateInput(name, _OTHERS[kind]).Set(numbers[0] if kind == "float" else int(numbers[0]))
             else:
