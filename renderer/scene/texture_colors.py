@@ -92,7 +92,8 @@ class TextureColors:
         """Returns SRGB, LINEAR, or the colour space from which a texture is to be converted.
 
         file: the texture's. srgb: whether it is sRGB-encoded unless a colour space is given. space: the name, alias or role of a
-        colour space; if empty, a colour texture has that of the own config's file rules, and other textures are data.
+        colour space; if empty, a colour texture has that of the own config's file rules, and other textures are data. An unknown
+        name is a warning, and counts as none.
         """
         usual = SRGB if srgb else LINEAR
         if not space:
@@ -110,14 +111,15 @@ class TextureColors:
             self._warn(
                 Sentence(
                     "texture-space-unknown",
-                    "{file}: the OCIO config {config} has no colour space {space}, so it is read as sRGB; known are {known}",
+                    "{file}: the OCIO config {config} has no colour space {space}: read as {encoding}; known are {known}",
                     file=file,
                     space=repr(space[:80]),
                     config=self._title,
+                    encoding="sRGB" if srgb else "lin_rec709",
                     known=shown,
                 )
             )
-        return SRGB
+        return usual
 
     def convert(self, pixels: Pixels, space: str, file: str) -> Pixels:
         """Returns pixels converted from a colour space to Rec.709, as pixels of an `Image` with `srgb`; alpha stays.

@@ -97,7 +97,7 @@ class Network:
         if not space or attribute.GetTypeName() not in _COLORS or value is None:
             return value
         colors = self.images.shelf.colors
-        rgb = colors.linear(np.array(value)[:3], colors.encoding(self.user, False, space))
+        rgb = colors.linear(np.array(value)[:3], colors.encoding(self.user, "srgb" in space.lower(), space))
         return type(value)(*map(float, rgb), *value[3:])
 
     def primvar(self, name: str | None, fallback: Any) -> Input:
