@@ -108,6 +108,12 @@ class Shapes:
         material = self._material_of(source, path)
         if source["type"] == "curves":
             self._mesh(self._curves(source, material, name, path), material, placed, path, moves, source.get("guide", False))
+        elif source["type"] == "sphere" and self._displaces(material):
+            x, y, z = source.get("center", (0, 0, 0))
+            own = [{"scale": source.get("radius", 1)}, {"translate": [x, y, z]}]
+            inner = transforms.matrix(own, self._document, path)
+            balls = [(called, transforms.joined(place, inner, self._document, path)) for called, place in placed]
+            self._mesh(shapes.globe(name), material, balls, path, moves, source.get("guide", False))
         elif source["type"] == "sphere":
             self._spheres(source, material, placed, path, moves)
         elif source["type"] == "mesh":
@@ -118,6 +124,9 @@ class Shapes:
             self._mesh(mesh, material, placed, path, moves, source.get("guide", False))
         if visible_to is not None:
             self._hide(visible_to, *first)
+
+    def _displaces(self, material: int | None) -> bool:
+        return material is not None and self._description.materials[material].displacement_texture is not None
 
     def _hide(self, visible_to: list[str], instance: int, sphere: int) -> None:
         """Makes shapes visible to some kinds of rays only. instance, sphere: the first instance and the first sphere of these."""
