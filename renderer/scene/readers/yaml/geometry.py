@@ -110,8 +110,8 @@ class Shapes:
             self._mesh(self._curves(source, material, name, path), material, placed, path, moves, source.get("guide", False))
         elif source["type"] == "sphere" and self._displaces(material):
             x, y, z = source.get("center", (0, 0, 0))
-            own = [{"scale": source.get("radius", 1)}, {"translate": [x, y, z]}]
-            inner = transforms.matrix(own, self._document, path)
+            ball = [{"scale": source.get("radius", 1)}, {"translate": [x, y, z]}]
+            inner = transforms.matrix(ball, self._document, path)
             balls = [(called, transforms.joined(place, inner, self._document, path)) for called, place in placed]
             self._mesh(shapes.globe(name), material, balls, path, moves, source.get("guide", False))
         elif source["type"] == "sphere":
