@@ -269,12 +269,31 @@ def dents(scene: Any) -> None:
     ball.scale = (1.1, 1.1, 1.1)
 
 
+def moved(scene: Any) -> None:
+    """Displaces the vertices of a dense grid, at a scale that is not one."""
+    ball, tree = stage(scene, Roughness=0.7)
+    material = ball.active_material
+    bpy.data.objects.remove(ball)
+    grid = add("grid", material, x_subdivisions=400, y_subdivisions=400, size=2, location=(0, 0, 0.4))
+    grid.data.shade_smooth()
+    grid.scale = (1.6, 1.6, 1.6)
+    material.displacement_method = "DISPLACEMENT"
+    node = tree.nodes.new("ShaderNodeTexImage")
+
+    def wave(x: float, y: float) -> tuple[float, float, float]:
+        return (0.5 + 0.25 * math.sin(6 * math.pi * x) + 0.25 * math.cos(4 * math.pi * y),) * 3
+
+    node.image = painted("heights", 256, 128, wave, space="Non-Color")
+    displacement = shader(tree, "ShaderNodeDisplacement", "Displacement", Scale=0.15, Midlevel=0.4)
+    tree.links.new(node.outputs[0], displacement.inputs["Height"])
+
+
 SCENES: dict[str, Callable[[Any], None]] = {
     each.__name__: each
     for each in (
         *(ior, tinted_glass, shining_mask, spaces, mask, mapped, multiplied, brushed_glossy),
         *(plain, of_each, lamps, profiles, slides, sky),
-        *(smoke, ink, juice, fog, wax, skin, marble, dents),
+        *(smoke, ink, juice, fog, wax, skin, marble, dents, moved),
     )
 }
 
