@@ -278,9 +278,10 @@ class _Simplifier:
         if painted is None or isinstance(painted, list) or numbers is None:
             return None
         node = self._tree.nodes.new("ShaderNodeNormalMap")
-        self._tree.links.new(self._add_image_node(node.inputs["Color"], *painted, is_color=False), node.inputs["Color"])
+        image, way = painted
+        self._tree.links.new(self._add_image_node(node.inputs["Color"], image, way, is_color=False), node.inputs["Color"])
         self._tree.links.new(node.outputs["Normal"], normal)
-        texels = painted[0].texels.clip(0, 1) * 65535 + 0.5
+        texels = image.texels.clip(0, 1) * 65535 + 0.5
         return {**numbers, "png": sys.modules["rayfarm_addon.scene.images"].png(texels.astype("uint16"))}
 
     def _replace_bump(self, entries: list[Any], source: Any) -> bool:

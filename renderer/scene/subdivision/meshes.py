@@ -88,10 +88,10 @@ def subdivided(mesh: Mesh, levels: int, faces: Faces | None = None) -> Mesh:
     found = refined_polygons(mesh.positions[first].astype(np.float64), cage_faces, attributes, levels, is_loop=is_loop)
     corner, vertex = joined(found.faces, list(found.attributes.values()))
     at = found.faces.corners[corner]
-    made = {name: values.values[values.code[corner]] for name, values in found.attributes.items()}
+    made = {name: np.ascontiguousarray(values.values[values.code[corner]]) for name, values in found.attributes.items()}
     points = found.points.astype(mesh.positions.dtype)
     triangles = triangles_of(found.faces, points.astype(np.float32), False)
-    return replace(
+    fine = replace(
         mesh,
         positions=np.ascontiguousarray(points[at]),
         triangles=np.ascontiguousarray(vertex[triangles].astype(np.int32)),
@@ -99,8 +99,9 @@ def subdivided(mesh: Mesh, levels: int, faces: Faces | None = None) -> Mesh:
         tangents=None,
         diameters=None,
         keys=(),
-        **{name: np.ascontiguousarray(values) for name, values in made.items()},
     )
+    fine.uvs, fine.uvs1, fine.colors = (made.get(name) for name in ("uvs", "uvs1", "colors"))
+    return fine
 
 
 def quads_of(mesh: Mesh) -> Faces | None:
