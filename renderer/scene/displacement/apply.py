@@ -21,6 +21,8 @@ __all__ = ["displace"]
 
 _LEAST_STEP = 2.0**0.25  # by how much edges are lengthened at least while there are too many triangles
 
+_COARSE, _FAR_TOO_MANY = 16, 8  # part of the budget, and times the budget
+
 _Key = tuple[int, int, float, float, float]  # mesh, texture, scale, midlevel, rate
 
 
@@ -136,18 +138,25 @@ def _dice_within(description: SceneDescription, targets: list[_Target], budget: 
     """
     points = [each.mesh.positions.astype(np.float64) for each in targets]
     measures = [_measure(description, each, at) for each, at in zip(targets, points, strict=True)]
-    longest, least = 1.0, sum(len(each.mesh.triangles) for each in targets)
-    while True:
-        left, diced, is_whole = max(budget, least), [], True
+    least = sum(len(each.mesh.triangles) for each in targets)
+    most = max(budget, least)
+
+    def attempt(longest: float, most: int) -> tuple[list[Diced], int]:
+        left, diced = most, []
         for target, at, measure in zip(targets, points, measures, strict=True):
             one = dice(at, target.mesh.triangles, measure, longest, left)
             left = max(left - len(one.triangles), 0)
-            is_whole = is_whole and one.expected == len(one.triangles)
             diced.append(one)
-        expected = sum(each.expected for each in diced)
-        if is_whole and sum(len(each.triangles) for each in diced) <= max(budget, least):
+        return diced, sum(each.expected for each in diced)
+
+    # Dicing coarsely tells soon whether there would be far too many.
+    far = attempt(1.0, most // _COARSE)[1] / most
+    longest = 1.0 if far < _FAR_TOO_MANY else 0.5 * math.sqrt(far)
+    while True:
+        diced, expected = attempt(longest, most)
+        if expected == sum(len(each.triangles) for each in diced) <= most:
             return diced, longest
-        longest *= max(_LEAST_STEP, 0.8 * math.sqrt(expected / max(budget, least)))
+        longest *= max(_LEAST_STEP, 0.8 * math.sqrt(expected / most))
 
 
 def _measure(description: SceneDescription, target: _Target, points: npt.NDArray[np.float64]) -> Measure:
