@@ -288,12 +288,30 @@ def moved(scene: Any) -> None:
     tree.links.new(node.outputs[0], displacement.inputs["Height"])
 
 
+def cloud(scene: Any) -> None:
+    """Replaces the ball by the points that geometry nodes make of its vertices."""
+    ball, _ = stage(scene, Roughness=0.7)
+    tree = bpy.data.node_groups.new("points", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    given, points, painted_points, shown = (
+        tree.nodes.new(kind)
+        for kind in ("NodeGroupInput", "GeometryNodeMeshToPoints", "GeometryNodeSetMaterial", "NodeGroupOutput")
+    )
+    points.inputs["Radius"].default_value = 0.07
+    painted_points.inputs["Material"].default_value = ball.active_material
+    tree.links.new(given.outputs[0], points.inputs[0])
+    tree.links.new(points.outputs[0], painted_points.inputs[0])
+    tree.links.new(painted_points.outputs[0], shown.inputs[0])
+    ball.modifiers.new("points", "NODES").node_group = tree
+
+
 SCENES: dict[str, Callable[[Any], None]] = {
     each.__name__: each
     for each in (
         *(ior, tinted_glass, shining_mask, spaces, mask, mapped, multiplied, brushed_glossy),
         *(plain, of_each, lamps, profiles, slides, sky),
-        *(smoke, ink, juice, fog, wax, skin, marble, dents, moved),
+        *(smoke, ink, juice, fog, wax, skin, marble, dents, moved, cloud),
     )
 }
 
