@@ -152,6 +152,20 @@ def test_cameras_of_moving_scenes_do_not_matter():
     np.testing.assert_array_equal(moving[0].positions, moving[1].positions)
 
 
+def test_frames_share_displaced_meshes():
+    """A frame compiled after another one, with what that left, equals the frame compiled alone."""
+    kept, scenes = ShotCache(), []
+    for x in (0.0, 1.5):
+        places = [Instance(0), Instance(1, np.diag([1.0, 1, 1, 1]) + np.eye(4, k=3) * x, moves=True)]
+        frame = replace(scene(shapes.quad("plane"), 60.0, (View((0, -4 - x, 3), (0, 0, 0)),), places), moves=True)
+        frame.meshes.append(replace(shapes.cube("cube"), material=1))
+        scenes.append(compile_scene(frame, shot_cache=kept))
+        alone = compile_scene(frame)
+        for name in ("position", "normal", "triangle", "to_world"):
+            np.testing.assert_array_equal(getattr(scenes[-1], name), getattr(alone, name))
+    assert len(scenes[1].triangle) > 500
+
+
 @pytest.mark.long
 def test_threads_do_not_change_a_displaced_scene():
     one, three = (compile_scene(scene(shapes.globe("globe"), 4.0), threads=threads) for threads in (1, 3))
