@@ -89,8 +89,9 @@ def _measured(points: F64, triangles: npt.NDArray[np.int64], measure: Measure) -
 
 def _expected(ratio: F64) -> int:
     """Returns about how many triangles those with these edges (T, 3) become: four at each level that the longest edge takes."""
-    levels = np.ceil(np.log2(np.clip(ratio.max(axis=1), 1.0, 2.0**MAX_LEVELS)))
-    return int((4.0**levels).sum())
+    mantissa, exponent = np.frexp(np.clip(ratio.max(axis=1), 1.0, 2.0**MAX_LEVELS))
+    levels = exponent - (mantissa == 0.5)  # the logarithm rounded up, exactly
+    return int(np.ldexp(1.0, 2 * levels).sum())
 
 
 def _children(points: F64, active: npt.NDArray[np.int64], at: npt.NDArray[np.int64], split: npt.NDArray[np.bool_]) -> Any:
