@@ -19,10 +19,11 @@ F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 
 MAX_LEVELS = 16
-_CHUNK = 1 << 19  # edges that are measured at once
+_CHUNK = 1 << 17  # triangles whose edges are measured at once
 
-# Returns (E,) the lengths of edges relative to the longest wanted, from their end points (E, 3) and (E, 3). Symmetrical in these.
-Measure = Callable[[F64, F64], F64]
+# Returns (K, 4, V) for points (V, 3): in each of K places their coordinates, and a factor for lengths there. The measure of an
+# edge, relative to the longest wanted, is its length times the mean of its ends' factors, the largest over the places.
+Measure = Callable[[F64], F64]
 
 
 class Diced(NamedTuple):
@@ -44,9 +45,9 @@ def dice(points: F64, triangles: I32, measure: Measure, longest: float, most: in
     Stops early, with an estimate of the number of triangles, when there would be more than `most`.
     """
     active, finished = triangles.astype(np.int64), [np.zeros((0, 3), np.int64)]
-    count, levels = 0, []
+    count, levels, measured = 0, [], measure(points)
     for _ in range(MAX_LEVELS):
-        ratio = _measured(points, active, measure) / longest
+        ratio = _ratios(measured, active) / longest
         split = ratio > 1.0
         whole = ~split.any(axis=1)
         finished.append(active[whole])
@@ -62,7 +63,8 @@ def dice(points: F64, triangles: I32, measure: Measure, longest: float, most: in
         a, b = codes // len(points), codes % len(points)
         at = np.full(active.shape, -1, np.int64)
         at[split] = len(points) + middle
-        points = np.concatenate([points, (points[a] + points[b]) / 2])
+        middles = (points[a] + points[b]) / 2
+        points, measured = np.concatenate([points, middles]), np.concatenate([measured, measure(middles)], axis=2)
         levels.append((a.astype(np.int32), b.astype(np.int32)))
         active = _children(points, active, at, split)
     finished.append(active)
@@ -77,14 +79,21 @@ def interpolate(values: npt.NDArray[Any], levels: list[tuple[I32, I32]]) -> npt.
     return values
 
 
-def _measured(points: F64, triangles: npt.NDArray[np.int64], measure: Measure) -> F64:
+def _ratios(measured: F64, triangles: npt.NDArray[np.int64]) -> F64:
     """Returns (T, 3) the measures of each triangle's edges: from corner 0 to 1, from 1 to 2, and from 2 to 0."""
-    start, end = triangles.reshape(-1), np.roll(triangles, -1, axis=1).reshape(-1)
-    found = np.empty(len(start))
-    for at in range(0, len(start), _CHUNK):
-        part = slice(at, at + _CHUNK)
-        found[part] = measure(points[start[part]], points[end[part]])
-    return found.reshape(-1, 3)
+    found = np.zeros(triangles.shape)
+    for at in range(0, len(triangles), _CHUNK):
+        corners, part = triangles[at : at + _CHUNK], found[at : at + _CHUNK]
+        for place in measured:
+            x, y, z = (_differences(row[corners]) for row in place[:3])
+            factor = place[3][corners]
+            factor += np.roll(factor, -1, axis=1)
+            np.maximum(part, np.sqrt(x * x + y * y + z * z) * factor * 0.5, out=part)
+    return found
+
+
+def _differences(values: F64) -> F64:
+    return np.asarray(values - np.roll(values, -1, axis=1))
 
 
 def _expected(ratio: F64) -> int:

@@ -41,7 +41,7 @@ def object_lengths(points: F64, rate: float) -> Measure:
     extent = np.ptp(points, axis=0)
     diagonal = math.sqrt(sum(float(each) ** 2 for each in extent))
     scale = _HEIGHT / (rate * max(diagonal, 1e-300))
-    return lambda a, b: scale * _lengths(b - a)
+    return lambda at: np.concatenate([at.T, np.full((1, len(at)), scale)])[None]
 
 
 def screen_lengths(description: SceneDescription, view: View, places: Sequence[F64], points: F64, rate: float) -> Measure:
@@ -58,30 +58,28 @@ def screen_lengths(description: SceneDescription, view: View, places: Sequence[F
     nearest = sorted(range(len(places)), key=lambda n: (distances[n], n))[:_MOST_PLACES]
     near = max(view.near, 1e-6 * float(_lengths((np.array(view.target) - eye)[None])[0]))
 
-    def pixels(a: F64, b: F64) -> F64:
-        length, at = _lengths(b - a), (a + b) / 2 - eye
+    def pixels(points: F64) -> F64:
+        """Returns (V,) how many pixels a unit is long at world-space points."""
+        at = points - eye
         distance = np.maximum(_lengths(at), near)
         if view.projection == "panorama":
-            return np.asarray(length * (height / math.pi) / distance)
+            return np.asarray(height / math.pi / distance)
         x, y, z = (_along(at, axis) for axis in (right, up, back))
         if view.projection == "orthographic":
-            size, found = np.full(len(at), view.height), length * (height / view.height)
+            size, found = np.full(len(at), view.height), np.full(len(at), height / view.height)
         else:
             at_one = extent_at_one(view)
-            size, found = np.maximum(-z, near) * at_one, length * (height / at_one) / distance
-        outside = np.maximum(
-            np.abs(x / size - view.shift_x) - aspect / 2,
-            np.abs(y / size - view.shift_y) - 0.5,
-        )
-        outside = np.where(z > 0, 1.0, outside)
-        coarser = 1 + (_OFFSCREEN - 1) * np.clip(outside / _MARGIN, 0.0, 1.0)
+            size, found = np.maximum(-z, near) * at_one, height / at_one / distance
+        outside = np.maximum(np.abs(x / size - view.shift_x) - aspect / 2, np.abs(y / size - view.shift_y) - 0.5)
+        coarser = 1 + (_OFFSCREEN - 1) * np.clip(np.where(z > 0, 1.0, outside / _MARGIN), 0.0, 1.0)
         return np.asarray(found / coarser)
 
-    def measure(a: F64, b: F64) -> F64:
-        found = np.zeros(len(a))
-        for n in nearest:
-            found = np.maximum(found, pixels(_placed(places[n], a), _placed(places[n], b)))
-        return found / rate
+    def measure(at: F64) -> F64:
+        found = np.empty((len(nearest), 4, len(at)))
+        for row, n in zip(found, nearest, strict=True):
+            world = _placed(places[n], at)
+            row[:3], row[3] = world.T, pixels(world) / rate
+        return found
 
     return measure
 
