@@ -377,6 +377,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture: () => (isSampled ? smallPicture(picture, canvas) : null),
     restore(take) {
       others.stop();
+      if (instead.isOpen && !instead.hasLive) sides.set({ a: LIVE, b: "" });
       form.restore(startOfTake(take, form.request()));
       const hasCurve = [...curve.options].some(({ value }) => value === take.tonemap);
       curve.value = hasCurve ? take.tonemap : DEFAULT_CURVE;

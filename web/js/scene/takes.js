@@ -85,6 +85,7 @@ export function takes(scene, { state, picture, restore }) {
       const old = new Set(known.map(({ id }) => id));
       const added = isLoaded ? found.filter(({ id }) => !old.has(id)) : [];
       known = found;
+      if (current && !found.some(({ id }) => id === current?.id)) setCurrent(null);
       for (const take of added) announce(take.author ? t("{author} saved {name}", { author: take.author, name: take.name }) : t("New take: {name}", { name: take.name }));
       show();
       if (!isLoaded) {
