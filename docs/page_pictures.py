@@ -36,7 +36,7 @@ from playwright.sync_api import Browser, Page, sync_playwright
 __all__ = ["main"]
 
 PICTURES = Path(__file__).parent / "pictures"
-SIZE = {"width": 1360, "height": 850}
+SIZE = {"width": 1360, "height": 850}  # as wide as the tools of a job's page need for their labels
 # SwiftShader, in case there is no GPU; the rest of the page is drawn faster without it.
 FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use-angle=swiftshader", "--disable-gpu-compositing"]
 PATIENCE_S = 3600
@@ -47,7 +47,6 @@ TAKES, LIGHT_MIXER = "takes", "light-mixer"
 COLUMNS, LINES = 96, 32  # of the terminal
 WATCHED_S = 8.0
 ESCAPE = re.compile(r"\x1b\[([?\d;]*)([A-Za-z])|\x1b[_P].*?\x1b\\", re.DOTALL)
-SMALL = {"width": 1200, "height": 750}
 # As if a file were dragged over the page, whose drop area then covers it.
 DRAG_OVER = """() => {
   const dragged = new DataTransfer();
@@ -144,14 +143,14 @@ def _record(chromium: Browser, server: str, folder: Path) -> None:
 
 def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     """Walks on an empty farm from its first page to a shared picture, as first-steps.md does; saves a picture of each step."""
-    page = chromium.new_page(viewport=SMALL, color_scheme="light", reduced_motion="reduce")
+    page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
     page.goto(server)
     page.get_by_text("Examples", exact=True).wait_for()
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "start")
     page.evaluate(DRAG_OVER)
     page.wait_for_timeout(200)
-    _save(page, folder, "drop", height=520)
+    _save(page, folder, "drop", height=590)
     page.goto(f"{server}/#/scenes/{_scene(server, 'spheres')}")
     page.reload()  # without the file that is dragged
     view = page.locator(".live-view canvas:not(.mesh)").first
@@ -173,7 +172,7 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     _save(page, folder, "light")
     page.get_by_text("Good", exact=True).click()
     page.wait_for_timeout(SETTLE_MS)
-    _save(page, folder, "settings", left=800, width=400)
+    _save(page, folder, "settings", left=SIZE["width"] - 400, width=400)
     page.get_by_role("button", name="Render", exact=True).first.click()
     page.wait_for_url("**/#/jobs/*")
     job = page.url.rsplit("/", 1)[-1].partition("?")[0]
@@ -207,7 +206,7 @@ def _takes(chromium: Browser, server: str, folder: Path) -> None:
     takes = f"{server}/api/scenes/{scene}/takes"
     for take in httpx.get(takes, timeout=60).raise_for_status().json():
         httpx.delete(f"{takes}/{take['id']}", timeout=60).raise_for_status()
-    page = chromium.new_page(viewport=SMALL, color_scheme="light", reduced_motion="reduce")
+    page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
     page.add_init_script("localStorage['rayfarm.author'] ??= 'Anna'")
     page.goto(f"{server}/#/scenes/{scene}")
     view = page.locator(".live-view[data-view]")
@@ -259,7 +258,7 @@ def _light_mixer(chromium: Browser, server: str, folder: Path) -> None:
     key = {"Idempotency-Key": f"page-pictures-{LIGHT_MIXER}-{scene}"}
     job = str(httpx.post(f"{server}/api/jobs", json=asked, headers=key, timeout=60).raise_for_status().json()["id"])
     _wait_for_samples(server, job, 1.0)
-    page = chromium.new_page(viewport={"width": 1200, "height": 640}, color_scheme="light", reduced_motion="reduce")
+    page = chromium.new_page(viewport={**SIZE, "height": 720}, color_scheme="light", reduced_motion="reduce")
     page.goto(f"{server}/#/jobs/{job}")
     page.locator("canvas.film").wait_for()
     page.get_by_role("tab", name="Lights").click()
