@@ -91,19 +91,19 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
 
 
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
-    """Renders batches one after another. While one is rendered, the previous one's sums are packed and sent, and the next one's
-    scene is opened.
+    """Renders batches one after another. Meanwhile threads send the previous batch's sums, and open the next one's scene.
 
     The task ends after all are sent, so the message of a killed slot is delivered again. A redelivered message may contain the
     batch that killed the slot: then each batch is sent before the next one begins.
     """
     worker, is_in_turn = context.current(), is_redelivered(task)
-    with SumsSender() as sender, SceneOpener(worker) as opener:
+    with SceneOpener(worker) as opener, SumsSender() as sender:
 
         def begin(following: list[dict[str, Any]]) -> None:
             sender.begin()
             for each in following if not is_in_turn else ():
-                opener.open(each.get("compiled"))
+                if isinstance(each, dict):  # else the batch fails in its turn
+                    opener.open(each.get("compiled"))
 
         for number, batch in enumerate(batches, 1):
             with about(**message_ids(batch)):

@@ -56,7 +56,7 @@ class BatchOutcome:
 
 
 def render(
-    worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None], begins: Callable[[], None]
+    worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None], begins: Callable[[], None] = lambda: None
 ) -> BatchOutcome:
     """Renders a batch. Returns its exact sums, or the event of a failed or returned batch with the reason.
 
