@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 from collections import OrderedDict
 from collections.abc import Collection
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from protocol.contract import BlobRef
@@ -25,6 +26,7 @@ __all__ = ["discard_damaged", "open_scene", "store", "store_scene"]
 
 STORE_TIMEOUT_S = 60.0
 SMALL_BYTES = 256 << 10  # a file of at most this size that this slot has not sent yet is sent without asking for it
+SENDING_THREADS = 4
 MAX_KNOWN = 4096  # hashes of sent files
 
 _sent: OrderedDict[str, None] = OrderedDict()  # the latest, by hash
@@ -47,9 +49,10 @@ def store_scene(worker: WorkerContext, path: Path, stored_parts: Collection[str]
     TemporaryError if a part of an earlier frame no longer exists.
     """
     parts = parts_of(path)
-    for part in parts:
-        if part.sha256 not in stored_parts:
-            _store_part(worker, path.parent / part.sha256, part)
+    unknown = [part for part in dict.fromkeys(parts) if part.sha256 not in stored_parts]
+    if unknown:  # together, since the service waits for its disk with each
+        with ThreadPoolExecutor(min(len(unknown), SENDING_THREADS), "parts") as threads:
+            list(threads.map(lambda part: _store_part(worker, path.parent / part.sha256, part), unknown))
     if parts and _is_stored(worker, path.name, path):
         ref = BlobRef("", path.name, path.stat().st_size)
     else:
