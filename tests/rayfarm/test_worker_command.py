@@ -120,8 +120,9 @@ def test_missing_card_gives_error(command: tuple[str, ...], tmp_path: Path) -> N
     (tmp_path / "libcuda.so.1").write_text("no library")
     done = rayfarm(*command, gpu, LD_LIBRARY_PATH=str(tmp_path))
     assert done.returncode == 1
-    assert f"rayfarm: {named}: No graphics card is used: the NVIDIA driver's library cannot be loaded" in done.stderr.replace("\n", " ")
-    assert "Leave out --gpu to render with the processor." in done.stderr.replace("\n", " ")
+    said = done.stderr.replace("\n", " ")
+    assert f"rayfarm: {named}: No graphics card is used: the NVIDIA driver's library cannot be loaded" in said
+    assert "Leave out --gpu to render with the processor." in said
     assert "Traceback" not in done.stderr
 
 

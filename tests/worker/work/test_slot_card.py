@@ -215,9 +215,10 @@ def test_worker_with_cards_serves_only_its_own_batch_queue() -> None:
 def test_worker_with_cards_beside_the_cores_is_not_counted_for_views() -> None:
     """Its slots do not serve the queue of views, so that a view would wait for them in vain."""
     board: Any = SimpleNamespace(read=lambda: (["", ""], 0.0), speed=lambda slot: 0.0)
+    nothing: Any = None
 
     def has_views(**more: Any) -> bool:
-        return WorkerContext("w", 2, "kind", "redis://", *[SimpleNamespace()] * 2, board, **more).report().views  # type: ignore[arg-type]
+        return WorkerContext("w", 2, "kind", "redis://", nothing, nothing, board, **more).report().views
 
     assert has_views()
     assert has_views(cards=CARDS)
