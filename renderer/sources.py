@@ -64,6 +64,7 @@ ARRAYS = (
     "image/__init__.py",
     "image/channels.py",
     "image/kinds.py",
+    "image/ocio.py",
     "image/openimageio.py",
     "image/read.py",
     "image/unread.py",

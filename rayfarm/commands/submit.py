@@ -222,7 +222,7 @@ def _submit_template(
     calls = read_template(path, dict(value.split("=", 1) for value in values))
     if output is not None and len(calls) > 1:
         raise CommandError(f"-o names the files of one job, and {path.name} has {len(calls)} steps; --wait writes those of each")
-    after = kept.pop("after") or []
+    after: list[str] = kept.pop("after") or []
     jobs: dict[str, list[str]] = {}  # of each step: none if all of its frames are there
     for call in calls:
         found = dict(call.options)

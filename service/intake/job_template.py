@@ -123,7 +123,7 @@ def _call_of(job: Any, number: int, parameters: Mapping[str, Any]) -> TemplateCa
     step = job.steps[number]
     _check_parts(job, step)
     symbols = _symbols(parameters)
-    definitions = step.parameterSpace.taskParameterDefinitions if step.parameterSpace else {}
+    definitions: Mapping[str, Any] = step.parameterSpace.taskParameterDefinitions if step.parameterSpace else {}
     names = list(definitions)
     if len(names) > 1:
         raise _fault(
