@@ -24,7 +24,7 @@ BAD, RAYS = 0, 1  # entries of `Job.counters`: samples left out of the film, ray
 COUNTERS = 2
 _STACK = 2 * STACK_DEPTH
 _SUMS = (CHANNELS, 1, 1)
-_NO_BAD, _NO_LOG, _NO_IDS = (0, 3), (0, 1), (0, 2)
+_NO_BAD, _NO_LOG, _NO_RECORDS = (0, 3), (0, 1), (0, 2)
 _BAD, _RAYS = np.uintp(BAD), np.uintp(RAYS)
 
 
@@ -53,13 +53,13 @@ class _Part(NamedTuple):
 class _Output(NamedTuple):
     """The arrays to which a GPU thread writes, with the fields of Output (renderer/kernel/accumulate.py).
 
-    A GPU thread lists no bad samples and records no path, and no ids, so `bad`, `log` and `ids` have no rows.
+    A GPU thread lists no bad samples and records no path, and no samples, so `bad`, `log` and `records` have no rows.
     """
 
     sums: Any
     bad: Any
     log: Any
-    ids: Any
+    records: Any
 
 
 @subroutine
@@ -78,7 +78,7 @@ def render_thread(job, thread):
         return
     stack = local_floats(_STACK)
     sums = local_zeros(np.int64, _SUMS)
-    output = _Output(sums, local_zeros(np.int64, _NO_BAD), local_zeros(np.float64, _NO_LOG), local_zeros(np.uint32, _NO_IDS))
+    output = _Output(sums, local_zeros(np.int64, _NO_BAD), local_zeros(np.float64, _NO_LOG), local_zeros(np.uint32, _NO_RECORDS))
     part = _Part(batch.x + place % width, batch.y + place // width, batch.first + first, count, batch.origin)
     bad, rays = render_tile(trace_picture, job.scene, stack, job.camera, job.options, part, output)
     for channel in range(CHANNELS):
