@@ -278,6 +278,17 @@ class Client:
             raise NotAFarm(not_a_farm(self.url, "what it sends is no picture of a farm"))
         return answer.body
 
+    def deep_image(self, job: str, frame: float = 0) -> bytes:
+        """Returns the present deep picture of a frame as an EXR file, of a job with the setting deep.
+
+        Path("out.deep.exr").write_bytes(farm.deep_image(job.id))
+        """
+        path = f"/api/jobs/{_id(job)}/frames/{frame_text(frame)}/deep.exr"
+        answer = self._send("GET", path, limit=MAX_PICTURE)
+        if SAMPLES_HEADER not in answer.headers:
+            raise NotAFarm(not_a_farm(self.url, "what it sends is no picture of a farm"))
+        return answer.body
+
     def digest(self, job: str, frame: float = 0) -> str:
         """Returns the SHA-256 of a frame's film. Equal requests give equal digests."""
         answer = self._send("GET", f"/api/jobs/{_id(job)}/frames/{frame_text(frame)}/digest")

@@ -86,10 +86,10 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
     ticker, fetched = PlainProgress(), set[float]()
     writes_frames = shot.output is not None and not is_movie(shot.output)
 
-    def fetch_finished(frames: list[Frame]) -> None:
+    def fetch_finished(state: Job, frames: list[Frame]) -> None:
         for frame in frames:
             if writes_frames and frame.state == "finished" and frame.number not in fetched:
-                _fetch(farm, job, shot, frame)
+                _fetch(farm, state, shot, frame)
                 fetched.add(frame.number)
 
     with bar("frames") as progress:
@@ -98,7 +98,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
         def show_progress(state: Job) -> None:
             try:
                 frames = farm.frames(job)
-                fetch_finished(frames)
+                fetch_finished(state, frames)
             except ClientError as error:
                 if error.status is not None and error.status < 500:
                     raise
@@ -110,7 +110,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
 
         state = farm.wait(job, watch=show_progress)
     frames = farm.frames(job)
-    fetch_finished(frames)
+    fetch_finished(state, frames)
     done = sum(frame.state == "finished" for frame in frames)
     if shot.output is not None and not writes_frames and done:
         write(shot.output, farm.movie(job, shot.output.suffix.lower().lstrip(".")))
@@ -131,12 +131,14 @@ def _raise_if_failed(job: str, frames: list[Frame]) -> None:
     raise CommandError(f"{len(failed)} of {len(frames)} frames failed: {named}. `{PROGRAM} jobs {job}` shows more.")
 
 
-def _fetch(farm: Client, job: str, shot: FarmShot, frame: Frame) -> None:
+def _fetch(farm: Client, job: Job, shot: FarmShot, frame: Frame) -> None:
     path = shot.file(frame.number)
     format = path.suffix.lower().lstrip(".").replace("jpeg", "jpg")
-    write(path, farm.image(job, format, frame.number, aov=f"color,{shot.aov}" if shot.aov else "color"))
+    write(path, farm.image(job.id, format, frame.number, aov=f"color,{shot.aov}" if shot.aov else "color"))
     if shot.denoise:
-        write(options.denoised_name(path), farm.image(job, format, frame.number, denoise=True))
+        write(options.denoised_name(path), farm.image(job.id, format, frame.number, denoise=True))
+    if (job.settings or {}).get("deep"):
+        write(options.deep_name(path), farm.deep_image(job.id, frame.number))
 
 
 def _is_there(path: Path) -> bool:

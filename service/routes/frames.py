@@ -47,6 +47,7 @@ from service.store import bands
 from service.store.films import Film
 from service.store.models import FINAL_STATES, Job
 from service.watching import film_packet
+from service.watching.deep_picture import deep_picture, deep_picture_memory
 from service.watching.mix import gains_of_mix
 from service.watching.pictures import MEDIA, PictureRequest, picture_file, picture_memory, plane_names
 
@@ -55,6 +56,7 @@ __all__ = ["router"]
 router = api_router(prefix="/api/jobs/{id}/frames", tags=["frames"])
 
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+DEEP = {"content": {MEDIA["exr"]: {}}, "description": "The deep picture."}
 FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
 AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
@@ -203,6 +205,34 @@ async def image(
     if made.span is not None:
         headers["X-Span"] = ",".join(f"{value:.6g}" for value in made.span)
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
+
+
+@router.get("/{n}/deep.exr", response_class=Response, responses={200: DEEP, 304: {"description": "Not changed."}})
+async def deep(id: str, n: Number, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
+    """Returns the deep picture rendered so far, of a job with the setting `deep`: samples in depth with colour and alpha.
+
+    Composited over each other, the samples of a pixel give the colour and alpha of image.exr.
+    """
+    job = await run_in_threadpool(find_job, id, farm)
+    if not (job.settings or {}).get("deep"):
+        raise Invalid(
+            Sentence(
+                "deep-not-rendered", "deep.exr: the job has no deep samples; set deep, for instance to 32, when it is rendered."
+            )
+        )
+    film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
+    headers = {"ETag": f'"{version}-deep"', "Cache-Control": "no-cache", SAMPLES_HEADER: str(samples)}
+    if headers["ETag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    headers["Content-Disposition"] = content_disposition(picture_name(job, n, samples, "deep", "exr"))
+    if is_head(request):
+        return headers_response(headers, MEDIA["exr"])
+    key = (id, n, "deep", headers["ETag"])
+    folder = farm.settings.data / "tmp"
+    most = deep_picture_memory(film)
+    made = await farm.pictures.run(key, most, deep_picture, film, frame_key(n), folder, user=visit.queue)
+    headers["Content-Length"] = str(made.size)
+    return StreamingResponse(made.pieces(), media_type=MEDIA["exr"], headers=headers)
 
 
 @router.get("/{n}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
