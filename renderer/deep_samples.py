@@ -59,11 +59,12 @@ def sum_samples(ids: U32, records: F32, sight: Sight, film_exponent: int, most: 
 
 def _depth(known: F32, sight: Sight) -> F32:
     """Returns the depth of each record, (n,) float32; FAR for those that hit nothing."""
-    depth = known[:, _DISTANCE]
+    depth = distance = known[:, _DISTANCE]
     if sight.forward is not None:
-        x, y, z = ((known[:, _POINT].astype(np.float64)[:, k] - sight.eye[k]) * sight.forward[k] for k in range(3))
+        points = known[:, _POINT].astype(np.float64)
+        x, y, z = ((points[:, k] - sight.eye[k]) * sight.forward[k] for k in range(3))
         depth = ((x + y) + z).astype(np.float32)
-    return np.where(known[:, _DISTANCE] > 0, depth, FAR)
+    return np.where(distance > 0, depth, FAR)
 
 
 def deep_rows(deep: Deep, sums: Sums, film_exponent: int, groups: int, is_transparent: bool) -> DeepRows:
@@ -81,7 +82,7 @@ def deep_rows(deep: Deep, sums: Sums, film_exponent: int, groups: int, is_transp
         covered += deep.sums[:, CAUGHT] * catcher_shade(sums, groups).reshape(-1)[pixel]
     light = deep.sums[:, LIGHT]
     is_kept = (covered > 0) | light.any(axis=1)
-    pixel, covered, light = pixel[is_kept], covered[is_kept], light[is_kept].astype(np.float64)
+    pixel, covered, light = pixel[is_kept], covered[is_kept], light[is_kept]
     before = np.cumsum(covered) - covered
     count = np.bincount(pixel, minlength=height * width)
     first = np.cumsum(count) - count

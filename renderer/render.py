@@ -131,7 +131,7 @@ def _render(
 
     log: rows in which the kernel records the path of the last sample.
     """
-    step = max(1, _DEEP_AT_ONCE // (tile.w * tile.h))
+    step = max(1, _DEEP_AT_ONCE // max(1, tile.w * tile.h))
     if settings.deep and count > step:
         ranges = ((begin, min(step, first + count - begin)) for begin in range(first, first + count, step))
         return _added([_render(scene, settings, tile, *each, log) for each in ranges])
@@ -153,13 +153,18 @@ def _render(
         Output(sums, bad, log, sums.reshape(-1), records, path_scratch(rows)),
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
-    by_pixel = records.reshape(tile.w * tile.h, -1, records.shape[1])
+    by_pixel = records.reshape(tile.w * tile.h, count if recorded else 0, records.shape[1])
     hits = count_samples(by_pixel[..., :2]) if settings.cryptomatte else None
     found = None
     if settings.deep:
-        sight = Sight(camera.eye, None if camera.kind == PANORAMA else camera.forward)
+        sight = Sight(_floats(camera.eye), None if camera.kind == PANORAMA else _floats(camera.forward))
         found = sum_samples(by_pixel[..., 0], by_pixel[..., 2:].view(np.float32), sight, settings.film_exponent, settings.deep)
     return BatchSums(sums, listed, int(bad_count), hits, found), int(rays)
+
+
+def _floats(vector: tuple[np.float32, np.float32, np.float32]) -> tuple[float, float, float]:
+    x, y, z = map(float, vector)
+    return x, y, z
 
 
 def _added(parts: Sequence[tuple[BatchSums, int]]) -> tuple[BatchSums, int]:

@@ -121,8 +121,8 @@ def digest(film: Film, frame: int, folder: Path) -> str:
             )
             digest.update(film_math.bytes_of_hits(cryptomatte.merged(hits)))
         if film.deep:
-            for _, row in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
-                digest.update(film_math.bytes_of_deep(_deep_of_band(film, frame, row)))
+            for _, numbers in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
+                digest.update(film_math.bytes_of_deep(_deep_of_band(film, frame, numbers)))
         return digest.hexdigest()
 
 
