@@ -23,7 +23,7 @@ from renderer.film import COLOR, SAMPLES
 from renderer.image.deep_exr import write_deep
 from renderer.render import RenderStats, is_for_cards, render_batch, render_frame
 from renderer.scene.compile import compile_scene
-from renderer.scene.description import Environment, Instance, Material, SceneDescription, Sphere
+from renderer.scene.description import Environment, Instance, Material, Medium, SceneDescription, Sphere
 from renderer.settings import RenderSettings, Tile, View, tiles_of
 from tests.renderer.builders import gray, square
 from tests.renderer.test_cryptomatte import described
@@ -264,3 +264,25 @@ def test_cards_do_not_render_deep_pictures() -> None:
     assert is_for_cards(replace(SETTINGS, deep=0))
     assert not is_for_cards(SETTINGS)
     assert deep_module.MOST_DEEP == 64
+
+
+@pytest.mark.long
+def test_fog_has_the_alpha_of_its_thickness(tmp_path: Path) -> None:
+    """Scattering fog before a wall: what deep samples up to a depth let through is exp(-density x depth)."""
+    density = 0.25
+    scene = SceneDescription(
+        meshes=[square((0.0, 0.0, -1.0), (9.0, 0.0, 0.0), (0.0, 9.0, 0.0), 0)],
+        instances=[Instance(0)],
+        materials=[Material("wall", base_color=gray(0.5))],
+        environment=Environment(gray(0.5)),
+        medium=Medium(sigma_s=gray(density)),
+    )
+    narrow = replace(SETTINGS, view=View((0.0, 0.0, 5.0), (0.0, 0.0, 0.0), fov=5.0), deep=64)
+    sums, _, rows = rendered(scene, narrow, 128)
+    color, alpha = flat(picture_of(tmp_path / "d.exr", rows))
+    np.testing.assert_allclose(color, film_math.mean(sums, 24), atol=1e-6)
+    np.testing.assert_allclose(alpha, 1, atol=1e-6)
+    ends = np.cumsum(rows.count)
+    for depth in (1.0, 3.0, 5.9):
+        left = [np.prod(1 - values[values[:, 5] < depth, 0]) for values in np.split(rows.values, ends[:-1])]
+        assert abs(np.mean(left) - np.exp(-density * depth)) < 0.02
