@@ -16,11 +16,13 @@ import pytest
 from protocol.sums import PACKED, check_sums, check_weight, merge_deep, pack_sums, unpack_deep, unpack_hits, unpack_sums
 from renderer import deep as deep_module
 from renderer import film as film_math
+from renderer import render
 from renderer.cryptomatte import count_samples
 from renderer.deep import COUNT, FAR, LIGHT, SUMS, Deep, binned, merged, moved, no_deep, pixels_of
 from renderer.deep_samples import CHANNELS, DeepRows, deep_rows
 from renderer.film import COLOR, SAMPLES
 from renderer.image.deep_exr import write_deep
+from renderer.kernel import accumulate
 from renderer.render import RenderStats, is_for_cards, render_batch, render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Material, Medium, SceneDescription, Sphere
@@ -264,6 +266,18 @@ def test_cards_do_not_render_deep_pictures() -> None:
     assert is_for_cards(replace(SETTINGS, deep=0))
     assert not is_for_cards(SETTINGS)
     assert deep_module.MOST_DEEP == 64
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("background", ["visible", "transparent"])
+def test_both_backends_record_the_same_samples(background: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = replace(SETTINGS, background=background, cryptomatte=4)
+    sums, deep, _ = rendered(described(), settings, 4)
+    monkeypatch.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
+    monkeypatch.setattr(render, "has_variants", lambda _: False)
+    again, other, _ = rendered(described(), settings, 4)
+    np.testing.assert_array_equal(again, sums)
+    assert_equal(other, deep)
 
 
 @pytest.mark.long
