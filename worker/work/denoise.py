@@ -20,6 +20,7 @@ from worker.work.reader import ReaderFolder
 __all__ = ["denoise_frame"]
 
 SECONDS = 300.0
+MOST_SECONDS = 800.0  # of a frame with its neighbours, below the limit of a task
 PATIENCE_S = 10.0  # seconds; a client waits for the picture
 MEMORY_BYTES = 2 << 30  # the library works in tiles whose size it chooses for this limit
 BYTES_A_PIXEL = 400
@@ -55,7 +56,8 @@ def _denoise_in_shot(worker: WorkerContext, work: DenoiseFrame, room: ReaderFold
     paths = os.fsencode(room.scene), os.fsencode(room.out / DENOISED)
     job = partial(denoise_in_shot, *paths, frames, work.frame, work.width, work.height)
     pixels = work.width * work.height
-    room.run(job, "The picture", SECONDS, memory=MEMORY_BYTES + (BYTES_A_PIXEL + len(frames) * BYTES_A_NEIGHBOUR) * pixels)
+    memory = MEMORY_BYTES + (BYTES_A_PIXEL + len(frames) * BYTES_A_NEIGHBOUR) * pixels
+    room.run(job, "The picture", min(SECONDS * len(frames), MOST_SECONDS), memory=memory)
     blob = retry_temporary(lambda: worker.link.store(room.result(DENOISED)), PATIENCE_S)
     return {"sha256": blob.sha256, "version": VERSION_SEPARATOR.join(versions), "samples": samples}
 
