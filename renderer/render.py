@@ -75,7 +75,7 @@ _PLAIN_ROOTS = 2  # root nodes of a tree without visibility by kind of ray: for 
 PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_ = KERNEL_VARIANTS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
-_MOST_PARTS = 256  # of Cryptomatte's counts and of deep pixels, before they are added up
+_MOST_PARTS = 256  # of Cryptomatte's counts, before they are added up
 _DEEP_AT_ONCE = 1 << 18  # samples whose records are in memory, for deep pixels
 _LAST_TILES = 2  # per thread: the last tiles' samples are divided into
 _CUTS = 4  # parts, so that the threads end together
@@ -263,7 +263,7 @@ def render_frame(
     begin = time.perf_counter()
     lock = threading.Lock()
     hits: list[Hits] = []
-    deep_parts: list[Deep] = []
+    deep_tiles: dict[Tile, Deep] = {}
     done = 0
 
     def render(tile: Tile, first: int, count: int) -> int:
@@ -282,9 +282,7 @@ def render_frame(
                 if len(hits) > _MOST_PARTS:
                     hits[:] = [cryptomatte.merged(hits)]
             if batch.deep is not None:
-                deep_parts.append(deep.moved(batch.deep, tile.x, tile.y, tile.w, settings.width))
-                if len(deep_parts) > _MOST_PARTS:
-                    deep_parts[:] = [deep.merged(deep_parts)]
+                deep_tiles[tile] = deep.merged([deep_tiles[tile], batch.deep]) if tile in deep_tiles else batch.deep
         return count * tile.w * tile.h
 
     with ThreadPoolExecutor(threads, thread_name_prefix="render") as pool:
@@ -306,7 +304,8 @@ def render_frame(
             if (stop is not None and stop(sums)) or (time_limit is not None and time.perf_counter() - begin >= time_limit):
                 break
     stats.hits = cryptomatte.merged(hits) if settings.cryptomatte else None
-    stats.deep = deep.merged(deep_parts) if settings.deep else None
+    if settings.deep:
+        stats.deep = deep.merged(deep.moved(each, tile.x, tile.y, tile.w, settings.width) for tile, each in deep_tiles.items())
     return sums
 
 
