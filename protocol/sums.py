@@ -185,18 +185,19 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
     these; the others are 0 and cost neither time nor memory.
     """
     known = dict(_planes(data, tile, stored))
-    sums = np.zeros((max(CHANNELS, len(known)), tile.h, tile.w), "<i8")
-    for number in known if planes is None else planes:
-        if number in known:
-            code, value, body = known[number]
-            if code == COPY:
-                code, value, body = known[value]
-            if code == ALIKE:
-                sums[number] = value
-            elif code == PLAIN:
-                _unpack_plane(body, 8, sums[number])
-            else:
-                _unpack_plane(_checked_bytes(body, code, tile), code, sums[number])
+    wanted = known.keys() if planes is None else known.keys() & planes
+    count = max(CHANNELS, len(known))
+    sums = (np.empty if len(wanted) == count else np.zeros)((count, tile.h, tile.w), "<i8")
+    for number in wanted:
+        code, value, body = known[number]
+        if code == COPY:
+            code, value, body = known[value]
+        if code == ALIKE:
+            sums[number] = value
+        elif code == PLAIN:
+            _unpack_plane(body, 8, sums[number])
+        else:
+            _unpack_plane(_checked_bytes(body, code, tile), code, sums[number])
     return sums
 
 

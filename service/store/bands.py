@@ -100,20 +100,13 @@ def _channel_means(sums: Sums, film: ReadableFilm, name: str, gains: Sequence[Ga
 def digest(film: Film, frame: int, folder: Path) -> str:
     """Returns the digest of a whole frame, as defined by `renderer.film.digest`.
 
-    The hash is computed plane by plane, so the planes are first written to a temporary file: in `folder`, or in memory if they
-    are smaller than IN_MEMORY_BYTES.
+    The hash is computed plane by plane, so the whole planes are first gathered: in memory if they are smaller than
+    IN_MEMORY_BYTES, else in a temporary file in `folder`.
     """
-    with film_faults(), tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES, dir=str(folder)) as file:
-        planes = plane_count(len(film.groups), film.is_transparent)
-        for row, sums_of in _rows(film, frame, range(planes)):
-            band = np.zeros((planes, row[0].h, film.width), "<i8")
-            for tile, sums in sums_of:
-                band[:, :, tile.x : tile.x + tile.w] = sums
-            for i, plane in enumerate(band):
-                file.seek((i * film.height + row[0].y) * film.width * 8)
-                file.write(plane.data)
-        file.seek(0)
-        digest = hashlib.file_digest(file, "sha256")
+    planes = plane_count(len(film.groups), film.is_transparent)
+    with film_faults():
+        is_small = planes * film.height * film.width * 8 <= IN_MEMORY_BYTES
+        digest = _hash_in_memory(film, frame, planes) if is_small else _hash_by_file(film, frame, planes, folder)
         if film.ranks:
             hits = (
                 cryptomatte.moved(film.tile_hits(frame, i), tile.x, tile.y, tile.w, film.width)
@@ -124,6 +117,29 @@ def digest(film: Film, frame: int, folder: Path) -> str:
             for _, numbers in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
                 digest.update(film_math.bytes_of_deep(_deep_of_band(film, frame, numbers)))
         return digest.hexdigest()
+
+
+def _hash_in_memory(film: Film, frame: int, planes: int) -> hashlib._Hash:
+    sums = film.tile_planes(frame, 0, range(planes)) if len(film.tiles) == 1 else None
+    if sums is None:
+        sums = np.zeros((planes, film.height, film.width), "<i8")
+        for _, sums_of in _rows(film, frame, range(planes)):
+            for tile, part in sums_of:
+                sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] = part
+    return hashlib.sha256(np.ascontiguousarray(sums[:planes], "<i8").data)
+
+
+def _hash_by_file(film: Film, frame: int, planes: int, folder: Path) -> hashlib._Hash:
+    with tempfile.TemporaryFile(dir=str(folder)) as file:
+        for row, sums_of in _rows(film, frame, range(planes)):
+            band = np.zeros((planes, row[0].h, film.width), "<i8")
+            for tile, sums in sums_of:
+                band[:, :, tile.x : tile.x + tile.w] = sums
+            for i, plane in enumerate(band):
+                file.seek((i * film.height + row[0].y) * film.width * 8)
+                file.write(plane.data)
+        file.seek(0)
+        return hashlib.file_digest(file, "sha256")
 
 
 def _deep_of_band(film: Film, frame: int, tiles: Iterable[int]) -> deep_math.Deep:
