@@ -197,10 +197,10 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings: default strategy, no guide, light planes, mattes, ..."""
+    """Returns True if a graphics card can render with these settings: default strategy, no guide, light planes, mattes, deep."""
     if not has_variants(settings) or samples_guide(settings):
         return False
-    return not (settings.light_planes or settings.cryptomatte or settings.deep or settings.is_transparent)
+    return not (settings.light_planes or settings.cryptomatte or settings.deep)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -210,8 +210,8 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, guiding off, background visible, no light groups, light paths off, no Cryptomatte, no "
-                "deep samples and no mistake; leave out the card",
+                "sample, caustics off, guiding off, no light groups, light paths off, no Cryptomatte, no deep samples and "
+                "no mistake; leave out the card",
             )
         )
 
