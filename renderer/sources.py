@@ -38,6 +38,7 @@ MACHINE_CODE = (
     "setting_declaration.py",
     "errors.py",
     "cryptomatte.py",
+    "deep.py",
     "film.py",
     "luminance.py",
     "threads.py",

@@ -332,6 +332,10 @@ def _wait_for_job(
             clean = options.denoised_name(output)
             write(clean, farm.image(job, _format(output), denoise=True))
             err.print(f"{clean} written", markup=False, soft_wrap=True)
+        if (final.settings or {}).get("deep"):
+            deep = options.deep_name(output)
+            write(deep, farm.deep_image(job))
+            err.print(f"{deep} written", markup=False, soft_wrap=True)
     except (ClientError, CommandError) as error:
         raise CommandError(f"{error} The farm keeps the picture: {farm.url}/#/jobs/{job}") from error
 

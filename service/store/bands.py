@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
@@ -13,14 +13,16 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs, cryptomatte
+from renderer import deep as deep_math
 from renderer import film as film_math
+from renderer.deep_samples import DeepRows, deep_rows
 from renderer.film import Gain, Sums, plane_count
 from renderer.settings import Tile
 from service.store.film_faults import film_faults
 from service.store.film_moment import ReadableFilm
 from service.store.films import Film
 
-__all__ = ["bands", "digest", "digest_memory"]
+__all__ = ["bands", "deep_bands", "digest", "digest_memory"]
 
 F32 = npt.NDArray[np.float32]
 IN_MEMORY_BYTES = 32 << 20
@@ -64,6 +66,20 @@ def _cryptomatte_planes(film: ReadableFilm, frame: int, tile: Tile, sums: Sums, 
     return cryptomatte.layers(hits, sums[film_math.SAMPLES], film.ranks, names)
 
 
+def deep_bands(film: ReadableFilm, frame: int) -> Iterator[DeepRows]:
+    """Yields the deep picture of a frame as bands from top to bottom, one per row of tiles. Raises as `bands` does."""
+    count = plane_count(len(film.groups), film.is_transparent)
+    wanted = [film_math.SAMPLES, *range(film_math.alpha_plane(len(film.groups)), count)]
+    for row, sums_of in _rows(film, frame, wanted):
+        sums = np.zeros((count, row[0].h, film.width), np.int64)
+        parts = [deep_math.no_deep(film.deep)]
+        for tile, found in sums_of:
+            sums[wanted, :, tile.x : tile.x + tile.w] = found[wanted]
+            deep = film.tile_deep(frame, film.tiles.index(tile))
+            parts.append(deep_math.moved(deep, tile.x, 0, tile.w, film.width))
+        yield deep_rows(deep_math.merged(parts), sums, film.film_exponent, len(film.groups), film.is_transparent)
+
+
 def _mixed_planes(gains: Sequence[Gain]) -> Iterator[int]:
     """Yields the planes that film.mixed reads for these gains of the light groups."""
     if gains:
@@ -97,6 +113,9 @@ def digest(film: Film, frame: int, folder: Path) -> str:
                 for i, tile in enumerate(film.tiles)
             )
             digest.update(film_math.bytes_of_hits(cryptomatte.merged(hits)))
+        if film.deep:
+            for _, numbers in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
+                digest.update(film_math.bytes_of_deep(_deep_of_band(film, frame, numbers)))
         return digest.hexdigest()
 
 
@@ -121,6 +140,12 @@ def _hash_by_file(film: Film, frame: int, planes: int, folder: Path) -> hashlib.
                 file.write(plane.data)
         file.seek(0)
         return hashlib.file_digest(file, "sha256")
+
+
+def _deep_of_band(film: Film, frame: int, tiles: Iterable[int]) -> deep_math.Deep:
+    """Returns the deep pixels of a row of tiles, given by their indices, with pixel indices in the frame."""
+    known = ((film.tiles[i], film.tile_deep(frame, i)) for i in tiles)
+    return deep_math.merged(deep_math.moved(deep, tile.x, tile.y, tile.w, film.width) for tile, deep in known)
 
 
 def digest_memory(film: Film) -> int:

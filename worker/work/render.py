@@ -52,7 +52,7 @@ class BatchOutcome:
         if self.sums is None:
             return Result(self.event)
         with step("pack sums"):
-            return Result(self.event, pack_sums(self.sums.sums, self.packing, self.sums.hits))
+            return Result(self.event, pack_sums(self.sums.sums, self.packing, self.sums.hits, self.sums.deep))
 
 
 def render(

@@ -16,7 +16,17 @@ from renderer.jit import device
 from renderer.wide.fields import Float, Int, Vector, columns_of, is_integer
 from renderer.wide.values import as_wide, u32, zero_like
 
-__all__ = ["IDS", "MEANS", "FirstHit", "no_hit", "record_background", "record_catcher", "record_direct_light", "record_first_hit"]
+__all__ = [
+    "DEEP",
+    "IDS",
+    "MEANS",
+    "FirstHit",
+    "no_hit",
+    "record_background",
+    "record_catcher",
+    "record_direct_light",
+    "record_first_hit",
+]
 
 _NEXT, _NONE = np.uint32(1), np.uint32(0)
 _THREE = np.float32(3.0)
@@ -126,3 +136,5 @@ def _planes(integers: bool) -> npt.NDArray[np.uintp]:
 
 MEANS = _planes(integers=False)  # averaged over the samples
 IDS = _planes(integers=True)  # cannot be averaged: of sample 0
+# Columns of FirstHit that are recorded for each sample of a deep picture, in the order of renderer/deep_samples.py.
+DEEP = np.array([k for field in ("distance", "point", "uncovered", "caught") for k in columns_of(FirstHit, field)], np.uintp)
