@@ -7,8 +7,7 @@ import asyncio
 from anyio.to_thread import run_sync
 
 from protocol.contract import VERSION_SEPARATOR
-from renderer.frames import frame_key, frame_number
-from renderer.temporal_denoise import REACH
+from renderer.frames import DENOISED_REACH, frame_key, frame_number
 from service.errors import FarmError
 from service.farm import Farm
 from service.jobs.describe_frames import frame_numbers
@@ -51,16 +50,16 @@ async def _with_neighbours(job: Job, n: float, film: Film, farm: Farm) -> tuple[
 
 
 def _finished_around(job: Job, key: int, farm: Farm) -> list[int]:
-    """Returns the keys of a frame of a shot and of up to REACH finished frames before and after it, without a gap, in order."""
+    """Returns the keys of a frame of a shot and of up to DENOISED_REACH finished frames before and after it, without a gap, in order."""
     if job.shot is None:
         return [key]
     step = frame_key(1)
-    near = [key + step * k for k in range(-REACH, REACH + 1)]
+    near = [key + step * k for k in range(-DENOISED_REACH, DENOISED_REACH + 1)]
     with farm.sessions() as session:
         finished = {number for number, f in frame_numbers(job, session, farm.engine, near) if f.state == "finished"}
     found = [key]
     for way in (-step, step):
-        for k in range(1, REACH + 1):
+        for k in range(1, DENOISED_REACH + 1):
             if key + way * k not in finished:
                 break
             found.append(key + way * k)
