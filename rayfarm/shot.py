@@ -12,8 +12,7 @@ from rayfarm.console import PROGRAM, PlainProgress, bar, err
 from rayfarm.errors import CommandError
 from rayfarm.output_files import check_writable, write
 from rayfarm.responses import Frame, Job
-from renderer.frames import frame_name, frame_text, frames_text, parse_frames
-from renderer.temporal_denoise import REACH
+from renderer.frames import DENOISED_REACH, frame_name, frame_text, frames_text, parse_frames
 from service.watching.movie import is_movie
 
 __all__ = ["FarmShot", "fetch_shot"]
@@ -95,7 +94,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
         if writes_frames and shot.denoise:
             unfinished = {frame.number for frame in frames if frame.state not in ("finished", "failed")}
             for number in sorted(fetched - clean):
-                if state.is_over or not any(number + k in unfinished for k in range(-REACH, REACH + 1)):
+                if state.is_over or not any(number + k in unfinished for k in range(-DENOISED_REACH, DENOISED_REACH + 1)):
                     _fetch_denoised(farm, state, shot, number)
                     clean.add(number)
 

@@ -50,7 +50,7 @@ async def _with_neighbours(job: Job, n: float, film: Film, farm: Farm) -> tuple[
 
 
 def _finished_around(job: Job, key: int, farm: Farm) -> list[int]:
-    """Returns the keys of a frame of a shot and of up to DENOISED_REACH finished frames before and after it, without a gap, in order."""
+    """Returns the keys of a frame of a shot and of its finished neighbours up to DENOISED_REACH away, without a gap, in order."""
     if job.shot is None:
         return [key]
     step = frame_key(1)
