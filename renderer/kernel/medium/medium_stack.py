@@ -9,7 +9,9 @@ import numpy as np
 
 from renderer.arrays.rows import MEDIUM_COLUMNS, MOST_MEDIA
 from renderer.jit import device
+from renderer.kernel import vec
 from renderer.kernel.fetch import row
+from renderer.kernel.spectrum.upsampling import light_at, reflectance_at
 from renderer.wide.values import lookup, u32, where
 
 __all__ = ["NO_MEDIUM", "beneath", "coefficients", "crossed", "entered", "holds", "innermost", "left"]
@@ -20,6 +22,7 @@ _ONE = np.uint32(MOST_MEDIA - 1)
 _TWO = np.uint32(MOST_MEDIA**2 - 1)
 _THREE = np.uint32(MOST_MEDIA**3 - 1)
 _DEEPEST = np.uint32(3)
+_LEAST = np.float32(1e-30)
 NO_MEDIUM = np.uint32(0xFFFFFFFF)
 
 
@@ -77,10 +80,16 @@ def innermost(medium_stack):
 
 
 @device
-def coefficients(scene, medium_stack):
+def coefficients(scene, medium_stack, wavelengths):
     """Returns the coefficients of the innermost medium: (sigma_a + sigma_s, sigma_s, g).
 
-    The first two are rgb per unit length; g is the mean cosine of the scattering angle.
+    The first two are rgb per unit length; g is the mean cosine of the scattering angle. wavelengths: of the path
+    (kernel/spectrum), at which a colour's extinction is a smooth spectrum and its albedo a reflectance; None in RGB.
     """
     ar, ag, ab, sr, sg, sb, g, _ = row(scene.medium, u32(medium_stack & _ONE), MEDIUM_COLUMNS)
-    return (ar + sr, ag + sg, ab + sb), (sr, sg, sb), g
+    sigma_t, sigma_s = (ar + sr, ag + sg, ab + sb), (sr, sg, sb)
+    if scene.spectrum is not None:
+        albedo = sr / max(sigma_t[0], _LEAST), sg / max(sigma_t[1], _LEAST), sb / max(sigma_t[2], _LEAST)
+        sigma_t = light_at(scene, sigma_t, wavelengths)
+        sigma_s = vec.mul(sigma_t, reflectance_at(scene, albedo, wavelengths))
+    return sigma_t, sigma_s, g

@@ -36,6 +36,7 @@ from renderer.kernel.backends.cpu.rows import (
     column,
     gather,
     group_row,
+    path_wavelengths,
     scatter,
     streams_of,
 )
@@ -89,8 +90,8 @@ def sample_free_flights(scene, pool, lists, options):
         rows = eight_rows(lists, ACTIVE, k)
         met, path, crossings = gather(pool, rows, RowHit), gather(pool, rows, PathState), gather(pool, rows, Crossings)
         stream = streams_of(pool, rows, options)
-        ray = gather(pool, rows, Ray)
-        event = medium_event(scene, ray, path, crossings, met.t, stream, path.number + met.passed)
+        ray, wavelengths = gather(pool, rows, Ray), path_wavelengths(scene, pool, rows, options)
+        event = medium_event(scene, ray, path, crossings, met.t, stream, path.number + met.passed, wavelengths)
         if scene.has.grids is not None:
             path, light = add_medium_light(path, event.emitted, options)
             if scene.has.groups is not None:
