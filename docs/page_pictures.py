@@ -4,6 +4,7 @@
     python3 farm.py page-pictures                in another: some minutes, since each waits until there is something to see
     python3 farm.py page-pictures first-steps    those of docs/first-steps.md alone, with a farm that is empty
     python3 farm.py page-pictures terminal       rayfarm watch, on Linux and macOS
+    python3 farm.py page-pictures takes          the takes of a scene's live view
     python3 farm.py page-pictures who-rendered   with a second worker (rayfarm worker --name attic --join ...)
     python3 farm.py page-pictures tour -o out    every page at three widths, light and dark, for inspection
 
@@ -35,17 +36,17 @@ from playwright.sync_api import Browser, Page, sync_playwright
 __all__ = ["main"]
 
 PICTURES = Path(__file__).parent / "pictures"
-SIZE = {"width": 1360, "height": 850}
+SIZE = {"width": 1360, "height": 850}  # as wide as the tools of a job's page need for their labels
 # SwiftShader, in case there is no GPU; the rest of the page is drawn faster without it.
 FLAGS = ["--no-sandbox", "--enable-unsafe-swiftshader", "--use-gl=angle", "--use-angle=swiftshader", "--disable-gpu-compositing"]
 PATIENCE_S = 3600
 SETTLE_MS = 3000
 WIDTHS = {375: 800, 1440: 900, 2560: 1300}
 TOUR, RECORDING, FIRST_STEPS, TERMINAL = "tour", "recording", "first-steps", "terminal"
+TAKES, LIGHT_MIXER = "takes", "light-mixer"
 COLUMNS, LINES = 96, 32  # of the terminal
 WATCHED_S = 8.0
 ESCAPE = re.compile(r"\x1b\[([?\d;]*)([A-Za-z])|\x1b[_P].*?\x1b\\", re.DOTALL)
-SMALL = {"width": 1200, "height": 750}
 # As if a file were dragged over the page, whose drop area then covers it.
 DRAG_OVER = """() => {
   const dragged = new DataTransfer();
@@ -58,13 +59,14 @@ RECORDED_S = 9.0  # a third turning, the rest converging
 def main() -> None:
     """Parses the command line, and takes the pictures that it requests."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    known = ", ".join([*TAKEN, RECORDING, FIRST_STEPS, TERMINAL])
+    usual = [*TAKEN, *(name for name in OTHERS if name != TOUR)]
+    known = ", ".join(usual)
     parser.add_argument("names", nargs="*", metavar="name", help=f"{known}; all unless told; or {TOUR}")
     parser.add_argument("-o", "--output", type=Path, default=PICTURES, help="docs/pictures unless told")
     parser.add_argument("--server", default="http://127.0.0.1:8000", help="the farm's address")
     parser.add_argument("--job", help="of one picture: a job that is there, in place of a new one")
     options = parser.parse_args()
-    names = options.names or [*TAKEN, RECORDING, FIRST_STEPS, TERMINAL]
+    names = options.names or usual
     if not set(names) <= {*TAKEN, *OTHERS} or (options.job and len(names) > 1):
         parser.error(f"pictures are {', '.join([*TAKEN, *OTHERS])}; --job is of one of them")
     options.output.mkdir(parents=True, exist_ok=True)
@@ -83,11 +85,8 @@ def main() -> None:
             page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
             page.goto(f"{options.server}/#/jobs/{job}")
             pose(page)
-            picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
-            path = options.output / f"{name}.jpg"
-            picture.save(path, quality=88, optimize=True)
+            _save_jpeg(page, options.output / f"{name}.jpg")
             page.close()
-            print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
 
 
 def _tour(chromium: Browser, server: str, folder: Path) -> None:
@@ -144,14 +143,14 @@ def _record(chromium: Browser, server: str, folder: Path) -> None:
 
 def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     """Walks on an empty farm from its first page to a shared picture, as first-steps.md does; saves a picture of each step."""
-    page = chromium.new_page(viewport=SMALL, color_scheme="light", reduced_motion="reduce")
+    page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
     page.goto(server)
     page.get_by_text("Examples", exact=True).wait_for()
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "start")
     page.evaluate(DRAG_OVER)
     page.wait_for_timeout(200)
-    _save(page, folder, "drop", height=520)
+    _save(page, folder, "drop", height=590)
     page.goto(f"{server}/#/scenes/{_scene(server, 'spheres')}")
     page.reload()  # without the file that is dragged
     view = page.locator(".live-view canvas:not(.mesh)").first
@@ -173,7 +172,7 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     _save(page, folder, "light")
     page.get_by_text("Good", exact=True).click()
     page.wait_for_timeout(SETTLE_MS)
-    _save(page, folder, "settings", left=800, width=400)
+    _save(page, folder, "settings", left=SIZE["width"] - 400, width=400)
     page.get_by_role("button", name="Render", exact=True).first.click()
     page.wait_for_url("**/#/jobs/*")
     job = page.url.rsplit("/", 1)[-1].partition("?")[0]
@@ -198,6 +197,79 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     page.mouse.move(5, 5)
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "share")
+    page.close()
+
+
+def _takes(chromium: Browser, server: str, folder: Path) -> None:
+    """Saves three takes of an example in different light through the page, and shows them."""
+    scene = _scene(server, "spheres")
+    takes = f"{server}/api/scenes/{scene}/takes"
+    for take in httpx.get(takes, timeout=60).raise_for_status().json():
+        httpx.delete(f"{takes}/{take['id']}", timeout=60).raise_for_status()
+    page = chromium.new_page(viewport=SIZE, color_scheme="light", reduced_motion="reduce")
+    page.add_init_script("localStorage['rayfarm.author'] ??= 'Anna'")
+    page.goto(f"{server}/#/scenes/{scene}")
+    view = page.locator(".live-view[data-view]")
+    view.wait_for()
+    for name, author, light, key in (
+        ("Wide", "Anna", "Its own", ""),
+        ("Grey day", "Ben", "Overcast", "ArrowRight"),
+        ("From above", "Anna", "Studio", "ArrowDown"),
+    ):
+        if page.locator(".takes-author input").is_visible():
+            page.locator(".takes-author input").fill(author)
+        page.locator(".lights").get_by_text(light, exact=True).click()
+        view.focus()
+        for _ in range(4 if key else 0):
+            page.keyboard.press(key)
+        page.wait_for_timeout(5 * SETTLE_MS)
+        page.get_by_role("button", name="Save take").click()
+        tile = page.get_by_role("button", name=re.compile(r"^Take \d+, "))
+        tile.focus()
+        page.keyboard.press("F2")
+        page.get_by_label("Name of the take").locator("visible=true").fill(name)
+        page.keyboard.press("Enter")
+    page.evaluate("document.activeElement.blur()")
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(3 * SETTLE_MS)
+    _save_jpeg(page, folder / f"{TAKES}.jpg")
+    page.close()
+
+
+LAMPS = """
+cameras: [{eye: [0, 1.2, 4], target: [0, 0.5, 0], fov: 45}]
+environment: {color: 0.02}
+lights:
+  - {type: spot, position: [-2, 3, 2], target: [0, 0.5, 0], intensity: [40, 30, 20], light_group: key}
+  - {type: point, position: [2, 2, 1], intensity: [4, 6, 12], light_group: fill}
+materials: {grey: {color: 0.7}, orange: {color: [0.8, 0.25, 0.05]}}
+shapes:
+  - {type: sphere, material: orange, radius: 0.5, center: [0, 0.5, 0]}
+  - {type: quad, material: grey, transform: [{scale: 4}, {rotate: {axis: x, degrees: -90}}]}
+"""
+
+
+def _light_mixer(chromium: Browser, server: str, folder: Path) -> None:
+    """Shows a finished picture of two lamps, with one of them muted, and the other brighter and warmer."""
+    files = {"files": ("two-lamps.yaml", LAMPS)}
+    sent = httpx.post(f"{server}/api/scenes", files=files, data={"name": "Two lamps"}, timeout=60)
+    scene = str(sent.raise_for_status().json()["id"])
+    asked = {"scene": scene, "width": 960, "height": 600, "spp": 48, "light_groups": "key,fill"}
+    key = {"Idempotency-Key": f"page-pictures-{LIGHT_MIXER}-{scene}"}
+    job = str(httpx.post(f"{server}/api/jobs", json=asked, headers=key, timeout=60).raise_for_status().json()["id"])
+    _wait_for_samples(server, job, 1.0)
+    page = chromium.new_page(viewport={**SIZE, "height": 720}, color_scheme="light", reduced_motion="reduce")
+    page.goto(f"{server}/#/jobs/{job}")
+    page.locator("canvas.film").wait_for()
+    page.get_by_role("tab", name="Lights").click()
+    page.get_by_role("button", name="Mute: key").click()
+    page.get_by_label("Gain of fill").fill("1")
+    page.get_by_label("Tint of fill").fill("#f5c98a")
+    page.mouse.move(5, 5)
+    page.wait_for_timeout(2 * SETTLE_MS)
+    path = folder / f"{LIGHT_MIXER}.webp"
+    Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(path, quality=82, method=6)
+    print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
     page.close()
 
 
@@ -271,6 +343,11 @@ def _cell(character: str, style: str) -> str:
     if character != "▀" or len(colors) < 2:
         return f"<i>{html.escape(character)}</i>"
     return f'<i style="background: linear-gradient({colors["38"]} 50%, {colors["48"]} 50%)"></i>'
+
+
+def _save_jpeg(page: Page, path: Path) -> None:
+    Image.open(io.BytesIO(page.screenshot())).convert("RGB").save(path, quality=88, optimize=True)
+    print(f"{path.name}: {path.stat().st_size / 1024:.0f} kB", flush=True)
 
 
 def _save(page: Page, folder: Path, step: str, *, left: int = 0, width: int = 0, height: int = 0) -> None:
@@ -388,7 +465,14 @@ TAKEN = {
     "who-rendered": ({"example": "cornell-box", "width": 320, "height": 320, "spp": 48, "tile_size": 128}, 1.0, _who_rendered),
 }
 
-OTHERS = {TOUR: _tour, RECORDING: _record, FIRST_STEPS: _first_steps, TERMINAL: _terminal}
+OTHERS = {
+    TOUR: _tour,
+    RECORDING: _record,
+    FIRST_STEPS: _first_steps,
+    TAKES: _takes,
+    LIGHT_MIXER: _light_mixer,
+    TERMINAL: _terminal,
+}
 
 if __name__ == "__main__":
     main()

@@ -8,7 +8,19 @@ from typing import Any, ClassVar
 
 from protocol.websocket import Acknowledge, FromClient, FromService
 
-__all__ = ["FROM_CLIENT", "FROM_SERVICE", "Look", "Pause", "People", "Pick", "Picked", "Presence", "Refused", "ViewState"]
+__all__ = [
+    "FROM_CLIENT",
+    "FROM_SERVICE",
+    "Look",
+    "Pause",
+    "People",
+    "Pick",
+    "Picked",
+    "Presence",
+    "Refused",
+    "TakesChanged",
+    "ViewState",
+]
 
 
 @dataclass(frozen=True)
@@ -133,5 +145,22 @@ class People(FromService):
     people: list[dict[str, Any]]
 
 
+@dataclass(frozen=True)
+class TakesChanged(FromService):
+    """Service message: a take of this scene was saved, renamed or deleted. GET /api/scenes/{id}/takes returns them.
+
+    changes: number of changes since the connection was opened.
+    """
+
+    TYPE: ClassVar[str] = "takes"
+    changes: int
+
+
 FROM_CLIENT: tuple[type[Acknowledge | Pick | Pause | Presence | Look], ...] = (Acknowledge, Pick, Pause, Presence, Look)
-FROM_SERVICE: tuple[type[ViewState | Refused | Picked | People], ...] = (ViewState, Refused, Picked, People)
+FROM_SERVICE: tuple[type[ViewState | Refused | Picked | People | TakesChanged], ...] = (
+    ViewState,
+    Refused,
+    Picked,
+    People,
+    TakesChanged,
+)

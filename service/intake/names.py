@@ -8,7 +8,7 @@ from renderer.printable import one_line
 from renderer.sentences import Sentence
 from service.errors import Invalid
 
-__all__ = ["plain_note", "plain_title", "safe_name"]
+__all__ = ["is_visible", "plain_note", "plain_title", "safe_name"]
 
 MAX_NAME = 1024
 MAX_PART = 255
@@ -105,6 +105,11 @@ def plain_note(text: str) -> str:
             )
         )
     return text
+
+
+def is_visible(text: str) -> bool:
+    """Returns True unless a text has only spaces and characters without a shape, such as U+200B."""
+    return any(each.isprintable() and not each.isspace() for each in text)
 
 
 def _has_control(text: str) -> bool:

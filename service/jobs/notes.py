@@ -21,7 +21,7 @@ from service.access.rate_limit import network_of
 from service.errors import Conflict, Invalid, NotFound, OverQuota
 from service.events import RowWritten
 from service.farm import Farm
-from service.intake.names import plain_note, plain_title
+from service.intake.names import is_visible, plain_note, plain_title
 from service.jobs.lookup import frame_not_found, job_not_found
 from service.models.notes import NoteIn, NoteOut, ReviewOut, Verdict
 from service.store.models import Frame, Job, ReviewNote
@@ -52,7 +52,7 @@ class Writer:
         """Returns the name under which it appears. Raises Invalid if there is none."""
         if self.user is not None:
             return self.user
-        if not _is_visible(name := plain_title(self.name or "")):
+        if not is_visible(name := plain_title(self.name or "")):
             raise Invalid(Sentence("note-author-missing", "Give your name."), field="author")
         return name
 
@@ -80,7 +80,7 @@ def select_notes(job: str) -> Select[Any]:
 def add_note(job: str, asked: NoteIn, writer: Writer, farm: Farm) -> NoteOut:
     """Adds a note or a reply. Raises NotFound, Invalid, Conflict if there are too many notes, and OverQuota."""
     text, author = plain_note(asked.text), writer.author()
-    if not _is_visible(text):
+    if not is_visible(text):
         raise Invalid(Sentence("note-empty", "The note is empty. Write what should change, or what is good."), field="text")
 
     def add(row: Job, session: Session) -> NoteOut:
@@ -154,11 +154,6 @@ def note_out(note: ReviewNote) -> NoteOut:
         resolved=note.resolved,
         resolved_by=note.resolved_by,
     )
-
-
-def _is_visible(text: str) -> bool:
-    """Returns True unless a text has only spaces and characters without a shape, such as U+200B."""
-    return any(each.isprintable() and not each.isspace() for each in text)
 
 
 def _changed(job: str, writer: Writer, farm: Farm, change: Callable[[Job, Session], T]) -> T:

@@ -32,6 +32,7 @@ from service.routes import (
     shot_files,
     sites,
     snapshots,
+    takes,
     tokens,
     view_table,
     viewport,
@@ -45,6 +46,7 @@ ROUTES: list[BaseRoute] = [
     for module in (
         references,
         scenes,
+        takes,
         environments,
         jobs,
         job_history,

@@ -18,7 +18,7 @@ from fastapi import WebSocket, WebSocketDisconnect
 from pydantic import Field, ValidationError
 from starlette.concurrency import run_in_threadpool
 
-from protocol.viewport import FROM_CLIENT, Look, Pause, People, Pick, Presence, Refused, ViewState
+from protocol.viewport import FROM_CLIENT, Look, Pause, People, Pick, Presence, Refused, TakesChanged, ViewState
 from protocol.websocket import NOT_FOUND, Acknowledge, FromService, read_client
 from renderer.sentences import Sentence, encoded, with_full_stop
 from service.errors import FarmError, NotFound
@@ -132,6 +132,7 @@ class _Viewer:
         self.person = farm.visitors.enter(scene, user, self._changed.set)
         self._sent_people: list[dict[str, Any]] = []
         self._people_sent_at = 0.0
+        self._sent_take_changes = 0
         loop = asyncio.get_running_loop()
 
         def wake() -> None:
@@ -278,6 +279,9 @@ class _Viewer:
                 await self._socket.send_bytes(picture)
             await self._send_state()
             await self._send_people()
+            if self.person.take_changes != self._sent_take_changes:
+                self._sent_take_changes = self.person.take_changes
+                await self._socket.send_text(TakesChanged(self._sent_take_changes).to_text())
             if picture is None:
                 with contextlib.suppress(TimeoutError):
                     await asyncio.wait_for(self._changed.wait(), MAX_WAIT_S)

@@ -5,7 +5,21 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from sqlalchemy import JSON, BigInteger, Boolean, Float, ForeignKey, Index, Integer, String, Text, UniqueConstraint, false, text
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    Boolean,
+    Float,
+    ForeignKey,
+    Index,
+    Integer,
+    LargeBinary,
+    String,
+    Text,
+    UniqueConstraint,
+    false,
+    text,
+)
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
 from renderer.sentences import Sentence
@@ -31,6 +45,7 @@ __all__ = [
     "Scene",
     "ShareTerms",
     "Spent",
+    "Take",
     "User",
     "Wait",
     "WorkerTerms",
@@ -205,6 +220,24 @@ class ReviewNote(Base):
     created: Mapped[float] = mapped_column(Float)
     resolved: Mapped[float | None] = mapped_column(Float)
     resolved_by: Mapped[str | None] = mapped_column(String(64))
+
+
+class Take(Base):
+    """A saved camera with the settings of a scene's live view. See service/scenes/takes.py."""
+
+    __tablename__ = "takes"
+    __table_args__ = (Index("takes_of_scene", "scene", "created"),)
+
+    id: Mapped[str] = mapped_column(String(20), primary_key=True)
+    scene: Mapped[str] = mapped_column(ForeignKey("scenes.id", ondelete="CASCADE"))
+    name: Mapped[str] = mapped_column(String(100))
+    author: Mapped[str | None] = mapped_column(String(64))  # None: a farm without logins, and no name was given
+    created: Mapped[float] = mapped_column(Float)
+    request: Mapped[dict[str, Any]] = mapped_column(JSON)  # fields of models.jobs.JobIn, without `scene`
+    exposure: Mapped[float] = mapped_column(Float)  # in stops
+    tonemap: Mapped[str] = mapped_column(String(400))  # name of the tone curve
+    picture: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)  # a small WebP
+    has_picture: Mapped[bool] = mapped_column(Boolean)
 
 
 class Wait(Base):

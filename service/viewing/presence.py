@@ -16,7 +16,8 @@ MAX_SHOWN = 16  # people that a page lists
 class Person:
     """One open live view. name: None: unknown. cursor: from the picture's centre, in its heights. view: the camera as JSON.
 
-    is_away: whether the page is hidden, so that others do not see the person. wake: called when others change.
+    is_away: whether the page is hidden, so that others do not see the person. wake: called when others or the scene's takes
+    change. take_changes: number of changes of the scene's takes since the view was opened.
     """
 
     id: int
@@ -26,6 +27,7 @@ class Person:
     cursor: tuple[float, float] | None = None
     view: dict[str, Any] | None = None
     is_away: bool = False
+    take_changes: int = 0
 
     def to_json(self) -> dict[str, Any]:
         """Returns what others see of the person."""
@@ -63,6 +65,12 @@ class SceneVisitors:
         """Returns the others who look at the same scene, in the order of their arrival, MAX_SHOWN at most."""
         here = self._of_scene.get(person.scene, {}).values()
         return [each.to_json() for each in here if each is not person and not each.is_away][:MAX_SHOWN]
+
+    def report_takes(self, scene: str) -> None:
+        """Counts a change of a scene's takes for everyone who looks at it, and wakes them."""
+        for each in self._of_scene.get(scene, {}).values():
+            each.take_changes += 1
+            each.wake()
 
     def _wake_others(self, person: Person) -> None:
         for each in self._of_scene.get(person.scene, {}).values():

@@ -7,7 +7,7 @@ import re
 import httpx
 import psutil
 import pytest
-from playwright.sync_api import Browser, WebSocketRoute, expect
+from playwright.sync_api import Browser, Page, WebSocketRoute, expect
 
 from renderer.denoise import is_available
 from tests.e2e.conftest import SOON_CLEAR, Watched
@@ -122,8 +122,6 @@ def test_live_view_navigates_and_survives_killed_slot(farm: Farm, watched: Watch
     wait_until(lambda: view.number() > number or view.samples() >= 1, 60, "and goes on")
     wait_until(lambda: view.samples() >= 2, 60, "with a slot that was killed and came back")
 
-    page.get_by_role("button", name="Keep view").click()
-    expect(page.get_by_role("button", name="View 1", exact=True)).to_be_visible()
     page.get_by_role("button", name="Pick the focus").click()
     box = surface.bounding_box()
     assert box
@@ -219,9 +217,40 @@ def test_viewers_see_and_follow_each_other(farm: Farm, browser: Browser, watched
     view.page.keyboard.press("ArrowLeft")
     expect(view.page.get_by_role("button", name="Follow Ben")).to_be_visible()
     expect(view.page.locator(".view-cursor")).to_have_count(0)
+    takes_are_shared_and_restored(view, ben, turned)
     context.close()
     expect(view.page.locator(".view-person")).to_have_count(0)
     assert watched.errors == []
+
+
+def takes_are_shared_and_restored(view: LiveView, ben: Page, turned: str) -> None:
+    """Ben saves a take in another light; the other's page shows it at once, restores it, and renames and deletes it."""
+    page, exposure = view.page, view.page.get_by_label("Exposure in stops")
+    ben.get_by_role("radio", name="Overcast").check(force=True)
+    ben.get_by_label("Exposure in stops").fill("1.5")
+    ben.get_by_role("button", name="Save take").click()
+    tile = page.get_by_role("button", name=re.compile("^Take 1, Ben"))
+    expect(tile).to_be_visible()
+    expect(tile.locator("img")).to_be_visible()
+    assert turned not in page.url and exposure.input_value() == "0"
+    tile.click()
+    expect(page).to_have_url(re.compile(f"view={re.escape(turned)}&take="))
+    expect(tile).to_have_attribute("aria-pressed", "true")
+    expect(page.get_by_role("radio", name="Overcast")).to_be_checked()
+    assert exposure.input_value() == "1.5"
+    view.surface.focus()
+    page.keyboard.press("ArrowLeft")
+    expect(tile).to_have_attribute("aria-pressed", "false")
+    tile.focus()
+    page.keyboard.press("F2")
+    page.get_by_label("Name of the take").fill("Low light")
+    page.keyboard.press("Enter")
+    theirs = ben.get_by_role("button", name=re.compile("^Low light, Ben"))
+    expect(theirs).to_be_visible()
+    page.keyboard.press("Delete")
+    expect(page.get_by_role("region", name="Takes")).to_be_hidden()
+    page.keyboard.press("z")
+    expect(page.get_by_role("button", name=re.compile("^Low light"))).to_be_visible()
 
 
 @pytest.mark.long

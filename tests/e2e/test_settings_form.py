@@ -239,10 +239,18 @@ def test_settings_of_finished_job_are_requested_again(page: Page) -> None:
     job = {"settings": rendered.to_json(), "spp": 21, "noise": None, "seconds": 90}
     body = """
         window.asked = null;
-        const form = m.settingsForm(a.scene, async (request) => { window.asked = request; }, a.job);
+        const { startOfJob, startOfTake } = await import("/js/scene/form-start.js");
+        const submit = async (request) => { window.asked = request; };
+        const form = m.settingsForm(a.scene, submit, a.job && startOfJob(a.job));
+        if (a.take) form.restore(startOfTake({ request: a.take }, form.request()));
         document.body.replaceChildren(form.element);"""
-    call(page, "scene/settings-form", TOLD + body, {"scene": SCENE, "job": job, "table": described()})
+    given = {"scene": SCENE, "table": described()}
+    call(page, "scene/settings-form", TOLD + body, {**given, "job": job})
     asked = submitted_request(page)
+    call(page, "scene/settings-form", TOLD + body, {**given, "take": asked})
+    restored = submitted_request(page)
+    assert restored.pop("spp") != 21, "a take has no goals"
+    assert restored == {name: value for name, value in asked.items() if name not in ("spp", "seconds")}
     assert settings.View.from_json(asked.pop("view")) == view
     size = {"scene": "abc", "width": 640, "height": 320, "spp": 21, "seconds": 90}
     assert asked == {**size, **chosen, "environment": {"color": [0.123456, 2.0, 0.5], "strength": 0.7}}

@@ -54,7 +54,7 @@ def test_picture_continues_after_takeover(tmp_path: Path, watched: Watched) -> N
             )
             expect(page.get_by_text("Connection lost")).to_be_hidden()
             assert page.evaluate("window.isStillHere"), "nobody has loaded it again"
-            other.http.patch(f"/api/jobs/{job}", json={"state": "cancelled"}).raise_for_status()
+            other.http.patch(f"/api/jobs/{job}", json={"state": "cancelled"})  # refused if the job has ended by itself
             expect(page.locator(".job-head .chip:not(.verdict)")).to_have_text("Cancelled")
     finally:
         for each in both:

@@ -207,3 +207,16 @@ def test_zoomed_orthographic_views_differ(node: Node) -> None:
     flat = {**VIEW, "projection": "orthographic", "height": 4}
     body = "return [m.isSameView(a, {...a, fov: 20}), m.isSameView(a, {...a, height: 3})];"
     assert node.call("scene/orbit", body, flat) == [True, False]
+
+
+def test_take_fills_the_form_but_keeps_its_goals(node: Node) -> None:
+    light = {"color": [1, 2, 3], "strength": 2, "rotation": 90}
+    request = {"scene": "s", "camera": "front", "width": 300, "frame": 7.5, "clip": "walk", "variant": "1", "up": "z"}
+    now = {"spp": 64, "noise": 0.1, "denoise": True, "environment": {"preset": "studio"}, "frames": "0-9"}
+    body = "return m.startOfTake({ request: a[0] }, a[1]);"
+    start = node.call("scene/form-start", body, [{**request, "environment": light}, now])
+    kept = {"noise": 0.1, "seconds": None}
+    colour = {"environment": [1, 2, 3], "environment_strength": 2, "environment_rotation": 90}
+    assert start["first"].items() >= {"width": 300, "light": light, **kept, **colour}.items()
+    assert (start["camera"], start["view"], start["variant"], start["up"], start["denoise"]) == ("front", None, "1", "z", True)
+    assert (start["shot"]["frames"], start["shot"]["count"], start["shot"]["clip"]) == ("7.5", 1, "walk")

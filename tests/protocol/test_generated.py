@@ -73,6 +73,7 @@ def test_client_message_round_trip(message: FromClient, kinds: tuple[type[FromCl
         ),
         (viewport.Refused(None, "No."), viewport.FROM_SERVICE, '{"type": "error", "id": null, "detail": "No."}'),
         (viewport.People([{"id": 1}]), viewport.FROM_SERVICE, '{"type": "people", "people": [{"id": 1}]}'),
+        (viewport.TakesChanged(3), viewport.FROM_SERVICE, '{"type": "takes", "changes": 3}'),
         (
             viewport.Picked(1, 2, [0, 0, 1], None, None, None),
             viewport.FROM_SERVICE,

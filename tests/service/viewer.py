@@ -33,6 +33,7 @@ class Viewer:
         self.errors: list[dict[str, Any]] = []
         self.picked: list[dict[str, Any]] = []
         self.people: list[dict[str, Any]] = []
+        self.take_changes: list[dict[str, Any]] = []
         self.pictures: list[tuple[int, tuple[int, int]]] = []  # view id and size of each picture
         self.seq = 0
         self.words = np.zeros((0, 0), np.uint32)
@@ -60,9 +61,8 @@ class Viewer:
                 self._take(message)
                 continue
             said = json.loads(message)
-            {"state": self.states, "error": self.errors, "picked": self.picked, "people": self.people}[said.pop("type")].append(
-                said
-            )
+            lists = {"state": self.states, "error": self.errors, "picked": self.picked, "people": self.people}
+            (lists | {"takes": self.take_changes})[said.pop("type")].append(said)
 
     def _take(self, message: bytes) -> None:
         version, kind, count, id, seq, width, height, _, _ = HEADER.unpack_from(message)

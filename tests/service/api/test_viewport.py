@@ -2,18 +2,23 @@
 
 from __future__ import annotations
 
+import base64
+import io
 import math
 import threading
 import time
 
 import numpy as np
 import pytest
+from PIL import Image
 from websockets.exceptions import ConnectionClosed
 
 from protocol.view_parts import VIEW_ANSWERS, Part, ViewParts, view_key, view_queue
 from renderer import film as film_math
 from renderer.image import rgbe9995
 from renderer.settings import Tile
+from service.access.rate_limit import RateLimit
+from service.scenes import takes
 from service.scheduling.records import Records
 from service.viewing import memory_limit
 from service.viewing.canvas import GUIDE_SAMPLES
@@ -479,3 +484,94 @@ def test_viewers_of_a_scene_see_each_other(service: Service) -> None:
         stranger.read()
         assert stranger.people == []
     until(lambda: not service.farm.visitors._of_scene, "nobody is left")
+
+
+def encoded_picture(width: int, height: int, format: str = "PNG") -> str:
+    """Returns a picture with metadata as base64."""
+    file = io.BytesIO()
+    exif = Image.Exif()
+    exif[0x010E] = "secret"
+    Image.new("RGB", (width, height), (200, 100, 50)).save(file, format, exif=exif)
+    return base64.b64encode(file.getvalue()).decode()
+
+
+def test_takes_are_seen_at_once_and_by_all(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, other = service.upload(), service.upload(b"# another\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    path = f"/api/scenes/{scene}/takes"
+    view = {"eye": [1.0, 2.0, 3.0], "target": [0.0, 0.0, 0.0], "aperture": 0.1}
+    shown = {"scene": scene, "view": view, "width": 300, "height": 200, "background": "transparent"}
+    asked = {
+        "name": " Low sun ",
+        "author": "Ben",
+        "request": {**shown, "environment": {"sky": {"elevation": 5}}, "spp": 64, "priority": 3, "name": "x"},
+        "exposure": -1.5,
+        "tonemap": "filmic",
+        "picture": encoded_picture(300, 200),
+    }
+    with look(service, scene) as anna, look(service, other) as stranger:
+        answer = service.http.post(path, json=asked)
+        assert answer.status_code == 201, answer.text
+        take = answer.json()
+        assert answer.headers["location"] == f"{path}/{take['id']}"
+        until(lambda: (anna.read(), anna.take_changes == [{"changes": 1}])[1], "others are told")
+        assert take.items() >= {"name": "Low sun", "author": "Ben", "exposure": -1.5, "tonemap": "filmic"}.items()
+        assert take["request"] == {**shown, "environment": {"sky": {"elevation": 5.0}}}, "what a view reads, as it was sent"
+        picture = service.http.get(take["picture"])
+        image = Image.open(io.BytesIO(picture.content))
+        assert (picture.headers["content-type"], image.format, image.size) == ("image/webp", "WEBP", (300, 200))
+        assert "exif" not in image.info, "nothing of the file but its pixels is kept"
+        unchanged = service.http.get(take["picture"], headers={"If-None-Match": picture.headers["etag"]})
+        assert unchanged.status_code == 304
+        renamed = service.http.patch(f"{path}/{take['id']}", json={"name": "Dusk"})
+        assert renamed.json() == {**take, "name": "Dusk"}
+        plain = service.http.post(path, json={"name": "Plain", "request": {"scene": scene}}).json()
+        assert (plain["author"], plain["picture"], plain["request"]) == (None, None, {"scene": scene})
+        assert service.http.get(f"{path}/{plain['id']}/picture.webp").json()["code"] == "take-without-picture"
+        assert service.http.get(path).json() == [renamed.json(), plain]
+        assert service.http.get(f"/api/scenes/{other}/takes").json() == []
+        assert service.http.delete(f"/api/scenes/{other}/takes/{take['id']}").json()["code"] == "take-not-found"
+        monkeypatch.setattr(takes, "MAX_TAKES", 2)
+        full = service.http.post(path, json=asked)
+        assert (full.status_code, full.json()["code"]) == (409, "takes-too-many")
+        assert service.http.delete(f"{path}/{take['id']}").status_code == 204
+        until(lambda: (anna.read(), anna.take_changes[-1] == {"changes": 4})[1], "the deletion is told too")
+        stranger.read()
+        assert stranger.take_changes == []
+    service.http.delete(f"/api/scenes/{scene}").raise_for_status()
+    assert service.http.get(path).status_code == 404
+    with service.farm.sessions() as session:
+        assert list(session.scalars(takes.select_takes(scene))) == [], "they are deleted with their scene"
+
+
+def test_bad_takes_are_refused(service: Service) -> None:
+    scene = service.upload()
+    path = f"/api/scenes/{scene}/takes"
+    good = {"name": "a", "request": {"scene": scene}}
+    for change, code in (
+        ({"name": "\u200b "}, "take-name-missing"),
+        ({"name": "a\nb"}, "name-control-characters"),
+        ({"name": "a" * 101}, None),
+        ({"author": "a\x1b[0m"}, "name-control-characters"),
+        ({"request": {"scene": "other"}}, "take-of-other-scene"),
+        ({"request": {"scene": scene, "view": {"eye": [1]}}}, None),
+        ({"request": {"scene": scene, "width": 0}}, None),
+        ({"request": {"scene": scene, "widht": 1}}, None),
+        ({"exposure": 1e9}, None),
+        ({"tonemap": "prettier"}, "tonemap-unknown"),
+        ({"picture": "%%%"}, "take-picture-invalid"),
+        ({"picture": base64.b64encode(b"RIFF1234WEBPVP8 ").decode()}, "take-picture-invalid"),
+        ({"picture": encoded_picture(8, 8, "TIFF")}, "take-picture-invalid"),
+        ({"picture": encoded_picture(513, 8)}, "take-picture-invalid"),
+        ({"picture": encoded_picture(8, 8)[:-40]}, "take-picture-invalid"),
+        ({"picture": "A" * 200_001}, None),
+        ({"scene": scene}, None),
+    ):
+        answer = service.http.post(path, json=good | change)
+        assert answer.status_code == 422, (change, answer.text)
+        assert code is None or answer.json()["code"] == code, answer.text
+    assert service.http.post("/api/scenes/none/takes", json=good).status_code == 404
+    assert service.http.get(path).json() == []
+    service.farm.access.note_rate = RateLimit(60.0)
+    floods = [service.http.patch(f"{path}/none", json={"name": "a"}).status_code for _ in range(61)]
+    assert floods == [404] * 60 + [429]
+    service.farm.access.note_rate = RateLimit(60.0)

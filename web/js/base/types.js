@@ -80,6 +80,16 @@
  * @property {number | null} resolved likewise; null: open
  * @property {string | null} resolved_by
  *
+ * @typedef {object} Take a saved camera with the settings of a scene's live view
+ * @property {string} id
+ * @property {string} name
+ * @property {string | null} author null: unknown
+ * @property {number} created unix seconds
+ * @property {Record<string, any>} request the view as a job's request
+ * @property {number} exposure in stops
+ * @property {string} tonemap
+ * @property {string | null} picture URL
+ *
  * @typedef {object} Job
  * @property {Codes} [codes]
  * @property {string} id

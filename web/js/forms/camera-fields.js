@@ -16,6 +16,7 @@ import { t } from "../base/words.js";
  * @property {() => Pick<JobRequest, "camera" | "view">} get
  * @property {() => View} view the complete selected view
  * @property {(view: View) => void} turn to a view of the user's own
+ * @property {(camera: string | number) => void} choose a camera of the scene, by its name or number
  * @property {(view: View) => void} move the chosen camera, which stays chosen: its scene has moved
  * @property {(distance: number) => void} focus at this distance along the line of sight
  */
@@ -52,6 +53,12 @@ export function cameraFields({ cameras }, projected) {
       camera.value = OWN_VIEW;
       view.set(to);
       show();
+    },
+    choose(wanted) {
+      const number = cameras.findIndex(({ name }, i) => i === wanted || name === wanted);
+      if (number < 0) return;
+      camera.value = String(number);
+      camera.dispatchEvent(new Event("change"));
     },
     move: view.set,
     focus: view.focus,

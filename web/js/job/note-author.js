@@ -16,9 +16,18 @@ function stored() {
   }
 }
 
+/** @param {string} name */
+function store(name) {
+  try {
+    localStorage.setItem(KEY, name);
+  } catch {
+    // Storage is blocked: it stays for this page.
+  }
+}
+
 /**
- * @returns {{element: HTMLElement, author: () => {author?: string} | null}} author: a request's field; null: the name is missing,
- *   and its field now has the focus
+ * @returns {{element: HTMLElement, author: () => {author?: string} | null, given: () => {author?: string}}} author: a request's field; null:
+ *   the name is missing, and its field now has the focus. given: the field if there is a name
  */
 export function noteAuthor() {
   const input = h("input", { type: "text", id: "note-author", maxLength: LONGEST, autocomplete: "name", value: stored() });
@@ -34,11 +43,13 @@ export function noteAuthor() {
         input.focus();
         return null;
       }
-      try {
-        localStorage.setItem(KEY, name);
-      } catch {
-        // Storage is blocked: it stays for this page.
-      }
+      store(name);
+      return { author: name };
+    },
+    given() {
+      const name = input.value.trim();
+      if (session.value.kind !== "open" || !name) return {};
+      store(name);
       return { author: name };
     },
   };

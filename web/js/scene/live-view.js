@@ -13,7 +13,6 @@ import { DEFAULT_CURVE } from "../film/tonemap.js";
 import { Viewport } from "../film/viewport.js";
 import { stops } from "../base/format.js";
 import { parseFrames } from "../base/frame-numbers.js";
-import { bookmarks } from "./bookmarks.js";
 import { PLACE_SUN } from "../forms/environment-fields.js";
 import { addShortcuts } from "../shell/shortcuts.js";
 import { heldKey, lightHand } from "./light-hand.js";
@@ -25,7 +24,9 @@ import { alongSight, lookAt } from "./orbit.js";
 import { examplePictures } from "../news/example-pictures.js";
 import { hasMesh, meshOf } from "./preview-mesh.js";
 import { LIVE } from "./sides.js";
+import { startOfTake } from "./form-start.js";
 import { sunHand } from "./sun-hand.js";
+import { takes } from "./takes.js";
 import { viewHand } from "./view-hand.js";
 import { ViewFilm } from "./view-film.js";
 import { ViewLink } from "./view-link.js";
@@ -42,6 +43,8 @@ import { t } from "../base/words.js";
 /** Maximum number of pixels rendered, whatever the screen's size. */
 const MOST_PIXELS = 1 << 20;
 const LEAST_SIDE = 16;
+/** Longer side of a take's picture, in pixels. */
+const TAKE_SIDE = 320;
 /** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
 /** Samples per pixel after which the view replaces a finished picture, and the preview mesh, if it is not denoised. */
@@ -67,8 +70,8 @@ const HAND_KEYS = [
  * @param {(view: View) => void} turned called when the user moves the camera
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides the pictures shown in place of the live view
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, made of their differences
- * @returns {{element: HTMLElement, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, film: () => import("../film/film.js").Film}}
- *   refresh: requests a new view after a change of the form
+ * @returns {{element: HTMLElement, takes: HTMLElement | null, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, film: () => import("../film/film.js").Film}}
+ *   takes: the strip of the scene's takes. refresh: requests a new view after a change of the form
  */
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
@@ -105,7 +108,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
-    return { element: h("p", { class: "notice" }, error.message), refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), film: () => new Film(1, 1) };
+    return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), film: () => new Film(1, 1) };
   }
   // A previous picture of the scene, or its preview mesh, until the first samples arrive.
   const mesh = new MeshCanvas(meshed);
@@ -209,7 +212,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     failed: (sentence) => say(sentence),
     picked: (found) => onPicked?.(found),
     people: ({ people: found }) => others.take(found),
-    link: (up) => (up ? others.renew() : say(t("The connection is lost; trying again."))),
+    takes: () => void saved.load(),
+    link: (up) => (up ? (others.renew(), void saved.load()) : say(t("The connection is lost; trying again."))),
     refused: (sentence) => say(sentence),
   });
   const others = people(surface, { view: form.view, send: (message) => link.send(message), turnTo: (view) => turnTo(view) });
@@ -232,12 +236,17 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   let firstAsked;
   /** Width of the view in CSS pixels. */
   let wide = 0;
-  const refresh = () => {
-    if (!form.element.checkValidity()) return;
+  /** The fields of the form's request that a view reads. */
+  const viewRequest = () => {
     /** @type {Record<string, any>} */
     const request = { ...form.request() };
     if (request.frames) request.frame = firstOf(request.frames);
     for (const name of JOB_ONLY_FIELDS) delete request[name];
+    return request;
+  };
+  const refresh = () => {
+    if (!form.element.checkValidity()) return;
+    const request = viewRequest();
     const text = JSON.stringify(request);
     if (text !== (firstAsked ??= text) && meshed.hidden) release();
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
@@ -246,6 +255,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
     if (isCovered) mesh.setView(form.view());
     others.changed();
+    saved.changed();
     offer();
     if (focused && form.view().aperture) tell();
   };
@@ -362,7 +372,22 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   form.element.addEventListener(PLACE_SUN, placeSun);
 
   const look = new Store({ exposure: 0, curve: DEFAULT_CURVE });
-  const toolBar = h("div", { class: "view-tool-bar" }, [...tools.buttons.values()], bookmarks(scene.id, form.view, (view) => turn(view)));
+  const saved = takes(scene, {
+    state: () => ({ request: { scene: scene.id, ...viewRequest() }, exposure: exposure.valueAsNumber, tonemap: curve.value }),
+    picture: () => (isSampled ? smallPicture(picture, canvas) : null),
+    restore(take) {
+      others.stop();
+      if (instead.isOpen && !instead.hasLive) sides.set({ a: LIVE, b: "" });
+      form.restore(startOfTake(take, form.request()));
+      const hasCurve = [...curve.options].some(({ value }) => value === take.tonemap);
+      curve.value = hasCurve ? take.tonemap : DEFAULT_CURVE;
+      expose(take.exposure);
+      showMesh();
+      refresh();
+      turned(form.view());
+    },
+  });
+  const toolBar = h("div", { class: "view-tool-bar" }, [...tools.buttons.values()], saved.save);
   const looks = h("div", { class: "view-looks" }, h("label", { class: "view-exposure" }, icon("exposure"), exposure, shown), clear.element, denoise.element, curve);
   const pills = h("div", { class: "view-pills" }, state, said, dark);
   const stage = viewStage({
@@ -393,7 +418,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     frame,
     stage.bar,
   );
-  const relook = () => look.set({ exposure: exposure.valueAsNumber, curve: curve.value });
+  const relook = () => {
+    look.set({ exposure: exposure.valueAsNumber, curve: curve.value });
+    saved.changed();
+  };
   look.subscribe((now) => {
     picture.look = now;
     setText(shown, `${stops(now.exposure)} EV`);
@@ -414,6 +442,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   if (!instead.isOpen) tell();
   return {
     element,
+    takes: saved.element,
     refresh,
     look: () => look.value,
     film: () => film.film,
@@ -428,11 +457,28 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       form.element.removeEventListener(PLACE_SUN, placeSun);
       others.dispose();
       denoise.dispose();
+      saved.dispose();
       link.close();
       mesh.dispose();
       picture.dispose();
     },
   };
+}
+
+/**
+ * Returns what a view shows as a small picture in base64.
+ *
+ * @param {FilmCanvas} picture
+ * @param {HTMLCanvasElement} canvas of the picture
+ */
+function smallPicture(picture, canvas) {
+  picture.draw(); // WebGL keeps its picture only until the next frame
+  const scale = Math.min(1, TAKE_SIDE / Math.max(canvas.width, canvas.height));
+  const small = h("canvas", { width: Math.max(1, Math.round(canvas.width * scale)), height: Math.max(1, Math.round(canvas.height * scale)) });
+  small.getContext("2d")?.drawImage(canvas, 0, 0, small.width, small.height);
+  const url = small.toDataURL("image/webp", 0.85);
+  const encoded = url.startsWith("data:image/webp") ? url : small.toDataURL("image/jpeg", 0.85); // Safari writes no WebP
+  return encoded.slice(encoded.indexOf(",") + 1);
 }
 
 /**

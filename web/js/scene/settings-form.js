@@ -4,7 +4,7 @@ import { byProgram } from "../forms/by-program.js";
 import { canDenoise } from "../job/denoise-fields.js";
 import { cameraFields } from "../forms/camera-fields.js";
 import { isLightless } from "../base/light-words.js";
-import { h, setText } from "../base/dom.js";
+import { fill, h, setText } from "../base/dom.js";
 import { scenes, workers } from "../news/farm.js";
 import { compact, noiseText, roughly } from "../base/format.js";
 import { icon } from "../base/icons.js";
@@ -22,6 +22,7 @@ import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 /** @typedef {import("../base/types.js").JobRequest} JobRequest */
+/** @typedef {import("./form-start.js").FormStart} FormStart */
 
 /** Expected seconds from which a picture is marked as taking long. */
 const LONG_S = 600;
@@ -33,6 +34,7 @@ const LONG_S = 600;
  * @property {() => JobRequest} request as the form is now
  * @property {() => import("../base/types.js").View} view
  * @property {(view: import("../base/types.js").View) => void} turn to a view of the user's own
+ * @property {(start: FormStart) => void} restore shows other settings; goals of quality and the queue stay
  * @property {(distance: number) => void} focus
  * @property {import("../forms/environment-fields.js").LightHandle} light
  * @property {() => void} dispose
@@ -41,54 +43,59 @@ const LONG_S = 600;
 /**
  * @param {Scene} scene ready
  * @param {(request: JobRequest) => Promise<void>} submit
- * @param {import("../base/types.js").Job | null} [like] an earlier job whose settings are the form's initial values
+ * @param {FormStart | null} [start] what the form shows first; null: what the scene file asks for
  * @param {boolean} [asShot] whether an animated scene is rendered as a shot by default
  * @returns {SettingsForm}
  */
-export function settingsForm(scene, submit, like = null, asShot = false) {
+export function settingsForm(scene, submit, start = null, asShot = false) {
   const { defaults } = scene;
-  /** @type {Record<string, any>} */
-  const first = like ? { ...like.settings, spp: like.spp, noise: like.noise, seconds: like.seconds, light: like.environment } : {};
   const estimate = h("p", { class: "quiet small number" });
   let update = () => {};
   const program = byProgram(() => request());
-  const shot = shotFields(scene, like?.shot ?? null, () => update(), asShot && !like);
   /** The latest state of the scene, whose measurements are updated by each picture. */
   const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
   /** @param {number} spp */
   const expect = (spp) => {
-    const { width, height } = size.get();
-    return expected(known(), workers.value ?? [], width * height * shot.count(), spp);
+    const { width, height } = parts.size.get();
+    return expected(known(), workers.value ?? [], width * height * parts.shot.count(), spp);
   };
+  /** The fields that show other settings when a take is restored. @param {FormStart | null} start */
+  const build = (start) => {
+    const first = start?.first ?? {};
+    const shot = shotFields(scene, start?.shot ?? null, () => update(), asShot && !start);
+    const size = sizeFields({ ...defaults, ...first }, () => update());
+    const camera = cameraFields(scene, (projection) => size.suit(projection));
+    const others = settingFields(defaults, first, scene.light_groups ?? [], isLightless(scene));
+    const variant = variantField(scene, start?.variant ?? null);
+    const stand = standFields(scene, start, (moved) => camera.move(moved(camera.view())));
+    if (start?.view) camera.turn(start.view);
+    else if (start?.camera !== undefined) camera.choose(start.camera);
+    return { shot, size, camera, others, variant, stand };
+  };
+  let parts = build(start);
+  const quality = qualityFields({ ...defaults, ...start?.first }, () => update(), expect);
+  const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(start?.denoise) });
+  const denoise = h("label", { class: "check" }, clean, t("Denoise"));
+  const queue = queueFold(start);
   update = () => {
     quality.update();
+    const { size, shot } = parts;
     const expectation = expect(quality.get());
     setText(estimate, costOf(size.get(), quality.get(), shot.count(), expectation));
     denoise.hidden = !canDenoise(workers.value);
     estimate.classList.toggle("long", (expectation.seconds ?? 0) > LONG_S);
   };
-  const size = sizeFields({ ...defaults, ...first }, () => update());
-  const camera = cameraFields(scene, (projection) => size.suit(projection));
-  const quality = qualityFields({ ...defaults, ...first }, () => update(), expect);
-  const others = settingFields(defaults, first, scene.light_groups ?? [], isLightless(scene));
-  const variant = variantField(scene, like?.variant ?? null);
-  const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(like?.denoise) });
-  const denoise = h("label", { class: "check" }, clean, t("Denoise"));
-  const stand = standFields(scene, like, (moved) => camera.move(moved(camera.view())));
-  const queue = queueFold(like);
-  // Not for a shot, whose camera may be animated, while a custom view is static.
-  if (like?.settings && !like.shot) camera.turn(like.settings.view);
   /** @returns {JobRequest} */
   const request = () => ({
     scene: scene.id,
-    ...variant.get(),
-    ...stand.get(),
-    ...camera.get(),
-    ...size.get(),
+    ...parts.variant.get(),
+    ...parts.stand.get(),
+    ...parts.camera.get(),
+    ...parts.size.get(),
     spp: quality.get(),
     ...(clean.checked && !denoise.hidden && { denoise: true }),
-    ...shot.get(),
-    ...others.get(),
+    ...parts.shot.get(),
+    ...parts.others.get(),
     ...queue.get(),
   });
   const render = h("button", { class: "button primary large wide", type: "submit" }, icon("play"), t("Render"));
@@ -114,30 +121,43 @@ export function settingsForm(scene, submit, like = null, asShot = false) {
     const fold = /** @type {HTMLElement} */ (target).closest("summary")?.parentElement;
     requestAnimationFrame(() => fold?.hasAttribute("open") && fold.scrollIntoView({ block: "nearest" }));
   };
-  const element = h(
-    "form",
-    { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit, onclick },
-    camera.elements,
-    variant.elements,
-    shot.elements,
-    others.light,
-    stand.elements,
-    size.elements,
-    quality.elements,
-    denoise,
-    h(
-      "details",
-      { class: "advanced" },
-      h("summary", null, t("Advanced")),
-      h("div", { class: "stack" }, camera.lens, others.basic, others.advanced, queue.element, program.element),
-    ),
-    h("div", { class: "submit" }, estimate, why, render),
-  );
+  const advanced = h("div", { class: "stack" });
+  const fold = h("details", { class: "advanced" }, h("summary", null, t("Advanced")), advanced);
+  const bottom = h("div", { class: "submit" }, estimate, why, render);
+  const element = h("form", { class: "settings", "aria-label": t("Render settings"), noValidate: true, onsubmit, onclick });
+  const arrange = () => {
+    const { camera, variant, shot, others, stand, size } = parts;
+    const fields = [camera.elements, variant.elements, shot.elements, others.light, stand.elements, size.elements, quality.elements];
+    fill(advanced, camera.lens, others.basic, others.advanced, queue.element, program.element);
+    fill(element, fields.flat(), denoise, fold, bottom);
+    update();
+  };
   for (const type of ["input", "change"]) element.addEventListener(type, program.update);
-  update();
-  /** @param {import("../base/types.js").View} view */
-  const turn = (view) => (camera.turn(view), program.update());
-  return { element, update, request, view: camera.view, turn, focus: camera.focus, light: others.lightHandle, dispose: () => (others.dispose(), queue.dispose()) };
+  arrange();
+  return {
+    element,
+    update,
+    request,
+    view: () => parts.camera.view(),
+    turn: (view) => (parts.camera.turn(view), program.update()),
+    restore(next) {
+      const { others } = parts;
+      parts = build(next);
+      others.dispose();
+      arrange();
+      program.update();
+    },
+    focus: (distance) => parts.camera.focus(distance),
+    light: {
+      get: () => parts.others.lightHandle.get(),
+      set: (...light) => parts.others.lightHandle.set(...light),
+      sun: () => parts.others.lightHandle.sun(),
+      stand: (...sun) => parts.others.lightHandle.stand(...sun),
+      choose: (id) => parts.others.lightHandle.choose(id),
+      keep: () => parts.others.lightHandle.keep(),
+    },
+    dispose: () => (parts.others.dispose(), queue.dispose()),
+  };
 }
 
 /**

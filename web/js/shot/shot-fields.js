@@ -8,7 +8,7 @@ import { parseFrames } from "../base/frame-numbers.js";
 import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
-/** @typedef {import("../base/types.js").Shot} Shot */
+/** @typedef {import("../scene/form-start.js").ShotStart} ShotStart */
 
 const USUAL_FPS = 24;
 const TURN_S = 4;
@@ -17,7 +17,7 @@ const ROUNDED = 1e-3;
 
 /**
  * @param {Scene} scene
- * @param {Shot | null} like whose settings are the initial values
+ * @param {ShotStart | null} like whose settings are the initial values
  * @param {() => void} changed
  * @param {boolean} [asShot] whether an animated scene is rendered as a shot by default
  * @returns {{elements: HTMLElement[], get: () => Record<string, any>, count: () => number}} count: of frames

@@ -9,6 +9,7 @@ import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
 import { offer } from "../news/projects.js";
+import { startOfJob } from "../scene/form-start.js";
 import { settingsForm } from "../scene/settings-form.js";
 import { keepFirstLook } from "../film/first-look.js";
 import { firstFrame } from "../base/shot-words.js";
@@ -189,7 +190,7 @@ function ready(page, scene, life) {
     }
   };
   const like = (jobs.value ?? []).find(({ id }) => id === here().params.get("like")) ?? null;
-  const form = settingsForm(scene, submit, like, here().params.has("shot"));
+  const form = settingsForm(scene, submit, like && startOfJob(like), here().params.has("shot"));
   life.add(form.dispose);
   life.add(workers.subscribe((all) => (fill(notice, all?.length === 0 && noWorkerNotice()), form.update())));
   life.add(jobs.subscribe(() => form.update()));
@@ -214,6 +215,7 @@ function ready(page, scene, life) {
         "div",
         { class: "workspace-view" },
         h("div", { class: "workspace-top" }, warnings(scene), view.element),
+        view.takes,
         renderStrip(scene.id, sides, life),
         facts(scene),
       ),
