@@ -14,7 +14,7 @@ from renderer.kernel.fetch import row
 from renderer.kernel.spectrum.upsampling import light_at, reflectance_at
 from renderer.wide.values import lookup, u32, where
 
-__all__ = ["NO_MEDIUM", "beneath", "coefficients", "crossed", "entered", "holds", "innermost", "left"]
+__all__ = ["NO_MEDIUM", "beneath", "coefficients", "crossed", "entered", "holds", "innermost", "left", "medium_albedo"]
 
 _DIGITS = np.uint32(MOST_MEDIA.bit_length() - 1)
 _TWICE = np.uint32(2 * _DIGITS)
@@ -93,3 +93,10 @@ def coefficients(scene, medium_stack, wavelengths):
         sigma_t = light_at(scene, sigma_t, wavelengths)
         sigma_s = vec.mul(sigma_t, reflectance_at(scene, albedo, wavelengths))
     return sigma_t, sigma_s, g
+
+
+@device
+def medium_albedo(scene, medium_stack):
+    """Returns the single-scattering albedo, rgb, of the innermost medium, also where a path has wavelengths."""
+    ar, ag, ab, sr, sg, sb, _, _ = row(scene.medium, u32(medium_stack & _ONE), MEDIUM_COLUMNS)
+    return sr / max(ar + sr, _LEAST), sg / max(ag + sg, _LEAST), sb / max(ab + sb, _LEAST)

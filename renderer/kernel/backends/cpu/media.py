@@ -43,10 +43,11 @@ from renderer.kernel.backends.cpu.rows import (
 from renderer.kernel.light_groups import add_group_light, group_of_media
 from renderer.kernel.light_paths import EMISSION, add_path_light
 from renderer.kernel.material.material import Parameters
+from renderer.kernel.medium.medium_stack import medium_albedo
 from renderer.kernel.steps.continue_or_end import is_last
 from renderer.kernel.steps.emitted_light import add_medium_light
 from renderer.kernel.steps.medium_event import medium_event, medium_surface
-from renderer.kernel.steps.record_first_hit import record_first_hit
+from renderer.kernel.steps.record_first_hit import record_first_hit, with_albedo
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_throughput
 from renderer.kernel.surface.surface import NO_OBJECT
 from renderer.wide.values import any_of, as_wide, where, zero_like
@@ -107,6 +108,8 @@ def sample_free_flights(scene, pool, lists, options):
                 start, black = gather(pool, rows, Sample).start, (none, none, none)
                 material = Parameters(event.albedo, none, none + _ONE, none + _ONE)
                 seen = record_first_hit(surface, material, black, event.distance, start)
+                if scene.spectrum is not None:
+                    seen = with_albedo(seen, medium_albedo(scene, crossings.medium_stack))
                 scatter(pool, where(first, rows, SPARE), seen)
             last = is_last(path, crossings.counts, none != none, options) | (vec.maximum(event.throughput) <= _ZERO)
             which = where(last, _OVER, as_wide(_IN_MEDIUM, none))

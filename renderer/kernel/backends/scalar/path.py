@@ -27,6 +27,7 @@ from renderer.kernel.material.material import (
     is_specular,
     parameters_at,
 )
+from renderer.kernel.medium.medium_stack import medium_albedo
 from renderer.kernel.options import MIS
 from renderer.kernel.path_trace import (
     DIRECT,
@@ -173,7 +174,9 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         if path.number == _ZERO:
             seen = record_first_hit(vertex.surface, vertex.material, normal, distance, camera.start)
             if scene.spectrum is not None and is_surface:
-                seen = with_albedo(seen, parameters_at(scene, surface, factors_at(scene, surface, time)).base)
+                seen = with_albedo(seen, parameters_at(scene, vertex.surface, factors_at(scene, vertex.surface, time)).base)
+            if scene.spectrum is not None and scene.has.media is not None and drifts:
+                seen = with_albedo(seen, medium_albedo(scene, crossings.medium_stack))
             if caught:
                 seen = record_catcher(seen, path.throughput)
             store_first_hit(first, seen)
