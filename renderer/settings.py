@@ -178,6 +178,7 @@ MAX_FILM_EXPONENT = 24
 MAX_RADIANCE = 1e9
 MAX_LIGHT_GROUPS = 16  # by name; with that of other lights, as many as renderer/film.py allows
 MOST_RANKS = 16  # of Cryptomatte: renderer/cryptomatte.py
+MOST_DEEP = 64  # renderer/deep.py
 LIGHT_PATHS = (  # the planes by light path, behind those of light groups: renderer/kernel/light_paths.py
     "emission",
     "environment",
@@ -527,6 +528,17 @@ class RenderSettings:
             phrase="Cryptomatte {}",
         ),
     ] = 0
+    deep: Annotated[
+        int,
+        Setting(4, MOST_DEEP, off=0),
+        SettingTexts(
+            "Deep samples",
+            "Samples in depth for a deep EXR: how many per pixel at most, usually 32.",
+            section="Samples",
+            off=Sentence("setting-off-none", "none"),
+            phrase="deep samples {}",
+        ),
+    ] = 0
     environment: Annotated[
         Vec3 | None,
         Setting(0.0, MAX_RADIANCE, of="environment"),
@@ -668,6 +680,7 @@ class RenderSettings:
             "light_groups": bool(self.light_groups),
             "light_paths": self.has_light_paths,
             "background": self.is_transparent,
+            "deep": self.deep > 0,
         }
         for name, is_used in others.items():
             if is_used:
@@ -740,7 +753,7 @@ class RenderSettings:
 
 SETTINGS = table(RenderSettings)
 _LATER = (
-    *("caustics", "guiding", "transparency_depth", "light_groups", "light_paths", "background", "cryptomatte"),
+    *("caustics", "guiding", "transparency_depth", "light_groups", "light_paths", "background", "cryptomatte", "deep"),
     *("rolling_shutter", "rolling_shutter_from", "spectral"),
 )
 

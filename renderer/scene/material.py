@@ -59,6 +59,7 @@ _MATT = ("diffuse", *PRINCIPLED)
 _METAL = ("conductor",)
 _PHONG = ("blinn_phong",)
 _HAIR = ("hair",)
+_DISPLACED = tuple(kind for kind in SURFACES if kind != "hair")
 
 _PBR = "pbrMetallicRoughness."
 _SPECULAR = "KHR_materials_specular."
@@ -70,6 +71,7 @@ _BRUSH = "KHR_materials_anisotropy."
 _FILM = "KHR_materials_iridescence."
 _DISPERSION = "KHR_materials_dispersion."
 _DIFFUSE = "KHR_materials_diffuse_transmission."
+_DISPLACEMENT = "RAYFARM_materials_displacement."
 
 MOST_DENSE = 1e9  # largest absorption or scattering coefficient of media, per scene unit
 MOST_FORWARD = 0.999  # largest absolute value of a phase function's g
@@ -114,6 +116,16 @@ class Material:
     """What mask lets stand."""
     normal_texture: int | None = texture(rows.NORMAL_TEXTURE, kinds=SURFACES, layered=False, gltf="normalTexture")
     normal_scale: float = number(1.0, rows.NORMAL_SCALE, -100.0, 100.0, SURFACES, gltf="normalTexture.scale")
+    displacement_texture: int | None = texture(
+        None, _DISPLACED, layered=False, gltf=_DISPLACEMENT + "displacementTexture"
+    )  # red; of meshes, moved by renderer/scene/displacement/
+    """Heights, by which meshes are displaced along their normals: red."""
+    displacement_scale: float = number(1.0, None, -1e9, 1e9, _DISPLACED, gltf=_DISPLACEMENT + "displacementScale")
+    """The height of white above black, in the mesh's own unit."""
+    displacement_midlevel: float = number(0.0, None, -1e9, 1e9, _DISPLACED, gltf=_DISPLACEMENT + "displacementMidlevel")
+    """The value that leaves the surface where it is."""
+    displacement_rate: float = number(1.5, None, 0.1, 1000.0, _DISPLACED, gltf=_DISPLACEMENT + "displacementRate")
+    """The longest edge of displaced triangles, in pixels."""
     emission: Vec3 = color(0.0, high=1e9, kinds=SURFACES, form="radiance")
     """Radiance: what has some is a light."""
     emission_texture: int | None = texture(None, kinds=SURFACES, srgb=True)

@@ -20,7 +20,7 @@ from tests.renderer.kernel.spectrum.colors import at_wavelengths, to_rgb
 
 INSIDE = View((0.3, 0.2, 0.1), (0.9, -0.1, 0.3), fov=70.0)
 SETTINGS = RenderSettings(12, 12, INSIDE, max_depth=100, spectral="on")
-OTHERS = {"caustics": "on", "guiding": "on", "light_groups": "key", "light_paths": "on", "background": "transparent"}
+OTHERS = {"caustics": "on", "guiding": "on", "light_groups": "key", "light_paths": "on", "background": "transparent", "deep": 8}
 
 
 @pytest.mark.parametrize("name", OTHERS)

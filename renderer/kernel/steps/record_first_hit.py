@@ -17,6 +17,7 @@ from renderer.wide.fields import Float, Int, Vector, columns_of, is_integer
 from renderer.wide.values import as_wide, u32, zero_like
 
 __all__ = [
+    "DEEP",
     "IDS",
     "MEANS",
     "FirstHit",
@@ -143,3 +144,5 @@ def _planes(integers: bool) -> npt.NDArray[np.uintp]:
 
 MEANS = _planes(integers=False)  # averaged over the samples
 IDS = _planes(integers=True)  # cannot be averaged: of sample 0
+# Columns of FirstHit that are recorded for each sample of a deep picture, in the order of renderer/deep_samples.py.
+DEEP = np.array([k for field in ("distance", "point", "uncovered", "caught") for k in columns_of(FirstHit, field)], np.uintp)

@@ -113,7 +113,7 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if scene.spectrum is not None:
             spectrum_to_rgb(scene, paths, lists, options)
         bad_count = accumulate_film(
-            paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count, by_group, output.ids
+            paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count, by_group, output.records
         )
     record_second_branch(log, radiance_of(paths, PATHS))
     flush_film(pool.film, output.sums, options.scale, options.transparent_background)
@@ -149,5 +149,5 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
         (resolve_shadow_rays, (scene, alone, stack, paths, lists, asked)),
         (trace_shadow_rays, (scene, alone, stack, paths, lists, asked)),
         (start_paths, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion), medium_stack)),
-        (accumulate_film, (paths, lists, film, scale, number, wanted, bad, number, by_group, typeof(output.ids))),
+        (accumulate_film, (paths, lists, film, scale, number, wanted, bad, number, by_group, typeof(output.records))),
     ]
