@@ -201,7 +201,7 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings: default strategy, RGB, no guide, light planes, deep samples."""
+    """Returns True if a graphics card can render these settings: default strategy, RGB, no guide, light planes, deep samples."""
     if not has_variants(settings) or samples_guide(settings) or settings.is_spectral:
         return False
     return not (settings.light_planes or settings.cryptomatte or settings.deep)
