@@ -17,6 +17,7 @@ from renderer.arrays.kernel_variant import strip_absent_features, variant_of
 from renderer.arrays.rows import CATCHER
 from renderer.arrays.scene import example
 from renderer.arrays.scene_features import KERNEL_VARIANTS
+from renderer.arrays.spectrum import empty_spectrum_tables
 from renderer.cryptomatte import NOT_FINITE, Hits, count_samples
 from renderer.cuda.render import CardRenderer
 from renderer.deep import Deep
@@ -48,6 +49,7 @@ from renderer.scene.environment import environment_sampled_fully, with_environme
 from renderer.scene.light_groups import with_group_planes
 from renderer.scene.lights import with_light_choice
 from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
+from renderer.scene.spectrum import with_spectrum
 from renderer.sentences import Sentence
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 from renderer.shipped_kernels import copy_shipped_kernels
@@ -111,6 +113,8 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
         scene = environment_sampled_fully(scene)
     else:
         scene = without_environment_sampling(scene)
+    if settings.is_spectral:
+        scene = with_spectrum(scene)
     variant = variant_for(settings, scene)
     grouped = with_group_planes(scene, settings.group_names)
     prepared = strip_absent_features(grouped, variant, bool(settings.light_groups), settings.has_light_paths)
@@ -197,8 +201,8 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings: default strategy, no guide, light planes, mattes, deep."""
-    if not has_variants(settings) or samples_guide(settings):
+    """Returns True if a graphics card can render these settings: default strategy, RGB, no guide, light planes, deep samples."""
+    if not has_variants(settings) or samples_guide(settings) or settings.is_spectral:
         return False
     return not (settings.light_planes or settings.cryptomatte or settings.deep)
 
@@ -210,8 +214,8 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, guiding off, no light groups, light paths off, no Cryptomatte, no deep samples and "
-                "no mistake; leave out the card",
+                "sample, caustics off, guiding off, spectral off, no light groups, light paths off, no Cryptomatte, no deep "
+                "samples and no mistake; leave out the card",
             )
         )
 
@@ -418,7 +422,7 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
         )
     if settings.integrator in ("whitted", "ao"):  # which have no media
         variant = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(variant, variant)
-    return FULL if variant == PLAIN and not has_variants(settings) else variant
+    return FULL if variant == PLAIN and (settings.is_spectral or not has_variants(settings)) else variant
 
 
 def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) -> str:
@@ -463,6 +467,8 @@ def warm_up(
         nothing = nothing._replace(caustics=example_tables())
     if samples_guide(settings):
         nothing = nothing._replace(path_guide=empty_guide())
+    if settings.is_spectral:
+        nothing = nothing._replace(spectrum=empty_spectrum_tables())
     with (
         helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,

@@ -45,6 +45,7 @@ __all__ = [
     "SAMPLINGS",
     "SETTINGS",
     "SHUTTERS",
+    "SPECTRAL",
     "VIEW",
     "RenderSettings",
     "Tile",
@@ -144,6 +145,12 @@ CAUSTICS = Choices(
     {
         "off": SettingTexts("Off", "Light focused by glass and water stays noisy or is missing."),
         "on": SettingTexts("On", "Clear, sharp light patterns from small lamps and the sun."),
+    }
+)
+SPECTRAL = Choices(
+    {
+        "off": SettingTexts("RGB", "Light has three channels: red, green and blue."),
+        "on": SettingTexts("Spectral", "Light has wavelengths: glass makes rainbows, metals and saturated colours are exact."),
     }
 )
 GUIDING = Choices(
@@ -322,6 +329,16 @@ class RenderSettings:
             "Learns before rendering where light comes from, for less noise in difficult light.",
             integrators=("path",),
             phrase="guiding {}",
+        ),
+    ] = "off"
+    spectral: Annotated[
+        str,
+        Setting(choices=SPECTRAL),
+        SettingTexts(
+            "Spectral",
+            "Whether light is rendered by wavelength: for dispersion, metals and saturated colours that light each other.",
+            integrators=_estimating,
+            phrase="spectral {}",
         ),
     ] = "off"
     splitting: Annotated[
@@ -630,6 +647,8 @@ class RenderSettings:
                 Sentence("guiding-caustics", "guiding cannot be combined with caustics 'on' yet; leave out one of them"),
                 field="guiding",
             )
+        if self.is_spectral:
+            self._check_spectral()
         if len(self.views) == 1 or len(self.views) > MOST_KEYS:
             raise SettingsError(
                 Sentence(
@@ -643,6 +662,41 @@ class RenderSettings:
             raise SettingsError(
                 Sentence("views-projections-differ", "views have different projections, which cannot be interpolated; use one")
             )
+
+    def _check_spectral(self) -> None:
+        """Raises SettingsError if a setting cannot be combined with `spectral`."""
+        if self.integrator not in _estimating:
+            raise SettingsError(
+                Sentence(
+                    "spectral-integrator",
+                    "spectral needs the integrator path or direct; {integrator} renders in RGB only",
+                    integrator=self.integrator,
+                ),
+                field="spectral",
+            )
+        others = {
+            "caustics": self.caustics == "on",
+            "guiding": self.guiding != "off",
+            "light_groups": bool(self.light_groups),
+            "light_paths": self.has_light_paths,
+            "background": self.is_transparent,
+            "deep": self.deep > 0,
+        }
+        for name, is_used in others.items():
+            if is_used:
+                raise SettingsError(
+                    Sentence(
+                        "spectral-combination",
+                        "spectral cannot be combined with the setting {setting} yet; leave out one of them",
+                        setting=name,
+                    ),
+                    field="spectral",
+                )
+
+    @property
+    def is_spectral(self) -> bool:
+        """Returns True if light is rendered by wavelength."""
+        return self.spectral == "on"
 
     @property
     def group_names(self) -> tuple[str, ...]:
@@ -700,7 +754,7 @@ class RenderSettings:
 SETTINGS = table(RenderSettings)
 _LATER = (
     *("caustics", "guiding", "transparency_depth", "light_groups", "light_paths", "background", "cryptomatte", "deep"),
-    *("rolling_shutter", "rolling_shutter_from"),
+    *("rolling_shutter", "rolling_shutter_from", "spectral"),
 )
 
 # Settings with defaults in the scene file, and then in RenderSettings.

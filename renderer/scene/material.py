@@ -43,6 +43,7 @@ __all__ = [
     "Distribution",
     "Material",
     "check",
+    "conductor_reflectance",
     "derived_columns",
 ]
 
@@ -302,7 +303,7 @@ def derived_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
         return _hair_columns(m)
     if m.kind == "conductor":
         cosine = (np.arange(256) + 0.5) / 256
-        means = (np.mean(2 * cosine * _conductor_reflectance(cosine, e, k)) for e, k in zip(m.eta, m.k, strict=True))
+        means = (np.mean(2 * cosine * conductor_reflectance(cosine, e, k)) for e, k in zip(m.eta, m.k, strict=True))
         return [(rows.MEAN_FRESNEL, tuple(map(float, means)))]
     return []
 
@@ -330,7 +331,7 @@ def _hair_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
     return columns
 
 
-def _conductor_reflectance(cosine: npt.NDArray[np.float64], eta: float, k: float) -> npt.NDArray[np.float64]:
+def conductor_reflectance(cosine: npt.NDArray[np.float64], eta: float, k: float) -> npt.NDArray[np.float64]:
     """Returns the Fresnel reflectance of unpolarised light at a conductor eta + i k (Born & Wolf, 14.4)."""
     sine2 = 1 - cosine**2
     root = np.sqrt(eta * eta - k * k - sine2 + 0j + 2j * eta * k)

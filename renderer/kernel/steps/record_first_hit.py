@@ -26,6 +26,7 @@ __all__ = [
     "record_catcher",
     "record_direct_light",
     "record_first_hit",
+    "with_albedo",
 ]
 
 _NEXT, _NONE = np.uint32(1), np.uint32(0)
@@ -68,6 +69,13 @@ def record_first_hit(surface, material, normal, distance, start):
         unshadowed=zero_like(distance),
         shadowed=zero_like(distance),
     )
+
+
+@device
+def with_albedo(hit, albedo):
+    """Returns the FirstHit `hit` with another albedo: its RGB, where the material has reflectances at wavelengths."""
+    seen = hit.uncovered, hit.caught, hit.unshadowed, hit.shadowed
+    return FirstHit(albedo, hit.distance, hit.normal, hit.object, hit.point, hit.material, *seen)
 
 
 @device

@@ -21,11 +21,13 @@ from renderer.kernel.backends.cpu.rows import (
     gather,
     group_row,
     last_vertex,
+    path_wavelengths,
     scatter,
     streams_of,
     time_of,
 )
 from renderer.kernel.backends.cpu.traversal_state import load_index
+from renderer.kernel.light.light_sample import light_sample_at
 from renderer.kernel.light.light_tree import descend
 from renderer.kernel.light.lights import choose_by_power, nearby_choice, sample_chosen
 from renderer.kernel.light.links import linked_sample
@@ -106,6 +108,8 @@ def choose_light(scene, pool, rows, by_tree, options):
         light = sample_chosen(scene, vertex.point, vertex.normal, which, (u, v), chosen, chance, time)
         if scene.has.groups is not None:
             _store_group(scene, pool, rows, options, which, chosen)
+    if scene.spectrum is not None:
+        light = light_sample_at(scene, light, path_wavelengths(scene, pool, rows, options))
     if scene.has.links is not None:
         light = linked_sample(scene, which, u32(chosen), light, vertex.object)
     none = zero_like(light.pdf)

@@ -35,6 +35,7 @@ from renderer.kernel.backends.cpu.rows import (
     column,
     gather,
     group_row,
+    path_wavelengths,
     scatter,
     spare_where_not,
     streams_of,
@@ -42,10 +43,11 @@ from renderer.kernel.backends.cpu.rows import (
 from renderer.kernel.light_groups import add_group_light, group_of_media
 from renderer.kernel.light_paths import EMISSION, add_path_light
 from renderer.kernel.material.material import Parameters
+from renderer.kernel.medium.medium_stack import medium_albedo
 from renderer.kernel.steps.continue_or_end import is_last
 from renderer.kernel.steps.emitted_light import add_medium_light
 from renderer.kernel.steps.medium_event import medium_event, medium_surface
-from renderer.kernel.steps.record_first_hit import record_first_hit
+from renderer.kernel.steps.record_first_hit import record_first_hit, with_albedo
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_throughput
 from renderer.kernel.surface.surface import NO_OBJECT
 from renderer.wide.values import any_of, as_wide, where, zero_like
@@ -85,8 +87,8 @@ def sample_free_flight(scene, pool, rows, options):
     """
     met, path, crossings = gather(pool, rows, RowHit), gather(pool, rows, PathState), gather(pool, rows, Crossings)
     stream = streams_of(pool, rows, options)
-    ray = gather(pool, rows, Ray)
-    event = medium_event(scene, ray, path, crossings, met.t, stream, path.number + met.passed)
+    ray, wavelengths = gather(pool, rows, Ray), path_wavelengths(scene, pool, rows, options)
+    event = medium_event(scene, ray, path, crossings, met.t, stream, path.number + met.passed, wavelengths)
     if scene.has.grids is not None:
         path, light = add_medium_light(path, event.emitted, options)
         if scene.has.groups is not None:
@@ -102,6 +104,8 @@ def sample_free_flight(scene, pool, rows, options):
             start, black = gather(pool, rows, Sample).start, (none, none, none)
             material = Parameters(event.albedo, none, none + _ONE, none + _ONE)
             seen = record_first_hit(surface, material, black, event.distance, start)
+            if scene.spectrum is not None:
+                seen = with_albedo(seen, medium_albedo(scene, crossings.medium_stack))
             scatter(pool, spare_where_not(pool, first, rows), seen)
         last = is_last(path, crossings.counts, none != none, options) | (vec.maximum(event.throughput) <= _ZERO)
         which = where(last, _OVER, as_wide(_IN_MEDIUM, none))

@@ -22,6 +22,7 @@ from renderer.kernel.backends.cpu.rows import (
     at,
     column,
     gather,
+    path_wavelengths,
     scatter,
     streams_of,
     surface_of,
@@ -65,15 +66,15 @@ def enter_body(scene, alone, pool, number, layers, options):
     surface, time = surface_of(pool, number, facet, shading), time_of(scene.has.motion, pool, number)
     axes, n, seen = gather(pool, number, Axes), gather(pool, number, Mapped).normal, gather(pool, number, Appearance)
     frame = axes.s, axes.t, n
-    path = gather(pool, number, PathState)
+    path, wavelengths = gather(pool, number, PathState), path_wavelengths(scene, pool, number, options)
     wo = vec.to_local(axes.s, axes.t, n, vec.neg(gather(pool, number, Ray).d))
     kind = scene.material_kind[surface.material]
     if kind != _LAMBERT:
         looked_up = seen.base, seen.metallic, seen.roughness, surface.shading, surface.uv, surface.uv1
-        look_up_layers(scene, surface.material, *looked_up, frame, layers, time)
+        look_up_layers(scene, surface.material, *looked_up, frame, layers, time, wavelengths)
     stream = streams_of(pool, number, options)
-    vertices = np.uint32(path.number)
-    within = enter_subsurface(scene, alone, surface, n, kind, seen.base, layers, wo, path.throughput, stream, vertices, time)
+    known = n, kind, seen.base, layers, wo, path.throughput, stream, np.uint32(path.number)
+    within = enter_subsurface(scene, alone, surface, *known, time, wavelengths)
     scatter(pool, number, with_throughput(path, within.throughput))
     into = _DONE
     if not vec.maximum(within.throughput) <= _ZERO:
