@@ -206,10 +206,10 @@ def test_worker_with_cards_serves_only_its_own_batch_queue() -> None:
     assert "rayfarm.render.kind" in queues()
     assert "rayfarm.card.w" not in queues()
     alone = queues(cards=CARDS)
-    assert alone[0] == "rayfarm.card.w"
+    assert alone[:2] == ["rayfarm.card-view.w", "rayfarm.card.w"]
     assert "rayfarm.render.kind" not in alone
     assert "rayfarm.prepare.kind" in alone
-    assert queues(cards=CARDS, is_beside_cpu=True) == ["rayfarm.card.w", "rayfarm.prepare.kind.of.w"]
+    assert queues(cards=CARDS, is_beside_cpu=True) == ["rayfarm.card-view.w", "rayfarm.card.w", "rayfarm.prepare.kind.of.w"]
 
 
 def test_worker_with_cards_beside_the_cores_is_not_counted_for_views() -> None:
