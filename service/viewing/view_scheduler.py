@@ -285,10 +285,10 @@ class ViewScheduler:
             return [], ""
         cpu_slots = self._cpu_slots(session)
         card = self._cards.free(session, self._out.values(), self._shared_cards, cpu_slots > 0)
-        if card is not None:
-            return session.passes.next_card_message(self._cards.cost_s(session.request, card.name)), card.name
         ahead = 1 if session.kind in self._shared and session.samples else 2  # leaves room for the other work
         room = ahead * cpu_slots - sum(out.kind == session.kind and not out.card for out in self._out.values())
+        if card is not None and (room <= 0 or not self._cards.is_busy(card.name)):
+            return session.passes.next_card_message(self._cards.cost_s(session.request, card.name)), card.name
         return (session.passes.next_message() if room > 0 else []), ""
 
     def _cpu_slots(self, session: ViewSession) -> int:

@@ -9,18 +9,28 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
+from websockets.sync.client import connect
 
+from renderer import film
 from renderer.child_processes import spawn_guard
-from tests.chaos.test_digest import digest_without_farm, submit
+from renderer.image import rgbe9995
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from renderer.settings import RenderSettings
+from tests.chaos.test_digest import VIEW, digest_without_farm, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.renderer.cuda.on_host import fake_driver, shared_object
+from tests.service.viewer import Viewer
 
 pytestmark = pytest.mark.long
 
@@ -101,3 +111,37 @@ def test_a_scene_that_does_not_fit_the_card_is_left_to_the_cores(farm: Farm, dri
         join(farm, ends, driver, 0)
         log = finish(farm, submit(farm, SPP, tile_size=16), expected)
     assert "attic-gpu: The scene does not fit the memory of card 0" in log
+
+
+def exact_view(depth: int, spp: int) -> np.ndarray:
+    """Returns the RGB9E5 words (64, 96) of the view that the tests open, rendered in this process with the CPU."""
+    scene = compile_scene(read(ROOT / "scenes", "cornell-box.yaml"))
+    settings = RenderSettings(96, 64, VIEW, max_depth=depth)
+    return rgbe9995.pack(film.mean(render_frame(scene, settings, spp, threads=2), settings.film_exponent))
+
+
+@pytest.mark.parametrize("trouble", ("none", "killed", "memory"))
+def test_view_with_a_card_has_the_bits_of_the_cores(farm: Farm, driver: dict[str, str], trouble: str) -> None:
+    """Nor does a card's worker that is killed half way, or that lacks the memory, lose or delay a picture for long."""
+    view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
+    with farm.client() as client:
+        scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
+    with ExitStack() as ends:
+        process = join(farm, ends, driver, 0 if trouble == "memory" else 8192)
+        address = f"{farm.url.replace('http', 'ws')}/api/scenes/{scene.id}/viewport"
+        viewer = Viewer(ends.enter_context(connect(address, max_size=None)))
+        rate = lambda: {each["name"]: each for each in get(farm, "/api/workers").json()}["attic-gpu"]["cards"][0]["samples_per_s"]  # noqa: E731
+        for id, depth in enumerate((5, 4), 1):
+            viewer.say(id=id, view=view, width=96, height=64, spp=256, max_depth=depth)
+            if trouble == "killed" and id == 2:
+                viewer.wait(id, 1)
+                os.killpg(process.pid, signal.SIGKILL)
+            begun = time.monotonic()
+            wait_until(
+                lambda: (viewer.read(), bool(viewer.is_exact.size and viewer.is_exact.all()))[1], 90, f"view {id} is exact"
+            )
+            print(f"{trouble}: view {id} took {time.monotonic() - begun:.1f} s")
+            assert (viewer.words == exact_view(depth, 256)).all()
+            assert not viewer.errors
+            if trouble == "none":
+                wait_until(lambda: rate() > 0, 20, "the card has rendered pieces")
