@@ -439,7 +439,10 @@ class ViewScheduler:
         for each in [each for each in self._out.values() if each.card == out.card and each.session is out.session]:
             if not each.has_started:
                 self._take_back(each)
-        if answer.more.get("is_loading") is not True:  # otherwise its slot is occupied until it is "over"
+        if answer.more.get("is_loading") is True:  # its slot is occupied until it is "over"
+            if not self._cpu_slots(out.session):
+                self._set_message(out.session, Sentence("view-card-loads-scene", "The graphics card loads the scene."))
+        else:
             log.info("%s: %s", answer.worker, answer.more.get("error"))
             self._cards.refuse(out.card, out.session)
             self._end_message(out)
