@@ -121,8 +121,8 @@ def exact_view(depth: int, spp: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize("trouble", ("alone", "killed", "memory"))
-def test_view_with_a_card_has_the_bits_of_the_cores(tmp_path: Path, driver: dict[str, str], trouble: str) -> None:
-    """A card renders a view alone, or beside cores; it is killed half way, or lacks the memory. Each view is exact."""
+def test_view_with_a_card_has_the_bits_of_the_cores(tmp_path: Path, driver: dict[str, str], expected: str, trouble: str) -> None:
+    """A card renders views and a job alone, or a view beside cores; it is killed half way, or lacks the memory. All is exact."""
     farm = start_farm(tmp_path / "data", int(trouble != "alone"), b"Ready" if trouble != "alone" else b"http://")
     view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
 
@@ -164,6 +164,16 @@ def test_view_with_a_card_has_the_bits_of_the_cores(tmp_path: Path, driver: dict
         assert trouble != "killed" or seconds < 30
         show(id + 1, 4)
         check(id + 1, 4)
+        if trouble == "alone":
+            job = submit(farm, SPP, tile_size=16)
+            with farm.client() as client:
+                wait_until(lambda: client.job(job).progress > 0.05, 60, "the job is rendered")
+                begun = time.monotonic()
+                show(id + 2, 5)
+                print(f"the first whole picture beside the job after {time.monotonic() - begun:.2f} s")
+                assert client.job(job).state == "running", "the view does not wait for the job"
+            check(id + 2, 5)
+            finish(farm, job, expected)
     if trouble != "killed":
         said = (tmp_path / "gpu.log").read_text()
         assert ("the processor renders" in said) == (trouble == "memory"), said
