@@ -23,7 +23,7 @@ PIECE_TARGET_S = 0.03
 MESSAGE_TARGET_S = 0.1
 CARD_MESSAGE_TARGET_S = 0.06  # in one launch, after which a card is free for a new view
 MIN_PIXELS = 32 * 32  # pixels
-UNMEASURED_PIECES, MAX_CARD_PIECES = 16, 512  # of a message to a graphics card whose speed is unknown, and to any
+UNMEASURED_PIECES, MAX_CARD_PIECES = 16, 256  # of a message to a graphics card whose speed is unknown, and to any
 MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
 
 

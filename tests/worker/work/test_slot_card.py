@@ -225,8 +225,10 @@ def view(worker: Any, monkeypatch: pytest.MonkeyPatch, wanted: int = 99, **more:
     places = [(tile, first) for first in (0, 1) for tile in tiles_of(160, 130, 64)]
     parts = [Part(number, tile, first, 1) for number, (tile, first) in enumerate(places)]
     worker.launched.clear()
-    work = ViewParts("m", "watch", 1, "0" * 64, SETTINGS, parts, on_card=True)
-    worker.speed = view_card.render_view_on_card(worker, replace(work, **more), lambda is_compiling: None)
+    sent = replace(ViewParts("m", "watch", 1, "0" * 64, SETTINGS, parts, on_card=True), **more)
+    work = ViewParts.from_json(sent.to_json())
+    assert work == sent
+    worker.speed = view_card.render_view_on_card(worker, work, lambda is_compiling: None)
     return Answers.sent
 
 
