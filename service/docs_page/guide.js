@@ -84,12 +84,15 @@ function markSection() {
   mark();
 }
 
-/** Leads from a section that is on another page by now to that page: old links name the anchor alone. */
+/** Leads from a section that is on another page by now to that page, first to one whose name begins with this one's: old links
+ *  have the old page's name. */
 async function findMovedSection() {
   const anchor = decodeURIComponent(location.hash.slice(1));
   if (!anchor || document.getElementById(anchor)) return;
   const sections = await fetchSections().catch(() => []);
-  const moved = sections.find((section) => section.anchor === anchor);
+  const found = sections.filter((section) => section.anchor === anchor);
+  const name = location.pathname.split("/").pop() ?? "";
+  const moved = found.find((section) => section.guide.startsWith(`${name}-`)) ?? found[0];
   if (moved) location.replace(`${moved.guide}#${anchor}`);
 }
 
