@@ -35,6 +35,14 @@ function addCopyButtons() {
   }
 }
 
+/** Puts each line of code into an element, which narrow screens break with a hanging indent. */
+function splitLines() {
+  for (const code of document.querySelectorAll("main pre code")) {
+    const lines = (code.textContent ?? "").split(/(?<=\n)/);
+    code.replaceChildren(...lines.map((line) => el("span", { className: "line", textContent: line })));
+  }
+}
+
 /** Says in the reader's language that the guides are in English; `rayfarm.language` is the choice made on the page. */
 function addLanguageNote() {
   let chosen = null;
@@ -171,6 +179,7 @@ function addSearch() {
   });
 }
 
+splitLines();
 addCopyButtons();
 addThemeMenu();
 addLanguageNote();
