@@ -28,7 +28,7 @@ __all__ = ["GROUPS", "Guides"]
 GROUPS = {
     "Start here": ("first-steps", "page"),
     "Make pictures": ("animation", "compositing", "color", "watching"),
-    "Scenes and Blender": ("formats", "scene-format", "blender", "blend-files"),
+    "Scenes and Blender": ("formats", "usd", "mitsuba-pbrt", "scene-format", "blender", "blend-files"),
     "Write programs": ("python", "datasets", "pipelines", "from-deadline"),
     "REST API": ("api", "api-jobs", "api-shots", "api-pictures", "api-access", "live"),
     "Run a farm": ("deployment", "server", "access", "remote-workers", "containers", "cluster"),

@@ -92,8 +92,8 @@ function markSection() {
   mark();
 }
 
-/** Leads from a section that is on another page by now to that page, first to one whose name begins with this one's: old links
- *  have the old page's name. */
+/** Leads from a section that is on another page by now, or a page of its own, to that page. A page whose name begins with this
+ *  one's comes first: old links have the old page's name. */
 async function findMovedSection() {
   const anchor = decodeURIComponent(location.hash.slice(1));
   if (!anchor || document.getElementById(anchor)) return;
@@ -102,6 +102,7 @@ async function findMovedSection() {
   const name = location.pathname.split("/").pop() ?? "";
   const moved = found.find((section) => section.guide.startsWith(`${name}-`)) ?? found[0];
   if (moved) location.replace(`${moved.guide}#${anchor}`);
+  else if (sections.some((section) => section.guide === anchor)) location.replace(anchor);
 }
 
 /** Fetches the text of all guides. @returns {Promise<Section[]>} */
