@@ -35,11 +35,12 @@ function addCopyButtons() {
   }
 }
 
-/** Puts each line of code into an element, which narrow screens break with a hanging indent. */
+/** Puts each line of code into an element, which narrow screens break with a hanging indent. Lines of comments are quiet. */
 function splitLines() {
   for (const code of document.querySelectorAll("main pre code")) {
     const lines = (code.textContent ?? "").split(/(?<=\n)/);
-    code.replaceChildren(...lines.map((line) => el("span", { className: "line", textContent: line })));
+    const kind = (line) => (/^\s*#/.test(line) ? "line comment" : "line");
+    code.replaceChildren(...lines.map((line) => el("span", { className: kind(line), textContent: line })));
   }
 }
 
