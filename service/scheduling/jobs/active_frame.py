@@ -222,9 +222,9 @@ class ActiveFrame:
         self._notify_change()
 
     def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1) -> Range | None:
-        """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmUnavailable or FilmLost.
+        """Returns the next batch of samples up to `ceiling`; None if all are dispatched. Raises FilmUnavailable or FilmLost.
 
-        samples_wanted: returns the suitable number of samples for the tile of an index.
+        samples_wanted: function of a tile's index that returns how many samples a batch of that tile should have.
         max_run: number of successive calls that may return consecutive batches of the same tile.
         """
         return self.plan.next_batch(samples_wanted, max_run)
