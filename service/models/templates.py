@@ -21,6 +21,11 @@ class TemplateIn(QueueOptionsIn):
     parameters: Parameters = Field(
         default_factory=dict, max_length=50, description="of the template, by name, as Frames: 1-250:5"
     )
+    step: str | None = Field(
+        None,
+        max_length=64,
+        description="of the template, by name, if it has several; `after` then has the jobs of the steps on which it depends",
+    )
     environment: str | None = Field(
         None, max_length=100, description="an uploaded environment's id, in place of the file that the template names by --env"
     )
