@@ -35,10 +35,13 @@ function addCopyButtons() {
   }
 }
 
-/** Puts each line of code into an element, which narrow screens break with a hanging indent. Lines of comments are quiet. */
+/** Puts each line of code into an element, which narrow screens break with a hanging indent. Lines of comments are
+ *  quiet. Diagrams stay as they are. */
 function splitLines() {
   for (const code of document.querySelectorAll("main pre code")) {
-    const lines = (code.textContent ?? "").split(/(?<=\n)/);
+    const text = code.textContent ?? "";
+    if (/[─│]/.test(text)) continue;
+    const lines = text.split(/(?<=\n)/);
     const kind = (line) => (/^\s*#/.test(line) ? "line comment" : "line");
     code.replaceChildren(...lines.map((line) => el("span", { className: kind(line), textContent: line })));
   }
