@@ -54,6 +54,7 @@ from worker.work.scenes import discard_damaged
 from worker.work.slot import SlotTask, rendering_batch
 from worker.work.slot_card import Block, render_on_card, return_to_cpus
 from worker.work.thumbnail import make_thumbnail
+from worker.work.view_card import render_view_on_card
 from worker.work.viewport import ViewAnswers, prepare_view_frame, render_view
 
 __all__ = ["register"]
@@ -367,9 +368,10 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
                 "The worker process died {count} times while it rendered this view.",
                 count=DEATHS_ALLOWED,
             )
-            ViewAnswers(worker, work).send("failed", error=sentence)
+            ViewAnswers(worker, work).send("declined" if work.on_card else "failed", error=sentence)
         else:
-            hand.speed = render_view(worker, work, hand.report_compiling)
+            render = render_view_on_card if work.on_card else render_view
+            hand.speed = render(worker, work, hand.report_compiling)
 
 
 def _view_frame(task: Any, frame: dict[str, Any]) -> None:
