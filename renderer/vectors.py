@@ -98,8 +98,8 @@ def projected(view: View, settings: RenderSettings, places: F64) -> F64:
     places: (h, w, 4), points with w = 1, or directions with w = 0. Uses products, quotients and roots only.
     """
     right, up, back, eye = axes_of(view)
-    near = places[..., 3]
-    ray = [places[..., k] - near * eye[k] for k in range(3)]
+    *point, near = np.ascontiguousarray(np.moveaxis(places, 2, 0))
+    ray = [point[k] - near * eye[k] for k in range(3)]
     x, y, z = ((ray[0] * axis[0] + ray[1] * axis[1]) + ray[2] * axis[2] for axis in (right, up, -back))
     middle, height = view.middle(settings.width, settings.height), settings.height
     with np.errstate(divide="ignore", invalid="ignore"):
