@@ -48,7 +48,7 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings, View
 from renderer.threads import Team, parts_of
-from renderer.vectors import projected
+from renderer.vectors import load_projection, projected
 
 __all__ = [
     "AFTER",
@@ -301,6 +301,7 @@ def load_kernel() -> None:
         eye = np.float64(0.0), np.float64(0.0), np.float64(0.0)
         times = np.empty((0, 1), np.float32)
         trace_occlusion(scene, new_stack(), eye, np.empty((0, 1, 4)), times, np.empty((0, 1), np.uint8))
+        load_projection()
         bodies = np.empty((0, 1, 1, 2), np.int32), ids, np.empty(0, np.int32), np.empty(0, np.int32)
         measure_masks(*bodies, np.empty((0, 2, EXTENT_COLUMNS), np.int64))
         list_runs(*bodies, np.empty((0, 2, 2), np.int64), np.empty(0, np.int64))

@@ -19,7 +19,7 @@ from renderer.kernel.material.material import has_flag, opacity
 from renderer.kernel.surface.surface import owner_at, surface_at
 from renderer.reference import by_reference
 
-__all__ = ["next_visible", "trace_motion_points", "write_place"]
+__all__ = ["in_camera_space", "next_visible", "trace_motion_points", "write_place"]
 
 _INF = np.float32(np.inf)
 _LAMP, _TRANSPARENT = np.uint32(LAMP), np.uint32(TRANSPARENT)
@@ -168,3 +168,19 @@ def trace_motion_points(scene, stack, camera, top, places):
     for moving scenes. stack: from new_stack.
     """
     _see_places(by_reference(scene), stack, camera, top, places)
+
+
+@entry
+def in_camera_space(places, axes, eye, found):
+    """Fills `found`, (3, h, w) float64: coordinates x, y and z of points along a camera's axes.
+
+    places: (h, w, 4) float64, points with a last column of 1, or directions with 0. axes: (3, 3) float64, a row each. eye: (3,).
+    """
+    for y in range(places.shape[0]):
+        for x in range(places.shape[1]):
+            near = places[y, x, 3]
+            e, f, g = near * eye[0], near * eye[1], near * eye[2]  # rounded: NumPy fuses no products with sums
+            a, b, c = places[y, x, 0] - e, places[y, x, 1] - f, places[y, x, 2] - g
+            for k in range(3):
+                p, q, r = a * axes[k, 0], b * axes[k, 1], c * axes[k, 2]
+                found[k, y, x] = (p + q) + r
