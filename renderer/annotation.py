@@ -6,6 +6,7 @@ stores means over samples, and the mean of two depths or ids is neither. Its cos
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -70,7 +71,7 @@ F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 
-BEFORE, NOW, AFTER = range(3)  # times of `Annotation.places`: the previous, this and the next frame
+BEFORE, NOW, AFTER = range(3)  # times of `Annotation.places_at`: the previous, this and the next frame
 _TIMES = (np.float32(0.0), np.float32(0.5), np.float32(1.0))
 _MOVING = "moving"
 _KERNEL = "annotation"
@@ -86,11 +87,15 @@ class Annotation(NamedTuple):
     NOW is the middle of a pixel's own exposure; BEFORE and AFTER are a frame earlier and later.
     """
 
-    places: F64  # (h, w, 3, 4): the point at BEFORE, NOW, AFTER, relative to the scene's origin, and 1; directions and 0
-    hits: F64  # (h, w, HIT_COLUMNS), of `trace_annotation`
+    places: F64  # (h, w, 3, 4), or (h, w, 1, 4) if nothing moves: see `places_at`
+    hits: F64  # (h, w, HIT_COLUMNS), of `trace_annotation`; without columns unless the shutter rolls
     normal: F32  # (h, w, 3): unit, world space, on the viewer's side; 0 without a surface
     ids: I32  # (h, w, ID_COLUMNS): numbers of object, instance and material
     layers: I32  # (h, w, d, 2): object and instance of all surfaces along the ray, each once, -1 for none; d = 0: not traced
+
+    def places_at(self, when: int) -> F64:
+        """Returns points (h, w, 4) at BEFORE, NOW or AFTER, relative to the scene's origin, and 1; directions and 0."""
+        return self.places[:, :, when if self.places.shape[2] > 1 else 0]
 
     @property
     def object(self) -> I32:
@@ -148,15 +153,17 @@ def annotate(
     shape = settings.height, settings.width
     prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
     when = pixel_times(settings, window)
-    times = _frame_times(when.at(*_pixel_centres(shape)), when.frame)
-    places, hits, normals = np.empty((*shape, 3, 4)), np.empty((*shape, HIT_COLUMNS)), np.empty((*shape, 3), np.float32)
+    times = _frame_times(when, shape)
+    moves = len(prepared.key_position) > 0 or len(prepared.key_sphere) > 0 or len(prepared.bvh.instance_motion) > 0
+    places, hits = np.empty((*shape, 3 if moves else 1, 4)), np.empty((*shape, HIT_COLUMNS if when.is_rolling else 0))
+    normals = np.empty((*shape, 3), np.float32)
     ids, counts = np.empty((*shape, ID_COLUMNS), np.int32), np.zeros(shape, np.int32)
     room = _LAYERS if layers else 0
     if not jit.is_ready(_KERNEL):
         load_kernel()
     with Team(threads) as team:
         while True:
-            listed = np.full((*shape, room, 2), -1, np.int32)
+            listed = np.empty((*shape, room, 2), np.int32)
 
             def trace_part(part: tuple[int, int], listed: I32 = listed) -> None:
                 rows = slice(*part)
@@ -222,6 +229,7 @@ def flow_to(
     prepared = strip_absent_features(scene, _MOVING)
     times = pixel_times(settings, window)
     shape = settings.height, settings.width
+    now, then = found.places_at(NOW), found.places_at(when)
     offset, occluded = np.empty((*shape, 2), np.float32), np.empty(shape, np.uint8)
     eye = tuple(np.float64(v) for v in there.view.eye)
     with Team(threads) as team:
@@ -229,9 +237,9 @@ def flow_to(
 
         def trace_part(part: tuple[int, int]) -> None:
             rows = slice(*part)
-            start = projected(here.view, here, found.places[rows, :, NOW])
+            start = projected(here.view, here, now[rows])
             if rolled is None:
-                moved = np.ascontiguousarray(found.places[rows, :, when])
+                moved = np.ascontiguousarray(then[rows])
                 end = projected(there.view, there, moved)
                 seen = np.full(moved.shape[:2], _TIMES[when])
             else:
@@ -284,9 +292,11 @@ def _pixel_centres(shape: tuple[int, int]) -> tuple[F64, F64]:
     return x, y
 
 
-def _frame_times(now: F64, frame: float) -> F32:
-    """Returns times (h, w, 3) a frame before, at, and a frame after the times `now`. frame: duration of a frame."""
-    return np.stack([now - frame, now, now + frame], axis=2).astype(np.float32)
+@functools.lru_cache(2)
+def _frame_times(when: PixelTimes, shape: tuple[int, int]) -> F32:
+    """Returns times (h, w, 3) a frame before, at, and a frame after the pixels' exposures. They must not be changed."""
+    now = when.at(*_pixel_centres(shape))
+    return np.stack([now - when.frame, now, now + when.frame], axis=2).astype(np.float32)
 
 
 def load_kernel() -> None:

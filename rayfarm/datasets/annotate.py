@@ -56,7 +56,7 @@ class _Found:
         """Returns the points (h, w, 3) float64 in world space."""
         from renderer.annotation import NOW
 
-        points: Array = self.annotation.places[:, :, NOW, :3] + self.origin
+        points: Array = self.annotation.places_at(NOW)[..., :3] + self.origin
         return points
 
     @cached_property
@@ -64,7 +64,7 @@ class _Found:
         """Returns whether there is a surface (h, w)."""
         from renderer.annotation import NOW
 
-        there: Array = self.annotation.places[:, :, NOW, 3] != 0
+        there: Array = self.annotation.places_at(NOW)[..., 3] != 0
         return there
 
 
@@ -113,11 +113,10 @@ def _part(found: _Found) -> Array:
 
 
 def _scene_flow(found: _Found, when: int) -> Array:
-    """Returns how far each point moves in world space (h, w, 3) until another view. when: as of `Annotation.places`."""
+    """Returns how far each point moves in world space (h, w, 3) until another view. when: as of `Annotation.places_at`."""
     from renderer.annotation import NOW
 
-    places = found.annotation.places
-    moved = places[:, :, when, :3] - places[:, :, NOW, :3]
+    moved = found.annotation.places_at(when)[..., :3] - found.annotation.places_at(NOW)[..., :3]
     return np.where(found.surface[..., None], moved, np.nan).astype(np.float32)
 
 

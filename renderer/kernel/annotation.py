@@ -69,6 +69,8 @@ def _list_layers(scene, stack, o, d, hit, y, x, layers, counts):
     """Lists each object and instance once that the ray meets, from the Hit `hit` on; `counts` also has those without room."""
     never_inline()
     count = 0
+    for k in range(layers.shape[2]):
+        layers[y, x, k, 0] = layers[y, x, k, 1] = np.int32(-1)
     while hit.primitive != NO_PRIMITIVE:
         number = np.int32(owner_at(scene, hit)[0])
         room = min(count, layers.shape[2])
@@ -84,21 +86,16 @@ def _list_layers(scene, stack, o, d, hit, y, x, layers, counts):
 @subroutine
 def _annotate(scene, stack, camera, top, times, places, hits, normals, ids, layers, counts):
     never_inline()
-    moves = len(scene.key_position) > 0 or len(scene.key_sphere) > 0 or len(scene.bvh.instance_motion) > 0
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
             time = times[y, x, 1]
             o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, time)
             hit = next_visible(scene, stack, o, d, _INF, time, FROM_ORIGIN)
-            write_place(scene, hit, o, d, y, x, 1, time, places)
-            for which in range(0, 3, 2):
-                if moves:
-                    write_place(scene, hit, o, d, y, x, which, times[y, x, which], places)
-                else:
-                    for k in range(4):
-                        places[y, x, which, k] = places[y, x, 1, k]
-            hits[y, x, HIT_T], hits[y, x, HIT_U], hits[y, x, HIT_V] = hit.t, hit.u, hit.v
-            hits[y, x, HIT_INSTANCE], hits[y, x, HIT_PRIMITIVE] = hit.instance, hit.primitive
+            for which in range(places.shape[2]):
+                write_place(scene, hit, o, d, y, x, which, times[y, x, which if places.shape[2] == 3 else 1], places)
+            if hits.shape[2] > 0:
+                hits[y, x, HIT_T], hits[y, x, HIT_U], hits[y, x, HIT_V] = hit.t, hit.u, hit.v
+                hits[y, x, HIT_INSTANCE], hits[y, x, HIT_PRIMITIVE] = hit.instance, hit.primitive
             for k in range(3):
                 normals[y, x, k] = np.float32(0.0)
                 ids[y, x, k] = np.int32(-1)
@@ -224,12 +221,13 @@ def _list_runs(layers, ids, of_world, of_instance, runs, edges):
 def trace_annotation(scene, stack, camera, top, times, places, hits, normals, ids, layers, counts):
     """Fills the annotation of h rows of pixels from row `top` on.
 
-    times: (h, w, 3) float32, of the shutter, 0 ... 1; rays are those of the second. places: (h, w, 3, 4) float64, where the
-    point is at each time: a world point (x, y, z, 1), or if nothing is hit the ray's direction and 0. hits: (h, w, HIT_COLUMNS)
-    float64, for `locate_points`. normals: (h, w, 3) float32, unit shading normals on the viewer's side, 0 without a surface.
-    ids: (h, w, ID_COLUMNS) int32, -1 for none: numbers of object, instance and material; instance -1 is the world's own geometry.
-    layers: (h, w, d, 2) int32, the objects and instances that the ray meets, in order, each once; d = 0: not traced. counts:
-    (h, w) int32, how many there are, which may exceed d. scene: in the variant for moving scenes. stack: from new_stack.
+    times: (h, w, 3) float32, of the shutter, 0 ... 1; rays are those of the second. places: (h, w, 3, 4) float64, where the point
+    is at each time, or (h, w, 1, 4) at the second alone: a world point (x, y, z, 1), or if nothing is hit the ray's direction and
+    0. hits: (h, w, HIT_COLUMNS) float64, for `locate_points`, or (h, w, 0). normals: (h, w, 3) float32, unit shading normals on
+    the viewer's side, 0 without a surface. ids: (h, w, ID_COLUMNS) int32, -1 for none: numbers of object, instance and material;
+    instance -1 is the world's own geometry. layers: (h, w, d, 2) int32, the objects and instances that the ray meets, in order,
+    each once; d = 0: not traced. counts: (h, w) int32, how many there are, which may exceed d. scene: in the variant for moving
+    scenes. stack: from new_stack.
     """
     _annotate(by_reference(scene), stack, camera, top, times, places, hits, normals, ids, layers, counts)
 
