@@ -1,4 +1,7 @@
-"""Jobs of a confined process that reads scenes; rayfarm/reading.py starts them. Imports no options and no console."""
+"""Functions that run in the confined process that reads scenes, started by rayfarm/reading.py.
+
+Imports no modules of command-line options or the console.
+"""
 
 from __future__ import annotations
 

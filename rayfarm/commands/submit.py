@@ -319,7 +319,7 @@ def _wait_for_job(
 
             final = farm.wait(job, watch=show_progress)
     except KeyboardInterrupt:
-        err.print(f"The job goes on. Its state: `{PROGRAM} jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
+        err.print(f"The job continues. Its state: `{PROGRAM} jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     if final.state != "finished":
         raise CommandError(f"The job {job} {_failure_text(final)}")

@@ -80,12 +80,12 @@ class Pixel(BaseModel):
     y: int
     samples: int
     color: list[float]
-    error: float | None = Field(description="standard error of the luminance; null where there are too few samples")
+    error: float | None = Field(description="standard error of the luminance; null: too few samples")
     albedo: list[float]
     normal: list[float]
     depth: float
     position: list[float]
-    object: int | None = Field(description="number of the object that is seen first, null for none")
+    object: int | None = Field(description="number of the first visible object; null: none")
     material: int | None
     object_name: str | None
     material_name: str | None
@@ -108,7 +108,7 @@ def list_frames(
     farm: FarmDependency,
     state: FrameState | None = None,
     limit: Annotated[int | None, Query(ge=1, le=MAX_FRAMES, description="greatest number of frames; all by default")] = None,
-    offset: Annotated[int, Query(ge=0, le=MAX_FRAMES, description="from which one on, counted from 0")] = 0,
+    offset: Annotated[int, Query(ge=0, le=MAX_FRAMES, description="index of the first frame to return, from 0")] = 0,
 ) -> Response:
     """Lists the frames of a job in order, each with its state, samples, noise and error."""
     job = find_job(id, farm)
@@ -137,18 +137,16 @@ async def image(
     farm: FarmDependency,
     visit: VisitDependency,
     aov: Annotated[str, Query(max_length=200, description=AOV_HELP)] = "color",
-    denoise: Annotated[bool, Query(description="without most of the noise; waits until a worker has made it")] = False,
+    denoise: Annotated[bool, Query(description="denoised; the request waits for a worker")] = False,
     in_shot: Annotated[bool, Query(description=IN_SHOT_HELP)] = False,
     exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; not for exr, hdr and rgb9e5")] = 0.0,
     tonemap_curve: CurveName = "neutral",
-    width: Annotated[int | None, Query(ge=16, description="a smaller copy, at least this wide: for lists")] = None,
+    width: Annotated[int | None, Query(ge=16, description="a smaller copy, at least this wide")] = None,
     mix: Annotated[str, Query(max_length=4000, description=MIX_HELP)] = "",
     gain_map: Annotated[
         bool, Query(description="jpg with a gain map (Ultra HDR), by which HDR displays show brighter highlights")
     ] = False,
-    visible: Annotated[
-        bool, Query(description="png and jpg that would look black are exposed by what they show: for lists")
-    ] = False,
+    visible: Annotated[bool, Query(description="png and jpg that would look black are exposed automatically")] = False,
 ) -> Response:
     """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
 

@@ -61,11 +61,11 @@ class Block(NamedTuple):
 
 
 class _UnusableError(Exception):
-    """This slot's card cannot render the batches. The argument is the sentence of the reason."""
+    """Raised if this slot's card cannot render the batches. The argument is the reason, a sentence."""
 
 
 class _ReturnedError(Exception):
-    """This worker cannot render the batches at present. The argument is the sentence of the reason."""
+    """Raised to return batches that this worker cannot render at present. The argument is the reason, a sentence."""
 
 
 def blocks_of(batches: Sequence[RenderBatch], most: int = BLOCK_SAMPLES) -> list[Block]:

@@ -222,7 +222,7 @@ class ActiveFrame:
         self._notify_change()
 
     def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1, begins_with_one: bool = True) -> Range | None:
-        """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmUnavailable or FilmLost.
+        """Returns the next batch of samples up to `ceiling`; None if all are dispatched. Raises FilmUnavailable or FilmLost.
 
         The parameters are those of `FramePlan.next_batch`.
         """
