@@ -47,7 +47,7 @@ from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTOR
 from worker.work.explain import explain_pixel, send_answer
 from worker.work.frames import prepare_frames
 from worker.work.joint_render import remaining_pieces, render_waiting_piece, share_pieces
-from worker.work.open_scenes import SceneOpener
+from worker.work.open_scenes import SceneOpener, is_mapped
 from worker.work.prepare import prepare_scene
 from worker.work.render import failure_event, unreadable_batch_event
 from worker.work.scenes import discard_damaged
@@ -109,6 +109,8 @@ def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
             with about(**message_ids(batch)):
                 is_last = number == len(batches)  # sent at once, while the slot is still reported as busy with it
                 submit = sender.send_now if is_in_turn or is_last else sender.submit
+                if isinstance(batch, dict) and not is_mapped(batch.get("compiled")):
+                    sender.begin()  # the slot waits for the scene, for minutes if it is downloaded
                 _render(task, worker, batch, submit, partial(begin, batches[number : number + 1]))
 
 

@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import io
 import math
+import struct
 import threading
 import time
+import zlib
 
 import numpy as np
 import pytest
@@ -495,6 +497,13 @@ def encoded_picture(width: int, height: int, format: str = "PNG") -> str:
     return base64.b64encode(file.getvalue()).decode()
 
 
+def with_damaged_profile(picture: str) -> str:
+    """Returns a PNG in base64 with an empty colour profile behind its pixels, over which Pillow stumbles."""
+    data = base64.b64decode(picture)
+    profile = struct.pack(">I", 0) + b"iCCP" + struct.pack(">I", zlib.crc32(b"iCCP"))
+    return base64.b64encode(data[:-12] + profile + data[-12:]).decode()
+
+
 def test_takes_are_seen_at_once_and_by_all(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, other = service.upload(), service.upload(b"# another\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     path = f"/api/scenes/{scene}/takes"
@@ -563,6 +572,7 @@ def test_bad_takes_are_refused(service: Service) -> None:
         ({"picture": encoded_picture(8, 8, "TIFF")}, "take-picture-invalid"),
         ({"picture": encoded_picture(513, 8)}, "take-picture-invalid"),
         ({"picture": encoded_picture(8, 8)[:-40]}, "take-picture-invalid"),
+        ({"picture": with_damaged_profile(encoded_picture(8, 8))}, "take-picture-invalid"),
         ({"picture": "A" * 200_001}, None),
         ({"scene": scene}, None),
     ):
