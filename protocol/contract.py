@@ -211,6 +211,7 @@ class SceneInfo:
     preview: BlobRef | None = None  # a mesh (protocol/mesh.py) that a viewer draws until there are samples
     up_axis: str | None = None  # the axis of the file that became Y, if its format states none
     floor: bool = False  # whether the studio's floor was added
+    vary: dict[str, Any] | None = None  # how the file says that views vary: renderer/variation.py
 
     @classmethod
     def from_json(cls, data: Any) -> SceneInfo:

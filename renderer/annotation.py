@@ -6,6 +6,8 @@ stores means over samples, and the mean of two depths or ids is neither. Its cos
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -20,12 +22,24 @@ from renderer.bvh.layout import INSTANCE, ROW_CHILD, ROW_PRIMITIVE
 from renderer.bvh.traverse import new_stack
 from renderer.exposure import PixelTimes, pixel_times
 from renderer.kernel.annotation import (
+    AREA,
+    BOTTOM,
+    EXTENT_COLUMNS,
     HIT_COLUMNS,
     ID_COLUMNS,
     INSTANCE_ID,
+    LAST,
+    LEFT,
     MATERIAL_ID,
     OBJECT_ID,
+    RIGHT,
+    RUNS,
+    TOP,
+    VISIBLE,
+    WHOLE,
+    list_runs,
     locate_points,
+    measure_masks,
     trace_annotation,
     trace_occlusion,
 )
@@ -35,15 +49,29 @@ from renderer.scene.compiled import CompiledScene
 from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings, View
 from renderer.threads import Team, parts_of
-from renderer.vectors import projected
+from renderer.vectors import load_projection, projected
 
-__all__ = ["AFTER", "BEFORE", "NOW", "Annotation", "Body", "Flow", "annotate", "bodies_of", "flow_to", "load_kernel"]
+__all__ = [
+    "AFTER",
+    "BEFORE",
+    "NOW",
+    "Annotation",
+    "Body",
+    "Flow",
+    "Mask",
+    "annotate",
+    "bodies_of",
+    "body_numbers",
+    "flow_to",
+    "load_kernel",
+    "masks_of",
+]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 I32 = npt.NDArray[np.int32]
 
-BEFORE, NOW, AFTER = range(3)  # times of `Annotation.places`: the previous, this and the next frame
+BEFORE, NOW, AFTER = range(3)  # times of `Annotation.places_at`: the previous, this and the next frame
 _TIMES = (np.float32(0.0), np.float32(0.5), np.float32(1.0))
 _MOVING = "moving"
 _KERNEL = "annotation"
@@ -59,13 +87,30 @@ class Annotation(NamedTuple):
     NOW is the middle of a pixel's own exposure; BEFORE and AFTER are a frame earlier and later.
     """
 
-    places: F64  # (h, w, 3, 4): the point at BEFORE, NOW, AFTER, relative to the scene's origin, and 1; directions and 0
-    hits: F64  # (h, w, HIT_COLUMNS), of `trace_annotation`
+    places: F64  # (h, w, 3, 4), or (h, w, 1, 4) if nothing moves: see `places_at`
+    hits: F64  # (h, w, HIT_COLUMNS), of `trace_annotation`; without columns unless the shutter rolls
     normal: F32  # (h, w, 3): unit, world space, on the viewer's side; 0 without a surface
-    object: I32  # (h, w): number, -1 for none
-    instance: I32  # (h, w): compiled instance; -1 for the world's own geometry, or none
-    material: I32  # (h, w): number, -1 for none
+    ids: I32  # (h, w, ID_COLUMNS): numbers of object, instance and material
     layers: I32  # (h, w, d, 2): object and instance of all surfaces along the ray, each once, -1 for none; d = 0: not traced
+
+    def places_at(self, when: int) -> F64:
+        """Returns points (h, w, 4) at BEFORE, NOW or AFTER, relative to the scene's origin, and 1; directions and 0."""
+        return self.places[:, :, when if self.places.shape[2] > 1 else 0]
+
+    @property
+    def object(self) -> I32:
+        """Returns the number of each pixel's object (h, w), -1 for none."""
+        return self.ids[..., OBJECT_ID]
+
+    @property
+    def instance(self) -> I32:
+        """Returns each pixel's compiled instance (h, w); -1 for the world's own geometry, or none."""
+        return self.ids[..., INSTANCE_ID]
+
+    @property
+    def material(self) -> I32:
+        """Returns the number of each pixel's material (h, w), -1 for none."""
+        return self.ids[..., MATERIAL_ID]
 
 
 class Body(NamedTuple):
@@ -75,6 +120,14 @@ class Body(NamedTuple):
     instance: int  # number of the compiled instance; -1 for geometry that is in world space
     corners: F64  # (8, 3): of its bounding box, world space; aligned with the instance's axes, or the world's
     pose: F64  # (4, 4): from its own space to world space; the identity for geometry that is in world space
+
+
+class Mask(NamedTuple):
+    """The pixels in which a body is seen, or would be if nothing occluded it."""
+
+    area: int  # number of pixels
+    box: tuple[int, int, int, int] | None  # x, y, width, height in pixels; None if there are none
+    edges: list[int]  # start and end of each run of pixels, numbered column by column; empty if not requested
 
 
 class Flow(NamedTuple):
@@ -100,15 +153,17 @@ def annotate(
     shape = settings.height, settings.width
     prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
     when = pixel_times(settings, window)
-    times = _frame_times(when.at(*_pixel_centres(shape)), when.frame)
-    places, hits, normals = np.empty((*shape, 3, 4)), np.empty((*shape, HIT_COLUMNS)), np.empty((*shape, 3), np.float32)
+    times = _frame_times(when, shape)
+    moves = len(prepared.key_position) > 0 or len(prepared.key_sphere) > 0 or len(prepared.bvh.instance_motion) > 0
+    places, hits = np.empty((*shape, 3 if moves else 1, 4)), np.empty((*shape, HIT_COLUMNS if when.is_rolling else 0))
+    normals = np.empty((*shape, 3), np.float32)
     ids, counts = np.empty((*shape, ID_COLUMNS), np.int32), np.zeros(shape, np.int32)
     room = _LAYERS if layers else 0
     if not jit.is_ready(_KERNEL):
         load_kernel()
     with Team(threads) as team:
         while True:
-            listed = np.full((*shape, room, 2), -1, np.int32)
+            listed = np.empty((*shape, room, 2), np.int32)
 
             def trace_part(part: tuple[int, int], listed: I32 = listed) -> None:
                 rows = slice(*part)
@@ -119,7 +174,39 @@ def annotate(
             if not layers or counts.max(initial=0) <= room:
                 break
             room = int(counts.max())
-    return Annotation(places, hits, normals, ids[..., OBJECT_ID], ids[..., INSTANCE_ID], ids[..., MATERIAL_ID], listed)
+    return Annotation(places, hits, normals, ids, listed)
+
+
+def body_numbers(bodies: Sequence[Body], objects: int) -> tuple[I32, I32]:
+    """Returns 1 + the index of the body of each object's geometry in world space, and of each instance; 0 for none."""
+    of_world = np.zeros(objects + 1, np.int32)
+    of_instance = np.zeros(1 + max((body.instance + 1 for body in bodies), default=0), np.int32)
+    for n, body in enumerate(bodies, 1):
+        if body.instance < 0:
+            of_world[body.object] = n
+        else:
+            of_instance[body.instance] = n
+    return of_world, of_instance
+
+
+def masks_of(found: Annotation, numbers: tuple[I32, I32], count: int, runs: bool = True) -> list[tuple[Mask, Mask]]:
+    """Returns the masks of `count` bodies in an annotated picture: whole and visible. numbers: from `body_numbers`."""
+    extents = np.zeros((count, 2, EXTENT_COLUMNS), np.int64)
+    extents[..., LAST] = -2
+    measure_masks(found.layers, found.ids, *numbers, extents)
+    ends = np.cumsum(2 * extents[..., RUNS]).reshape(count, 2)
+    starts = ends - 2 * extents[..., RUNS]
+    edges = np.empty(int(ends.max(initial=0)) if runs else 0, np.int64)
+    if runs:
+        list_runs(found.layers, found.ids, *numbers, np.stack([starts, np.full_like(starts, -1)], axis=2), edges)
+
+    def mask(body: int, which: int) -> Mask:
+        extent = extents[body, which].tolist()
+        x, y = extent[LEFT], extent[TOP]
+        box = (x, y, extent[RIGHT] + 1 - x, extent[BOTTOM] + 1 - y) if extent[AREA] else None
+        return Mask(extent[AREA], box, edges[starts[body, which] : ends[body, which]].tolist())
+
+    return [(mask(body, WHOLE), mask(body, VISIBLE)) for body in range(count)]
 
 
 def flow_to(
@@ -139,25 +226,33 @@ def flow_to(
     """
     here = _sharp(settings, scene)
     there = _sharp(replace(settings, view=other), scene)
-    start = projected(here.view, here, found.places[:, :, NOW])
     prepared = strip_absent_features(scene, _MOVING)
     times = pixel_times(settings, window)
-    moved, end = np.ascontiguousarray(found.places[:, :, when]), projected(there.view, there, found.places[:, :, when])
-    seen = np.full(end.shape[:2], _TIMES[when])
+    shape = settings.height, settings.width
+    now, then = found.places_at(NOW), found.places_at(when)
+    offset, occluded = np.empty((*shape, 2), np.float32), np.empty(shape, np.uint8)
+    eye = tuple(np.float64(v) for v in there.view.eye)
     with Team(threads) as team:
-        if times.is_rolling:
-            moved, end, seen = _where_rows_see(prepared, here, there, found, times, when, team)
-        with np.errstate(invalid="ignore"):
-            inside = ((end >= 0.0) & (end <= (settings.width, settings.height))).all(axis=2)  # False for NaN
-        occluded = np.asarray(~inside, np.uint8)
-        eye = tuple(np.float64(v) for v in there.view.eye)
+        rolled = _where_rows_see(prepared, here, there, found, times, when, team) if times.is_rolling else None
 
         def trace_part(part: tuple[int, int]) -> None:
             rows = slice(*part)
-            trace_occlusion(prepared, new_stack(), eye, moved[rows], seen[rows], occluded[rows])
+            start = projected(here.view, here, now[rows])
+            if rolled is None:
+                moved = np.ascontiguousarray(then[rows])
+                end = projected(there.view, there, moved)
+                seen = np.full(moved.shape[:2], _TIMES[when])
+            else:
+                moved, end, seen = rolled[0][rows], rolled[1][rows], rolled[2][rows]
+            x, y = end[..., 0], end[..., 1]
+            with np.errstate(invalid="ignore"):
+                inside = (x >= 0.0) & (x <= settings.width) & (y >= 0.0) & (y <= settings.height)  # False for NaN
+            occluded[rows] = ~inside
+            offset[rows] = end - start
+            trace_occlusion(prepared, new_stack(), eye, moved, seen, occluded[rows])
 
         team.each(trace_part, parts_of(0, settings.height, _ROWS))
-    return Flow((end - start).astype(np.float32), occluded != 0)
+    return Flow(offset, occluded != 0)
 
 
 def _where_rows_see(
@@ -197,9 +292,11 @@ def _pixel_centres(shape: tuple[int, int]) -> tuple[F64, F64]:
     return x, y
 
 
-def _frame_times(now: F64, frame: float) -> F32:
-    """Returns times (h, w, 3) a frame before, at, and a frame after the times `now`. frame: duration of a frame."""
-    return np.stack([now - frame, now, now + frame], axis=2).astype(np.float32)
+@functools.lru_cache(2)
+def _frame_times(when: PixelTimes, shape: tuple[int, int]) -> F32:
+    """Returns times (h, w, 3) a frame before, at, and a frame after the pixels' exposures. They must not be changed."""
+    now = when.at(*_pixel_centres(shape))
+    return np.stack([now - when.frame, now, now + when.frame], axis=2).astype(np.float32)
 
 
 def load_kernel() -> None:
@@ -214,6 +311,10 @@ def load_kernel() -> None:
         eye = np.float64(0.0), np.float64(0.0), np.float64(0.0)
         times = np.empty((0, 1), np.float32)
         trace_occlusion(scene, new_stack(), eye, np.empty((0, 1, 4)), times, np.empty((0, 1), np.uint8))
+        load_projection()
+        bodies = np.empty((0, 1, 1, 2), np.int32), ids, np.empty(0, np.int32), np.empty(0, np.int32)
+        measure_masks(*bodies, np.empty((0, 2, EXTENT_COLUMNS), np.int64))
+        list_runs(*bodies, np.empty((0, 2, 2), np.int64), np.empty(0, np.int64))
 
 
 def bodies_of(scene: CompiledScene) -> list[Body]:

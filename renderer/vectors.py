@@ -22,13 +22,13 @@ from renderer.arrays.scene import example
 from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame, distortion_row, extent_at_one
 from renderer.kernel.distortion import FISHEYE, brown_formula, fisheye_formula, undistort_points
-from renderer.kernel.vectors import trace_motion_points
+from renderer.kernel.vectors import in_camera_space, trace_motion_points
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings, View
 from renderer.threads import Team, parts_of
 
-__all__ = ["border_angles", "load_kernel", "motion_vectors", "projected"]
+__all__ = ["border_angles", "load_kernel", "load_projection", "motion_vectors", "projected"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
@@ -76,6 +76,12 @@ def load_kernel() -> None:
         trace_motion_points(
             strip_absent_features(example(), _MOVING), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4))
         )
+        load_projection()
+
+
+def load_projection() -> None:
+    """Compiles or loads the kernel of `projected`."""
+    in_camera_space(np.empty((0, 1, 4)), np.empty((3, 3)), np.empty(3), np.empty((3, 0, 1)))
 
 
 def _pixel_offsets(start: F64, end: F64, settings: RenderSettings, views: list[View]) -> F64:
@@ -97,10 +103,9 @@ def projected(view: View, settings: RenderSettings, places: F64) -> F64:
 
     places: (h, w, 4), points with w = 1, or directions with w = 0. Uses products, quotients and roots only.
     """
-    right, up, back, eye = axes_of(view)
-    near = places[..., 3]
-    ray = [places[..., k] - near * eye[k] for k in range(3)]
-    x, y, z = ((ray[0] * axis[0] + ray[1] * axis[1]) + ray[2] * axis[2] for axis in (right, up, -back))
+    found = np.empty((3, *places.shape[:2]))
+    in_camera_space(np.ascontiguousarray(places), *_axes_and_eye(view), found)
+    x, y, z = found
     middle, height = view.middle(settings.width, settings.height), settings.height
     with np.errstate(divide="ignore", invalid="ignore"):
         if view.projection == "panorama":
@@ -108,7 +113,7 @@ def projected(view: View, settings: RenderSettings, places: F64) -> F64:
             across, down = turn / (2.0 * math.pi) * settings.width, -rise / math.pi * height
         elif view.projection == "orthographic":
             pixel = view.height / height
-            across, down = near * x / pixel, near * -y / pixel  # infinitely distant points do not move
+            across, down = places[..., 3] * x / pixel, places[..., 3] * -y / pixel  # infinitely distant points do not move
         elif view.distortion is not None:
             across, down = _distorted(view, settings, x, -y, z)
         else:
@@ -116,7 +121,16 @@ def projected(view: View, settings: RenderSettings, places: F64) -> F64:
             behind = z <= 0
             z = np.where(behind, np.nan, z)
             across, down = x / z / pixel, -y / z / pixel
-    return np.stack([middle[0] + across, middle[1] + down], axis=2)
+    ends = np.empty((*x.shape, 2))
+    ends[..., 0], ends[..., 1] = middle[0] + across, middle[1] + down
+    return ends
+
+
+@functools.lru_cache(16)
+def _axes_and_eye(view: View) -> tuple[F64, F64]:
+    """Returns the unit vectors right, up and forward (3, 3), a row each, and the eye (3,). They must not be changed."""
+    right, up, back, eye = axes_of(view)
+    return np.stack([right, up, -back]), eye
 
 
 def _distorted(view: View, settings: RenderSettings, x: F64, y: F64, z: F64) -> tuple[F64, F64]:

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from renderer.frames import frame_key, frame_number, frames_text, parse_frames
 
-__all__ = ["IN_TURN_ORDER", "Shot"]
+__all__ = ["IN_TURN_ORDER", "Shot", "variation_of"]
 
 IN_TURN_ORDER = "in-turn"
 
@@ -21,7 +21,8 @@ class Shot:
     order: order of the frames, one of renderer.work.ORDERS. every: for orders that first render every n-th frame, this n.
     first: key of the frame to render before all others (frame_key). revision: increases with each change after which the engine
     must check the frames. anew: frames whose samples must be discarded first, in the notation of renderer.frames.frames_text;
-    cleared when done. frames: all frames in that notation; None if an earlier release wrote the row.
+    cleared when done. frames: all frames in that notation; None if an earlier release wrote the row. vary: the scene file's
+    variation, which applies unless the request has its own.
     """
 
     fps: float | None = None
@@ -33,6 +34,7 @@ class Shot:
     revision: int = 0
     anew: str = ""
     frames: str | None = None
+    vary: dict[str, Any] | None = None
 
     @classmethod
     def parse(cls, data: Mapping[str, Any] | None) -> Self | None:
@@ -53,9 +55,17 @@ class Shot:
         return [frame_key(number) for number in parse_frames(self.anew)] if self.anew else []
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the shot in the form stored in a job's row."""
-        return asdict(self)
+        """Returns the shot in the form stored in a job's row. Omits `vary` if it is None, as earlier releases do."""
+        return {name: value for name, value in asdict(self).items() if value is not None or name != "vary"}
 
     def with_changes(self, **what: Any) -> Self:
         """Returns a copy in which the given fields are changed and `revision` is increased by one."""
         return replace(self, **what, revision=self.revision + 1)
+
+
+def variation_of(request: Mapping[str, Any], shot: Shot | None) -> dict[str, Any] | None:
+    """Returns how a job's scene varies: as its request says, else as its scene file does; None if it does not vary."""
+    given = request.get("vary")
+    if given is None:
+        return None if shot is None else shot.vary
+    return given or None

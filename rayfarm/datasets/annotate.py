@@ -6,6 +6,8 @@ import fnmatch
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -18,6 +20,7 @@ from renderer.settings import RenderSettings, View
 if TYPE_CHECKING:
     from rayfarm.reading import ConfinedScene
     from renderer.annotation import Annotation, Body
+    from renderer.scene.compiled import CompiledScene
 
 __all__ = ["FLOWS", "OUTPUTS", "Annotator", "ViewAnnotation", "rle"]
 
@@ -29,16 +32,40 @@ OCCLUDED = "_occluded"  # suffix of a flow's mask
 _NUMBERED = re.compile(r"(?<=\w)[._ -]?\d+$")
 
 
-class _Found(NamedTuple):
-    """One view's annotation, and what planes are computed from besides."""
+class _Bodies(NamedTuple):
+    """The bodies of a compiled scene, and their numbers by object and by instance."""
+
+    compiled: CompiledScene
+    listed: list[Body]
+    numbers: tuple[Array, Array]  # of `body_numbers`
+
+
+@dataclass(frozen=True)
+class _Found:
+    """One view's annotation, and what planes are computed from besides. category: 1 + number of the category, by object."""
 
     annotation: Annotation
-    places: Array  # (h, w, 3) float64, world space
-    surface: Array  # (h, w) bool
     view: View
-    instance: Array  # (h, w) int32: 1 + index of the body, 0 for none
-    category: Array  # (h, w) int32: 1 + number of the category, 0 for none
-    part: Array  # (h, w) int32: 1 + object * number of materials + material, 0 for none
+    origin: Array
+    bodies: _Bodies
+    category_of: Array
+    materials: int
+
+    @cached_property
+    def places(self) -> Array:
+        """Returns the points (h, w, 3) float64 in world space."""
+        from renderer.annotation import NOW
+
+        points: Array = self.annotation.places_at(NOW)[..., :3] + self.origin
+        return points
+
+    @cached_property
+    def surface(self) -> Array:
+        """Returns whether there is a surface (h, w)."""
+        from renderer.annotation import NOW
+
+        there: Array = self.annotation.places_at(NOW)[..., 3] != 0
+        return there
 
 
 def _axes(view: View) -> Array:
@@ -66,12 +93,31 @@ def _camera_normal(found: _Found) -> Array:
     return (found.annotation.normal @ _axes(found.view).T).astype(np.float32)
 
 
-def _scene_flow(seen: Annotation, surface: Array, when: int) -> Array:
-    """Returns how far each point moves in world space (h, w, 3) until another view. when: as of `Annotation.places`."""
+def _instance(found: _Found) -> Array:
+    """Returns 1 + the index of each pixel's body; 0 where there is none."""
+    (of_world, of_instance), seen = found.bodies.numbers, found.annotation
+    body = np.where(seen.instance < 0, of_world[np.maximum(seen.object, 0)], of_instance[np.maximum(seen.instance, 0)])
+    return np.where(seen.object >= 0, body, 0).astype(np.int32)
+
+
+def _category(found: _Found) -> Array:
+    number = found.annotation.object
+    known = found.category_of[np.maximum(number, 0)] if len(found.category_of) else 0
+    return np.where(number >= 0, known, 0).astype(np.int32)
+
+
+def _part(found: _Found) -> Array:
+    """Returns 1 + object * number of materials + material; 0 where there is none."""
+    seen = found.annotation
+    return np.where(seen.object >= 0, 1 + seen.object * found.materials + seen.material, 0).astype(np.int32)
+
+
+def _scene_flow(found: _Found, when: int) -> Array:
+    """Returns how far each point moves in world space (h, w, 3) until another view. when: as of `Annotation.places_at`."""
     from renderer.annotation import NOW
 
-    moved = seen.places[:, :, when, :3] - seen.places[:, :, NOW, :3]
-    return np.where(surface[..., None], moved, np.nan).astype(np.float32)
+    moved = found.annotation.places_at(when)[..., :3] - found.annotation.places_at(NOW)[..., :3]
+    return np.where(found.surface[..., None], moved, np.nan).astype(np.float32)
 
 
 # Each plane by its name: how it is computed. Numbers of objects and materials are those of the film's planes: 0 is none.
@@ -82,10 +128,10 @@ _PLANES: dict[str, Callable[[_Found], Array]] = {
     "normal": lambda found: found.annotation.normal,
     "normal_camera": _camera_normal,
     "object": lambda found: found.annotation.object + 1,
-    "instance": lambda found: found.instance,
+    "instance": _instance,
     "material": lambda found: found.annotation.material + 1,
-    "part": lambda found: found.part,
-    "category": lambda found: found.category,
+    "part": _part,
+    "category": _category,
 }
 OUTPUTS = ("color", *_PLANES, *FLOWS, "boxes", "masks")
 
@@ -152,11 +198,11 @@ class Annotator:
             )
         self.categories = sorted({name for name in of_object if name is not None})
         self._category = np.array([0 if name is None else 1 + self.categories.index(name) for name in of_object], np.int32)
-        self._bodies: tuple[Any, list[Body]] | None = None
+        self._bodies: _Bodies | None = None
 
     def annotate(self, number: int) -> ViewAnnotation:
         """Returns the annotation of a view. Raises SceneError."""
-        from renderer.annotation import AFTER, BEFORE, NOW, annotate, flow_to
+        from renderer.annotation import AFTER, BEFORE, annotate, flow_to
         from renderer.exposure import window_between
 
         moment = Moment(float(number), self._fps, self._clip)
@@ -169,23 +215,18 @@ class Annotator:
             compiled, summary = self._stage.between_neighbours(moment, window)
         is_listed = any(name in self._outputs for name in ("boxes", "masks"))
         seen = annotate(compiled, settings, is_listed, self._threads, window)
-        surface = seen.places[:, :, NOW, 3] != 0
-        places = seen.places[:, :, NOW, :3] + compiled.origin
-        instance = self._instance_ids(seen.object, seen.instance, bodies)
-        category = np.where(seen.object >= 0, self._category[np.maximum(seen.object, 0)] if self.objects else 0, 0)
-        part = np.where(seen.object >= 0, 1 + seen.object * len(self.materials) + seen.material, 0)
-        found = _Found(seen, places, surface, view, instance, category.astype(np.int32), part.astype(np.int32))
+        found = _Found(seen, view, compiled.origin, bodies, self._category, len(self.materials))
         planes = {name: _PLANES[name](found) for name in self._outputs if name in _PLANES}
         for name in FLOWS:
             if name not in self._outputs or (other := self._neighbour(name, number)) is None:
                 continue
             when = AFTER if other > number else BEFORE
             if name.startswith(_IN_SPACE):
-                planes[name] = _scene_flow(seen, surface, when)
+                planes[name] = _scene_flow(found, when)
             else:
                 flow = flow_to(compiled, settings, seen, self._views[other], when, self._threads, window)
                 planes |= {name: flow.offset, f"{name}{OCCLUDED}": flow.occluded.astype(np.uint8)}
-        described = self._described(seen, instance, bodies, summary.get("poses", {})) if is_listed else None
+        described = self._described(seen, bodies, summary.get("poses", {})) if is_listed else None
         return ViewAnnotation(planes, described, summary.get("variation", {}))
 
     def _neighbour(self, name: str, number: int) -> int | None:
@@ -195,54 +236,43 @@ class Annotator:
             return None
         return other
 
-    def _bodies_of(self, compiled: Any) -> list[Body]:
-        from renderer.annotation import bodies_of
+    def _bodies_of(self, compiled: CompiledScene) -> _Bodies:
+        from renderer.annotation import bodies_of, body_numbers
 
-        if self._bodies is None or self._bodies[0] is not compiled:
-            self._bodies = compiled, bodies_of(compiled)
-        return self._bodies[1]
+        if self._bodies is None or self._bodies.compiled is not compiled:
+            listed = bodies_of(compiled)
+            self._bodies = _Bodies(compiled, listed, body_numbers(listed, len(self.objects)))
+        return self._bodies
 
-    def _instance_ids(self, number: Array, instance: Array, bodies: list[Body]) -> Array:
-        """Returns 1 + the index of the body for each pair of an object and an instance; 0 where there is none."""
-        of_world = np.zeros(len(self.objects) + 1, np.int32)
-        of_instance = np.zeros(1 + max((body.instance + 1 for body in bodies), default=0), np.int32)
-        for n, body in enumerate(bodies, 1):
-            if body.instance < 0:
-                of_world[body.object] = n
-            else:
-                of_instance[body.instance] = n
-        found = np.where(instance < 0, of_world[np.maximum(number, 0)], of_instance[np.maximum(instance, 0)])
-        return np.where(number >= 0, found, 0).astype(np.int32)
-
-    def _described(self, seen: Annotation, visible: Array, bodies: list[Body], poses: dict[str, Any]) -> list[dict[str, Any]]:
+    def _described(self, seen: Annotation, bodies: _Bodies, poses: dict[str, Any]) -> list[dict[str, Any]]:
         """Returns the bodies that are in the picture, whether occluded or not, as JSON.
 
         poses: of moving objects, by number as text, for those whose geometry is in world space.
         """
-        layers = self._instance_ids(seen.layers[..., 0], seen.layers[..., 1], bodies)
+        from renderer.annotation import masks_of
+
+        has_masks, shape = "masks" in self._outputs, seen.ids.shape[:2]
         described = []
-        for number in np.unique(layers[layers > 0]).tolist():
-            body = bodies[number - 1]
+        masks = masks_of(seen, bodies.numbers, len(bodies.listed), has_masks)
+        for number, (body, (whole, visible)) in enumerate(zip(bodies.listed, masks, strict=True), 1):
             category = int(self._category[body.object])
-            if category == 0:
+            if category == 0 or whole.area == 0:
                 continue
-            whole, part = (layers == number).any(axis=2), visible == number
-            area = int(part.sum())
             found: dict[str, Any] = {
                 "instance": number,
                 "object": body.object + 1,
                 "name": self.objects[body.object],
                 "category": category,
-                "area": area,
-                "amodal_area": int(whole.sum()),
-                "occlusion": round(1.0 - area / int(whole.sum()), 6),
-                "box": _box(part),
-                "amodal_box": _box(whole),
+                "area": visible.area,
+                "amodal_area": whole.area,
+                "occlusion": round(1.0 - visible.area / whole.area, 6),
+                "box": None if visible.box is None else list(visible.box),
+                "amodal_box": None if whole.box is None else list(whole.box),
                 "box_3d": body.corners.tolist(),
                 "pose": poses.get(str(body.object), body.pose.tolist()) if body.instance < 0 else body.pose.tolist(),
             }
-            if "masks" in self._outputs:
-                found |= {"mask": rle(part), "amodal_mask": rle(whole)}
+            if has_masks:
+                found |= {"mask": rle(visible.edges, shape), "amodal_mask": rle(whole.edges, shape)}
             described.append(found)
         return described
 
@@ -252,18 +282,8 @@ class Annotator:
         return next((category for pattern, category in self._given.items() if fnmatch.fnmatchcase(name, pattern)), None)
 
 
-def _box(mask: Array) -> list[int] | None:
-    """Returns [x, y, width, height] of a mask in pixels; None if it is empty."""
-    columns, rows = np.flatnonzero(mask.any(axis=0)), np.flatnonzero(mask.any(axis=1))
-    if not len(columns):
-        return None
-    x, y = int(columns[0]), int(rows[0])
-    return [x, y, int(columns[-1]) + 1 - x, int(rows[-1]) + 1 - y]
-
-
-def rle(mask: Array) -> dict[str, Any]:
-    """Returns a mask (h, w) as COCO's run lengths: column by column, of zeros first."""
-    flat = np.concatenate([[False], mask.T.reshape(-1).astype(bool)])
-    changes = np.flatnonzero(flat[1:] != flat[:-1])
-    edges = np.concatenate([[0], changes, [mask.size]])
-    return {"size": list(mask.shape), "counts": np.diff(edges).tolist()}
+def rle(edges: list[int], shape: tuple[int, ...]) -> dict[str, Any]:
+    """Returns a mask of `shape` (h, w) as COCO's run lengths, column by column, of zeros first. edges: of a `Mask`."""
+    size = shape[0] * shape[1]
+    ends = [*edges, size] if not edges or edges[-1] < size else edges
+    return {"size": list(shape), "counts": [end - start for start, end in pairwise([0, *ends])]}

@@ -8,7 +8,7 @@ from contextlib import ExitStack, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from rayfarm.datasets.request import Request, scene_files
+from rayfarm.datasets.request import Request, scene_files, vary_of_scene
 from renderer.frames import frames_text
 from renderer.scene.animation import Moment
 from renderer.settings import View
@@ -198,7 +198,11 @@ def _job_body(request: Request, scene: Path, farm: Client) -> dict[str, Any]:
     ready = farm.wait_for_scene(uploaded.id)
     body = job_request(farm, ready, request.arguments)
     body.pop("view", None)  # `height` in pixels is also the name of an orthographic view's
-    return {**body, "scene": ready.id, **({} if request.vary is None else {"vary": request.vary})}
+    if request.vary is not None:
+        body["vary"] = request.vary
+    elif vary_of_scene(scene) is not None:
+        body["vary"] = False
+    return {**body, "scene": ready.id}
 
 
 def _view_json(view: View) -> dict[str, Any]:

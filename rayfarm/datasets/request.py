@@ -24,7 +24,7 @@ from renderer.lens_distortion import LensDistortion
 from renderer.settings import View
 from renderer.variation import Variation
 
-__all__ = ["SINKS", "Request", "check_names", "parse_request", "scene_files"]
+__all__ = ["SINKS", "Request", "check_names", "parse_request", "scene_files", "vary_of_scene"]
 
 PICTURE_FORMATS = ("png", "exr", "jpg")
 PLANE_FORMATS = ("npy", "exr")
@@ -96,7 +96,7 @@ def parse_request(
     for name in _OF_DATASET:
         if settings.get(name) is not None:
             raise SettingsError(f"{name} is for a single picture; a data set has cameras and outputs")
-    varying = _vary(_vary_of_scene(scene) if vary is None else vary or None, wanted)
+    varying = _vary(vary_of_scene(scene) if vary is None else vary or None, wanted)
     given = dict(settings)
     width, height = given.get("width"), given.get("height")
     if (width is None) != (height is None):
@@ -144,7 +144,7 @@ def _check_lens(view: View, width: int, height: int, sinks: Sequence[str]) -> No
         )
 
 
-def _vary_of_scene(scene: Path) -> Any:
+def vary_of_scene(scene: Path) -> Any:
     """Returns the variation that a scene file of Rayfarm's own has; None for other files. Reading the scene reports faults."""
     if scene.suffix.lower() not in _SCENE_FILES or not scene.is_file():
         return None

@@ -16,10 +16,10 @@ from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closes
 from renderer.jit import device, entry, never_inline, subroutine
 from renderer.kernel.camera import moving_ray
 from renderer.kernel.material.material import has_flag, opacity
-from renderer.kernel.surface.surface import surface_at
+from renderer.kernel.surface.surface import owner_at, surface_at
 from renderer.reference import by_reference
 
-__all__ = ["next_visible", "trace_motion_points", "write_place"]
+__all__ = ["in_camera_space", "next_visible", "trace_motion_points", "write_place"]
 
 _INF = np.float32(np.inf)
 _LAMP, _TRANSPARENT = np.uint32(LAMP), np.uint32(TRANSPARENT)
@@ -103,21 +103,22 @@ def _sphere_position(scene, hit, o, d, time):
 
 
 @subroutine
-def next_visible(scene, stack, o, d, time, after):
+def next_visible(scene, stack, o, d, t_max, time, after):
     """Returns the first Hit along the ray, beyond the hit `after`, whose surface has an opacity of at least 1/2 there.
 
-    time: of the shutter. after: as for `closest_hit`; FROM_ORIGIN for the first surface.
+    t_max, time, after: as for `closest_hit`; FROM_ORIGIN for the first surface.
     """
     never_inline()
     root = camera_root(scene.bvh)
     while True:
-        hit = closest_hit(scene.bvh, stack, o, d, _INF, time, root, after)
+        hit = closest_hit(scene.bvh, stack, o, d, t_max, time, root, after)
         if hit.primitive == NO_PRIMITIVE:
             break
-        surface = surface_at(scene, o, d, hit)
-        if scene.has.textures is None or not has_flag(scene, surface.material, _LAMP):
-            if not has_flag(scene, surface.material, _TRANSPARENT):
+        _, material = owner_at(scene, hit)
+        if scene.has.textures is None or not has_flag(scene, material, _LAMP):
+            if not has_flag(scene, material, _TRANSPARENT):
                 break
+            surface = surface_at(scene, o, d, hit)
             if opacity(scene, surface.material, surface.uv, surface.uv1, surface.color[3], _HALF) >= _HALF:
                 break
         after = hit.t, hit.instance, hit.primitive
@@ -153,7 +154,7 @@ def _see_places(scene, stack, camera, top, places):
     for y in range(places.shape[0]):
         for x in range(places.shape[1]):
             o, d, _ = moving_ray(camera, np.float32(x) + _HALF, np.float32(top + y) + _HALF, _MIDDLE, _HALF)
-            hit = next_visible(scene, stack, o, d, _HALF, FROM_ORIGIN)
+            hit = next_visible(scene, stack, o, d, _INF, _HALF, FROM_ORIGIN)
             for which in range(3):
                 time = _OPENS if which == 0 else _HALF if which == 1 else _CLOSES
                 write_place(scene, hit, o, d, y, x, which, time, places)
@@ -167,3 +168,19 @@ def trace_motion_points(scene, stack, camera, top, places):
     for moving scenes. stack: from new_stack.
     """
     _see_places(by_reference(scene), stack, camera, top, places)
+
+
+@entry
+def in_camera_space(places, axes, eye, found):
+    """Fills `found`, (3, h, w) float64: coordinates x, y and z of points along a camera's axes.
+
+    places: (h, w, 4) float64, points with a last column of 1, or directions with 0. axes: (3, 3) float64, a row each. eye: (3,).
+    """
+    for y in range(places.shape[0]):
+        for x in range(places.shape[1]):
+            near = places[y, x, 3]
+            e, f, g = near * eye[0], near * eye[1], near * eye[2]  # rounded: NumPy fuses no products with sums
+            a, b, c = places[y, x, 0] - e, places[y, x, 1] - f, places[y, x, 2] - g
+            for k in range(3):
+                p, q, r = a * axes[k, 0], b * axes[k, 1], c * axes[k, 2]
+                found[k, y, x] = (p + q) + r

@@ -261,7 +261,8 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
     cameras: those of the file, then always one named "auto" that frames the scene; cameras that move while the shutter is open
     have `views`, in the form of RenderSettings. up: the up direction. fps: the file's frame rate, else 24. clips: the file's
     animations, with the times of their first and last key in seconds. objects, materials: names by number; the OBJECT and
-    MATERIAL planes of the film hold number + 1. light_groups: the names of the lights' groups. variation: the values drawn for a
+    MATERIAL planes of the film hold number + 1. light_groups: the names of the lights' groups. vary: how the file says that views
+    vary; left out if it does not. variation: the values drawn for a
     varied scene; else left out.
     """
     floor = description.subject is not None  # one mesh of two flat triangles, six vertices
@@ -295,6 +296,7 @@ def summarise(description: SceneDescription, compiled: CompiledScene) -> dict[st
         "variants": list(description.variants),
         "warnings": list(description.warnings),
         "defaults": dict(description.defaults),
+        **({"vary": description.vary} if description.vary else {}),
         **_variation(description),
     }
 

@@ -346,6 +346,7 @@ class SceneDescription:
     # marked as moving: transforms of instances, and vertices of meshes that deform.
     still: object | None = None
     variants: list[str] = field(default_factory=list)  # the file's material variants; selected when it is read
+    vary: dict[str, Any] | None = None  # how the file says that views vary, as Variation.parse takes it
     # Values that renderer/scene/vary.py has drawn, by section and name; empty for a scene as its files describe it.
     variation: dict[str, Any] = field(default_factory=dict)
     warnings: list[str] = field(default_factory=list)  # sentences that a user can act on

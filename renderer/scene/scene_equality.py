@@ -22,6 +22,7 @@ _IGNORED_FIELDS = {
     "up_axis",
     "variants",
     "variation",
+    "vary",
     "warnings",
     "defaults",
 }  # attributes that affect no array

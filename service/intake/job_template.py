@@ -12,6 +12,7 @@ from math import isfinite
 from pathlib import Path, PurePath
 from typing import Any
 
+from protocol.terms import TAG
 from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAME, MAX_FRAMES, frames_text
 from renderer.sentences import Sentence
@@ -21,6 +22,8 @@ __all__ = ["CHUNKING", "TemplateCall", "has_model", "read_call", "read_calls"]
 CHUNKING = "TASK_CHUNKING"
 GB_PER_MIB = (1 << 20) / 1e9
 MEMORY = "amount.worker.memory"  # MiB
+TAGS = "attr.rayfarm.tags"  # of workers
+ATTRIBUTES = {"attr.worker.os.family": "linux", "attr.worker.cpu.arch": "x86_64"}  # taken as met by every worker
 FRAME_OPTIONS = ("--frames", "--frame")
 MAX_MESSAGE = 600  # characters
 MAX_NAME = 200  # characters, of a job
@@ -337,21 +340,37 @@ def _needs(requirements: Any) -> list[str]:
     """Returns what a farm's workers must have, from a step's hostRequirements."""
     if requirements is None:
         return []
-    names = [str(each.name) for each in requirements.attributes or ()]
     needs = []
+    for each in requirements.attributes or ():
+        needs += _needed_tags(str(each.name), each)
     for each in requirements.amounts or ():
-        if str(each.name) == MEMORY and each.min is not None and each.max is None:
+        if each.max is not None or (each.min and str(each.name).lower() != MEMORY):
+            raise _unsupported_requirement(str(each.name))
+        if each.min:
             gigabytes = f"{max(float(each.min) * GB_PER_MIB - 0.0005, 0.0):.3f}"  # rounded down
             needs.append(f"memory_gb={gigabytes.rstrip('0').rstrip('.')}")
-        else:
-            names.append(str(each.name))
-    if names:
-        raise _fault(
-            Sentence(
-                "template-requirement-unsupported",
-                "the requirement {name} is not supported; a minimum of {memory} is",
-                name=names[0],
-                memory=MEMORY,
-            )
+    return list(dict.fromkeys(needs))
+
+
+def _needed_tags(name: str, requirement: Any) -> list[str]:
+    """Returns the tags that workers must have by a required attribute; none for one that is taken as met."""
+    every, one = ([str(value) for value in values or ()] for values in (requirement.allOf, requirement.anyOf))
+    if (common := ATTRIBUTES.get(name.lower())) is not None:
+        if all(value.lower() == common for value in every) and (not one or common in map(str.lower, one)):
+            return []
+        raise _unsupported_requirement(f"{name}: {', '.join(every or one)}")
+    if name.lower() == TAGS and len(one) <= 1 and all(TAG.fullmatch(value) for value in (*every, *one)):
+        return [*every, *one]
+    raise _unsupported_requirement(name)
+
+
+def _unsupported_requirement(name: str) -> SettingsError:
+    return _fault(
+        Sentence(
+            "template-requirement-unsupported",
+            "the requirement {name} is not supported; a minimum of {memory} is, and worker tags by allOf of {tags}",
+            name=name[:200],
+            memory=MEMORY,
+            tags=TAGS,
         )
-    return needs
+    )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 
-from service.shot import Shot
+from service.shot import Shot, variation_of
 from service.store.models import Job
 
 __all__ = ["picture_hash"]
@@ -30,7 +30,11 @@ def picture_hash(job: Job) -> str | None:
     of = [job.compiled_scene_id, job.settings, job.tile_size]
     if (shot := Shot.parse(job.shot)) is not None:
         asked = {name: value for name, value in job.request.items() if name not in IGNORED_FIELDS}
+        if not asked.get("vary"):  # False says that the scene file's own does not apply
+            asked.pop("vary", None)
         of += [shot.fps, shot.clip, shot.turntable, asked]
+        if (variation := variation_of(job.request, shot)) and "vary" not in asked:
+            of.append(variation)
         if asked.get("views"):  # they belong to the request's frames
             of += [job.request.get("frames"), job.request.get("frame")]
     return hashlib.sha256(json.dumps(of, sort_keys=True).encode()).hexdigest()

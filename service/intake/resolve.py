@@ -36,7 +36,8 @@ def default_tile_size(width: int, height: int, of_shot: bool = False) -> int:
 def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
     """Sets a job's settings, sample count, tile size and picture key from its request and scene.
 
-    A still image with an open shutter becomes a shot of one frame. max_pixels: limit of width * height.
+    A still image with an open shutter becomes a shot of one frame; views vary as the scene file says unless the request says how.
+    max_pixels: limit of width * height.
     Raises SettingsError if the request does not fit the scene.
     """
     request = job.request
@@ -74,6 +75,8 @@ def resolve(job: Job, scene: Scene, max_pixels: int) -> None:
             ),
             field="tile_size",
         )
+    if job.shot is not None and request.get("views") and request.get("vary") is None and info.get("vary"):
+        job.shot = {**job.shot, "vary": info["vary"]}
     if settings.shutter and job.shot is None:
         job.shot = Shot().to_json()  # of one frame: moving objects are compiled with their keyframes
     job.settings = settings.to_json()

@@ -30,7 +30,7 @@ from service.maintenance.reuse import InitialValues
 from service.models.jobs import JobIn, JobOut
 from service.scheduling.jobs.job_changes import set_state
 from service.scheduling.jobs.shot_changes import samples_of
-from service.shot import IN_TURN_ORDER, Shot
+from service.shot import IN_TURN_ORDER, Shot, variation_of
 from service.store.disk_space import check_free_space
 from service.store.frame_changes import Step, apply_short_steps, fits_one_transaction, record_steps
 from service.store.models import FINAL_STATES, STATE_LABELS, Job, Scene
@@ -186,9 +186,9 @@ def _fields_not_stored(request: JobIn) -> set[str]:
 
     Requests stored by older releases lack these fields, and compare equal to a request in which they have the defaults.
     """
-    return {name for name in ("denoise", "fresh", "strict", "vary", "verify", "views") if not getattr(request, name)} - (
-        {"verify"} if request.verify == 0 else set()
-    )
+    names = ("denoise", "fresh", "strict", "vary", "verify", "views")
+    said = {name for name, value in (("verify", request.verify == 0), ("vary", request.vary is False)) if value}
+    return {name for name in names if not getattr(request, name)} - said
 
 
 @contextmanager
@@ -262,15 +262,15 @@ def _check_request(job: Job, scene: Scene | None, farm: Farm) -> None:
         )
     if scene.status == "ready":
         try:
-            _check_variation(job, scene)
             resolve(job, scene, farm.settings.max_pixels)
+            _check_variation(job, scene)
         except SettingsError as error:
             raise Invalid(with_full_stop(error), field=error.field) from None
 
 
 def _check_variation(job: Job, scene: Scene) -> None:
-    """Raises SettingsError if the request varies objects or materials that the scene does not have."""
-    if (given := job.request.get("vary")) is None:
+    """Raises SettingsError if the job varies objects or materials that the scene does not have."""
+    if (given := variation_of(job.request, Shot.parse(job.shot))) is None:
         return
     variation = Variation.parse(given)
     names: dict[str, Any] = (scene.info or {}).get("names") or {}

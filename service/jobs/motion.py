@@ -16,7 +16,7 @@ from service.errors import Conflict
 from service.farm import Farm
 from service.intake.frame_view import requested_view
 from service.scheduling.artifacts.artifact_task import ArtifactResult
-from service.shot import Shot
+from service.shot import Shot, variation_of
 from service.store.films import Film
 from service.store.models import Job, Scene
 
@@ -60,5 +60,5 @@ def _vectors_request(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors
         camera=job.request.get("camera"),
         view=requested_view(job.request, n),
         turntable=shot.turntable,
-        vary=job.request.get("vary"),
+        vary=variation_of(job.request, shot),
     )

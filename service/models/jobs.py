@@ -154,11 +154,10 @@ class JobIn(QueueOptionsIn):
         max_length=MAX_VIEWS,
         description="a camera for each frame, in place of `camera`; `frames` is then 0 to n - 1 by default",
     )
-    vary: dict[str, Any] | None = Field(
+    vary: Annotated[dict[str, Any], Field(max_length=6)] | Literal[False] | None = Field(
         None,
-        max_length=6,
         description="how the scene varies from frame to frame, by seed: distributions of `objects`, `materials`, `lights` and "
-        "`environment`; with `seed` and `every`",
+        "`environment`; with `seed` and `every`. A job with `views` has the scene file's own `vary` unless told; false for none",
     )
     spp: int | None = None
     noise: float | None = None
@@ -212,8 +211,8 @@ class JobIn(QueueOptionsIn):
 
     @field_validator("vary")
     @classmethod
-    def _is_variation(cls, value: dict[str, Any] | None) -> dict[str, Any] | None:
-        if value is not None:
+    def _is_variation(cls, value: dict[str, Any] | Literal[False] | None) -> dict[str, Any] | Literal[False] | None:
+        if value is not None and value is not False:
             try:
                 Variation.parse(value)
             except SettingsError as error:
@@ -281,7 +280,7 @@ class JobIn(QueueOptionsIn):
     @property
     def is_shot(self) -> bool:
         """Returns True if the request is for a shot: for anything other than one still image of the scene's beginning."""
-        if self.views is not None or self.vary is not None:
+        if self.views is not None or self.vary:
             return True
         return self.numbers() != [0.0] or self.fps is not None or self.clip is not None or self.turntable is not None
 

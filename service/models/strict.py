@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Literal, get_args
 
 from pydantic import BaseModel, ConfigDict, ValidationInfo, field_validator
 
@@ -20,7 +20,8 @@ class Strict(BaseModel):
     @classmethod
     def _reject_booleans(cls, value: Any, field: ValidationInfo) -> Any:
         """Rejects booleans for numeric fields, where Pydantic would otherwise convert them to 0 and 1."""
-        if field.field_name is not None and cls.model_fields[field.field_name].annotation in (bool, bool | None):
+        kind = None if field.field_name is None else cls.model_fields[field.field_name].annotation
+        if kind in (bool, bool | None) or Literal[False] in get_args(kind):
             return value
         if isinstance(value, bool) or (isinstance(value, list) and any(isinstance(each, bool) for each in value)):
             raise ValueError(

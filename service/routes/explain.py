@@ -21,7 +21,7 @@ from service.http.farm import FarmDependency
 from service.http.routers import api_router
 from service.intake.frame_view import requested_view
 from service.jobs.lookup import find_film, find_job
-from service.shot import Shot
+from service.shot import Shot, variation_of
 from service.store.films import Film
 from service.store.models import Frame, Job, Scene
 from service.viewing.explaining import unreadable_answer
@@ -254,7 +254,7 @@ def _explain_request(
                 view=requested_view(job.request, frame_number(row.number)),
                 turntable=shot.turntable,
                 shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
-                vary=job.request.get("vary"),
+                vary=variation_of(job.request, shot),
             )
     try:
         asked = RenderSettings.from_json(settings or {})

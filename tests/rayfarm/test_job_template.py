@@ -313,6 +313,16 @@ REFUSED: dict[str, tuple[Edit, str]] = {
         lambda t: t["steps"][0].update(hostRequirements={"amounts": [{"name": "amount.worker.gpu", "min": 1}]}),
         "the requirement amount.worker.gpu",
     ),
+    "another system": (
+        lambda t: t["steps"][0].update(
+            hostRequirements={"attributes": [{"name": "attr.worker.os.family", "anyOf": ["windows", "macos"]}]}
+        ),
+        "the requirement attr.worker.os.family: windows, macos",
+    ),
+    "one tag of two": (
+        lambda t: t["steps"][0].update(hostRequirements={"attributes": [{"name": "attr.rayfarm.tags", "anyOf": ["a", "b"]}]}),
+        "the requirement attr.rayfarm.tags",
+    ),
     "no steps": (lambda t: t.pop("steps"), "no valid job template"),
     "an older version": (lambda t: t.update(specificationVersion="jobtemplate-1999-01"), "no valid job template"),
 }
@@ -336,10 +346,17 @@ def test_requirements_become_needs(tmp_path: Path) -> None:
     (tmp_path / "box.yaml").write_text("shapes: [{type: sphere}]\n")
     template, _ = template_of([str(tmp_path / "box.yaml")], tmp_path)
     template["parameterDefinitions"][1]["default"] = "a.png"
-    for mebibytes, needs in ((30518, "memory_gb=32"), (65536, "memory_gb=68.719")):
-        template["steps"][0]["hostRequirements"] = {"amounts": [{"name": "amount.worker.memory", "min": mebibytes}]}
+    attributes = [
+        {"name": "attr.worker.os.family", "anyOf": ["linux", "windows"]},
+        {"name": "attr.worker.cpu.arch", "allOf": ["x86_64"]},
+        {"name": "attr.rayfarm.tags", "allOf": ["bigmem", "scratch"]},
+    ]
+    for mebibytes, memory in ((30518, "memory_gb=32"), (65536, "memory_gb=68.719")):
+        needs = ["bigmem", "scratch", memory]
+        amounts = [{"name": "amount.worker.memory", "min": mebibytes}, {"name": "amount.worker.gpu", "min": 0}]
+        template["steps"][0]["hostRequirements"] = {"attributes": attributes, "amounts": amounts}
         (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
-        assert read_template(tmp_path / "job.yaml")[0].needs == [needs]
+        assert read_template(tmp_path / "job.yaml")[0].needs == needs
 
 
 def test_frames_may_be_a_list(tmp_path: Path) -> None:

@@ -120,7 +120,7 @@ def test_ids_depth_and_layers_are_those_of_all_primitives() -> None:
         np.testing.assert_array_equal(found.instance >= 0, (first == 3) & (description is moving))
         places = eye + nearest[..., None] * d
         met = first >= 0
-        np.testing.assert_allclose(found.places[met, NOW, :3], places[met], atol=2e-5)
+        np.testing.assert_allclose(found.places_at(NOW)[met, :3], places[met], atol=2e-5)
         for number in range(6):
             whole = np.any([np.isfinite(t) for n, t in hits if n == number] or [np.zeros(first.shape, bool)], axis=0)
             listed = (found.layers[..., 0] == number).any(axis=2)
@@ -224,7 +224,7 @@ def test_a_rolling_shutter_gives_each_row_its_own_time(edge: str) -> None:
     for shutter, passed in ((Shutter(0.8, "trailing"), None), (window, window)):
         found = annotate(compile_scene(over(shutter)), rolled, window=passed)
         np.testing.assert_array_equal(found.object, first)
-        np.testing.assert_allclose(found.places[first >= 0, NOW, :3], places[first >= 0], atol=3e-5)
+        np.testing.assert_allclose(found.places_at(NOW)[first >= 0, :3], places[first >= 0], atol=3e-5)
         np.testing.assert_array_equal(found.layers[:, :, 0, 0], first)
     other = replace(VIEW, eye=(0.6, 0.95, 4.0))
     compiled = compile_scene(over(window))

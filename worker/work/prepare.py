@@ -133,6 +133,7 @@ def _scene_info(worker: WorkerContext, summary: dict[str, Any], compiled: BlobRe
         up_axis=summary.get("up_axis"),
         floor=bool(summary.get("floor")),
         blend=summary.get("blend"),
+        vary=summary.get("vary"),
         names={kind: summary.get(kind, [])[:MAX_NAMES] for kind in ("objects", "materials", "light_groups")},
     )
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arrays.rows import DIFFUSE, HAIR, PART_COLUMNS, TEXTURED
+from renderer.arrays.rows import DIFFUSE, HAIR, PART_COLUMNS, PART_MATERIAL, PART_OBJECT, TEXTURED
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
@@ -27,6 +27,7 @@ __all__ = [
     "Surface",
     "is_emissive",
     "moving_triangle_point",
+    "owner_at",
     "sphere_at",
     "sphere_uv",
     "surface_at",
@@ -391,6 +392,23 @@ def surface_at(scene, o, d, hit):
     else:
         surface = _sphere_surface(scene, o, d, hit)
     return _with_normal_towards_viewer(scene, surface, wo)
+
+
+@subroutine
+def owner_at(scene, hit):
+    """Returns (object, material), as in the Surface at a Hit of one ray, without computing the rest of it."""
+    never_inline()
+    if np.uint32(hit.primitive) < len(scene.triangle):
+        part = scene.triangle[hit.primitive, 3]
+        number, material = np.uint32(scene.part[part, PART_OBJECT]), np.uint32(scene.part[part, PART_MATERIAL])
+        if hit.instance >= 0:
+            number = np.uint32(scene.instance_object[hit.instance])
+            if scene.instance_material[hit.instance] >= 0:
+                material = np.uint32(scene.instance_material[hit.instance])
+    else:
+        ball = np.int64(hit.primitive) - len(scene.triangle)
+        number, material = np.uint32(scene.sphere_object[ball]), np.uint32(scene.sphere_material[ball])
+    return number, material
 
 
 @device

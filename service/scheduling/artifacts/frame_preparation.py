@@ -24,6 +24,7 @@ from service.scheduling.incoming.results import Results
 from service.scheduling.jobs.active_frame import ActiveFrame
 from service.scheduling.jobs.active_job import ActiveJob
 from service.scheduling.jobs.frame_bytes import additional_bytes, exclusive_bytes, total_bytes
+from service.shot import variation_of
 
 __all__ = ["FramePreparation"]
 
@@ -249,7 +250,7 @@ class FramePreparation:
             view=job.request.get("view"),
             turntable=job.shot.turntable,
             shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
-            vary=job.request.get("vary"),
+            vary=variation_of(job.request, job.shot),
         )
         self._dispatcher.send_frames(work, place.queue)
         self.leases.add(lease)

@@ -11,7 +11,9 @@ from pydantic import BaseModel, Field, PlainValidator, TypeAdapter, ValidationEr
 
 from protocol.blends import converted_files
 from protocol.contract import BlobRef, FrameInfo, SceneInfo, ScenePreview
+from renderer.errors import SettingsError
 from renderer.sentences import Sentence
+from renderer.variation import Variation
 from service.scheduling.fleet.reports import is_plain
 from service.scheduling.incoming.results import Entry
 from service.store.blobs import is_sha256
@@ -291,6 +293,11 @@ class PrepareDone(_Prepare):
         _check_seconds(info.seconds)
         _check_plain(info)
         _check_cameras(info)
+        if info.vary is not None:
+            try:
+                Variation.parse(info.vary)
+            except SettingsError as error:
+                raise ValueError(str(error)) from None
         return info
 
     @model_validator(mode="after")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -99,6 +100,29 @@ def test_a_varied_scene_before_a_transparent_background_has_the_same_bits_on_a_f
         ):
             with pytest.raises(ClientError, match=message):
                 client.submit(known, spp=1, width=8, height=8, vary=given)
+
+
+@pytest.mark.long
+def test_a_job_with_views_varies_as_its_scene_file_says_unless_told(farm: Farm, tmp_path: Path) -> None:
+    own = {"seed": 3, "objects": {"*-box": {"turn": {"uniform": [0, 90]}}}}
+    (tmp_path / "own.yaml").write_text(f"{CORNELL.read_text()}\nvary: {json.dumps(own)}\n")
+    eye = {"eye": [0, 0, 3.9], "target": [0, 0, 0]}
+    with Client(farm.url) as client:
+
+        def digests(scene: str, **request: Any) -> list[str]:
+            job = client.submit(scene, spp=1, width=16, height=16, **request).id
+            client.wait(job)
+            return [client.digest(job, frame.number) for frame in client.frames(job)]
+
+        varied, still = (client.upload([path]).id for path in (tmp_path / "own.yaml", CORNELL))
+        by_file = digests(varied, views=[eye, eye])  # before the scene is prepared
+        assert by_file == digests(still, views=[eye, eye], vary=own) and by_file[0] != by_file[1]
+        plain = digests(still, views=[eye, eye])
+        assert digests(varied, views=[eye, eye], vary=False) == plain != by_file
+        assert digests(varied, view=eye) == plain[:1]
+        cameras, folder = Cameras.orbit(2, radius=3.9, turns=0.0), tmp_path / "made"
+        made = rayfarm.dataset(tmp_path / "own.yaml", cameras, folder=folder, farm=client, vary=False, width=16, height=16, spp=1)
+        assert made.digests[0] == made.digests[1]
 
 
 def test_views_that_fit_no_frames_are_refused(farm: Farm) -> None:

@@ -11,7 +11,7 @@ from renderer.errors import SettingsError
 from renderer.settings import RenderSettings
 from renderer.work import most_samples
 from service.intake.resolve import resolve
-from service.shot import Shot
+from service.shot import Shot, variation_of
 from service.store.models import Job, Scene
 
 EYES = {"front": [0, 1, 5], "7": [0, 9, 1]}
@@ -33,6 +33,27 @@ def test_scene_defaults_fill_request() -> None:
     assert (made.width, made.height, made.max_depth, made.ambient) == (50, 25, 5, (0.1, 0.2, 0.3))
     made = resolved_settings(environment={"color": [1, 2, 3], "strength": 0.5, "rotation": 30, "sky": None})
     assert (made.environment, made.environment_strength, made.environment_rotation) == ((1.0, 2.0, 3.0), 0.5, 30.0)
+
+
+def test_views_vary_as_the_scene_file_says_unless_the_request_says_how() -> None:
+    own, other = ({"objects": {"cup": {"scale": size}}} for size in (2, 3))
+    views = [{"eye": [0, 1, 3], "target": [0, 1, 0]}]
+    pictures = {}
+    for name, said, given in (
+        ("plain", None, {"views": views}),
+        ("own", own, {"views": views}),
+        ("same", None, {"views": views, "vary": own}),
+        ("other", own, {"views": views, "vary": other}),
+        ("none", own, {"views": views, "vary": False}),
+        ("shot", own, {"camera": "front"}),
+    ):
+        job = Job(request=given, shot=Shot(frames="0").to_json(), scene="a")
+        resolve(job, Scene(info={**INFO, "vary": said}), 1 << 20)
+        expected = {"own": own, "same": own, "other": other}.get(name)
+        assert variation_of(job.request, Shot.parse(job.shot)) == expected, name
+        pictures[name] = job.picture
+    assert pictures["none"] == pictures["plain"]
+    assert len({pictures[name] for name in ("plain", "own", "other", "shot")}) == 4
 
 
 @pytest.mark.parametrize("defaults", [{}, {"width": 100, "height": 50, "spp": 9}])

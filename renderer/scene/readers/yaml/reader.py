@@ -56,6 +56,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         shelf.colors.choose(data["color_config"], main)
     if "vary" in data:
         _check_variation(document)
+        description.vary = data["vary"]
     description.name, description.fps = data.get("name", description.name), fps
     description.warnings += map(from_text, data.get("notes", []))
     _add_defaults(data.get("settings", {}), document, description)
