@@ -144,7 +144,7 @@ function open(page, job, life) {
     tabs.show("save");
     /** @type {HTMLElement | null} */ (save.element.querySelector("a"))?.focus();
   };
-  const saveButton = h("button", { class: "button primary save-picture", type: "button", title: t("Save"), hidden: true, onclick: openSave }, icon("download"), h("span", null, t("Save")));
+  const saveButton = h("button", { class: "button primary wide-word save-picture", type: "button", title: t("Save"), hidden: true, onclick: openSave }, icon("download"), h("span", null, t("Save")));
 
   const notices = stageNotices(picture.element, () => latest, picture.live, life);
   let isDenoisedFirst = false;
@@ -216,7 +216,7 @@ function heading(job, title, chips, actions) {
   const { id, scene } = job();
   const back = { class: "icon-button", href: linkTo("scenes", scene), "aria-label": t("Back to the scene"), title: t("Back to the scene") };
   const compare = {
-    class: "icon-button",
+    class: "button wide-word",
     href: linkTo("compare", id),
     "aria-label": t("Compare with another picture"),
     title: t("Compare with another picture (C)"),
@@ -227,7 +227,7 @@ function heading(job, title, chips, actions) {
     go("jobs");
   };
   const bin = { class: "icon-button danger for-submit", type: "button", "aria-label": t("Delete this picture"), title: t("Delete this picture"), onclick: remove };
-  const tools = [...actions, h("a", compare, icon("compare")), h("button", bin, icon("trash"))];
+  const tools = [...actions, h("a", compare, icon("compare"), h("span", null, t("Compare"))), h("button", bin, icon("trash"))];
   return h("header", { class: "job-head" }, h("a", back, icon("back")), title, ...chips, h("span", { class: "grow" }), ...tools);
 }
 
