@@ -49,6 +49,8 @@ const TAKE_SIDE = 320;
 const DARKNESS_MS = 500;
 /** Samples per pixel after which a view that is not denoised yet replaces what was shown before; and one that is never denoised the preview mesh. */
 const [CLEAN_SPP, MESH_SPP] = [8, 1];
+/** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised; busy workers take longer. */
+const DENOISED_MS = 3000;
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
 /** Request fields that do not apply to a view. */
@@ -185,6 +187,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     relook();
   };
   let lookedAt = -Infinity;
+  /** When the view had MESH_SPP samples per pixel; 0: not yet. */
+  let sampledAt = 0;
 
   const link = new ViewLink(scene.id, {
     picture(next) {
@@ -205,8 +209,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     state(told) {
       const { samples, bound, mean, noise, done, slots, denoised, message } = told;
       surface.dataset.samples = String(samples);
+      if (mean >= MESH_SPP) sampledAt ||= performance.now();
+      const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
-      if (denoised || done || mean >= (isCleanBelow || willBeDenoised() ? CLEAN_SPP : MESH_SPP)) release();
+      if (denoised || done || mean >= (isCleanBelow || isDenoisedSoon ? CLEAN_SPP : MESH_SPP)) release();
       surface.dataset.denoised = String(denoised);
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
