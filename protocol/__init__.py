@@ -13,6 +13,7 @@ lifeline.py      distinguishes a dead worker from a slow one
 broker.py        Celery's settings for both ends of the queue
 redis_tls.py     addresses of a Redis that is reached over TLS
 sums.py          serialization of a batch's sums
+deep_sums.py     of deep pixels, behind these
 result_bytes.py  serialization of a result; json_head.py: of a JSON object followed by bytes
 blends.py        scenes that Blender has to convert
 pictures.py      packets with pictures for viewers; coarse.py: their lossy encoding; mesh.py: preview meshes

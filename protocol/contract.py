@@ -316,12 +316,20 @@ class RenderBatch:
         return cls(**{**known, "tile": Tile(*known["tile"]), "settings": settings})
 
 
+VERSION_SEPARATOR = "+"
+
+
 @dataclass(frozen=True)
 class DenoiseFrame:
     """Request to denoise a frame in its present state.
 
     The worker downloads the means of the frame's samples: three consecutive pictures (colour, albedo, normal). It stores the
     denoised picture as a blob. All pictures are float32 little-endian, three values per pixel, rows from the top.
+
+    frames: of a shot, the frame and its neighbours in order, each with the blob of its motion vectors: the worker denoises all,
+    and averages them along the vectors (renderer/temporal_denoise.py). Their means have the object and material planes behind
+    them, one value per pixel. The version in its answer is theirs, joined by VERSION_SEPARATOR. Empty: the frame alone, as by
+    workers of earlier releases.
     """
 
     work: str  # unique for every time it is handed out
@@ -329,11 +337,20 @@ class DenoiseFrame:
     frame: int
     width: int
     height: int
+    frames: tuple[tuple[int, str], ...] = ()
 
     @classmethod
     def from_json(cls, data: Any) -> DenoiseFrame:
-        """Parses the request from the JSON of `dataclasses.asdict`. Raises ValueError."""
-        return cls(**_fields(cls, data))
+        """Parses the request from the JSON of `to_json`. Raises ValueError."""
+        known = _fields(cls, data)
+        frames = known.get("frames", ())
+        if not all(isinstance(each, list | tuple) and len(each) == 2 for each in frames):
+            raise ValueError(Sentence("message-denoise-frames", "frames must be pairs of a frame and a file"))
+        return cls(**{**known, "frames": tuple((int(frame), str(sha256)) for frame, sha256 in frames)})
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the request as JSON data. Omits `frames` if it is empty, as in earlier releases."""
+        return {name: value for name, value in asdict(self).items() if name != "frames" or value}
 
 
 @dataclass(frozen=True)

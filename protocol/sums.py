@@ -6,7 +6,7 @@ single sample, the half film equals the whole film or is zero. Every other plane
 values and is LZ4-compressed separately, so readers that need only colour decompress only those planes.
 
 Counts of Cryptomatte (renderer/cryptomatte.py) follow the planes: a head, and one LZ4 block of the pixels' indices (differences),
-kinds and ids, and counts.
+kinds and ids, and counts. Deep pixels (renderer/deep.py) follow these, packed by protocol/deep_sums.py.
 """
 
 from __future__ import annotations
@@ -18,18 +18,33 @@ import lz4.block
 import numpy as np
 import numpy.typing as npt
 
+from protocol.deep_sums import deep_samples, pack_deep, unpack_deep_block
 from protocol.layout import I64, U8, U32, Layout
-from renderer.cryptomatte import Hits, merged, no_hits
+from renderer import cryptomatte, deep
+from renderer.cryptomatte import Hits, no_hits
+from renderer.deep import Deep
 from renderer.film import CHANNELS, SAMPLES, Sums, is_plane_count
 from renderer.sentences import Sentence
 from renderer.settings import Tile
 
-__all__ = ["PACKED", "add_sums", "check_sums", "check_weight", "merge_hits", "pack_sums", "unpack_hits", "unpack_sums"]
+__all__ = [
+    "PACKED",
+    "add_sums",
+    "check_sums",
+    "check_weight",
+    "merge_deep",
+    "merge_hits",
+    "pack_sums",
+    "unpack_deep",
+    "unpack_hits",
+    "unpack_sums",
+]
 
 Array = npt.NDArray[Any]
 
 PACKED = 2  # format byte; the older format is one LZ4 block, whose first byte is 16 or more
 WITH_HITS = 3  # format byte of sums with counts of Cryptomatte behind them
+WITH_DEEP = 4  # and with deep pixels behind these; the counts have no entries without Cryptomatte
 MOST_HITS = 1 << 26  # of a tile, whatever its samples
 ALIKE, COPY = 0, 9
 PLAIN = 10  # uncompressed, 8 bytes a pixel: only from the older format
@@ -39,7 +54,7 @@ WIDTHS = {1: "<i1", 2: "<i2", 4: "<i4", 8: "<i8"}  # bytes a pixel
 class Start(NamedTuple):
     """The start of packed sums. A PlaneHead for each plane follows, then the planes' bodies."""
 
-    format: Annotated[int, U8, "PACKED or WITH_HITS"]
+    format: Annotated[int, U8, "PACKED, WITH_HITS or WITH_DEEP"]
     planes: Annotated[int, U8, "number of planes"]
 
 
@@ -62,11 +77,11 @@ START = Layout("batch of sums", Start)
 PLANE = Layout("plane of sums", PlaneHead)
 
 
-def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None) -> bytes:
+def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None, deep_pixels: Deep | None = None) -> bytes:
     """Packs a batch's sums, (planes, h, w) int64. Equal sums give equal bytes.
 
     packing: the format: the newest one that the receiver supports, or 1 for releases before 0.2. hits: counts of Cryptomatte;
-    None if they were not requested.
+    None if they were not requested. deep_pixels: likewise.
     """
     if packing < PACKED:
         return lz4.block.compress(_encode_plane(sums, 8), store_size=False)
@@ -88,6 +103,9 @@ def pack_sums(sums: Sums, packing: int = PACKED, hits: Hits | None = None) -> by
         body = lz4.block.compress(_encode_plane(plane, width), store_size=False)
         heads.append(PLANE.pack(PlaneHead(width, len(body))))
         bodies.append(body)
+    if deep_pixels is not None:
+        further = [*_packed_hits(hits or no_hits()), *pack_deep(deep_pixels)]
+        return b"".join([START.pack(Start(WITH_DEEP, len(sums))), *heads, *bodies, *further])
     if hits is None:
         return b"".join([START.pack(Start(PACKED, len(sums))), *heads, *bodies])
     return b"".join([START.pack(Start(WITH_HITS, len(sums))), *heads, *bodies, *_packed_hits(hits)])
@@ -105,20 +123,16 @@ def unpack_hits(data: bytes, tile: Tile, stored: bool = False, most: int = MOST_
 
     most: the largest number of entries that is unpacked. Raises ValueError if the counts exceed it or do not fit the tile.
     """
-    if not data or data[0] != WITH_HITS:
+    if not data or data[0] not in (WITH_HITS, WITH_DEEP):
         return None
-    at = _end_of_planes(data, tile, stored)
-    try:
-        entries, size = HITS.unpack(data, at)
-    except ValueError:
-        raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early")) from None
+    at, entries, end = _find_hits(data, tile, stored)
     if entries > most:
         raise ValueError(Sentence("sums-hits", "damaged sums: their counts of objects are not in order"))
-    if at + HITS.size + size != len(data):
+    if data[0] == WITH_HITS and end != len(data):
         raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))
     if entries == 0:
         return no_hits()
-    raw = np.frombuffer(_decompress(memoryview(data)[at + HITS.size :], 12 * entries), np.uint8)
+    raw = np.frombuffer(_decompress(memoryview(data)[at:end], 12 * entries), np.uint8)
     if len(raw) != 12 * entries:
         raise ValueError(
             Sentence("sums-size", "sums have {bytes} bytes, but the tile needs {expected}", bytes=len(raw), expected=12 * entries)
@@ -132,10 +146,36 @@ def unpack_hits(data: bytes, tile: Tile, stored: bool = False, most: int = MOST_
     return Hits(key, count.astype(np.int64))
 
 
+def _find_hits(data: bytes, tile: Tile, stored: bool) -> tuple[int, int, int]:
+    """Returns (start of the block with Cryptomatte's counts, number of its entries, its end). Raises ValueError if it is cut."""
+    at = _end_of_planes(data, tile, stored)
+    try:
+        entries, size = HITS.unpack(data, at)
+    except ValueError:
+        entries, size = 0, len(data)
+    end = at + HITS.size + size
+    if end > len(data):
+        raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early"))
+    return at + HITS.size, entries, end
+
+
+def unpack_deep(data: bytes, tile: Tile, stored: bool = False) -> Deep | None:
+    """Unpacks deep pixels; None if there are none behind these sums. Raises ValueError if they do not fit the tile."""
+    if not data or data[0] != WITH_DEEP:
+        return None
+    return unpack_deep_block(data, _find_hits(data, tile, stored)[2], tile.w * tile.h)
+
+
 def merge_hits(parts: Iterable[bytes], tile: Tile, stored: bool = False) -> Hits | None:
     """Returns the sum of Cryptomatte's counts behind packed sums; None if none of them has any."""
     found = [hits for data in parts if (hits := unpack_hits(data, tile, stored)) is not None]
-    return merged(found) if found else None
+    return cryptomatte.merged(found) if found else None
+
+
+def merge_deep(parts: Iterable[bytes], tile: Tile, stored: bool = False) -> Deep | None:
+    """Returns the sum of the deep pixels behind packed sums; None if none of them has any."""
+    found = [each for data in parts if (each := unpack_deep(data, tile, stored)) is not None]
+    return deep.merged(found) if found else None
 
 
 def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[int] | None = None) -> Sums:
@@ -145,18 +185,19 @@ def unpack_sums(data: bytes, tile: Tile, stored: bool = False, planes: Iterable[
     these; the others are 0 and cost neither time nor memory.
     """
     known = dict(_planes(data, tile, stored))
-    sums = np.zeros((max(CHANNELS, len(known)), tile.h, tile.w), "<i8")
-    for number in known if planes is None else planes:
-        if number in known:
-            code, value, body = known[number]
-            if code == COPY:
-                code, value, body = known[value]
-            if code == ALIKE:
-                sums[number] = value
-            elif code == PLAIN:
-                _unpack_plane(body, 8, sums[number])
-            else:
-                _unpack_plane(_checked_bytes(body, code, tile), code, sums[number])
+    wanted = known.keys() if planes is None else known.keys() & planes
+    count = max(CHANNELS, len(known))
+    sums = (np.empty if len(wanted) == count else np.zeros)((count, tile.h, tile.w), "<i8")
+    for number in wanted:
+        code, value, body = known[number]
+        if code == COPY:
+            code, value, body = known[value]
+        if code == ALIKE:
+            sums[number] = value
+        elif code == PLAIN:
+            _unpack_plane(body, 8, sums[number])
+        else:
+            _unpack_plane(_checked_bytes(body, code, tile), code, sums[number])
     return sums
 
 
@@ -189,8 +230,12 @@ def add_sums(total: Sums, data: bytes, tile: Tile, stored: bool = False, planes:
 
 
 def check_sums(data: bytes, tile: Tile) -> None:
-    """Raises ValueError if `unpack_sums` or `unpack_hits` would raise it for these sums. Faster, since it returns no sums."""
+    """Raises ValueError if `unpack_sums`, `unpack_hits` or `unpack_deep` would raise it for these sums.
+
+    Faster, since it returns no sums.
+    """
     unpack_hits(data, tile)
+    unpack_deep(data, tile)
     for code, _, body in dict(_planes(data, tile, False)).values():
         if code in WIDTHS:
             _checked_bytes(body, code, tile)
@@ -199,28 +244,23 @@ def check_sums(data: bytes, tile: Tile) -> None:
 def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None) -> None:
     """Raises ValueError if any pixel has a negative number of samples, or more than `count`.
 
-    planes: the number of planes of the film; raises ValueError for another number. Also raises it if Cryptomatte counts more
-    samples in a pixel.
+    planes: the number of planes of the film; raises ValueError for another number. Also raises it if Cryptomatte or deep
+    pixels count more samples in a pixel.
     """
     known = dict(_planes(data, tile, False))
     if planes is not None and len(known) != planes:
         raise _plane_count_error(len(known), planes)
+    most = 0
     if (hits := unpack_hits(data, tile, most=2 * tile.w * tile.h * count)) is not None and len(hits.key):
-        samples = int(np.bincount(np.unique(hits.key >> np.uint64(31), return_inverse=True)[1], hits.count).max())
-        if samples > count:
-            raise ValueError(
-                Sentence(
-                    "sums-samples",
-                    "damaged sums: a pixel has {samples} samples, but the batch has {count}",
-                    samples=samples,
-                    count=count,
-                )
-            )
+        most = int(np.bincount(np.unique(hits.key >> np.uint64(31), return_inverse=True)[1], hits.count).max())
+    if (found := unpack_deep(data, tile)) is not None:
+        most = max(most, deep_samples(found))
     code, least, _ = known[SAMPLES]
-    most = least
-    if code != ALIKE:
+    if code == ALIKE:
+        most = max(most, least)
+    else:
         sums = unpack_sums(data, tile, planes=[SAMPLES])[SAMPLES]
-        least, most = int(sums.min()), int(sums.max())
+        least, most = int(sums.min()), max(most, int(sums.max()))
     if least < 0 or most > count:
         raise ValueError(
             Sentence(
@@ -237,7 +277,7 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
 
     code: ALIKE (all pixels equal `value`), COPY (equal to the plane with the number `value`), or the number of bytes per pixel.
     """
-    if not data or data[0] not in (PACKED, WITH_HITS):
+    if not data or data[0] not in (PACKED, WITH_HITS, WITH_DEEP):
         yield from _planes_of_old_format(data, tile, stored)
         return
     try:
@@ -263,7 +303,7 @@ def _planes(data: bytes, tile: Tile, stored: bool) -> Iterator[tuple[int, tuple[
                 Sentence("sums-plane-kind", "damaged sums: plane {plane} has the unknown kind {kind}", plane=number, kind=code)
             )
         yield number, (code, value, body)
-    if data[0] == WITH_HITS and at + HITS.size > len(data):
+    if data[0] != PACKED and at + HITS.size > len(data):
         raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early"))
     if at != len(data) and data[0] == PACKED:
         raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))

@@ -273,7 +273,19 @@ class Client:
         Path("out.png").write_bytes(farm.image(job.id, exposure=1.0, denoise=True))
         """
         path = f"/api/jobs/{_id(job)}/frames/{frame_text(frame)}/image.{format}"
-        answer = self._send("GET", path, limit=MAX_PICTURE, params=query)
+        waits = {"timeout": LONG_TIMEOUT} if query.get("denoise") else {}
+        answer = self._send("GET", path, limit=MAX_PICTURE, params=query, **waits)
+        if SAMPLES_HEADER not in answer.headers:
+            raise NotAFarm(not_a_farm(self.url, "what it sends is no picture of a farm"))
+        return answer.body
+
+    def deep_image(self, job: str, frame: float = 0) -> bytes:
+        """Returns the present deep picture of a frame as an EXR file, of a job with the setting deep.
+
+        Path("out.deep.exr").write_bytes(farm.deep_image(job.id))
+        """
+        path = f"/api/jobs/{_id(job)}/frames/{frame_text(frame)}/deep.exr"
+        answer = self._send("GET", path, limit=MAX_PICTURE, timeout=LONG_TIMEOUT)
         if SAMPLES_HEADER not in answer.headers:
             raise NotAFarm(not_a_farm(self.url, "what it sends is no picture of a farm"))
         return answer.body

@@ -5,6 +5,7 @@ from __future__ import annotations
 import resource
 import shlex
 import sys
+import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from rayfarm import options
 from rayfarm.console import err
+from rayfarm.output_files import write
 from rayfarm.picture import Picture
 from rayfarm.rendering import Clock, Show, part_of_frame, whole_frame
 from renderer import aovs, cryptomatte
@@ -28,6 +30,7 @@ if TYPE_CHECKING:
 
     from rayfarm.reading import ConfinedScene
     from renderer.cuda.render import CardRenderer
+    from renderer.deep import Deep
     from renderer.denoise import DenoisedPicture
     from renderer.film import Sums
     from renderer.render import RenderStats
@@ -72,8 +75,9 @@ class PictureOrder:
         return replace(settings, view=orbit(settings.view, turns, summary["up"]), views=views)
 
     def files(self, output: Path) -> list[Path]:
-        """Returns the paths of a frame's files: its picture and, if requested, the denoised one."""
-        return [output, options.denoised_name(output)] if self.denoise else [output]
+        """Returns the paths of a frame's files: its picture and, if requested, the denoised and the deep one."""
+        denoised = [options.denoised_name(output)] if self.denoise else []
+        return [output, *denoised, *([options.deep_name(output)] if self.picture.given.get("deep") else [])]
 
 
 def motion_of(stage: ConfinedScene, order: PictureOrder, moment: Moment, clock: Clock, needed: bool = False) -> F32 | None:
@@ -143,6 +147,8 @@ def render_to(
     on_picture(raw)
     if writes:
         encode.write(output, raw, **looks)
+    if writes and done.deep is not None:
+        _write_deep(options.deep_name(output), done.deep, sums, settings)
     if order.denoise:
         clean = _denoise_frame(sums, settings.film_exponent, order.threads)
         if hold is None or motion is None:
@@ -155,6 +161,17 @@ def render_to(
             )
         clock.end_step("denoise_s")
     return done
+
+
+def _write_deep(path: Path, deep: Deep, sums: Sums, settings: RenderSettings) -> None:
+    from renderer.deep_samples import deep_rows
+    from renderer.image.deep_exr import write_deep
+
+    rows = deep_rows(deep, sums, settings.film_exponent, len(settings.light_planes), settings.is_transparent)
+    with tempfile.TemporaryDirectory(prefix="rayfarm-") as folder:
+        made = Path(folder) / "deep.exr"
+        write_deep(made, [rows], settings.width, settings.height)
+        write(path, made.read_bytes())
 
 
 def _denoise_frame(sums: Sums, film_exponent: int, threads: int | None) -> DenoisedPicture:

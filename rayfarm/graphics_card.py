@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from rayfarm.console import err
 from rayfarm.errors import CommandError
-from renderer.cuda.cards import NOT_YET_TRIED, CardsError, chosen_cards, described, find_cards
+from renderer.cuda.cards import NOT_YET_TRIED, described, find_cards
 from renderer.errors import MachineError, SettingsError
 
 if TYPE_CHECKING:
@@ -66,15 +66,15 @@ def open_card() -> CardRenderer:
 
     Raises CommandError with the reason if there is none.
     """
-    try:
-        cards, _ = chosen_cards("only", find_cards())
-    except CardsError as error:
-        raise CommandError(str(error)) from None
+    cards = find_cards()
+    if not cards.usable:
+        raise CommandError(f"--gpu: {' '.join(cards.refused)} Leave out --gpu to render with the processor.")
+    card = cards.usable[0]
     from renderer.cuda.driver import DriverError
     from renderer.cuda.render import CardRenderer
 
-    err.print(f"rendering with card {described(cards[0])} ({NOT_YET_TRIED})", markup=False, soft_wrap=True)
+    err.print(f"rendering with card {described(card)} ({NOT_YET_TRIED})", markup=False, soft_wrap=True)
     try:
-        return CardRenderer(cards[0])
+        return CardRenderer(card)
     except DriverError as error:
-        raise CommandError(f"card {cards[0].number} ({cards[0].name}) cannot be used: {error}") from error
+        raise CommandError(f"card {card.number} ({card.name}) cannot be used: {error}") from error

@@ -19,7 +19,7 @@ import yaml
 from rayfarm.errors import CommandError
 from renderer.errors import SettingsError
 from renderer.frames import equal_steps, parse_frames
-from service.intake.job_template import CHUNKING, has_model, read_call
+from service.intake.job_template import CHUNKING, TemplateCall, has_model, read_calls
 from service.intake.render_words import LOCAL_ONLY
 
 __all__ = [
@@ -53,13 +53,16 @@ class RenderCall:
     """A call of `rayfarm render` with all frames of a template's tasks.
 
     options: by the names of the command's parameters, those given only; without frames. frames: as --frames has them; None for
-    a still. needs: what its workers must have, as `rayfarm submit --need`.
+    a still. needs: what its workers must have, as `rayfarm submit --need`. step: the step's name. after: the names of the steps
+    on which it depends.
     """
 
     options: dict[str, Any]
     frames: str | None = None
     needs: list[str] = field(default_factory=list)
     name: str = ""
+    step: str = ""
+    after: tuple[str, ...] = ()
 
 
 def scene_of(words: Sequence[str]) -> Path:
@@ -136,23 +139,28 @@ def is_template(path: Path) -> bool:
     return b"specificationVersion" in (data := path.read_bytes()) and isinstance(_document(data), dict)
 
 
-def read_template(path: Path, values: Mapping[str, str] | None = None) -> RenderCall:
-    """Returns the call of `rayfarm render` that a template stands for. values: of its job parameters, by name.
+def read_template(path: Path, values: Mapping[str, str] | None = None) -> list[RenderCall]:
+    """Returns the calls of `rayfarm render` that the steps of a template stand for, each after those on which it depends.
 
-    Raises CommandError that names the part of the template that a farm has no counterpart for.
+    values: of its job parameters, by name. Raises CommandError that names the part of the template that a farm has no counterpart
+    for.
     """
     if not has_model():
         raise CommandError(MISSING_MODEL)
     try:
-        call = read_call(_document(path.read_bytes()), values or {}, path.resolve().parent, Path.cwd())
+        calls = read_calls(_document(path.read_bytes()), values or {}, path.resolve().parent, Path.cwd())
     except SettingsError as error:
         raise CommandError(f"{path.name}: {error}") from None
+    return [_render_call(path, each) for each in calls]
+
+
+def _render_call(path: Path, call: TemplateCall) -> RenderCall:
     options = _parsed(call.words)[1]
     for name in LOCAL_ONLY:
         if {name.replace("-", "_"), f"as_{name}"} & options.keys():
             raise CommandError(f"{path.name}: --{name} is not supported by a farm")
     frames = call.frames if call.frames is not None else options.pop("frames", None)
-    return RenderCall(options, frames, call.needs, call.name)
+    return RenderCall(options, frames, call.needs, call.name, call.step, call.after)
 
 
 def render_command() -> click.Command:

@@ -34,6 +34,7 @@ __all__ = [
     "Server",
     "Turntable",
     "Variant",
+    "deep_name",
     "denoised_name",
     "environment_of",
     "find_camera",
@@ -143,6 +144,11 @@ Server = Annotated[
     str | None,
     typer.Option(metavar="URL", help="The farm's address; by default the one running here. [dim]$RAYFARM_SERVER[/dim]"),
 ]
+
+
+def deep_name(output: Path) -> Path:
+    """Returns the path of the deep picture, which is in the same folder as the other one."""
+    return output.with_name(f"{output.stem}.deep.exr")
 
 
 def denoised_name(output: Path) -> Path:

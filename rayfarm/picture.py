@@ -232,7 +232,7 @@ def parse_distortion(given: Any) -> LensDistortion | None:
         raise CommandError(f"--distortion is {given!r}; it takes a model and numbers, such as brown,-0.2,0.05.") from None
 
 
-def takes_picture(command: Callable[..., None]) -> Callable[..., None]:
+def takes_picture(command: Callable[..., Any]) -> Callable[..., None]:
     """Decorator that replaces a command's parameter `picture` (a Picture) by all picture options."""
     added = _parameters()
 

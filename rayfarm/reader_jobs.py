@@ -1,4 +1,7 @@
-"""Jobs of a confined process that reads scenes; rayfarm/reading.py starts them. Imports no options and no console."""
+"""Functions that run in the confined process that reads scenes, started by rayfarm/reading.py.
+
+Imports no modules of command-line options or the console.
+"""
 
 from __future__ import annotations
 
@@ -84,14 +87,15 @@ def picture(image: bytes, name: str, pixels: bytes, link: Link) -> dict[str, Any
 def usd_names(layer: bytes, link: Link) -> dict[str, Any]:
     """Returns the names of the files that a USD layer refers to, as `names`; empty without USD, or if the layer is damaged."""
     try:
-        from pxr import Tf, UsdUtils
+        from pxr import Sdf, Tf, UsdUtils
     except ImportError:
         return {"names": []}
     try:
         found = UsdUtils.ExtractExternalReferences(os.fsdecode(layer))
+        color_config = Sdf.Layer.OpenAsAnonymous(os.fsdecode(layer), True).colorConfiguration.path
     except Tf.ErrorException:
         return {"names": []}
-    return {"names": [str(name) for names in found for name in names]}
+    return {"names": [str(name) for names in (*found, [color_config]) for name in names if name]}
 
 
 def usd_render_settings(folder: bytes, main: bytes, first: int | None, count: int, step: int, link: Link) -> dict[str, Any]:

@@ -157,7 +157,7 @@ def part_of_frame(
     """
     import numpy as np
 
-    from renderer.cryptomatte import moved
+    from renderer import cryptomatte, deep
     from renderer.film import plane_count
     from renderer.render import check_for_cards, render_batch
 
@@ -170,6 +170,8 @@ def part_of_frame(
     sums = np.zeros((plane_count(len(settings.light_planes), settings.is_transparent), settings.height, settings.width), np.int64)
     sums[:, y : y + h, x : x + w] = batch.sums
     if batch.hits is not None:
-        stats.hits = moved(batch.hits, x, y, w, settings.width)
+        stats.hits = cryptomatte.moved(batch.hits, x, y, w, settings.width)
+    if batch.deep is not None:
+        stats.deep = deep.moved(batch.deep, x, y, w, settings.width)
     stats.samples, stats.bad, stats.bad_count = w * h * count, batch.bad, batch.bad_count
     return sums

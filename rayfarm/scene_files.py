@@ -14,7 +14,7 @@ from urllib.parse import quote
 
 from rayfarm.console import err
 from rayfarm.errors import CommandError
-from renderer.formats import ARCHIVE_SUFFIXES, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
+from renderer.formats import ARCHIVE_SUFFIXES, COLOR_CONFIG, NAMING_SUFFIXES, SCENE_SUFFIXES, is_junk, pick_main
 from renderer.frames import frame_name, numbers_of
 from renderer.zip_names import entry_names
 from renderer.zips import DAMAGED
@@ -180,6 +180,8 @@ def files_to_upload(scene: Path, root: Path | None = None) -> dict[str, Path]:
     if scene.suffix.lower() not in NAMING_SUFFIXES:
         return taken
     neighbours = _neighbours(scene, scene.parent if root is None else root)
+    if COLOR_CONFIG in neighbours:
+        taken[COLOR_CONFIG] = neighbours[COLOR_CONFIG]
     unread = list(taken.values())
     while unread:
         text = _searchable_bytes(unread.pop())

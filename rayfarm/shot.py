@@ -12,7 +12,7 @@ from rayfarm.console import PROGRAM, PlainProgress, bar, err
 from rayfarm.errors import CommandError
 from rayfarm.output_files import check_writable, write
 from rayfarm.responses import Frame, Job
-from renderer.frames import frame_name, frame_text, frames_text, parse_frames
+from renderer.frames import DENOISED_REACH, frame_name, frame_text, frames_text, parse_frames
 from service.watching.movie import is_movie
 
 __all__ = ["FarmShot", "fetch_shot"]
@@ -83,14 +83,20 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
 
     Returns the finished job. Raises ClientError; and CommandError if frames failed, after the other frames are written.
     """
-    ticker, fetched = PlainProgress(), set[float]()
+    ticker, fetched, clean = PlainProgress(), set[float](), set[float]()
     writes_frames = shot.output is not None and not is_movie(shot.output)
 
-    def fetch_finished(frames: list[Frame]) -> None:
+    def fetch_finished(state: Job, frames: list[Frame]) -> None:
         for frame in frames:
             if writes_frames and frame.state == "finished" and frame.number not in fetched:
-                _fetch(farm, job, shot, frame)
+                _fetch(farm, state, shot, frame)
                 fetched.add(frame.number)
+        if writes_frames and shot.denoise:
+            unfinished = {frame.number for frame in frames if frame.state not in ("finished", "failed")}
+            for number in sorted(fetched - clean):
+                if state.is_over or not any(number + k in unfinished for k in range(-DENOISED_REACH, DENOISED_REACH + 1)):
+                    _fetch_denoised(farm, state, shot, number)
+                    clean.add(number)
 
     with bar("frames") as progress:
         task = progress.add_task("rendering", total=len(shot.frames))
@@ -98,7 +104,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
         def show_progress(state: Job) -> None:
             try:
                 frames = farm.frames(job)
-                fetch_finished(frames)
+                fetch_finished(state, frames)
             except ClientError as error:
                 if error.status is not None and error.status < 500:
                     raise
@@ -110,7 +116,7 @@ def fetch_shot(farm: Client, job: str, shot: FarmShot) -> Job:
 
         state = farm.wait(job, watch=show_progress)
     frames = farm.frames(job)
-    fetch_finished(frames)
+    fetch_finished(state, frames)
     done = sum(frame.state == "finished" for frame in frames)
     if shot.output is not None and not writes_frames and done:
         write(shot.output, farm.movie(job, shot.output.suffix.lower().lstrip(".")))
@@ -131,12 +137,18 @@ def _raise_if_failed(job: str, frames: list[Frame]) -> None:
     raise CommandError(f"{len(failed)} of {len(frames)} frames failed: {named}. `{PROGRAM} jobs {job}` shows more.")
 
 
-def _fetch(farm: Client, job: str, shot: FarmShot, frame: Frame) -> None:
+def _fetch(farm: Client, job: Job, shot: FarmShot, frame: Frame) -> None:
     path = shot.file(frame.number)
     format = path.suffix.lower().lstrip(".").replace("jpeg", "jpg")
-    write(path, farm.image(job, format, frame.number, aov=f"color,{shot.aov}" if shot.aov else "color"))
-    if shot.denoise:
-        write(options.denoised_name(path), farm.image(job, format, frame.number, denoise=True))
+    write(path, farm.image(job.id, format, frame.number, aov=f"color,{shot.aov}" if shot.aov else "color"))
+    if (job.settings or {}).get("deep"):
+        write(options.deep_name(path), farm.deep_image(job.id, frame.number))
+
+
+def _fetch_denoised(farm: Client, job: Job, shot: FarmShot, frame: float) -> None:
+    path = shot.file(frame)
+    format = path.suffix.lower().lstrip(".").replace("jpeg", "jpg")
+    write(options.denoised_name(path), farm.image(job.id, format, frame, denoise=True, in_shot=True))
 
 
 def _is_there(path: Path) -> bool:

@@ -32,12 +32,12 @@ class TemporalDenoiser:
         self._waiting: dict[float, Write] = {}
 
     def _neighbours(self, frame: float) -> list[float]:
-        """Returns the neighbours of a frame: up to REACH consecutive requested frames on each side."""
-        from renderer.temporal_denoise import REACH
+        """Returns the neighbours of a frame: up to DENOISED_REACH consecutive requested frames on each side."""
+        from renderer.frames import DENOISED_REACH
 
         found: list[float] = []
         for way in (-1, 1):
-            for step in range(1, REACH + 1):
+            for step in range(1, DENOISED_REACH + 1):
                 if frame + way * step not in self._all:
                     break
                 found.append(frame + way * step)

@@ -17,6 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.cryptomatte import Hits
+from renderer.deep import Deep
 from renderer.luminance import REC_709
 
 __all__ = [
@@ -39,7 +40,9 @@ __all__ = [
     "Gain",
     "alpha",
     "alpha_plane",
+    "bytes_of_deep",
     "bytes_of_hits",
+    "catcher_shade",
     "digest",
     "error",
     "group_planes",
@@ -105,6 +108,7 @@ class BatchSums(NamedTuple):
     bad: list[BadSample]
     bad_count: int
     hits: Hits | None = None  # for Cryptomatte, if it was requested (renderer/cryptomatte.py)
+    deep: Deep | None = None  # deep pixels likewise (renderer/deep.py)
 
 
 def group_planes(group: int) -> slice:
@@ -128,10 +132,17 @@ def alpha(sums: Sums, film_exponent: int, groups: int) -> npt.NDArray[np.float32
     the pixel's samples. groups: number of light groups.
     """
     first = alpha_plane(groups)
-    covered, caught, unshadowed, shadowed = sums[first : first + ALPHA_PLANES].astype(np.float64)
-    light = np.divide(shadowed, unshadowed, out=np.ones_like(shadowed), where=unshadowed > 0)
-    found = (covered + caught * (1 - np.clip(light, 0, 1))) * 2.0**-film_exponent
+    covered, caught = sums[first : first + 2].astype(np.float64)
+    found = (covered + caught * catcher_shade(sums, groups)) * 2.0**-film_exponent
     return (found / np.maximum(sums[SAMPLES], 1)).astype(np.float32)
+
+
+def catcher_shade(sums: Sums, groups: int) -> npt.NDArray[np.float64]:
+    """Returns how much of a pixel's shadow catchers is in shadow, (h, w), 0 ... 1. Arguments as for `alpha`."""
+    first = alpha_plane(groups)
+    unshadowed, shadowed = sums[first + 2 : first + ALPHA_PLANES].astype(np.float64)
+    light = np.divide(shadowed, unshadowed, out=np.ones_like(shadowed), where=unshadowed > 0)
+    return 1 - np.clip(light, 0, 1)
 
 
 def plane_count(groups: int, is_transparent: bool = False) -> int:
@@ -233,17 +244,29 @@ def least_samples(pixels: int) -> int:
     return max(_LEAST_SAMPLES, -(-_LEAST_OF_ALL // max(pixels, 1)))
 
 
-def digest(sums: Sums, hits: Hits | None = None) -> str:
+def digest(sums: Sums, hits: Hits | None = None, deep: Deep | None = None) -> str:
     """Returns the SHA-256 of a whole frame's sums and sample counts: little-endian int64, planes in order, rows from the top.
 
-    hits: Cryptomatte's counts of the frame, if they were requested; `bytes_of_hits` follows the planes.
+    hits: Cryptomatte's counts of the frame, if they were requested; `bytes_of_hits` follows the planes. deep: deep pixels
+    likewise; `bytes_of_deep` is the last.
     """
     found = hashlib.sha256(np.ascontiguousarray(sums, dtype="<i8").tobytes())
     if hits is not None:
         found.update(bytes_of_hits(hits))
+    if deep is not None:
+        found.update(bytes_of_deep(deep))
     return found.hexdigest()
 
 
 def bytes_of_hits(hits: Hits) -> bytes:
     """Returns Cryptomatte's counts as the digest covers them: pairs of key and count, little-endian 64-bit integers."""
     return np.stack([hits.key.astype("<u8"), hits.count.astype("<u8")], axis=1).tobytes()
+
+
+def bytes_of_deep(deep: Deep) -> bytes:
+    """Returns deep pixels as the digest covers them: little-endian, for each entry its key, its sums and its two depths.
+
+    Those of a frame are those of its bands of rows, one after the other.
+    """
+    depths = np.stack([deep.near, deep.far], axis=1).astype("<f4").view("<i8")
+    return np.concatenate([deep.key.astype("<u8").view("<i8")[:, None], deep.sums.astype("<i8"), depths], axis=1).tobytes()

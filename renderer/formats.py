@@ -11,6 +11,7 @@ from renderer.sentences import Sentence, first_items
 __all__ = [
     "ARCHIVE_SUFFIXES",
     "BY_BLENDER",
+    "COLOR_CONFIG",
     "FOREIGN",
     "FORMATS",
     "LONG_TAIL",
@@ -69,7 +70,8 @@ UP_AXES = ("y", "z", "x", "-y", "-z", "-x")  # axes of a file that may become Y
 MESH_FORMATS = tuple(format for format in FORMATS if format.is_mesh_file)
 SCENE_SUFFIXES = tuple(format.suffix for format in FORMATS)
 ARCHIVE_SUFFIXES = (".zip",)
-NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl", ".mtlx")
+NAMING_SUFFIXES = (*(format.suffix for format in FORMATS if format.names_files), ".mtl", ".mtlx", ".ocio")
+COLOR_CONFIG = "config.ocio"  # in the scene's folder: the OpenColorIO config of a scene that names none
 
 # .blend and Alembic files need Blender (renderer/blender); this is the advice without it.
 BY_BLENDER = tuple(format.suffix for format in FORMATS if format.reader == "blend")

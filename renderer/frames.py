@@ -10,6 +10,7 @@ from renderer.errors import SettingsError
 from renderer.sentences import Sentence
 
 __all__ = [
+    "DENOISED_REACH",
     "MAX_FRAME",
     "MAX_FRAMES",
     "equal_steps",
@@ -26,6 +27,7 @@ MAX_FRAMES = 100_000
 MOST_RUNS = 200  # runs written in full
 MOST_NAMED = 2 * MAX_FRAMES  # including repeated ones
 MAX_FRAME = 10_000_000
+DENOISED_REACH = 2  # frames before and after one with which temporal denoising averages it
 _NUMBER = r"(\d{1,8}(?:\.[05])?)"
 _RANGE_PATTERN = re.compile(rf"{_NUMBER}(?:-{_NUMBER}(?:[x:]{_NUMBER})?)?")
 

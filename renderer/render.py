@@ -11,14 +11,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import numpy.typing as npt
 
-from renderer import jit
+from renderer import cryptomatte, deep, jit
 from renderer.arrays.guide import empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
 from renderer.arrays.rows import CATCHER
 from renderer.arrays.scene import example
 from renderer.arrays.scene_features import KERNEL_VARIANTS
-from renderer.cryptomatte import NOT_FINITE, Hits, count_samples, merged, moved
+from renderer.arrays.spectrum import empty_spectrum_tables
+from renderer.cryptomatte import NOT_FINITE, Hits, count_samples
 from renderer.cuda.render import CardRenderer
+from renderer.deep import Deep
+from renderer.deep_samples import RECORD, Sight, sum_samples
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, BadSample, BatchSums, Sums, plane_count
 from renderer.guiding.train import warm_up_pilot, with_guide
@@ -34,7 +37,7 @@ from renderer.kernel.accumulate import (
     samples_caustics,
     samples_guide,
 )
-from renderer.kernel.camera import camera_frame
+from renderer.kernel.camera import PANORAMA, camera_frame
 from renderer.kernel.options import group_rows, kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
 from renderer.parallel_compile import Helpers, variant_suffix
@@ -46,6 +49,7 @@ from renderer.scene.environment import environment_sampled_fully, with_environme
 from renderer.scene.light_groups import with_group_planes
 from renderer.scene.lights import with_light_choice
 from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
+from renderer.scene.spectrum import with_spectrum
 from renderer.sentences import Sentence
 from renderer.settings import MAX_SPP, RenderSettings, Tile, View, tiles_of
 from renderer.shipped_kernels import copy_shipped_kernels
@@ -74,6 +78,7 @@ PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_ = KERNEL_VARIANTS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
 _MOST_PARTS = 256  # of Cryptomatte's counts, before they are added up
+_DEEP_AT_ONCE = 1 << 18  # samples whose records are in memory, for deep pixels
 _LAST_TILES = 2  # per thread: the last tiles' samples are divided into
 _CUTS = 4  # parts, so that the threads end together
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
@@ -90,6 +95,7 @@ class RenderStats:
     bad: list[BadSample] = field(default_factory=list)  # dropped samples, at most MAX_BAD of them
     bad_count: int = 0
     hits: Hits | None = None  # of the whole frame, if Cryptomatte was requested
+    deep: Deep | None = None  # likewise deep pixels
 
 
 def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
@@ -107,6 +113,8 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
         scene = environment_sampled_fully(scene)
     else:
         scene = without_environment_sampling(scene)
+    if settings.is_spectral:
+        scene = with_spectrum(scene)
     variant = variant_for(settings, scene)
     grouped = with_group_planes(scene, settings.group_names)
     prepared = strip_absent_features(grouped, variant, bool(settings.light_groups), settings.has_light_paths)
@@ -127,24 +135,54 @@ def _render(
 
     log: rows in which the kernel records the path of the last sample.
     """
+    step = max(1, _DEEP_AT_ONCE // max(1, tile.w * tile.h))
+    if settings.deep and count > step:
+        ranges = ((begin, min(step, first + count - begin)) for begin in range(first, first + count, step))
+        return _added([_render(scene, settings, tile, *each, log) for each in ranges])
     planes, rows = len(settings.light_planes), group_rows(settings)
     sums = np.zeros((plane_count(planes, settings.is_transparent), tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
-    ids = np.full((tile.w * tile.h * count if settings.cryptomatte else 0, 2), NOT_FINITE, np.uint32)
+    recorded = tile.w * tile.h * count if settings.cryptomatte or settings.deep else 0
+    records = np.full((recorded, 2 + RECORD if settings.deep else 2), NOT_FINITE, np.uint32)
+    camera = camera_frame(settings_relative_to_origin(settings, scene.origin))
     if scene.caustics is None and samples_caustics(settings):  # nothing to sample
         settings = replace(settings, caustics="off")
     kernel = renderer_of(settings)
     bad_count, rays = kernel(
         scene,
         new_scratch(kernel, tile.w, tile.h, planes, rows),
-        camera_frame(settings_relative_to_origin(settings, scene.origin)),
+        camera,
         kernel_options(settings, scene),
         Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent)),
-        Output(sums, bad, log, sums.reshape(-1), ids, path_scratch(rows)),
+        Output(sums, bad, log, sums.reshape(-1), records, path_scratch(rows)),
     )
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
-    hits = count_samples(ids.reshape(tile.w * tile.h, count, 2)) if settings.cryptomatte else None
-    return BatchSums(sums, listed, int(bad_count), hits), int(rays)
+    by_pixel = records.reshape(tile.w * tile.h, count if recorded else 0, records.shape[1])
+    hits = count_samples(by_pixel[..., :2]) if settings.cryptomatte else None
+    found = None
+    if settings.deep:
+        sight = Sight(_floats(camera.eye), None if camera.kind == PANORAMA else _floats(camera.forward))
+        found = sum_samples(by_pixel[..., 0], by_pixel[..., 2:].view(np.float32), sight, settings.film_exponent, settings.deep)
+    return BatchSums(sums, listed, int(bad_count), hits, found), int(rays)
+
+
+def _floats(vector: tuple[np.float32, np.float32, np.float32]) -> tuple[float, float, float]:
+    x, y, z = map(float, vector)
+    return x, y, z
+
+
+def _added(parts: Sequence[tuple[BatchSums, int]]) -> tuple[BatchSums, int]:
+    """Returns the sum of batches of one tile with deep pixels, as `_render` does."""
+    batches = [batch for batch, _ in parts]
+    hits = [batch.hits for batch in batches if batch.hits is not None]
+    found = BatchSums(
+        np.sum([batch.sums for batch in batches], axis=0),
+        [bad for batch in batches for bad in batch.bad][:MAX_BAD],
+        sum(batch.bad_count for batch in batches),
+        cryptomatte.merged(hits) if hits else None,
+        deep.merged(batch.deep for batch in batches if batch.deep is not None),
+    )
+    return found, sum(rays for _, rays in parts)
 
 
 def _render_on(
@@ -163,10 +201,10 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render with these settings: default strategy, no guide, light planes, mattes, alpha."""
-    if not has_variants(settings) or samples_guide(settings):
+    """Returns True if a graphics card can render these settings: default strategy, RGB, no guide, light planes, deep samples."""
+    if not has_variants(settings) or samples_guide(settings) or settings.is_spectral:
         return False
-    return not (settings.light_planes or settings.cryptomatte or settings.is_transparent)
+    return not (settings.light_planes or settings.cryptomatte or settings.deep)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -176,8 +214,8 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, guiding off, background visible, no light groups, light paths off, no Cryptomatte and no "
-                "mistake; leave out the card",
+                "sample, caustics off, guiding off, spectral off, no light groups, light paths off, no Cryptomatte, no deep "
+                "samples and no mistake; leave out the card",
             )
         )
 
@@ -229,6 +267,7 @@ def render_frame(
     begin = time.perf_counter()
     lock = threading.Lock()
     hits: list[Hits] = []
+    deep_tiles: dict[Tile, Deep] = {}
     done = 0
 
     def render(tile: Tile, first: int, count: int) -> int:
@@ -243,9 +282,11 @@ def render_frame(
             stats.bad_count += batch.bad_count
             stats.bad.extend(batch.bad[: MAX_BAD - len(stats.bad)])
             if batch.hits is not None:
-                hits.append(moved(batch.hits, tile.x, tile.y, tile.w, settings.width))
+                hits.append(cryptomatte.moved(batch.hits, tile.x, tile.y, tile.w, settings.width))
                 if len(hits) > _MOST_PARTS:
-                    hits[:] = [merged(hits)]
+                    hits[:] = [cryptomatte.merged(hits)]
+            if batch.deep is not None:
+                deep_tiles[tile] = deep.merged([deep_tiles[tile], batch.deep]) if tile in deep_tiles else batch.deep
         return count * tile.w * tile.h
 
     with ThreadPoolExecutor(threads, thread_name_prefix="render") as pool:
@@ -266,7 +307,9 @@ def render_frame(
             first += count
             if (stop is not None and stop(sums)) or (time_limit is not None and time.perf_counter() - begin >= time_limit):
                 break
-    stats.hits = merged(hits) if settings.cryptomatte else None
+    stats.hits = cryptomatte.merged(hits) if settings.cryptomatte else None
+    if settings.deep:
+        stats.deep = deep.merged(deep.moved(each, tile.x, tile.y, tile.w, settings.width) for tile, each in deep_tiles.items())
     return sums
 
 
@@ -287,7 +330,7 @@ def replay(scene: CompiledScene, settings: RenderSettings, x: int, y: int, sampl
     Raises SettingsError if the pixel is not in the image or the sample number is out of range.
     """
     _check_pixel(settings, x, y)
-    settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0)
+    settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0)
     if not 0 <= sample < MAX_SPP:
         raise SettingsError(
             Sentence(
@@ -328,7 +371,7 @@ def pixel_range_sums(
     Finite: (n,). Raises SettingsError if the pixel is not in the image.
     """
     _check_pixel(settings, x, y)
-    settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0)
+    settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0)
     prepared = _prepared(scene, settings)
     values, finite = np.zeros((len(ranges), 3), np.int64), np.zeros(len(ranges), np.int64)
     for i, (first, count) in enumerate(ranges):
@@ -379,7 +422,7 @@ def variant_for(settings: RenderSettings, scene: CompiledScene) -> str:
         )
     if settings.integrator in ("whitted", "ao"):  # which have no media
         variant = {MEDIA: FULL, MOVING_MEDIA: MOVING}.get(variant, variant)
-    return FULL if variant == PLAIN and not has_variants(settings) else variant
+    return FULL if variant == PLAIN and (settings.is_spectral or not has_variants(settings)) else variant
 
 
 def kernel_name(settings: RenderSettings | None = None, variant: str = PLAIN) -> str:
@@ -424,6 +467,8 @@ def warm_up(
         nothing = nothing._replace(caustics=example_tables())
     if samples_guide(settings):
         nothing = nothing._replace(path_guide=empty_guide())
+    if settings.is_spectral:
+        nothing = nothing._replace(spectrum=empty_spectrum_tables())
     with (
         helpers or helpers_for(settings, variant) as helping,
         jit.compiling(name, None if fetch is None else lambda: fetch(name)) as is_cold,

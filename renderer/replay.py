@@ -45,7 +45,7 @@ class LightSample(NamedTuple):
 class Vertex(NamedTuple):
     """A vertex of a path: a surface hit, a surface passed because of its alpha, a point in a medium, or the environment.
 
-    Colours are linear Rec.709, positions in world space.
+    Colours are linear Rec.709, in spectral pictures light at the three wavelengths; positions are in world space.
     """
 
     kind: str  # surface; passed: a surface that the ray passed by alpha; medium: a point in a medium; missed: the environment

@@ -45,6 +45,7 @@ __all__ = [
     "SAMPLINGS",
     "SETTINGS",
     "SHUTTERS",
+    "SPECTRAL",
     "VIEW",
     "RenderSettings",
     "Tile",
@@ -146,6 +147,12 @@ CAUSTICS = Choices(
         "on": SettingTexts("On", "Clear, sharp light patterns from small lamps and the sun."),
     }
 )
+SPECTRAL = Choices(
+    {
+        "off": SettingTexts("RGB", "Light has three channels: red, green and blue."),
+        "on": SettingTexts("Spectral", "Light has wavelengths: glass makes rainbows, metals and saturated colours are exact."),
+    }
+)
 GUIDING = Choices(
     {
         "off": SettingTexts("Off", "Ordinary path tracing."),
@@ -171,6 +178,7 @@ MAX_FILM_EXPONENT = 24
 MAX_RADIANCE = 1e9
 MAX_LIGHT_GROUPS = 16  # by name; with that of other lights, as many as renderer/film.py allows
 MOST_RANKS = 16  # of Cryptomatte: renderer/cryptomatte.py
+MOST_DEEP = 64  # renderer/deep.py
 LIGHT_PATHS = (  # the planes by light path, behind those of light groups: renderer/kernel/light_paths.py
     "emission",
     "environment",
@@ -321,6 +329,16 @@ class RenderSettings:
             "Learns before rendering where light comes from, for less noise in difficult light.",
             integrators=("path",),
             phrase="guiding {}",
+        ),
+    ] = "off"
+    spectral: Annotated[
+        str,
+        Setting(choices=SPECTRAL),
+        SettingTexts(
+            "Spectral",
+            "Whether light is rendered by wavelength: for dispersion, metals and saturated colours that light each other.",
+            integrators=_estimating,
+            phrase="spectral {}",
         ),
     ] = "off"
     splitting: Annotated[
@@ -510,6 +528,17 @@ class RenderSettings:
             phrase="Cryptomatte {}",
         ),
     ] = 0
+    deep: Annotated[
+        int,
+        Setting(4, MOST_DEEP, off=0),
+        SettingTexts(
+            "Deep samples",
+            "Samples in depth for a deep EXR: how many per pixel at most, usually 32.",
+            section="Samples",
+            off=Sentence("setting-off-none", "none"),
+            phrase="deep samples {}",
+        ),
+    ] = 0
     environment: Annotated[
         Vec3 | None,
         Setting(0.0, MAX_RADIANCE, of="environment"),
@@ -618,6 +647,8 @@ class RenderSettings:
                 Sentence("guiding-caustics", "guiding cannot be combined with caustics 'on' yet; leave out one of them"),
                 field="guiding",
             )
+        if self.is_spectral:
+            self._check_spectral()
         if len(self.views) == 1 or len(self.views) > MOST_KEYS:
             raise SettingsError(
                 Sentence(
@@ -631,6 +662,41 @@ class RenderSettings:
             raise SettingsError(
                 Sentence("views-projections-differ", "views have different projections, which cannot be interpolated; use one")
             )
+
+    def _check_spectral(self) -> None:
+        """Raises SettingsError if a setting cannot be combined with `spectral`."""
+        if self.integrator not in _estimating:
+            raise SettingsError(
+                Sentence(
+                    "spectral-integrator",
+                    "spectral needs the integrator path or direct; {integrator} renders in RGB only",
+                    integrator=self.integrator,
+                ),
+                field="spectral",
+            )
+        others = {
+            "caustics": self.caustics == "on",
+            "guiding": self.guiding != "off",
+            "light_groups": bool(self.light_groups),
+            "light_paths": self.has_light_paths,
+            "background": self.is_transparent,
+            "deep": self.deep > 0,
+        }
+        for name, is_used in others.items():
+            if is_used:
+                raise SettingsError(
+                    Sentence(
+                        "spectral-combination",
+                        "spectral cannot be combined with the setting {setting} yet; leave out one of them",
+                        setting=name,
+                    ),
+                    field="spectral",
+                )
+
+    @property
+    def is_spectral(self) -> bool:
+        """Returns True if light is rendered by wavelength."""
+        return self.spectral == "on"
 
     @property
     def group_names(self) -> tuple[str, ...]:
@@ -687,8 +753,8 @@ class RenderSettings:
 
 SETTINGS = table(RenderSettings)
 _LATER = (
-    *("caustics", "guiding", "transparency_depth", "light_groups", "light_paths", "background", "cryptomatte"),
-    *("rolling_shutter", "rolling_shutter_from"),
+    *("caustics", "guiding", "transparency_depth", "light_groups", "light_paths", "background", "cryptomatte", "deep"),
+    *("rolling_shutter", "rolling_shutter_from", "spectral"),
 )
 
 # Settings with defaults in the scene file, and then in RenderSettings.

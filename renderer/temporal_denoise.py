@@ -17,15 +17,15 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.denoise import DenoisedPicture
+from renderer.frames import DENOISED_REACH
 from renderer.luminance import REC_709
 
-__all__ = ["REACH", "DenoisedFrame", "stabilised_frame"]
+__all__ = ["DenoisedFrame", "stabilised_frame"]
 
 F32 = npt.NDArray[np.float32]
 F64 = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-REACH = 2  # frames before and after
 _LEAST_COSINE = 0.9
 _MOTION_TOLERANCE = 0.5  # pixels: tolerance between a motion vector and the reverse one
 _LIGHT_TOLERANCE = 0.12  # relative difference of light with weight exp(-1)
@@ -51,7 +51,7 @@ class _PixelPositions(NamedTuple):
 
 
 def stabilised_frame(frames: Mapping[float, DenoisedFrame], number: float) -> F32:
-    """Returns a frame averaged with its available neighbours, at most REACH frames away: (h, w, 3) float32.
+    """Returns a frame averaged with its available neighbours, at most DENOISED_REACH frames away: (h, w, 3) float32.
 
     frames: frame number -> frame; a neighbour is used only if all frames in between are available. number: of the frame. The
     result depends on these arguments only.
@@ -63,7 +63,7 @@ def stabilised_frame(frames: Mapping[float, DenoisedFrame], number: float) -> F3
     for way in (-1, 1):
         rows, columns = np.mgrid[0 : light.shape[0], 0 : light.shape[1]].astype(np.float64)
         places = _PixelPositions(rows, columns, np.ones(light.shape[:2], bool))
-        for step in range(1, REACH + 1):
+        for step in range(1, DENOISED_REACH + 1):
             there = frames.get(number + way * step)
             if there is None:
                 break

@@ -28,8 +28,9 @@ __all__ = ["GROUPS", "Guides"]
 GROUPS = {
     "Start here": ("first-steps", "page"),
     "Make pictures": ("animation", "compositing", "color", "watching"),
-    "Scenes and Blender": ("formats", "scene-format", "blender", "blend-files"),
-    "Write programs": ("python", "api", "live", "datasets", "pipelines", "from-deadline"),
+    "Scenes and Blender": ("formats", "usd", "mitsuba-pbrt", "scene-format", "blender", "blend-files"),
+    "Write programs": ("python", "datasets", "pipelines", "from-deadline"),
+    "REST API": ("api", "api-jobs", "api-shots", "api-pictures", "api-access", "live"),
     "Run a farm": ("deployment", "server", "access", "remote-workers", "containers", "cluster"),
     "Keep it running": ("monitoring", "reliability", "queue", "settings", "graphics-cards", "scale"),
     "Background": ("correctness", "performance", "architecture", "lineage", "fault-tests", "speed-notes"),
@@ -183,7 +184,8 @@ def render_guide(text: str, titles: Mapping[str, str]) -> tuple[str, str, str]:
             token.attrSet("src", str(token.attrGet("src")).removeprefix("../"))
     body = str(parser.renderer.render(tokens, parser.options, {}))
     body = body.replace("<table>", '<div class="wide" tabindex="0"><table>').replace("</table>", "</table></div>")
-    body = re.sub(r"<th(?: [^>]*)?></th>", "<td></td>", body)  # of a column without a name
+    body = re.sub(r"<thead>\s*<tr>\s*(<th(?: [^>]*)?></th>\s*)+</tr>\s*</thead>", "", body)  # of columns without names
+    body = re.sub(r"<th(?: [^>]*)?></th>", "<td></td>", body)
     body = re.sub(r'(<h[23] id="([^"]+)">)(.*)(</h[23]>)', _with_anchor, body)
     nav = f'<details class="folding" open><summary>On this page</summary><ul>{contents}</ul></details>' if contents else ""
     nav = f'<nav class="contents" aria-label="On this page">{nav}</nav>' if nav else ""

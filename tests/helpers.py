@@ -123,6 +123,7 @@ def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", 
     """
     environment = {"RAYFARM_REUSE_FILMS": "false", **environment}
     log = data.parent / f"{data.name}-up.log"
+    before = log.stat().st_size if log.exists() else 0  # of an earlier farm in this folder
     with log.open("ab") as out:
         process = subprocess.Popen(
             command,
@@ -136,7 +137,7 @@ def farm_of(command: list[str], data: Path, cwd: Path, until: bytes = b"Ready", 
         )
     farm = Farm(data, process, log=log)
     deadline = time.monotonic() + 240
-    while until not in log.read_bytes():
+    while until not in log.read_bytes()[before:]:
         if process.poll() is not None or time.monotonic() > deadline:
             stop_farm(farm)
             pytest.fail(f"the farm does not start\n{farm.logs()}")

@@ -187,7 +187,7 @@ def test_default_data_folder(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) ->
 # renderer/blender/inside runs in Blender's own Python, which has these modules.
 BLENDERS_OWN = {"bmesh", "bpy", "mathutils", "zstandard"}
 # Imported where files of pictures are made, which no worker does: HDR stills and OCIO views.
-NOT_USED = {"service": set[str](), "worker": {"av", "PyOpenColorIO"}}
+NOT_USED = {"service": set[str](), "worker": {"av"}}
 
 
 @pytest.fixture(scope="module")

@@ -185,25 +185,25 @@ def _options(arguments: Sequence[str] | None = None) -> argparse.Namespace:
         default="auto",
         help="how to reach the farm's queue: redis; https: through the service alone; auto: Redis if this machine reaches it",
     )
-    parser.add_argument("--redis", help="the broker, if not the one that the service tells; $RAYFARM_REDIS_URL")
-    parser.add_argument("--name", help="what the farm calls this worker; the host's name unless told")
+    parser.add_argument("--redis", help="URL of the broker (default: the one that the service names); $RAYFARM_REDIS_URL")
+    parser.add_argument("--name", help="name of this worker on the farm (default: the host name)")
     parser.add_argument(
         "--log-format", choices=FORMATS, help=f"json: each line of the log an object, for programs; ${FORMAT_VARIABLE}"
     )
-    parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="where fetched scenes are kept")
+    parser.add_argument("--cache", type=Path, default=default_cache_dir(), help="folder for fetched scenes")
     parser.add_argument("--cache-bytes", type=int, default=32 << 30, help="maximum size of all cached scenes together, in bytes")
     parser.add_argument(
         "--blender",
         nargs="?",
         const="",
-        help="open .blend files: by this program, or a Python with bpy; unless told, by what is found",
+        help="open .blend files by this Blender, or by this Python with bpy (default: the one that is found)",
     )
-    parser.add_argument("--tag", action="append", default=[], help="what jobs may need of a worker; may be given several times")
-    parser.add_argument("--site", default="", help="where it is: its sums are added up there, where `rayfarm site` runs")
-    parser.add_argument("--hours", default="", help="when it works, as Mon-Fri 19:00-07:00, Sat-Sun; always unless told")
-    parser.add_argument("--idle", type=float, default=0.0, help="minutes for which nobody must have worked at this machine")
-    parser.add_argument("--nice", type=int, default=None, help="0 to 19: how far it stands back for other programs")
-    parser.add_argument("--memory", type=float, default=0.0, help="GB that it may use; all that there is unless told")
+    parser.add_argument("--tag", action="append", default=[], help="tag that jobs can require; repeatable")
+    parser.add_argument("--site", default="", help="name of the site whose `rayfarm site` adds up this worker's sums")
+    parser.add_argument("--hours", default="", help="working hours, such as Mon-Fri 19:00-07:00, Sat-Sun (default: always)")
+    parser.add_argument("--idle", type=float, default=0.0, help="minutes without activity of a user before it renders")
+    parser.add_argument("--nice", type=int, default=None, help="Unix niceness, 0 to 19: higher yields more to other programs")
+    parser.add_argument("--memory", type=float, default=0.0, help="GB of memory to use (default: all)")
     return parser.parse_args(arguments)
 
 

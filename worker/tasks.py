@@ -6,6 +6,7 @@ import contextlib
 import logging
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from operator import call
 from typing import Any
 
@@ -46,6 +47,7 @@ from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTOR
 from worker.work.explain import explain_pixel, send_answer
 from worker.work.frames import prepare_frames
 from worker.work.joint_render import remaining_pieces, render_waiting_piece, share_pieces
+from worker.work.open_scenes import SceneOpener
 from worker.work.prepare import prepare_scene
 from worker.work.render import failure_event, unreadable_batch_event
 from worker.work.scenes import discard_damaged
@@ -89,21 +91,38 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
 
 
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
-    """Renders batches one after another. The sums of each are packed and sent while the next one is rendered.
+    """Renders batches one after another. Meanwhile threads send the previous batch's sums, and open the next one's scene.
 
     The task ends after all are sent, so the message of a killed slot is delivered again. A redelivered message may contain the
     batch that killed the slot: then each batch is sent before the next one begins.
     """
-    is_in_turn = is_redelivered(task)
-    with SumsSender() as sender:
+    worker, is_in_turn = context.current(), is_redelivered(task)
+    with SceneOpener(worker) as opener, SumsSender() as sender:
+
+        def begin(following: list[dict[str, Any]]) -> None:
+            sender.begin()
+            for each in following if not is_in_turn else ():
+                if isinstance(each, dict):  # else the batch fails in its turn
+                    opener.open(each.get("compiled"))
+
         for number, batch in enumerate(batches, 1):
             with about(**message_ids(batch)):
                 is_last = number == len(batches)  # sent at once, while the slot is still reported as busy with it
-                _render(task, context.current(), batch, sender.send_now if is_in_turn or is_last else sender.submit)
+                submit = sender.send_now if is_in_turn or is_last else sender.submit
+                _render(task, worker, batch, submit, partial(begin, batches[number : number + 1]))
 
 
-def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any], submit: Callable[[Send], None] = call) -> None:
-    """Renders a batch, and sends its sums. submit: calls a function that packs and sends them, at once or later."""
+def _render(
+    task: Any,
+    worker: context.WorkerContext,
+    batch: dict[str, Any],
+    submit: Callable[[Send], None] = call,
+    begins: Callable[[], None] = lambda: None,
+) -> None:
+    """Renders a batch, and sends its sums.
+
+    submit: calls a function that packs and sends them, at once or later. begins: called before the kernel runs.
+    """
     try:
         work = RenderBatch.from_json(batch)
     except (RayfarmError, KeyError, TypeError, ValueError) as error:
@@ -122,7 +141,7 @@ def _render(task: Any, worker: context.WorkerContext, batch: dict[str, Any], sub
         if deaths:
             with contextlib.suppress(TemporaryError):  # the slot's death may come from a file damaged on this disk
                 discard_damaged(worker.cache, work.compiled)
-        outcome = do()
+        outcome = do(begins)
 
         def send() -> None:
             result = outcome.result()

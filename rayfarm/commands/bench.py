@@ -33,7 +33,7 @@ MAX_SAMPLES = 4096
 PROBE_FACTOR = 8  # factor by which the picture is reduced to estimate the time
 
 Scene = Annotated[Path | None, typer.Option(metavar="SCENE", help="The scene to measure; by default scenes/still-life.yaml.")]
-Json = Annotated[bool, typer.Option("--json", help="For programs.")]
+Json = Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")]
 
 
 def register(app: typer.Typer) -> None:

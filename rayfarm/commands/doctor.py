@@ -35,7 +35,7 @@ def doctor(
         bool, typer.Option("--deep", help="Read every upload and film, and check them against their hashes.")
     ] = False,
     port: Annotated[int, typer.Option(min=1, max=65535, help="The port a farm would use.")] = 8000,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """Check this installation: say in sentences what is wrong and what to do about it. Changes nothing.
 

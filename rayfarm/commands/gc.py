@@ -43,7 +43,7 @@ def gc(
     dry_run: Annotated[bool, typer.Option("--dry-run", help="List what would be deleted, and delete nothing.")] = False,
     yes: Annotated[bool, typer.Option("--yes", "-y", help="Do not ask first.")] = False,
     server: options.Server = None,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """Delete data that can be restored or is unused: old films, unused compiled scenes and uploads.
 
@@ -81,13 +81,13 @@ def gc(
     elif dry_run or not found["items"]:
         _print_items(found)
     else:
-        out.print(f"{len(found['items'])} went, {_gigabytes(found['bytes'])}.")
+        out.print(f"{len(found['items'])} deleted, {_gigabytes(found['bytes'])} freed.")
 
 
 def _print_items(found: dict[str, Any]) -> None:
     items = found["items"]
     if not items:
-        out.print("Nothing may go by these rules.")
+        out.print("These rules delete nothing.")
         return
     table = Table(box=None, pad_edge=False)
     for title in ("WHAT", "ID", "SIZE", "DAYS", "WHY", "NAME"):
@@ -97,7 +97,7 @@ def _print_items(found: dict[str, Any]) -> None:
         table.add_row(KIND_NAMES[item["what"]], item["id"], _gigabytes(item["bytes"]), days, item["why"], escape(item["name"]))
     out.print(table)
     more = f" {len(items) - MAX_SHOWN_ITEMS} more are not shown." if len(items) > MAX_SHOWN_ITEMS else ""
-    out.print(f"{len(items)} may go, {_gigabytes(found['bytes'])}.{more}")
+    out.print(f"{len(items)} would be deleted, {_gigabytes(found['bytes'])}.{more}")
 
 
 def _gigabytes(size: int) -> str:

@@ -25,6 +25,8 @@ __all__ = ["aov_of", "husk", "pattern_of", "register"]
 SUFFIXES = (".usd", ".usda", ".usdc", ".usdz")
 LAYERED = ".exr"  # the only format with room for AOVs
 MATTE_RANKS = 6
+DEEP_TYPE = "deepRaster"  # of products
+DEEP_SAMPLES = 32
 # AOVs by the source names of render vars, in lower case: Karma's, Hydra's, Arnold's and RenderMan's.
 AOVS = {
     "color": ("ci", "c", "color", "rgba", "beauty", "lpebeauty"),
@@ -134,6 +136,8 @@ def husk(
     given: dict[str, Any] = {"spp": pixel_samples, "cryptomatte": MATTE_RANKS if "cryptomatte" in planes else None}
     if any(map(aovs.is_path, planes)):
         given["light_paths"] = "on"
+    if any(each["type"] == DEEP_TYPE for each in chosen.get("products", ())):
+        given["deep"] = DEEP_SAMPLES
     moments = dict(zip(_moments(found, stage), files, strict=True))
     name = None if view is None else view.rsplit("/", 1)[-1]
     environment = Picture().environment()
@@ -178,12 +182,19 @@ def _chosen(found: dict[str, Any], settings: str | None, stage: Path) -> dict[st
 
 
 def _product(chosen: dict[str, Any], stage: Path) -> dict[str, Any] | None:
-    """Returns the product to render, the first raster; None if there is none."""
-    rasters = [each for each in chosen.get("products", ()) if each["type"] == "raster"]
-    for each in chosen.get("products", ()):
-        if each is not next(iter(rasters), None):
+    """Returns the product to render, the first raster, or else the first deep one; None if there is none.
+
+    A deep picture is written beside it.
+    """
+    products = chosen.get("products", ())
+    found = next((each for kind in ("raster", DEEP_TYPE) for each in products if each["type"] == kind), None)
+    deep = next((each for each in products if each["type"] == DEEP_TYPE), None)
+    if deep is not None:
+        _note(f"The deep render product {deep['path']} is written beside the picture, as NAME.deep.exr")
+    for each in products:
+        if each is not found and each is not deep:
             _note(f"The render product {each['path']} is left out: the first raster product is rendered")
-    return rasters[0] if rasters else None
+    return found
 
 
 def _say_unused(chosen: dict[str, Any], product: dict[str, Any] | None) -> None:

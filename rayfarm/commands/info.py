@@ -25,7 +25,7 @@ def register(app: typer.Typer) -> None:
 
 def info(
     scene: Annotated[Path, typer.Argument(help="A scene file, a folder, or a .zip.")],
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
     strict: options.Strict = False,
     root: options.Root = None,
 ) -> None:

@@ -26,7 +26,7 @@ def register(app: typer.Typer) -> None:
 def jobs(
     job: Annotated[str | None, typer.Argument(help="A job's id, or its beginning; by default all jobs are listed.")] = None,
     server: options.Server = None,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """List a farm's jobs, or show one job, with the reason if it failed or waits.
 

@@ -47,7 +47,7 @@ def notes(
         str | None, typer.Option(help="Your name on a farm without logins; by default that of your account on this machine.")
     ] = None,
     server: options.Server = None,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """List the notes on a job's pictures, write or resolve one, or give a verdict.
 

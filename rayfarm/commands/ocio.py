@@ -21,7 +21,7 @@ def register(app: typer.Typer) -> None:
 
 def ocio(
     config: options.Ocio = None,
-    as_json: Annotated[bool, typer.Option("--json", help="For programs.")] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="Print JSON, for programs.")] = False,
 ) -> None:
     """List the displays, views and looks of an OpenColorIO config, by their names for --tonemap.
 

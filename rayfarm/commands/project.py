@@ -42,7 +42,7 @@ def add(
         farm.call("POST", "/api/projects", name=name)
         for user in members or ():
             farm.call("PUT", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}")
-    out.print(f"The project {name} is there{' for ' + ', '.join(members) if members else ', without members'}.", markup=False)
+    out.print(f"Project {name} added, {'for ' + ', '.join(members) if members else 'without members'}.", markup=False)
 
 
 @projects.command("list")
@@ -70,7 +70,7 @@ def add_member(
     asked = {"role": "view"} if only_look else {}
     with farm_client(server) as farm:
         farm.call("PUT", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}", **asked)
-    out.print(f"{user} sees what is in {name}{' and changes nothing there' if only_look else ''}.", markup=False)
+    out.print(f"{user} {'may look at' if only_look else 'has access to'} {name}.", markup=False)
 
 
 @projects.command("put-out")
@@ -78,7 +78,7 @@ def remove_member(name: Name, user: User, server: options.Server = None) -> None
     """Remove a user from a project. Open pages lose access at once."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/projects/{quote(name, safe='')}/members/{quote(user, safe='')}")
-    out.print(f"{user} sees nothing of {name} any more.", markup=False)
+    out.print(f"{user} no longer has access to {name}.", markup=False)
 
 
 @projects.command("remove")
@@ -86,4 +86,4 @@ def remove(name: Name, server: options.Server = None) -> None:
     """Remove a project that is empty."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/projects/{quote(name, safe='')}")
-    out.print(f"There is no project {name} any more.", markup=False)
+    out.print(f"Project {name} removed.", markup=False)

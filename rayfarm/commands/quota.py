@@ -63,7 +63,7 @@ def set_limits(
     asked = {"bytes": _amount(bytes), "jobs": _amount(jobs), "samples_day": _amount(samples_day)}
     with farm_client(server) as farm:
         farm.call("PUT", _path(name, token), **asked)
-    out.print(f"{name} may have and do that from now on.", markup=False)
+    out.print(f"Limits of {name} set.", markup=False)
 
 
 @quotas.command("reset")
@@ -71,7 +71,7 @@ def reset(name: User, token: OfToken = False, server: options.Server = None) -> 
     """Reset a user to the farm's default limits, or a token to its user's limits."""
     with farm_client(server) as farm:
         farm.call("DELETE", _path(name, token))
-    out.print(f"{name} has no limits of its own any more.", markup=False)
+    out.print(f"Limits of {name} removed.", markup=False)
 
 
 def _path(name: str, token: bool) -> str:

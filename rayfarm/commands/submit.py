@@ -112,7 +112,7 @@ def submit(
         list[str] | None,
         typer.Option(metavar="NAME=VALUE", help="A parameter of a job template; may be given several times."),
     ] = None,
-) -> None:
+) -> str | None:
     """Upload a scene to a farm and submit a job that renders it.
 
     Prints the job's id. Without --wait it returns at once; Ctrl-C while waiting leaves the job running. Checks first whether
@@ -149,7 +149,7 @@ def submit(
         }
         among |= {"max_slots": max_slots, "verify": verify, "fresh": fresh, "order": order, "every": every}
         _submit_template(scene, param or [], given, output, need or [], overwrite, **among)
-        return
+        return None
     if param:
         raise CommandError(f"--param goes with a job template, and {scene.name} is none")
     moving = {"fps": fps, "clip": clip, "turntable": turntable, "order": order, "every": every}
@@ -161,7 +161,7 @@ def submit(
         raise CommandError("--overwrite needs --frames; a single picture is always overwritten")
     if shot is not None and not shot.frames:
         err.print(f"All {len(shot.all_frames)} frames are there; --overwrite renders them again", markup=False)
-        return
+        return None
     _check_output(output, shot, aov, denoise)
     if shot is not None and len(shot.frames) < len(shot.all_frames):
         kept = len(shot.all_frames) - len(shot.frames)
@@ -196,6 +196,7 @@ def submit(
             _wait_for_job(farm, job.id, output, aov, denoise, shot)
         else:
             err.print(f"Watch it at {farm.url}/#/jobs/{job.id}", markup=False, soft_wrap=True)
+        return job.id
 
 
 def _submit_template(
@@ -207,7 +208,7 @@ def _submit_template(
     overwrite: bool,
     **kept: Any,
 ) -> None:
-    """Submits the call of `rayfarm render` that a job template stands for.
+    """Submits a job for each step of a job template, which begins after the jobs of the steps on which it depends.
 
     given: options of the picture on the command line, of which a template takes none. kept: options of `submit` alone.
     """
@@ -218,22 +219,30 @@ def _submit_template(
         )
     if wrong := [value for value in values if "=" not in value]:
         raise CommandError(f"--param is {wrong[0]!r}; it takes a name and a value as --param Frames=1-10:2")
-    call = read_template(path, dict(value.split("=", 1) for value in values))
-    found = dict(call.options)
-    own, again = found.pop("output", None), found.pop("overwrite", False)
-    if output is None and kept["wait"]:
-        output = own or Path(f"{Path(found['scene']).resolve().stem}{'' if call.frames is None else '.####'}.png")
-    plain = {name: found.pop(name) for name in TEMPLATE_OPTIONS if name in found}
-    submit(
-        found.pop("scene"),
-        output=output,
-        picture=Picture(found),
-        frames=call.frames,
-        overwrite=overwrite or again,
-        need=[*need, *call.needs],
-        **plain,
-        **kept,
-    )
+    calls = read_template(path, dict(value.split("=", 1) for value in values))
+    if output is not None and len(calls) > 1:
+        raise CommandError(f"-o names the files of one job, and {path.name} has {len(calls)} steps; --wait writes those of each")
+    after: list[str] = kept.pop("after") or []
+    jobs: dict[str, list[str]] = {}  # of each step: none if all of its frames are there
+    for call in calls:
+        found = dict(call.options)
+        own, again = found.pop("output", None), found.pop("overwrite", False)
+        target = output
+        if output is None and kept["wait"]:
+            target = own or Path(f"{Path(found['scene']).resolve().stem}{'' if call.frames is None else '.####'}.png")
+        plain = {name: found.pop(name) for name in TEMPLATE_OPTIONS if name in found}
+        job = submit(
+            found.pop("scene"),
+            output=target,
+            picture=Picture(found),
+            frames=call.frames,
+            overwrite=overwrite or again,
+            need=[*need, *call.needs],
+            after=[*after, *(job for name in call.after for job in jobs[name])] or None,
+            **plain,
+            **kept,
+        )
+        jobs[call.step] = [] if job is None else [job]
 
 
 def _check_output_format(output: Path | None, is_shot: bool) -> None:
@@ -310,7 +319,7 @@ def _wait_for_job(
 
             final = farm.wait(job, watch=show_progress)
     except KeyboardInterrupt:
-        err.print(f"The job goes on. Its state: `{PROGRAM} jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
+        err.print(f"The job continues. Its state: `{PROGRAM} jobs {job}`, its picture: {farm.url}", markup=False, soft_wrap=True)
         raise typer.Exit(EXIT_INTERRUPTED) from None
     if final.state != "finished":
         raise CommandError(f"The job {job} {_failure_text(final)}")
@@ -323,6 +332,10 @@ def _wait_for_job(
             clean = options.denoised_name(output)
             write(clean, farm.image(job, _format(output), denoise=True))
             err.print(f"{clean} written", markup=False, soft_wrap=True)
+        if (final.settings or {}).get("deep"):
+            deep = options.deep_name(output)
+            write(deep, farm.deep_image(job))
+            err.print(f"{deep} written", markup=False, soft_wrap=True)
     except (ClientError, CommandError) as error:
         raise CommandError(f"{error} The farm keeps the picture: {farm.url}/#/jobs/{job}") from error
 

@@ -56,7 +56,7 @@ def show(server: options.Server = None) -> None:
     """List the tokens with their users, roles, expiry dates and last uses."""
     with farm_client(server) as farm:
         rows = all_of(farm, "/api/tokens?all=true")
-    table = Table("TOKEN", "FOR", "ROLE", "BY", "UNTIL", "LAST SHOWN", box=None, pad_edge=False)
+    table = Table("TOKEN", "FOR", "ROLE", "BY", "UNTIL", "LAST USED", box=None, pad_edge=False)
     for row in rows:
         until = _day(row["expires"]) or "withdrawn"
         table.add_row(row["id"], escape(row["name"]), row["role"], row["user"], until, _day(row["seen"]) or "never")
@@ -70,7 +70,7 @@ def withdraw(
     """Revoke a token at once."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/tokens/{quote(token, safe='')}")
-    out.print(f"{token} lets nobody in any more.", markup=False)
+    out.print(f"Token {token} withdrawn.", markup=False)
 
 
 def _day(moment: float | None) -> str:

@@ -76,7 +76,7 @@ def role(name: Name, role: RoleName, server: options.Server = None) -> None:
     """Change a user's role. It takes effect at once."""
     with farm_client(server) as farm:
         farm.call("PATCH", f"/api/users/{quote(name, safe='')}", role=role)
-    out.print(f"{name} is {role} from now on.", markup=False)
+    out.print(f"{name} now has the role {role}.", markup=False)
 
 
 @users.command("password")
@@ -84,7 +84,7 @@ def password(name: Name, server: options.Server = None) -> None:
     """Change a user's password, which is read from the terminal. All of the user's sessions end."""
     with farm_client(server) as farm:
         farm.call("PATCH", f"/api/users/{quote(name, safe='')}", password=_password())
-    out.print(f"{name} has another password, and is logged out everywhere.", markup=False)
+    out.print(f"Password of {name} changed; all sessions ended.", markup=False)
 
 
 @users.command("remove")
@@ -92,7 +92,7 @@ def remove(name: Name, server: options.Server = None) -> None:
     """Delete a user. The user's scenes and jobs stay."""
     with farm_client(server) as farm:
         farm.call("DELETE", f"/api/users/{quote(name, safe='')}")
-    out.print(f"{name} is let in no longer.", markup=False)
+    out.print(f"User {name} removed.", markup=False)
 
 
 @users.command("link")

@@ -166,7 +166,7 @@ def _show_until_ended(
         ended = Screen(terminal, farm, live, graphics, exposure, tonemap).run()
     err.print(f"{frame_title(live.job, live.watched_frame)} · {progress_text(live.job)}", markup=False, soft_wrap=True)
     if not live.job.is_over:
-        err.print(f"The job goes on: `{PROGRAM} watch {live.job.id}`", markup=False, soft_wrap=True)
+        err.print(f"The job continues: `{PROGRAM} watch {live.job.id}`", markup=False, soft_wrap=True)
     return None if ended is None else int(ended)
 
 

@@ -67,7 +67,7 @@ def workers(
     with farm_client(server) as farm:
         if name is not None and asked:
             farm.call("PATCH", f"/api/workers/{quote(name, safe='')}", **asked)
-            out.print(f"{name} is told; it obeys within seconds.", markup=False)
+            out.print(f"The change is sent to {name}; it takes effect within seconds.", markup=False)
             return
         rows = [row for row in farm.workers() if name in (None, row.name)]
     if not rows:

@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator, Iterable, Mapping
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from rayfarm.datasets.cameras import opencv
 from rayfarm.datasets.folder import Folder, plane_bytes
@@ -55,7 +55,7 @@ def dataset(
     categories: Mapping[str, str] | None = None,
     picture_format: str = "png",
     plane_format: str = "npy",
-    vary: Mapping[str, Any] | None = None,
+    vary: Mapping[str, Any] | Literal[False] | None = None,
     distortion: Any = None,
     sink: str | None = None,
     farm: str | Client | None = None,
@@ -72,8 +72,8 @@ def dataset(
     cameras, opengl or opencv. intrinsics: 3 x 3, in pixels; or fov, vertical, in degrees (default 50). distortion: of the lens, a
     mapping with `model` (brown, fisheye) and `coefficients` in OpenCV's order. outputs: of OUTPUTS. sinks: further forms: coco,
     transforms, webdataset, hdf5, bop, parquet. categories: names by patterns of object names. picture_format: png, jpg or exr;
-    plane_format: npy or exr. vary: how the scene varies from view to view, by seed (docs/datasets.md). sink:
-    s3://bucket/prefix, where the folder is copied to as views end. farm: a URL or Client;
+    plane_format: npy or exr. vary: how the scene varies from view to view, by seed (docs/datasets.md); by default as the scene
+    file says, False for not at all. sink: s3://bucket/prefix, where the folder is copied to as views end. farm: a URL or Client;
     None: rendered in this process. watch: called with the number of complete views, and of all. settings: those of `render`:
     width, height, spp, seed ...
 

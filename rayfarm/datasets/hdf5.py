@@ -1,4 +1,4 @@
-"""HDF5 files as BlenderProc's write_hdf5 lays them out: one a view, all outputs in it, named as BlenderProc names them."""
+"""Writes an HDF5 file with all outputs of a view, with the names and values of BlenderProc's write_hdf5."""
 
 from __future__ import annotations
 

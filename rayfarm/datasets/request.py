@@ -9,15 +9,17 @@ import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+import yaml
 
 from rayfarm.datasets.annotate import FLOWS, OUTPUTS
 from rayfarm.datasets.cameras import F64, Cameras, intrinsics_of, view_of
 from rayfarm.library.arguments import RenderArguments, parse_arguments
 from rayfarm.scene_files import files_to_upload
 from renderer.errors import SettingsError
+from renderer.formats import FORMATS
 from renderer.lens_distortion import LensDistortion
 from renderer.settings import View
 from renderer.variation import Variation
@@ -30,6 +32,7 @@ SINKS = ("transforms", "coco", "webdataset", "hdf5", "bop", "parquet")
 _PACKAGES = {"hdf5": "h5py", "parquet": "pyarrow"}  # of sinks, in the extra `datasets`
 _OF_DATASET = ("camera", "frame", "aovs", "denoise")  # settings of a picture that a data set decides itself
 _SIZE = (512, 512)
+_SCENE_FILES = tuple(format.suffix for format in FORMATS if format.reader == "yaml")
 
 
 @dataclass(frozen=True)
@@ -67,11 +70,14 @@ def parse_request(
     categories: Mapping[str, str] | None,
     picture_format: str,
     plane_format: str,
-    vary: Mapping[str, Any] | None,
+    vary: Mapping[str, Any] | Literal[False] | None,
     distortion: Any,
     settings: Mapping[str, Any],
 ) -> Request:
-    """Returns the checked request. scene: its main file. Raises SettingsError with one sentence, or TypeError for a keyword."""
+    """Returns the checked request. scene: its main file. vary: None for the scene file's own, False for none.
+
+    Raises SettingsError with one sentence, or TypeError for a keyword.
+    """
     found = Cameras.of(cameras, convention)
     wanted, forms = check_names("outputs", outputs, OUTPUTS), check_names("sinks", sinks, SINKS)
     if not wanted:
@@ -90,7 +96,7 @@ def parse_request(
     for name in _OF_DATASET:
         if settings.get(name) is not None:
             raise SettingsError(f"{name} is for a single picture; a data set has cameras and outputs")
-    varying = _vary(vary, wanted)
+    varying = _vary(_vary_of_scene(scene) if vary is None else vary or None, wanted)
     given = dict(settings)
     width, height = given.get("width"), given.get("height")
     if (width is None) != (height is None):
@@ -136,6 +142,17 @@ def _check_lens(view: View, width: int, height: int, sinks: Sequence[str]) -> No
         raise SettingsError(
             "distortion: parts of the picture show nothing, as the coefficients fold back there; reduce the picture or them"
         )
+
+
+def _vary_of_scene(scene: Path) -> Any:
+    """Returns the variation that a scene file of Rayfarm's own has; None for other files. Reading the scene reports faults."""
+    if scene.suffix.lower() not in _SCENE_FILES or not scene.is_file():
+        return None
+    try:
+        document = yaml.safe_load(scene.read_bytes())
+    except (yaml.YAMLError, ValueError, RecursionError):
+        return None
+    return document.get("vary") if isinstance(document, dict) else None
 
 
 def _vary(given: Mapping[str, Any] | None, outputs: Sequence[str]) -> dict[str, Any] | None:

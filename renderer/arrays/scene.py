@@ -150,6 +150,7 @@ class CompiledScene(NamedTuple):
 
     has: SceneFeatures = EVERYTHING  # the kernel features that the scene needs
     caustics: Any = None  # CausticTables (renderer/scene/caustics.py) while a kernel samples light through casters; never stored
+    spectrum: Any = None  # SpectrumTables (renderer/arrays/spectrum.py) while a kernel renders spectra; never stored
 
 
 # Each array's element type and shape, in the file's order: most frequently read first, where alignment is best.

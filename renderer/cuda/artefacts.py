@@ -13,10 +13,9 @@ from numba import types
 from renderer import jit
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cache_folders import make_private, read_private
-from renderer.cuda.job import job_type, wave_type
-from renderer.kernel.backends.cuda.megakernel import render_thread
-from renderer.kernel.backends.cuda.ptx import KERNEL, card_module, emit_ptx, joined_modules, linked_module
-from renderer.kernel.backends.cuda.wavefront import is_in_wavefront, kernels_of
+from renderer.cuda.job import wave_type
+from renderer.kernel.backends.cuda.ptx import card_module, emit_ptx, joined_modules, linked_module
+from renderer.kernel.backends.cuda.wavefront import kernels_of
 from renderer.machine_code import SUFFIX, note_file
 from renderer.reference import Reference
 from renderer.shipped_kernels import copy_shipped_kernels
@@ -56,8 +55,7 @@ def card_module_of(variant: str) -> Any:
 
     Raises InexactError as `ptx_of` does.
     """
-    kind = wave_type(variant) if is_in_wavefront(variant) else job_type(variant)
-    kernels = kernels_of(KERNEL_VARIANTS[variant]) if is_in_wavefront(variant) else {KERNEL: render_thread}
+    kind, kernels = wave_type(variant), kernels_of(KERNEL_VARIANTS[variant])
     context = KernelDispatcher.targetdescr.target_context
     size = context.get_abi_sizeof(context.get_value_type(kind))
     linked = {kernel: linked_module(function, (Reference(kind), types.int64)) for kernel, function in kernels.items()}

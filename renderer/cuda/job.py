@@ -1,4 +1,4 @@
-"""The arguments of the GPU kernels, a Job or a Wave: their types for each kernel variant, and their bytes in memory."""
+"""The argument of the GPU kernels, a Wave: its type for each kernel variant, and its bytes in memory."""
 
 from __future__ import annotations
 
@@ -12,34 +12,21 @@ from numba import typeof, types
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import CompiledScene, example
 from renderer.bvh.compressed_tree import LEAF_NUMBERS, NODE_WORDS, CompressedTree
-from renderer.film import CHANNELS
+from renderer.film import plane_count
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cpu.rows import LAYOUT
-from renderer.kernel.backends.cuda import wavefront
-from renderer.kernel.backends.cuda.megakernel import COUNTERS, Job
-from renderer.kernel.backends.cuda.wavefront import LISTS, Wave
+from renderer.kernel.backends.cuda.wavefront import COUNTERS, LISTS, Wave
 from renderer.kernel.camera import Camera, camera_frame
 from renderer.kernel.options import Options, kernel_options
 from renderer.settings import RenderSettings, View
 
-__all__ = ["BYTES_PER_PATH", "job_for", "job_type", "packed", "wave_for", "wave_type"]
+__all__ = ["BYTES_PER_PATH", "packed", "wave_for", "wave_type"]
 
 BYTES_PER_PATH = 2 * 4 * (LAYOUT.width + LISTS) + 8  # of a Wave's arrays
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 _NOTHING: Any = None  # replaces the arrays of the processor's tree
 _TUPLE: Any = types.BaseTuple  # which Numba's annotations do not declare as iterable
 _SCALARS: dict[types.Type, str] = {types.boolean: "?", types.none: "u8"}
-
-
-def job_for(
-    scene: CompiledScene, camera: Camera, options: Options, batch: Batch, width: int, height: int, pieces: int = 1
-) -> Job:
-    """Returns the Job that renders a batch of a tile of width x height pixels into a zeroed film.
-
-    scene: with a compressed tree, in the form that the variant's kernels expect.
-    """
-    film = np.zeros((CHANNELS, height, width), np.int64)
-    return Job(scene, camera, options, batch, film, np.zeros(COUNTERS, np.int64), np.int64(pieces))
 
 
 def wave_for(
@@ -54,30 +41,22 @@ def wave_for(
 ) -> Wave:
     """Returns the Wave that renders a batch of a tile of width x height pixels into a zeroed film, `paths` - 1 paths at once.
 
-    scene: as for `job_for`. The rows and lists of the paths are not initialised.
+    scene: with a compressed tree, in the form that the variant's kernels expect. The rows and lists of the paths are not
+    initialised.
     """
     pool, lists = np.empty((LAYOUT.width, 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
     lengths, branches = np.zeros(LISTS, np.int64), np.empty(paths, np.int64)
-    film, counters = np.zeros((CHANNELS, height, width), np.int64), np.zeros(wavefront.COUNTERS, np.int64)
+    film = np.zeros((plane_count(0, options.transparent_background), height, width), np.int64)
+    counters = np.zeros(COUNTERS, np.int64)
     return Wave(scene, camera, options, batch, film, counters, pool, lists, lengths, branches, np.bool_(second))
-
-
-def job_type(variant: str) -> Any:
-    """Returns the Numba type of Job for a kernel variant (renderer/arrays/scene_features.py)."""
-    return typeof(job_for(*_example(variant)))
 
 
 def wave_type(variant: str) -> Any:
     """Returns the Numba type of Wave for a kernel variant (renderer/arrays/scene_features.py)."""
-    return typeof(wave_for(*_example(variant), paths=1))
-
-
-def _example(variant: str) -> tuple[CompiledScene, Camera, Options, Batch, int, int]:
-    """Returns a small picture of a scene of a kernel variant, as the arguments of `job_for`."""
     scene = strip_absent_features(example(), variant)
     tree = CompressedTree(np.zeros((1, NODE_WORDS), np.uint32), np.zeros((1, LEAF_NUMBERS), np.float32))
     scene = scene._replace(bvh=scene.bvh._replace(node=_NOTHING, packet=_NOTHING, compressed=tree))
-    return scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0
+    return typeof(wave_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0, paths=1))
 
 
 def packed(value: Any, place: Callable[[npt.NDArray[Any]], int]) -> bytes:
@@ -106,12 +85,12 @@ def _append(data: bytearray, value: Any, kind: Any, place: Callable[[npt.NDArray
 
 
 def _format(kind: Any) -> str:
-    """Returns numpy's name for the Numba type of a number. Raises TypeError if a Job cannot contain it."""
+    """Returns numpy's name for the Numba type of a number. Raises TypeError if a Wave cannot contain it."""
     if kind in _SCALARS:
         return _SCALARS[kind]
     if isinstance(kind, types.Integer | types.Float):
         return kind.name
-    raise TypeError(f"jobs cannot contain {kind}")
+    raise TypeError(f"waves cannot contain {kind}")
 
 
 def _alignment(kind: Any) -> int:

@@ -15,14 +15,13 @@ from renderer.bvh.compress import compressed
 from renderer.bvh.layout import Bvh
 from renderer.cuda.artefacts import ptx_of
 from renderer.cuda.driver import LIBRARY, Card, Device, Driver, DriverError, Kernel
-from renderer.cuda.job import BYTES_PER_PATH, job_for, packed, wave_for
+from renderer.cuda.job import BYTES_PER_PATH, packed, wave_for
 from renderer.cuda.turns import paths_for, take_turns
 from renderer.errors import MachineError, SceneError
 from renderer.film import Sums
 from renderer.kernel.accumulate import Batch
-from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
-from renderer.kernel.backends.cuda.ptx import KERNEL, THREADS
-from renderer.kernel.backends.cuda.wavefront import ACTIVE, Wave, is_in_wavefront
+from renderer.kernel.backends.cuda.ptx import THREADS
+from renderer.kernel.backends.cuda.wavefront import ACTIVE, BAD, RAYS, Wave
 from renderer.kernel.camera import Camera
 from renderer.kernel.options import Options
 from renderer.sentences import Sentence
@@ -30,8 +29,6 @@ from renderer.threads import Team
 
 __all__ = ["CardError", "CardMemoryError", "CardRenderer", "Rendered"]
 
-_LEAST_THREADS = 1 << 18  # fewer leave a card idle
-_MOST_SAMPLES = 1 << 22  # of a launch, so that none runs for seconds: a card with a screen ends such launches
 _OUT_OF_MEMORY = "CUDA_ERROR_OUT_OF_MEMORY"
 _ENTRY = re.compile(r"\.entry (\w+)\(")
 _PARAMETER = re.compile(r"\b\w+_param_0\[(\d+)\]")
@@ -62,7 +59,7 @@ class CardRenderer:
     def __init__(self, card: Card, library: str = LIBRARY) -> None:
         self.card = card
         self._device = Device(Driver(library), card.number)
-        self._kernels: dict[str, tuple[dict[str, Kernel], int]] = {}  # of a variant: its kernels by name, and their job's size
+        self._kernels: dict[str, tuple[dict[str, Kernel], int]] = {}  # of a variant: its kernels by name, and their wave's size
         # The arrays in the card's memory by their place in the CPU's. They are kept, so that no other array takes their place.
         self._arrays: dict[tuple[int, int], tuple[npt.NDArray[Any], int]] = {}
         self._rows: tuple[int, list[int]] = 0, []  # of a Wave: how many paths they are for, and their addresses
@@ -126,14 +123,9 @@ class CardRenderer:
     def _render(
         self, scene: CompiledScene, variant: str, camera: Camera, options: Options, batch: Batch, width: int, height: int
     ) -> Rendered:
-        whole = scene._replace(bvh=self._compressed(scene.bvh)), camera, options, batch, width, height
-        if is_in_wavefront(variant):
-            paths = paths_for(width * height * batch.count, self.card.memory, BYTES_PER_PATH)
-            return self._render_wave(variant, wave_for(*whole, paths=paths), paths)
-        return self._render_pixels(variant, job_for(*whole))
-
-    def _render_wave(self, variant: str, wave: Wave, paths: int) -> Rendered:
-        """Renders a variant's Wave, with its kernels in turn."""
+        paths = paths_for(width * height * batch.count, self.card.memory, BYTES_PER_PATH)
+        scene = scene._replace(bvh=self._compressed(scene.bvh))
+        wave = wave_for(scene, camera, options, batch, width, height, paths)
         self._free_others(wave)
         with self._results(wave.film, wave.counters, wave.lengths) as own:
             own.update(self._path_memory(wave, paths))
@@ -149,19 +141,6 @@ class CardRenderer:
 
             take_turns(launch, count_active, wave.scene, wave.options, paths)
             return self._rendered(own, wave.film, wave.counters)
-
-    def _render_pixels(self, variant: str, job: Job) -> Rendered:
-        """Renders a variant's Job, with its only kernel."""
-        self._free_others(job)
-        batch, pixels = job.batch, job.film[0].size
-        with self._results(job.film, job.counters) as own:
-            step = max(1, _MOST_SAMPLES // max(pixels, 1))
-            for first in range(batch.first, batch.first + batch.count, step):
-                count = min(step, batch.first + batch.count - first)
-                pieces = min(count, max(1, _LEAST_THREADS // max(pixels, 1)))
-                part = job._replace(batch=batch._replace(first=first, count=count), pieces=np.int64(pieces))
-                self._launch(variant, KERNEL, packed(part, self._addresses(own)), pixels * pieces)
-            return self._rendered(own, job.film, job.counters)
 
     @contextlib.contextmanager
     def _results(self, *arrays: npt.NDArray[Any]) -> Iterator[dict[int, int]]:
@@ -204,10 +183,10 @@ class CardRenderer:
         return device_address
 
     def _launch(self, variant: str, kernel: str, data: bytes, threads: int) -> None:
-        """Launches a kernel of a variant with a job's bytes."""
+        """Launches a kernel of a variant with a wave's bytes."""
         kernels, size = self._loaded(variant)
         if len(data) != size:
-            raise AssertionError(f"a job has {len(data)} bytes, and its kernels take {size}")
+            raise AssertionError(f"a wave has {len(data)} bytes, and its kernels take {size}")
         self._device.launch(kernels[kernel], -(-threads // THREADS), THREADS, [data, threads.to_bytes(8, "little")])
 
     def _rendered(self, own: dict[int, int], film: npt.NDArray[np.int64], counters: npt.NDArray[np.int64]) -> Rendered:
@@ -228,15 +207,15 @@ class CardRenderer:
                     raise CardError(f"card {self.card.number} ({self.card.name}) cannot render this scene: {error}") from error
         return self._tree[1]
 
-    def _free_others(self, job: Job | Wave) -> None:
-        """Frees the arrays in GPU memory that the job does not use."""
+    def _free_others(self, wave: Wave) -> None:
+        """Frees the arrays in GPU memory that the wave does not use."""
         used: set[tuple[int, int]] = set()
 
         def record_use(array: npt.NDArray[Any]) -> int:
             used.add((array.ctypes.data, array.nbytes))
             return 0
 
-        packed(job, record_use)
+        packed(wave, record_use)
         for key in self._arrays.keys() - used:
             self._device.free(self._arrays.pop(key)[1])
 

@@ -34,8 +34,11 @@ def take_turns(
     the number of active paths, after all kernels launched before. paths: rows of the Wave for first branches.
     """
     lit = scene.environment_frame[3] > 0 or len(scene.light_primitive) > 0
+    has_media = scene.has.media is not None
     splitting, others = scattering_kernels(scene.has)
     launch("free_rows", paths - 1, False)
+    if has_media:
+        launch("find_camera_media", 1, False)
     turn = 0
     while True:
         launch("start_paths", paths, False)
@@ -44,9 +47,13 @@ def take_turns(
             return
         turn += 1
         launch("trace_rays", 2 * paths, False)
+        if has_media:
+            launch("sample_free_flights", 2 * paths, False)
         launch("end_rays", 1, False)
         launch("shade_misses", 2 * paths, False)
         launch("shade_hits", 2 * paths, False)
+        if has_media:
+            launch("trace_subsurface", 2 * paths, False)
         if lit:
             launch("choose_lights", 2 * paths, False)
         if options.splitting > 1:

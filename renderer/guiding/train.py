@@ -50,7 +50,7 @@ def train_guide(scene: CompiledScene, settings: RenderSettings) -> Guide:
 
 def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ...], photons: int) -> Guide:
     seed = settings.seed ^ _OTHER_SEED
-    settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0, background="visible")
+    settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0, background="visible")
     settings = replace(settings, seed=seed, sampler="independent", splitting=1)
     options = kernel_options(settings, scene)
     camera = camera_frame(settings_relative_to_origin(settings, scene.origin))

@@ -1,7 +1,8 @@
 """Views of an OpenColorIO config as tone curves: scene-linear Rec.709 radiance -> encoded values of a display.
 
 A view is named `ocio:VIEW` (of the config's default display) or `ocio:DISPLAY/VIEW`, with `/LOOK` appended for a look of the
-config; `ocio` is the default view. The package opencolorio is optional (`rayfarm[ocio]`), and imported only here.
+config; `ocio` is the default view. The package opencolorio is optional (`rayfarm[ocio]`), and
+imported here and in renderer/scene/texture_colors.py.
 """
 
 from __future__ import annotations

@@ -65,7 +65,9 @@ class Output(NamedTuple):
     bad: npt.NDArray[np.int64]  # (MAX_BAD, 3): x, y and number of samples that were NaN or infinite, which are not in the sums
     log: npt.NDArray[np.float64]  # rows for the last sample's path_trace.py, or none
     flat: npt.NDArray[np.int64]  # `sums` as one row of numbers
-    ids: npt.NDArray[np.uint32]  # (pixels * count, 2): 1 + number of the object and material that each sample hits; or no rows
+    # (pixels * count, columns), or no rows. Of each sample: 1 + number of the object and material that it hits; then nothing, or
+    # float32 bits of its radiance and of DEEP (steps/record_first_hit.py), for deep pictures.
+    records: npt.NDArray[np.uint32]
     path: npt.NDArray[np.float32]  # scratch memory of a path with light groups: its first hit, and the light of each group
 
 

@@ -18,6 +18,7 @@ from renderer.kernel.light.punctual import SUN, SUN_UNSEEN
 from renderer.scene import motion_keys
 from renderer.scene.default_camera import frame
 from renderer.scene.description import I32, Camera, SceneDescription
+from renderer.scene.displacement.apply import displace
 from renderer.scene.emission_maps import maps_of, tabulate_emission
 from renderer.scene.emitters import emitting_triangles, is_uniform_emitter
 from renderer.scene.environment import (
@@ -80,6 +81,7 @@ def compile_scene(
 
 def _compile(description: SceneDescription, say: Progress, brute: bool, team: Team, shot_cache: ShotCache) -> CompiledScene:
     say(Sentence("progress-placing-meshes", "placing meshes"), 0.0)
+    description = displace(description, shot_cache)
     origin = origin_of(description, shot_cache)
     whole, description = description, relative_to_origin(description, origin, shot_cache)
     stood = place_geometry(description, team, shot_cache)

@@ -334,6 +334,7 @@ class SceneDescription:
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)
     up_axis: str | None = None  # the axis of the file that became Y, if its format states none: one of renderer.formats.UP_AXES
+    displaced_triangles: int = 4_000_000  # most triangles of displaced meshes, unless they have more before
     subject: npt.NDArray[np.float64] | None = None  # bounds (2, 3) without the added floor; None: no floor was added
     studio_for_accents: bool = False  # without environment and with weak lights, compiling adds the studio's
     defaults: dict[str, Any] = field(default_factory=dict)

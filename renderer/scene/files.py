@@ -222,6 +222,10 @@ class SceneFiles:
         tried = dict.fromkeys((uri, unquote(uri), bare, unquote(bare)))
         return next((found for name in tried if (found := self.find(name, beside)) is not None), None)
 
+    def has(self, name: str) -> bool:
+        """Returns True if the scene has a regular file of exactly this name."""
+        return self._is_file(name)
+
     def siblings(self, beside: str, suffixes: tuple[str, ...]) -> list[str]:
         """Returns the names of regular files in the folder of `beside` that end in one of the suffixes, sorted."""
         home = PurePosixPath(beside).parent

@@ -43,6 +43,7 @@ __all__ = [
     "Distribution",
     "Material",
     "check",
+    "conductor_reflectance",
     "derived_columns",
 ]
 
@@ -58,6 +59,7 @@ _MATT = ("diffuse", *PRINCIPLED)
 _METAL = ("conductor",)
 _PHONG = ("blinn_phong",)
 _HAIR = ("hair",)
+_DISPLACED = tuple(kind for kind in SURFACES if kind != "hair")
 
 _PBR = "pbrMetallicRoughness."
 _SPECULAR = "KHR_materials_specular."
@@ -69,6 +71,7 @@ _BRUSH = "KHR_materials_anisotropy."
 _FILM = "KHR_materials_iridescence."
 _DISPERSION = "KHR_materials_dispersion."
 _DIFFUSE = "KHR_materials_diffuse_transmission."
+_DISPLACEMENT = "RAYFARM_materials_displacement."
 
 MOST_DENSE = 1e9  # largest absorption or scattering coefficient of media, per scene unit
 MOST_FORWARD = 0.999  # largest absolute value of a phase function's g
@@ -113,6 +116,16 @@ class Material:
     """What mask lets stand."""
     normal_texture: int | None = texture(rows.NORMAL_TEXTURE, kinds=SURFACES, layered=False, gltf="normalTexture")
     normal_scale: float = number(1.0, rows.NORMAL_SCALE, -100.0, 100.0, SURFACES, gltf="normalTexture.scale")
+    displacement_texture: int | None = texture(
+        None, _DISPLACED, layered=False, gltf=_DISPLACEMENT + "displacementTexture"
+    )  # red; of meshes, moved by renderer/scene/displacement/
+    """Heights, by which meshes are displaced along their normals: red."""
+    displacement_scale: float = number(1.0, None, -1e9, 1e9, _DISPLACED, gltf=_DISPLACEMENT + "displacementScale")
+    """The height of white above black, in the mesh's own unit."""
+    displacement_midlevel: float = number(0.0, None, -1e9, 1e9, _DISPLACED, gltf=_DISPLACEMENT + "displacementMidlevel")
+    """The value that leaves the surface where it is."""
+    displacement_rate: float = number(1.5, None, 0.1, 1000.0, _DISPLACED, gltf=_DISPLACEMENT + "displacementRate")
+    """The longest edge of displaced triangles, in pixels."""
     emission: Vec3 = color(0.0, high=1e9, kinds=SURFACES, form="radiance")
     """Radiance: what has some is a light."""
     emission_texture: int | None = texture(None, kinds=SURFACES, srgb=True)
@@ -290,7 +303,7 @@ def derived_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
         return _hair_columns(m)
     if m.kind == "conductor":
         cosine = (np.arange(256) + 0.5) / 256
-        means = (np.mean(2 * cosine * _conductor_reflectance(cosine, e, k)) for e, k in zip(m.eta, m.k, strict=True))
+        means = (np.mean(2 * cosine * conductor_reflectance(cosine, e, k)) for e, k in zip(m.eta, m.k, strict=True))
         return [(rows.MEAN_FRESNEL, tuple(map(float, means)))]
     return []
 
@@ -318,7 +331,7 @@ def _hair_columns(m: Material) -> list[tuple[int, tuple[float, ...]]]:
     return columns
 
 
-def _conductor_reflectance(cosine: npt.NDArray[np.float64], eta: float, k: float) -> npt.NDArray[np.float64]:
+def conductor_reflectance(cosine: npt.NDArray[np.float64], eta: float, k: float) -> npt.NDArray[np.float64]:
     """Returns the Fresnel reflectance of unpolarised light at a conductor eta + i k (Born & Wolf, 14.4)."""
     sine2 = 1 - cosine**2
     root = np.sqrt(eta * eta - k * k - sine2 + 0j + 2j * eta * k)

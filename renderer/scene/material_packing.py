@@ -23,6 +23,7 @@ __all__ = ["Packed", "pack"]
 _KINDS = {kind.name: kind.number for kind in rows.KINDS}
 _FACETED = tuple(kind.number for kind in rows.KINDS if kind.faceted)
 _TEXTURED = tuple(parameter for parameter in PARAMETERS if parameter.slot is not None)
+_SINGLE = tuple(parameter for parameter in PARAMETERS if parameter.form == "texture" and not parameter.layered)
 _SMOOTH = ("glass", "conductor")  # kinds that are smooth if no roughness is given
 _MOSTLY = 0.5  # transmission from which on a smooth material is clear
 _LEAST_BRUSHED = 0.031  # more than `SMOOTH_GLASS`; its square is less than `MIN_ALPHA`
@@ -59,6 +60,7 @@ def pack(description: SceneDescription) -> Packed:
     flags = np.zeros(count, np.int32)
     for m in description.materials:
         check(m)
+        _check_layers(m, description)
     absorbing = absorption(description.materials)
     emissions = np.zeros((count, 3))
     textures = np.full((count, rows.SLOTS), -1, np.int32)
@@ -68,15 +70,6 @@ def pack(description: SceneDescription) -> Packed:
             index = getattr(m, parameter.name)
             if index is None:
                 continue
-            if not parameter.layered and description.textures[index].layers:
-                raise SceneError(
-                    Sentence(
-                        "material-layers-not-taken",
-                        "Material {name}: its {slot} has layers, which are not supported there; give it one texture",
-                        name=m.name,
-                        slot=parameter.name,
-                    )
-                )
             textures[i, parameter.slot] = texels.add(index)[0]
         emission = np.array(m.emission if m.kind != "interface" else (0.0, 0.0, 0.0), np.float64)
         emitted[i] = luminance(emission)
@@ -93,6 +86,21 @@ def pack(description: SceneDescription) -> Packed:
     columns = _columns(description.materials, emissions, absorbing)
     medium, material_medium = list_media(description)
     return Packed(kinds, flags, columns, textures, medium, material_medium, *texels.arrays(), texels.keys(), emitted)
+
+
+def _check_layers(m: Material, description: SceneDescription) -> None:
+    """Raises SceneError if a texture has layers that its slot does not support."""
+    for parameter in _SINGLE:
+        index = getattr(m, parameter.name)
+        if index is not None and description.textures[index].layers:
+            raise SceneError(
+                Sentence(
+                    "material-layers-not-taken",
+                    "Material {name}: its {slot} has layers, which are not supported there; give it one texture",
+                    name=m.name,
+                    slot=parameter.name,
+                )
+            )
 
 
 def _roughness(m: Material) -> float:

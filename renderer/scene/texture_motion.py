@@ -49,7 +49,7 @@ def merge_moving_textures(
 
 
 class _MovingTextures:
-    """Collects textures with motion keys for a description; equal ones are added once."""
+    """List of the textures of a moving scene, with a transform for each key of the shutter; equal textures are stored once."""
 
     def __init__(self) -> None:
         self.textures: list[Texture] = []

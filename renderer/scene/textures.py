@@ -7,12 +7,14 @@ from dataclasses import replace
 from pathlib import PurePosixPath
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from renderer.errors import SceneError
 from renderer.image import read
 from renderer.scene.description import Image, SceneDescription, SurfaceNote, TexelFilter, Texture, TextureLayer, UvTransform, Wrap
 from renderer.scene.files import SceneFiles
+from renderer.scene.texture_colors import LINEAR, SRGB, TextureColors
 from renderer.scene.udim import atlas_transform, composed_transform, is_tiled, side_by_side, tile_name, tiles_of
 from renderer.scene.warning_list import WarningList
 from renderer.sentences import Sentence, with_full_stop
@@ -21,6 +23,7 @@ __all__ = ["IDENTITY_UV_TRANSFORM", "MAX_IMAGE_BYTES", "TextureShelf"]
 
 IDENTITY_UV_TRANSFORM: UvTransform = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0)
 MAX_IMAGE_BYTES = 4 << 30  # of all decoded images of a scene
+_NOTES_ON_COLORS = {"image-primaries-ignored", "image-colour-profile-ignored"}  # not of images whose colour space is known
 
 
 class TextureShelf:
@@ -33,6 +36,7 @@ class TextureShelf:
         self._images: dict[tuple[str, bool], int | None] = {}
         self._textures: dict[Texture, int] = {}
         self._bytes = 0
+        self.colors = TextureColors(files, self.warn_of_surface)
 
     def warn_of_surface(self, sentence: str) -> None:
         """Adds a warning about a material's appearance, unless the description already has it."""
@@ -42,8 +46,28 @@ class TextureShelf:
         """Adds a warning, unless the description already has it."""
         self._warned.add(sentence)
 
-    def image_file(self, name: str, srgb: bool = True) -> int | None:
-        """Returns the index of the image in the scene file `name` (from SceneFiles.find); None, with a warning, if unreadable."""
+    def image_file(self, name: str, srgb: bool = True, space: str = "", data: Callable[[], bytes] | None = None) -> int | None:
+        """Returns the index of the image in the scene file `name` (from SceneFiles.find); None, with a warning, if unreadable.
+
+        space: as of TextureColors.encoding. data: returns the image's bytes if they are not those of the file `name`; may raise
+        SceneError.
+        """
+        encoding = self.colors.encoding(name, srgb, space)
+        if encoding in (SRGB, LINEAR):
+            if data is not None:
+                return self.computed_image(name, data, encoding == SRGB)
+            return self._file_as_stored(name, encoding == SRGB)
+        key = (f"\0{name} of {encoding}", True)
+        if key not in self._images:
+            try:
+                pixels = self._pixels(name, name, data or (lambda: self._files.read(name)), is_converted=True)
+                self._images[key] = self.add(Image(name, self._converted(pixels, encoding, name), srgb=True))
+            except SceneError as error:
+                self._images[key] = None
+                self.warn_of_surface(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
+        return self._images[key]
+
+    def _file_as_stored(self, name: str, srgb: bool) -> int | None:
         key = (name, srgb)
         if key not in self._images:
             try:
@@ -53,17 +77,21 @@ class TextureShelf:
                 self.warn_of_surface(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
         return self._images[key]
 
-    def environment_file(self, name: str, data: Callable[[], bytes] | None = None) -> int | None:
+    def environment_file(self, name: str, data: Callable[[], bytes] | None = None, space: str = "") -> int | None:
         """Adds the image of an environment and returns its index; None, with a warning, if the image is unreadable.
 
-        Its colours are unchanged; it is scaled down if too large. data: returns the image's bytes if they are not those of the
-        file `name`; may raise SceneError.
+        Its colours are unchanged unless a colour space applies; it is scaled down if too large. data: returns the image's bytes
+        if they are not those of the file `name`; may raise SceneError. space: as of TextureColors.encoding.
         """
-        key = (f"\0environment {name}", False)
+        encoding = self.colors.encoding(name, True, space)
+        is_stored = encoding in (SRGB, LINEAR)
+        key = (f"\0environment {name}{'' if is_stored else f' of {encoding}'}", encoding != LINEAR)
         if key not in self._images:
             try:
-                pixels = self._pixels(key[0], name, data or (lambda: self._files.read(name)), is_environment=True)
-                self._images[key] = self.add(Image(name, pixels))
+                read = data or (lambda: self._files.read(name))
+                pixels = self._pixels(f"\0environment {name}", name, read, is_environment=True, is_converted=not is_stored)
+                srgb = encoding != LINEAR or pixels.dtype == np.float32
+                self._images[key] = self.add(Image(name, self._converted(pixels, encoding, name), srgb))
             except SceneError as error:
                 self._images[key] = None
                 self.warn_of_surface(Sentence("environment-left-out", "{error}; the environment is left out.", error=error))
@@ -92,11 +120,24 @@ class TextureShelf:
         """Returns the last added warning."""
         return self._description.warnings[-1] if self._description.warnings else ""
 
-    def _pixels(self, key: str, name: str, data: Callable[[], bytes], is_environment: bool = False) -> npt.NDArray[Any]:
+    def _pixels(
+        self, key: str, name: str, data: Callable[[], bytes], is_environment: bool = False, is_converted: bool = False
+    ) -> npt.NDArray[Any]:
         decoded: read.Decoded = self._files.get_or_make(("pixels", key), lambda: read.decode(data(), name, is_environment))
         for note in decoded.notes:
-            self.warn_of_surface(with_full_stop(note))
+            if not (is_converted and getattr(note, "code", "") in _NOTES_ON_COLORS):
+                self.warn_of_surface(with_full_stop(note))
         return decoded.pixels
+
+    def _converted(self, pixels: npt.NDArray[Any], encoding: str, name: str) -> npt.NDArray[Any]:
+        """Returns pixels as those of an `Image` with `srgb`, converted once for all frames. encoding: from TextureColors."""
+        if encoding in (SRGB, LINEAR):
+            return pixels
+        key = ("converted", self.colors.own, encoding, id(pixels))
+        # The pixels are stored with the result, so that their id is not reused.
+        made, _ = self._files.get_or_make(key, lambda: (self.colors.convert(pixels, encoding, name), pixels))
+        converted: npt.NDArray[Any] = made
+        return converted
 
     def texture(
         self,
@@ -209,19 +250,31 @@ class TextureShelf:
         if not tiles:
             self.warn_of_missing(tile_name(reference, 1001), user)
             return None, IDENTITY_UV_TRANSFORM
+        return self.tiles(reference, tiles, self._files.read, srgb), atlas_transform(tiles)
+
+    def tiles(
+        self, reference: str, tiles: dict[int, str], data: Callable[[str], bytes], srgb: bool, space: str = ""
+    ) -> int | None:
+        """Returns the index of the image that combines UDIM tiles; None, with a warning, if one is unreadable.
+
+        tiles: file name by tile number. data: returns a file's bytes. space: as of TextureColors.encoding, of all tiles.
+        """
+        encoding = self.colors.encoding(next(iter(tiles.values())), srgb, space)
+        is_srgb = encoding != LINEAR
 
         def read_tiles() -> npt.NDArray[Any]:
-            return side_by_side({number: read.read(self._files.read(name), name) for number, name in tiles.items()}, srgb)
+            pixels = {number: self.colors.convert(read.read(data(name), name), encoding, name) for number, name in tiles.items()}
+            return side_by_side(pixels, is_srgb)
 
-        key = (f"\0tiles {tiles}", srgb)
+        key = (f"\0tiles {tiles} {encoding}", is_srgb)
         if key not in self._images:
             try:
-                pixels = self._files.get_or_make(("tiles", tuple(tiles.values()), srgb), read_tiles)
-                self._images[key] = self.add(Image(reference, pixels, srgb))
+                pixels = self._files.get_or_make(("tiles", tuple(tiles.values()), encoding), read_tiles)
+                self._images[key] = self.add(Image(reference, pixels, is_srgb))
             except SceneError as error:
                 self._images[key] = None
                 self.warn_of_surface(Sentence("texture-left-out", "{error}; rendered without it.", error=error))
-        return self._images[key], atlas_transform(tiles)
+        return self._images[key]
 
     def warn_of_missing(self, reference: str, user: str) -> None:
         """Warns about a texture that is not among the files."""

@@ -65,7 +65,7 @@ def _piece(builder: Any, pointer: Any, kind: ir.Type) -> Any:
 
 
 def _quartet(builder: Any, pointer: Any, count: int) -> Any:
-    """Loads the first `count` of four float32, without accessing the memory after them."""
+    """Emits code that loads `count` (2 to 4) float32 as a vector of four, and reads no memory after them."""
     if count == 4:
         return _piece(builder, pointer, _QUARTET)
     undefined = ir.Constant(_PAIR, ir.Undefined)

@@ -167,7 +167,10 @@ class Projects:
         return self.find(name)
 
     def visible_names(self, sight: ProjectVisibility) -> list[str]:
-        """Returns the names of the projects visible to a caller, in alphabetical order. sight: the caller's visibility."""
+        """Returns the names of the projects visible to a caller, in alphabetical order.
+
+        sight: the projects that the caller may see.
+        """
         with self._sessions() as session:
             return list(session.scalars(select(Project.name).where(sight.clause(Project.name)).order_by(Project.name)))
 

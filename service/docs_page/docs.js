@@ -46,9 +46,13 @@ function limits(schema) {
   return words.join(", ");
 }
 
+/** Turns `code` in a text into elements. */
+const withCode = (text) => text.split("`").map((part, i) => (i % 2 ? el("code", {}, part) : part));
+
 function row(name, schema, required, api, description) {
   const about = [description ?? schema.description ?? "", limits(schema)].filter(Boolean).join(" · ");
-  return el("tr", {}, el("td", {}, el("code", {}, name + (required ? " *" : ""))), el("td", {}, typeName(schema, api)), el("td", {}, about));
+  const cells = [[el("code", {}, name + (required ? " *" : ""))], [typeName(schema, api)], withCode(about)];
+  return el("tr", {}, ...cells.map((cell) => el("td", {}, ...cell)));
 }
 
 function table(caption, rows) {
@@ -59,18 +63,29 @@ function table(caption, rows) {
 function properties(caption, schema, api) {
   const shape = resolve(schema.type === "array" ? schema.items : schema, api);
   const required = new Set(shape.required ?? []);
-  const rows = Object.entries(shape.properties ?? {}).map(([name, each]) => row(name, each, required.has(name), api));
-  return table(caption, rows);
+  const fields = Object.entries(shape.properties ?? {}).sort(([a], [b]) => required.has(b) - required.has(a)); // required ones first
+  return table(caption, fields.map(([name, each]) => row(name, each, required.has(name), api)));
+}
+
+/** Returns an example of a JSON body with its required fields. */
+function exampleBody(schema, api) {
+  const shape = resolve(schema, api);
+  const value = (name) => {
+    const field = resolve(shape.properties?.[name], api);
+    return { string: name.toUpperCase(), integer: 1, number: 1, boolean: true, array: [], object: {} }[field.type] ?? null;
+  };
+  return Object.fromEntries((shape.required ?? []).map((name) => [name, value(name)]));
 }
 
 /** The commands that send a request, as a starting point for scripts. */
-function commands(path, method, about) {
+function commands(path, method, about, api) {
   const url = `${location.origin}${path}`;
   const verb = method.toUpperCase();
   const media = Object.keys(about.requestBody?.content ?? {})[0] ?? "";
   const isForm = media.startsWith("multipart/");
-  const body = !media ? "" : isForm ? " -F files=@scene.glb" : " --json '{}'";
-  const sent = !media ? "" : isForm ? ', files={"files": open("scene.glb", "rb")}' : ", json={}";
+  const example = media && !isForm ? JSON.stringify(exampleBody(about.requestBody.content[media].schema, api)).replaceAll(/([:,])/g, "$1 ") : "";
+  const body = !media ? "" : isForm ? " -F files=@scene.glb" : ` --json '${example}'`;
+  const sent = !media ? "" : isForm ? ', files={"files": open("scene.glb", "rb")}' : `, json=${example.replaceAll("true", "True").replaceAll("null", "None")}`;
   const curl = `curl -sf${method === "get" || body ? "" : ` -X ${verb}`}${body && verb !== "POST" ? ` -X ${verb}` : ""}${body} ${url}`;
   const python = `import httpx\n\nanswer = httpx.${method}("${url}"${sent}).raise_for_status()`;
   return [el("h3", {}, "curl"), el("pre", { tabindex: "0" }, curl), el("h3", {}, "Python"), el("pre", { tabindex: "0" }, python)];
@@ -92,7 +107,7 @@ function operation(path, method, about, api) {
     el("span", { class: "about" }, (about.description ?? about.summary ?? "").split("\n")[0]),
   );
   const rest = (about.description ?? "").split("\n").slice(1).join(" ").trim();
-  return el("details", {}, summary, el("div", { class: "inside" }, rest && el("p", {}, rest), table("Parameters", parameters), ...sent, ...given, ...commands(path, method, about)));
+  return el("details", {}, summary, el("div", { class: "inside" }, rest && el("p", {}, rest), table("Parameters", parameters), ...sent, ...given, ...commands(path, method, about, api)));
 }
 
 function page(api) {

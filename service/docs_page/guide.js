@@ -35,6 +35,18 @@ function addCopyButtons() {
   }
 }
 
+/** Puts each line of code into an element, which narrow screens break with a hanging indent. Lines of comments are
+ *  quiet. Diagrams stay as they are. */
+function splitLines() {
+  for (const code of document.querySelectorAll("main pre code")) {
+    const text = code.textContent ?? "";
+    if (/[─│]/.test(text)) continue;
+    const lines = text.split(/(?<=\n)/);
+    const kind = (line) => (/^\s*#/.test(line) ? "line comment" : "line");
+    code.replaceChildren(...lines.map((line) => el("span", { className: kind(line), textContent: line })));
+  }
+}
+
 /** Says in the reader's language that the guides are in English; `rayfarm.language` is the choice made on the page. */
 function addLanguageNote() {
   let chosen = null;
@@ -84,13 +96,17 @@ function markSection() {
   mark();
 }
 
-/** Leads from a section that is on another page by now to that page: old links name the anchor alone. */
+/** Leads from a section that is on another page by now, or a page of its own, to that page. A page whose name begins with this
+ *  one's comes first: old links have the old page's name. */
 async function findMovedSection() {
   const anchor = decodeURIComponent(location.hash.slice(1));
   if (!anchor || document.getElementById(anchor)) return;
   const sections = await fetchSections().catch(() => []);
-  const moved = sections.find((section) => section.anchor === anchor);
+  const found = sections.filter((section) => section.anchor === anchor);
+  const name = location.pathname.split("/").pop() ?? "";
+  const moved = found.find((section) => section.guide.startsWith(`${name}-`)) ?? found[0];
   if (moved) location.replace(`${moved.guide}#${anchor}`);
+  else if (sections.some((section) => section.guide === anchor)) location.replace(anchor);
 }
 
 /** Fetches the text of all guides. @returns {Promise<Section[]>} */
@@ -168,6 +184,7 @@ function addSearch() {
   });
 }
 
+splitLines();
 addCopyButtons();
 addThemeMenu();
 addLanguageNote();

@@ -145,6 +145,7 @@ NEEDS: dict[tuple[str, str], Need] = {
     ("GET", "/api/jobs/{id}/frames/{n}"): VIEW,
     ("GET", "/api/jobs/{id}/frames/{n}/image.{extension}"): VIEW,
     ("GET", "/api/jobs/{id}/frames/{n}/film"): VIEW,
+    ("GET", "/api/jobs/{id}/frames/{n}/deep.exr"): VIEW,
     ("GET", "/api/jobs/{id}/frames/{n}/pixel"): VIEW,
     ("GET", "/api/jobs/{id}/frames/{n}/digest"): VIEW,
     ("GET", "/api/jobs/{id}/frames/{n}/log"): VIEW,

@@ -16,13 +16,14 @@ from renderer.errors import SettingsError
 from renderer.frames import MAX_FRAME, MAX_FRAMES, frames_text
 from renderer.sentences import Sentence
 
-__all__ = ["CHUNKING", "TemplateCall", "has_model", "read_call"]
+__all__ = ["CHUNKING", "TemplateCall", "has_model", "read_call", "read_calls"]
 
 CHUNKING = "TASK_CHUNKING"
 GB_PER_MIB = (1 << 20) / 1e9
 MEMORY = "amount.worker.memory"  # MiB
 FRAME_OPTIONS = ("--frames", "--frame")
 MAX_MESSAGE = 600  # characters
+MAX_NAME = 200  # characters, of a job
 
 # Of a template. OpenJD's library takes up to a minute for one of a megabyte.
 MAX_BYTES = 1 << 15  # of text, also in the expanded command line
@@ -32,16 +33,19 @@ MAX_DEPTH = 64
 
 @dataclass(frozen=True)
 class TemplateCall:
-    """The call of `rayfarm render` that the tasks of a template make.
+    """The call of `rayfarm render` that the tasks of a template's step make.
 
     words: its command line after `rayfarm render`, without the option whose value is the task's frame. frames: of all tasks, as
-    --frames has them; None if the tasks have no parameter. needs: what workers must have, as the API's `needs`. name: the job's.
+    --frames has them; None if the tasks have no parameter. needs: what workers must have, as the API's `needs`. name: the job's,
+    with that of the step if there are several. step: its name. after: the names of the steps on which it depends.
     """
 
     words: list[str]
     frames: str | None = None
     needs: list[str] = field(default_factory=list)
     name: str = ""
+    step: str = ""
+    after: tuple[str, ...] = ()
 
 
 def has_model() -> bool:
@@ -51,13 +55,48 @@ def has_model() -> bool:
     return find_spec("openjd") is not None and find_spec("openjd.model") is not None
 
 
-def read_call(document: Any, values: Mapping[str, Any], folder: Path, current: Path, free_paths: bool = False) -> TemplateCall:
-    """Returns the call that a template stands for. Reads no file.
+def read_call(
+    document: Any,
+    values: Mapping[str, Any],
+    folder: Path,
+    current: Path,
+    free_paths: bool = False,
+    step: str | None = None,
+) -> TemplateCall:
+    """Returns the call that a step of a template stands for. Reads no file.
 
     document: contents of the template. values: of its job parameters, by name. folder, current: the template's folder and the
     present one, by which relative paths are completed. free_paths: path parameters without default and value are not an error.
-    Raises SettingsError that names the part of the template for which a farm has no counterpart.
+    step: its name; None if the template has one step. Raises SettingsError that names the part of the template for which a farm
+    has no counterpart.
     """
+    job, parameters = _expanded(document, values, folder, current, free_paths)
+    names = [str(each.name) for each in job.steps]
+    if step is None and len(names) > 1:
+        raise _fault(
+            Sentence("template-step-unnamed", "it has the steps {names}; a job is one of them: name it as step", names=names)
+        )
+    if step is not None and step not in names:
+        raise _fault(Sentence("template-step-unknown", "it has no step {step}; it has {names}", step=step[:200], names=names))
+    return _call_of(job, 0 if step is None else names.index(step), parameters)
+
+
+def read_calls(document: Any, values: Mapping[str, Any], folder: Path, current: Path) -> list[TemplateCall]:
+    """Returns the calls of all steps of a template, each after those on which it depends; arguments and errors as `read_call`."""
+    job, parameters = _expanded(document, values, folder, current, False)
+    waiting = [_call_of(job, number, parameters) for number in range(len(job.steps))]
+    found: list[TemplateCall] = []
+    while waiting:  # openjd-model has refused circles and unknown names
+        ready = next(each for each in waiting if {*each.after} <= {done.step for done in found})
+        waiting.remove(ready)
+        found.append(ready)
+    return found
+
+
+def _expanded(
+    document: Any, values: Mapping[str, Any], folder: Path, current: Path, free_paths: bool
+) -> tuple[Any, Mapping[str, Any]]:
+    """Returns the job of a template with its parameters' values, and these."""
     from openjd.model import create_job, decode_job_template, preprocess_job_parameters
     from openjd.model._errors import DecodeValidationError
 
@@ -77,10 +116,14 @@ def read_call(document: Any, values: Mapping[str, Any], folder: Path, current: P
         job = create_job(job_template=template, job_parameter_values=parameters)
     except (DecodeValidationError, ValueError, NotImplementedError, OverflowError) as error:
         raise _invalid(error) from None
-    _check_parts(job)
-    step = job.steps[0]
+    return job, parameters
+
+
+def _call_of(job: Any, number: int, parameters: Mapping[str, Any]) -> TemplateCall:
+    step = job.steps[number]
+    _check_parts(job, step)
     symbols = _symbols(parameters)
-    definitions = step.parameterSpace.taskParameterDefinitions if step.parameterSpace else {}
+    definitions: Mapping[str, Any] = step.parameterSpace.taskParameterDefinitions if step.parameterSpace else {}
     names = list(definitions)
     if len(names) > 1:
         raise _fault(
@@ -97,7 +140,9 @@ def read_call(document: Any, values: Mapping[str, Any], folder: Path, current: P
     if names:
         words = _without_frame(words, _arguments(other), str(names[0]))
         frames = frames_text(_numbers(definitions[names[0]], str(names[0])))
-    return TemplateCall(words, frames, _needs(step.hostRequirements), str(job.name))
+    name = str(job.name) if len(job.steps) == 1 else f"{job.name}: {step.name}"
+    after = tuple(str(each.dependsOn) for each in step.dependencies or ())
+    return TemplateCall(words, frames, _needs(step.hostRequirements), name[:MAX_NAME], str(step.name), after)
 
 
 def _fault(sentence: str) -> SettingsError:
@@ -146,7 +191,7 @@ def _unsupported(part: str) -> SettingsError:
     return _fault(
         Sentence(
             "template-part-unsupported",
-            "{part} is not supported. A farm takes templates of one step that calls `rayfarm render`",
+            "{part} is not supported. A farm takes templates whose steps call `rayfarm render`",
             part=part,
         )
     )
@@ -156,20 +201,10 @@ def _one_line(error: Exception) -> str:
     return "; ".join(line.strip() for line in str(error).splitlines() if line.strip())[:MAX_MESSAGE]
 
 
-def _check_parts(job: Any) -> None:
-    """Raises SettingsError for the first part of a job that a farm's shot cannot express."""
-    if len(job.steps) != 1:
-        raise _fault(
-            Sentence(
-                "template-steps-many",
-                "{count} steps are not supported. A farm takes templates of one step that calls `rayfarm render`",
-                count=len(job.steps),
-            )
-        )
-    step = job.steps[0]
+def _check_parts(job: Any, step: Any) -> None:
+    """Raises SettingsError for the first part of a job's step that a farm's shot cannot express."""
     for part, value in (
         ("jobEnvironments", job.jobEnvironments),
-        ("dependencies", step.dependencies),
         ("stepEnvironments", step.stepEnvironments),
         ("embeddedFiles", step.script.embeddedFiles),
         ("timeout", step.script.actions.onRun.timeout),

@@ -37,7 +37,7 @@ def request_of(asked: TemplateIn, visit: Visit, farm: Farm) -> JobIn:
         )
     check_scene(asked.scene, visit, farm)
     try:
-        call = read_call(asked.template, asked.parameters, FOLDER, FOLDER, free_paths=True)
+        call = read_call(asked.template, asked.parameters, FOLDER, FOLDER, free_paths=True, step=asked.step)
         fields = request_fields(call.words, _cameras(asked.scene, farm), asked.environment)
     except SettingsError as error:
         raise Invalid(with_full_stop(error), field=error.field or "template") from None

@@ -15,11 +15,12 @@ from renderer.sentences import Sentence
 from service.errors import Conflict
 from service.farm import Farm
 from service.intake.frame_view import requested_view
+from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.shot import Shot
 from service.store.films import Film
 from service.store.models import Job, Scene
 
-__all__ = ["motion_vectors_of"]
+__all__ = ["motion_vectors_of", "vectors_artifact"]
 
 
 async def motion_vectors_of(job: Job, n: float, film: Film, farm: Farm) -> Callable[[], BinaryIO]:
@@ -28,11 +29,16 @@ async def motion_vectors_of(job: Job, n: float, film: Film, farm: Farm) -> Calla
     First waits for a worker to compute them, without occupying a thread. Raises Unavailable if no worker can compute them, and
     the worker's error if it failed.
     """
+    found = await vectors_artifact(job, n, film, farm)
+    return partial(farm.blobs.open, found.sha256)
+
+
+async def vectors_artifact(job: Job, n: float, film: Film, farm: Farm) -> ArtifactResult:
+    """Returns a frame's motion vectors once a worker has computed them. Raises as `motion_vectors_of` does."""
     wish = await run_sync(_vectors_request, job, n, film, farm)
     made = await run_sync(farm.engine.vectors, wish)
     # Shielded: a client that disconnects must not cancel the work for other clients.
-    found = await asyncio.shield(asyncio.wrap_future(made))
-    return partial(farm.blobs.open, found.sha256)
+    return await asyncio.shield(asyncio.wrap_future(made))
 
 
 def _vectors_request(job: Job, n: float, film: Film, farm: Farm) -> FrameVectors:

@@ -22,7 +22,7 @@ class ChangesIn(Strict):
     jobs: list[Annotated[str, Field(max_length=100)]] = Field(min_length=1, max_length=MAX_JOBS)
     state: Literal["running", "paused", "cancelled", "deleted"] | None = None
     priority: int | None = Field(None, ge=-100, le=100)
-    of: list[JobState] | None = Field(None, description="only those of them that are in one of these states")
+    of: list[JobState] | None = Field(None, description="only jobs in one of these states")
 
     @model_validator(mode="after")
     def _has_a_change(self) -> ChangesIn:

@@ -16,7 +16,7 @@ class Coded(BaseModel):
 
     codes: dict[str, Any] = Field(
         default_factory=dict,
-        description="by field: code and params of the sentence there; of a list of sentences, a list with null for plain texts",
+        description="by field: code and params of its sentence; of a list of sentences a list, with null for plain texts",
     )
 
     @model_validator(mode="before")

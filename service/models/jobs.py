@@ -84,7 +84,7 @@ class DistortionIn(Strict):
 class ViewModel(Strict):
     """A camera in world space; lengths in the scene's unit."""
 
-    distortion: DistortionIn | None = Field(None, description="of a perspective camera without an aperture")
+    distortion: DistortionIn | None = Field(None, description="lens distortion; only for perspective cameras without an aperture")
 
     @model_validator(mode="after")
     def _is_valid_view(self) -> ViewModel:
@@ -111,8 +111,8 @@ class EnvironmentIn(Strict):
 
     color: Vec3 | None = None
     sky: SkyIn | None = None
-    image: str | None = Field(None, max_length=100, description="an uploaded environment's id: see /api/environments")
-    preset: str | None = Field(None, json_schema_extra={"enum": [*PRESETS, None]}, description="light by name")
+    image: str | None = Field(None, max_length=100, description="id of an uploaded environment: see /api/environments")
+    preset: str | None = Field(None, json_schema_extra={"enum": [*PRESETS, None]}, description="name of a preset")
 
     @field_validator("preset")
     @classmethod
@@ -142,18 +142,17 @@ class EnvironmentIn(Strict):
 class JobIn(QueueOptionsIn):
     """A request to render a picture. Goals: spp, noise or seconds; the job ends when the first of them is reached."""
 
-    scene: str = Field(description="a scene's id", max_length=100)
-    name: str | None = Field(None, max_length=200)
+    scene: str = Field(description="id of the scene", max_length=100)
+    name: str | None = Field(None, max_length=200, description="null: the name of the scene")
     camera: str | Annotated[int, Field(ge=0, lt=MOST_CAMERAS)] | None = Field(
-        None, description="a camera of the scene, by its name or number"
+        None, description="name or number of a camera of the scene"
     )
-    view: ViewModel | None = Field(None, description="a camera of your own, instead of `camera`")
+    view: ViewModel | None = Field(None, description="a camera in place of `camera`")
     views: list[ViewModel] | None = Field(
         None,
         min_length=1,
         max_length=MAX_VIEWS,
-        description="a camera of your own for each frame, in the frames' order, instead of `camera`; `frames` is then 0 to n - 1 "
-        "unless told",
+        description="a camera for each frame, in place of `camera`; `frames` is then 0 to n - 1 by default",
     )
     vary: dict[str, Any] | None = Field(
         None,
@@ -166,35 +165,36 @@ class JobIn(QueueOptionsIn):
     seconds: float | None = None
     tile_size: int | None = None
     priority: int = 0
-    frames: str | int | float = Field("0", description="which frames of a shot, as 0-99 or 1-250x5,300; halves are frames too")
-    frame: float | None = Field(None, description="one of them: a still of that moment, in place of `frames`")
+    frames: str | int | float = Field("0", description="frames of a shot, such as `0-99` or `1-250x5,300`; multiples of a half")
+    frame: float | None = Field(None, description="a single frame, in place of `frames`")
     clip: str | None = Field(
-        None, max_length=200, description="of a glTF file's animations, by name or number, or `all`; the first unless told"
+        None, max_length=200, description="name or number of one of the file's animations, or `all`; the first by default"
     )
     fps: float | None = None
     turntable: float | None = None
     order: str | None = None
     every: int = 8
-    environment: EnvironmentIn | None = None
+    environment: EnvironmentIn | None = Field(None, description="null: the environment of the scene")
     variant: str | None = Field(
         None,
         max_length=200,
-        description="of the scene's materials, by name or number; empty: the file's own",
+        description="name or number of a variant of the scene's materials; empty: the file's own materials",
     )
     up: Literal["auto", "x", "y", "z", "-x", "-y", "-z"] | None = Field(
-        None, description="which axis of an OBJ, PLY, STL or OFF file is up; `auto`: a guess; null: as the scene was uploaded"
+        None, description="up axis of an OBJ, PLY, STL or OFF file; `auto`: guessed; null: as uploaded"
     )
     floor: Literal["on", "auto", "off"] | None = Field(
         None,
-        description="a floor below the scene that takes its shadows; `auto`: if the file has no light; null: as the scene was "
-        "uploaded",
+        description="a floor below the scene that takes its shadows; `auto`: if the file has no light; null: as uploaded",
     )
     verify: float | None = Field(
-        None, ge=0, le=1, description="the share of its batches that is rendered twice and compared; empty: as the farm does"
+        None, ge=0, le=1, description="share of the batches that is rendered twice and compared; null: the farm's setting"
     )
-    denoise: bool = Field(False, description="its pictures are shown and saved denoised first, once it is finished")
-    strict: bool = Field(False, description="refused, or failed, where the scene has warnings")
-    fresh: bool = Field(False, description="rendered from the first sample, whatever earlier jobs have of the same picture")
+    denoise: bool = Field(
+        False, description="whether the page shows and saves denoised pictures by default once the job is finished"
+    )
+    strict: bool = Field(False, description="whether warnings of the scene are errors")
+    fresh: bool = Field(False, description="whether to render from the first sample, without reusing samples of earlier jobs")
 
     @field_validator("camera", mode="before")
     @classmethod
@@ -294,25 +294,25 @@ class JobPatch(QueuePatch):
     """The changeable fields of a job. Frames are given as in a request, such as 10-20 or 7,9."""
 
     state: Literal["running", "paused", "cancelled"] | None = None
-    name: str | None = Field(None, max_length=200, description="what it is called; empty: as its scene")
-    note: str | None = Field(
-        None, max_length=2000, description="what there is to say about it, in lines of plain text; empty: none"
-    )
+    name: str | None = Field(None, max_length=200, description="empty: the name of the scene")
+    note: str | None = Field(None, max_length=2000, description="plain text, also of several lines; empty: none")
     priority: int | None = Field(None, ge=-100, le=100)
     spp: int | None = Field(
         None,
         ge=1,
         le=MAX_SPP,
-        description="samples in every pixel, whatever noise or time said; a finished job goes on",
+        description="samples per pixel; replaces goals of noise and time, and continues a finished job",
     )
-    more: int | None = Field(None, ge=1, le=MAX_SPP, description="as spp: so many more than now")
-    frames: str | None = Field(None, description="of a shot: spp or more are for these frames alone")
-    extend: str | None = Field(None, description="of a shot: these frames too")
-    again: str | None = Field(None, description="of a shot: these frames anew, from nothing")
-    first: float | None = Field(None, ge=-1.0, description="of a shot: this frame before all others; -1: none")
-    order: str | None = Field(None, json_schema_extra={"enum": [*ORDERS, None]}, description="of a shot")
-    focus: Focus | None = Field(None, description="x, y, w, h in pixels: rendered first, of a shot in every frame; null: no more")
-    pinned: bool | None = Field(None, description="whether it is kept, whatever its age: its picture, and its scene's files")
+    more: int | None = Field(None, ge=1, le=MAX_SPP, description="samples per pixel in addition to the present ones")
+    frames: str | None = Field(None, description="shots: the frames to which `spp` or `more` applies; all by default")
+    extend: str | None = Field(None, description="shots: frames to add")
+    again: str | None = Field(None, description="shots: frames to render again from the first sample")
+    first: float | None = Field(None, ge=-1.0, description="shots: the frame to render before all others; -1: none")
+    order: str | None = Field(None, json_schema_extra={"enum": [*ORDERS, None]}, description="shots: order of the frames")
+    focus: Focus | None = Field(
+        None, description="rectangle x, y, w, h in pixels to render first, in every frame of a shot; null: none"
+    )
+    pinned: bool | None = Field(None, description="whether retention rules keep the job's film and its scene's files")
 
     @property
     def is_of_frames(self) -> bool:
@@ -347,7 +347,7 @@ class BadSampleOut(BaseModel):
     x: int
     y: int
     sample: int
-    reproduce: str = Field(description="a command that follows its path and prints it")
+    reproduce: str = Field(description="command that traces the sample again and prints its path")
 
 
 class FrameOut(Coded):
@@ -356,38 +356,38 @@ class FrameOut(Coded):
     number: int | float
     state: FrameState
     samples: int
-    spp: float = Field(description="samples that it has, of a pixel on the average")
+    spp: float = Field(description="mean number of samples per pixel")
     bad_samples: int
-    bad: list[BadSampleOut] = Field(description="the first of them; of a shot's frames at /api/jobs/{id}/frames/{n}")
+    bad: list[BadSampleOut] = Field(description="the first bad samples; of shots only at /api/jobs/{id}/frames/{n}")
     progress: float
-    noise: float | None = Field(description="relative; of a shot's frames, from 8 samples on")
+    noise: float | None = Field(description="relative standard error; of a shot's frames from 8 samples on")
     error: str | None
 
 
 class ShotOut(BaseModel):
     """A job with several frames: their timing, rendering order and states."""
 
-    frames: str = Field(description="which there are, as 0-99,120")
+    frames: str = Field(description="the frames, such as 0-99,120")
     count: int
-    fps: float | None = Field(description="null: the file's own, else 24")
+    fps: float | None = Field(description="null: the file's frame rate, or 24")
     clip: str | None
     turntable: float | None
     order: str
     every: int
-    first: int | float | None = Field(description="the frame that goes before all others")
-    states: dict[FrameState, int] = Field(description="how many frames are so")
-    failed: str = Field(description="the frames that failed, as 3,7-9")
-    noise: float | None = Field(description="the greatest of its frames; null while that of one is not known")
-    forecast: float | None = Field(description="the greatest that it is expected to end with")
+    first: int | float | None = Field(description="the frame that is rendered before all others")
+    states: dict[FrameState, int] = Field(description="number of frames in each state")
+    failed: str = Field(description="the failed frames, such as 3,7-9")
+    noise: float | None = Field(description="maximum over the frames; null while one is unknown")
+    forecast: float | None = Field(description="expected `noise` at the end")
 
 
 class TakenOut(BaseModel):
     """Samples that a job reused at its start, from an earlier job of the same picture."""
 
-    job: str = Field(description="from which it was taken, of a shot most of it; it may be deleted by now")
-    spp: float = Field(description="samples that it had, of a pixel on the average; of a shot in the frames that were taken")
-    samples: int | None = Field(None, description="of all pixels together; null: of a release before, which took stills alone")
-    frames: str | None = Field(None, description="of a shot: the frames that were taken, whole or in part, as 0-99,120")
+    job: str = Field(description="id of the earlier job, of a shot the one with the most reused samples; it may be deleted")
+    spp: float = Field(description="mean number of reused samples per pixel, of a shot in the reused frames")
+    samples: int | None = Field(None, description="reused samples over all pixels; null in records of older releases")
+    frames: str | None = Field(None, description="shots: frames with reused samples, such as 0-99,120")
 
 
 class JobOut(QueueOut):
@@ -395,48 +395,48 @@ class JobOut(QueueOut):
 
     id: str
     scene: str
-    project: str = Field(default="", description="its scene's: whose members see it; empty: everybody who is let in")
+    project: str = Field(default="", description="project of the scene; empty: visible to all users")
     name: str
     state: JobState
-    message: str | None = Field(description="why it does not go on at the moment")
-    stranded: bool = Field(description="begun by a kind of workers of which none is connected, while others are: see /anew")
+    message: str | None = Field(description="why the job does not progress at present")
+    stranded: bool = Field(description="whether no connected worker is of the kind that began the job: see /anew")
     error: str | None
-    reproduce: str | None = Field(description="a command that shows the error again")
+    reproduce: str | None = Field(description="command that reproduces the error")
     priority: int
     created: float
     started: float | None
     finished: float | None
     as_of: float = Field(
         default=0.0,
-        description="when this was true, as Unix time; of two descriptions of a job the smaller is older",
+        description="Unix time of this description; of two descriptions of a job, the one with the larger value is newer",
     )
     active_s: float = Field(description="wall-clock time spent on rendering")
     progress: float
     eta_s: float | None
-    samples: int = Field(description="in the film, all pixels of all frames together")
+    samples: int = Field(description="samples in the film, over all pixels and frames")
     samples_per_s: float
-    bad_samples: int = Field(description="samples that were NaN or infinite, and left out")
+    bad_samples: int = Field(description="NaN and infinite samples, which are left out")
     width: int | None
     height: int | None
     spp: int | None
     noise: float | None
     seconds: float | None
     tile_size: int | None
-    focus: list[int] | None = Field(description="the rectangle that is rendered first: x, y, w, h")
+    focus: list[int] | None = Field(description="rectangle that is rendered first: x, y, w, h in pixels")
     kind: str | None
     settings: dict[str, Any] | None
-    environment: dict[str, Any] | None = Field(description="as it was asked for, and `name`: what the image is called")
-    variant: str | None = Field(description="as it was asked for")
-    up: str | None = Field(description="likewise")
-    floor: str | None = Field(description="likewise")
-    denoise: bool = Field(description="its pictures are shown and saved denoised first, once it is finished")
-    pinned: bool = Field(description="kept, whatever its age")
-    note: str | None = Field(description="what somebody wrote about it")
-    review: ReviewOut | None = Field(default=None, description="null: it has neither notes nor a verdict")
-    taken: TakenOut | None = Field(description="null: all of its samples were rendered for it")
+    environment: dict[str, Any] | None = Field(description="as requested; `name` is that of the image")
+    variant: str | None = Field(description="as requested")
+    up: str | None = Field(description="as requested")
+    floor: str | None = Field(description="as requested")
+    denoise: bool = Field(description="whether the page shows and saves denoised pictures by default once the job is finished")
+    pinned: bool = Field(description="whether retention rules keep it")
+    note: str | None = Field(description="plain text")
+    review: ReviewOut | None = Field(default=None, description="null: neither notes nor a verdict")
+    taken: TakenOut | None = Field(description="reused samples; null: none")
     doubted: list[str] = Field(
-        description="workers that were found out since to render something else than others, and whose samples it holds: "
-        "set it to running to have those rendered again"
+        description="workers with samples in the film that have since failed verification: "
+        "set the job to running to render those samples again"
     )
-    frames: list[FrameOut] = Field(description="of a shot only its first: all are at /api/jobs/{id}/frames")
-    shot: ShotOut | None = Field(description="null: a still")
+    frames: list[FrameOut] = Field(description="of a shot only the first; all are at /api/jobs/{id}/frames")
+    shot: ShotOut | None = Field(description="null: the job is a still")

@@ -23,7 +23,9 @@ MAX_DEPENDENCIES = 1000
 JobIds = Annotated[list[Annotated[str, Field(max_length=100)]], Field(max_length=MAX_DEPENDENCIES)]
 
 
-MaxSlots = Annotated[int | None, Field(ge=1, le=1_000_000, description="slots that render it at a time, at most; null: no limit")]
+MaxSlots = Annotated[
+    int | None, Field(ge=1, le=1_000_000, description="maximum number of slots that render the job at a time; null: no limit")
+]
 
 
 def _checked_deadline(text: str | None) -> str | None:
@@ -36,7 +38,7 @@ Deadline = Annotated[
     str | None,
     Field(
         max_length=60,
-        description="by when it is wanted: an ISO time, or the next 08:00; of the service's zone where it names none",
+        description="ISO time, or a time of day such as 08:00 for its next occurrence; by default in the service's time zone",
     ),
     AfterValidator(_checked_deadline),
 ]
@@ -49,7 +51,7 @@ def _parse_needs(texts: list[str]) -> list[str]:
 
 Requirements = Annotated[
     list[Annotated[str, Field(max_length=100)]],
-    Field(max_length=50, description="of the workers that render it: tags, as gpu, and memory_gb=32; [] for any worker"),
+    Field(max_length=50, description="requirements on workers: tags such as gpu, and memory_gb=32; []: any worker"),
     AfterValidator(_parse_needs),
 ]
 
@@ -59,7 +61,7 @@ class QueueOptionsIn(Strict):
 
     after: JobIds = Field(
         [],
-        description="ids of jobs: it begins when they are finished; where one fails, is cancelled or deleted, so does it fail",
+        description="ids of jobs that must finish first; the job fails if one of them fails or is cancelled or deleted",
     )
 
     max_slots: MaxSlots = None
@@ -73,27 +75,29 @@ class QueuePatch(Strict):
     max_slots: MaxSlots = None
     deadline: Deadline = None
     needs: Requirements | None = None
-    after: JobIds | None = Field(None, description="which of the jobs that it waits for it is to wait for on; []: none of them")
+    after: JobIds | None = Field(None, description="the jobs to continue waiting for; []: none")
 
 
 class WaitOut(BaseModel):
     """A job that another job waits for."""
 
     id: str
-    name: str | None = Field(description="null: it was deleted")
+    name: str | None = Field(description="null: the job was deleted")
     state: str | None
 
 
 class QueueOut(Coded):
     """Queue options of a job, and its forecast."""
 
-    after: list[str] = Field(description="ids of the jobs that it was to come after, as it was asked for")
-    user: str | None = Field(description="who asked for it; null where the farm asks nobody who they are")
-    max_slots: int | None = Field(description="that render it at a time, at most")
-    needs: list[str] = Field(description="of the workers that render it")
-    deadline: float | None = Field(description="by when it is wanted, in unix time")
-    expected: float | None = Field(description="when it is to be ready by the forecast, where it has a deadline and is not over")
-    unforeseen: str | None = Field(description="why there is no forecast, where it has a deadline and is not over, in a sentence")
-    late: float | None = Field(description="since when it is expected to miss its deadline, or has missed it; null: it is not")
-    warning: str | None = Field(description="what somebody may want to do something about, in a sentence")
-    waits_for: list[WaitOut] = Field(description="those of them that are not finished")
+    after: list[str] = Field(description="ids of the jobs that must finish first, as requested")
+    user: str | None = Field(description="user who submitted the job; null on a farm without logins")
+    max_slots: int | None = Field(description="maximum number of slots at a time")
+    needs: list[str] = Field(description="requirements on workers")
+    deadline: float | None = Field(description="Unix time")
+    expected: float | None = Field(description="forecast of the end, as Unix time; only for unfinished jobs with a deadline")
+    unforeseen: str | None = Field(description="why an unfinished job with a deadline has no forecast")
+    late: float | None = Field(
+        description="Unix time since when the deadline is expected to be missed, or is missed; null: neither"
+    )
+    warning: str | None = Field(description="a problem that may need attention")
+    waits_for: list[WaitOut] = Field(description="those of `after` that are not finished")

@@ -29,8 +29,8 @@ class SceneOut(Coded):
     name: str
     status: SceneStatus
     error: str | None
-    step: str | None = Field(description="what preparing does at the moment")
-    progress: float | None = Field(description="of preparing, 0 to 1")
+    step: str | None = Field(description="current step of the preparation")
+    progress: float | None = Field(description="progress of the preparation, 0 to 1")
     created: float = Field(description="unix time in seconds")
     main: str
     files: list[dict[str, Any]]
@@ -39,25 +39,25 @@ class SceneOut(Coded):
     counts: dict[str, int]
     bounds: list[list[float]] | None
     animations: list[str]
-    fps: float | None = Field(description="the file's own, else 24; null where that is not known")
-    clips: list[dict[str, Any]] = Field(description="of its animations: name, and from when to when it moves, in seconds")
-    variants: list[str] = Field(description="of a glTF file's materials; a job may ask for one")
-    light_groups: list[str] = Field(default_factory=list, description="names of its lights' groups, for a job's `light_groups`")
-    variant: str | None = Field(description="the one that is shown; null: the file's own materials")
-    up_axis: str | None = Field(
-        description="which axis of an OBJ, PLY, STL or OFF file is up; null: not known, or stated by the file"
+    fps: float | None = Field(description="the file's frame rate, or 24; null while unknown")
+    clips: list[dict[str, Any]] = Field(description="animations: name, begin and end in seconds")
+    variants: list[str] = Field(description="names of material variants, for a job's `variant`")
+    light_groups: list[str] = Field(default_factory=list, description="names of light groups, for a job's `light_groups`")
+    variant: str | None = Field(description="the variant that is shown; null: the file's own materials")
+    up_axis: str | None = Field(description="up axis of an OBJ, PLY, STL or OFF file; null: unknown, or stated by the file")
+    up: str | None = Field(description="the requested up axis; null: guessed")
+    has_floor: bool = Field(description="whether there is a floor below the scene")
+    floor: str | None = Field(description="as requested: on, or auto (if the file has no light); null: off")
+    environment: str | None = Field(
+        description="environment in place of the file's: an image among the files, or sky:ELEVATION,AZIMUTH"
     )
-    up: str | None = Field(description="the axis that was asked for; null: it is guessed")
-    has_floor: bool = Field(description="whether the studio's floor lies below it")
-    floor: str | None = Field(description="as it was asked for: on, or auto: if the file has no light; null: off")
-    environment: str | None = Field(description="in place of its own: an image among the files, or sky:ELEVATION,AZIMUTH")
-    measured: MeasuredOut | None = Field(description="null until a picture of it was rendered")
+    measured: MeasuredOut | None = Field(description="null until a picture is rendered")
     warnings: list[str]
-    strict: bool = Field(description="whether warnings fail it: then `error` and `warnings` list them")
+    strict: bool = Field(description="whether warnings are errors, which `error` and `warnings` then list")
     defaults: dict[str, Any]
     thumbnail: str | None
     preview: str | None = Field(
         default=None,
         description="a mesh to draw until there are samples; cameras, bounds and defaults come with it",
     )
-    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
+    project: str = Field(default="", description="empty: visible to all users")

@@ -16,13 +16,18 @@ Parameters = dict[Annotated[str, Field(max_length=64)], Annotated[str, Field(max
 class TemplateIn(QueueOptionsIn):
     """A job template whose tasks call `rayfarm render`, and the uploaded scene that it renders."""
 
-    scene: str = Field(description="a scene's id; the path of the template's scene is not read", max_length=100)
+    scene: str = Field(description="id of the scene; the path of the template's scene is not read", max_length=100)
     template: dict[str, Any] = Field(description="a template of the specification 2023-09, as JSON")
     parameters: Parameters = Field(
-        default_factory=dict, max_length=50, description="of the template, by name, as Frames: 1-250:5"
+        default_factory=dict, max_length=50, description="values of the template's parameters by name, such as Frames: 1-250:5"
+    )
+    step: str | None = Field(
+        None,
+        max_length=64,
+        description="of the template, by name, if it has several; `after` then has the jobs of the steps on which it depends",
     )
     environment: str | None = Field(
-        None, max_length=100, description="an uploaded environment's id, in place of the file that the template names by --env"
+        None, max_length=100, description="id of an uploaded environment, in place of the file of --env in the template"
     )
     priority: int = Field(0, ge=-100, le=100, description="higher is sooner")
-    fresh: bool = Field(False, description="rendered from the first sample, whatever earlier jobs have of the same picture")
+    fresh: bool = Field(False, description="whether to render from the first sample, without reusing samples of earlier jobs")

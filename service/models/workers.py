@@ -31,14 +31,20 @@ class WorkerPatch(Strict):
     """The changeable settings of a running worker. Null resets a setting, except `state`, to the worker's start value."""
 
     state: Literal["running", "paused"] | None = None
-    hours: Week = Field(None, description="when it works, by its own clock: Mon-Fri 19:00-07:00, Sat-Sun; empty: always")
-    idle_minutes: float | None = Field(
-        None, ge=0, le=1e6, allow_inf_nan=False, description="it works only when nobody has there for so long; 0: in any case"
+    hours: Week = Field(
+        None, description="working hours by the worker's clock, such as Mon-Fri 19:00-07:00, Sat-Sun; empty: always"
     )
-    nice: int | None = Field(None, ge=0, le=19, description="how far it stands back for other programs of its machine")
-    slots: int | None = Field(None, ge=1, le=4096, description="at most; never more than it was started with")
+    idle_minutes: float | None = Field(
+        None,
+        ge=0,
+        le=1e6,
+        allow_inf_nan=False,
+        description="minutes without activity of a user before the worker renders; 0: it always renders",
+    )
+    nice: int | None = Field(None, ge=0, le=19, description="Unix niceness: higher yields more to other programs")
+    slots: int | None = Field(None, ge=1, le=4096, description="maximum number of slots; not more than at its start")
     memory_gb: float | None = Field(
-        None, ge=0, le=1e6, allow_inf_nan=False, description="that it may use: over it, it takes nothing new; 0: no limit"
+        None, ge=0, le=1e6, allow_inf_nan=False, description="GB of memory above which it takes no new work; 0: no limit"
     )
 
     @model_validator(mode="after")
@@ -67,15 +73,15 @@ class OfferOut(Coded):
     """What a worker offers, as it reports: tags, memory, hours and limits."""
 
     tags: list[str]
-    memory: int = Field(description="bytes that it may use: its limit, else all that its machine has")
-    slots_most: int = Field(description="it was started with so many")
+    memory: int = Field(description="bytes available: its limit, or the machine's memory")
+    slots_most: int = Field(description="number of slots at its start")
     hours: str = Field(description="empty: always")
-    idle_minutes: float = Field(description="0: also while somebody works at its machine")
-    idle_by: list[str] = Field(description="how it knows that somebody does: load, terminals, desktop, screen")
+    idle_minutes: float = Field(description="0: it renders also while a user is active")
+    idle_by: list[str] = Field(description="sources of user activity: load, terminals, desktop, screen")
     nice: int
     memory_limit: int = Field(description="bytes; 0: none")
-    rests: str | None = Field(description="why it takes nothing at the moment, by its own hours or limits")
-    trouble: str | None = Field(description="what was asked of it and it cannot do")
+    rests: str | None = Field(description="why it takes no work at present, by its hours or limits")
+    trouble: str | None = Field(description="requested settings that it cannot apply")
 
 
 class CardOut(BaseModel):
@@ -104,15 +110,13 @@ class WorkerOut(Coded):
     samples_per_s: float = Field(description="of one slot")
     current: list[dict[str, Any]]
     denoises: bool = Field(description="whether it has Open Image Denoise")
-    memory_used: int | None = Field(description="of its machine, in bytes; null where it does not tell")
+    memory_used: int | None = Field(description="bytes used on its machine; null: unknown")
     memory_total: int | None
     failures: int = Field(description="batches that failed there since the service started")
-    speeds: list[float] = Field(description="samples a second of all its slots: a mean a minute, of the last hour, newest last")
+    speeds: list[float] = Field(description="samples per second of all slots: means per minute of the last hour, newest last")
     cards: list[CardOut] = Field([], description="graphics cards with which its slots render")
     cards_unused: list[str] = Field([], description="why other graphics cards are not used, a sentence each")
-    transport: Literal["redis", "https"] = Field(
-        "redis", description="how it reaches the queue: https: through the service alone"
-    )
+    transport: Literal["redis", "https"] = Field("redis", description="how it reaches the queue; https: through the service")
     offer: OfferOut | None = Field(description="null: a worker of an older release, which can only be paused and has no tags")
 
 

@@ -50,10 +50,10 @@ class EnvironmentOut(BaseModel):
     help: str
     kind: Literal["preset", "image"]
     environment: dict[str, Any]
-    created: float | None = Field(description="null: a preset")
+    created: float | None = Field(description="Unix time; null: a preset")
     bytes: int | None
     thumbnail: str
-    project: str = Field(default="", description="whose members see it; empty: everybody who is let in")
+    project: str = Field(default="", description="empty: visible to all users")
 
 
 @router.get("", response_model=list[EnvironmentOut])

@@ -47,9 +47,9 @@ class LightOut(BaseModel):
 
     point: Numbers | None = Field(description="null: infinitely far")
     direction: Numbers
-    pdf: float | None = Field(description="per steradian, with which it was chosen")
-    weight: float = Field(description="of multiple importance sampling, against the material's own chance of that direction")
-    brought: Numbers = Field(description="the radiance that it adds to the sample if nothing is in the way")
+    pdf: float | None = Field(description="probability density of the direction, per steradian")
+    weight: float = Field(description="weight of multiple importance sampling against BSDF sampling")
+    brought: Numbers = Field(description="radiance that it contributes to the sample if it is not occluded")
     spot: Spot
 
 
@@ -64,26 +64,26 @@ class PathVertexOut(BaseModel):
     material: int | None
     object_name: str | None = None
     material_name: str | None = None
-    model: str | None = Field(description="by which the material scatters: diffuse, mirror, glass, metallic-roughness, ...")
-    bounce: Literal["reflected", "transmitted"] | None = Field(description="to which side of the surface the path went on")
+    model: str | None = Field(description="scattering model: diffuse, mirror, glass, metallic-roughness, ...")
+    bounce: Literal["reflected", "transmitted"] | None = Field(description="side of the surface on which the path continues")
     pdf: float | None = Field(
-        description="per steradian, of the directions in which it went on, two where it splits; null: a single one"
+        description="pdf per steradian of each sampled direction, two if the path splits; null: a delta distribution"
     )
-    survival: float | None = Field(description="the chance with which Russian roulette let it go on; null: not asked")
+    survival: float | None = Field(description="survival probability of Russian roulette; null: not applied")
     distance: float | None = Field(description="from the last vertex; null: infinite")
     point: Numbers | None
     normal: Numbers | None
-    direction: Numbers = Field(description="in which the ray came")
-    throughput: Numbers = Field(description="what radiance from here counts in the sample")
-    emitted: Numbers = Field(description="the radiance that its own light adds to the sample")
+    direction: Numbers = Field(description="direction of the incident ray")
+    throughput: Numbers = Field(description="path throughput at this vertex")
+    emitted: Numbers = Field(description="radiance that its emission contributes to the sample")
     emitted_weight: float | None = Field(
-        description="of multiple importance sampling in it; null: it adds none, or it is not told"
+        description="its weight in multiple importance sampling; null: no emission, or not reported"
     )
-    direct: Numbers = Field(description="the radiance that the light which was chosen adds to the sample")
+    direct: Numbers = Field(description="radiance that the sampled light contributes to the sample")
     beside: Numbers = Field(
-        [0.0, 0.0, 0.0], description="the radiance that the path's second branch adds, which begins at this vertex"
+        [0.0, 0.0, 0.0], description="radiance that the path's second branch contributes, which begins at this vertex"
     )
-    light: LightOut | None = Field(description="null: none was to be had, or it is not told")
+    light: LightOut | None = Field(description="the sampled light; null: none, or not reported")
     spot: Spot
 
 
@@ -92,9 +92,9 @@ class PathOut(BaseModel):
 
     chosen: list[Choice]
     sample: int
-    value: list[float] | None = Field(description="as the film has it; null: no number, and so left out")
-    end: Ending | None = Field(description="why the path is over")
-    time: float = Field(description="of the shutter, 0 to 1")
+    value: list[float] | None = Field(description="value in the film; null: NaN or infinite, and left out")
+    end: Ending | None = Field(description="why the path ended")
+    time: float = Field(description="time within the shutter interval, 0 to 1")
     vertices: list[PathVertexOut]
 
 
@@ -104,11 +104,11 @@ class ExplainedOut(BaseModel):
     x: int
     y: int
     frame: float
-    samples: int = Field(description="so many of the pixel's samples were rendered once more: the first ones")
-    mean: list[float] | None = Field(description="of those that are numbers")
+    samples: int = Field(description="number of samples that were rendered again, from the first on")
+    mean: list[float] | None = Field(description="mean of the finite samples")
     equals_film: bool | None = Field(
-        description="whether their sum is the film's to the bit; null where the film has others too, or workers of another kind "
-        "than those that rendered it were asked"
+        description="whether the sum of the samples equals the film bit by bit; null: the film has other samples, or workers of "
+        "another kind rendered it"
     )
     worker: str | None
     paths: list[PathOut]
@@ -121,7 +121,7 @@ def explain(
     x: Annotated[int, Query(ge=0)],
     y: Annotated[int, Query(ge=0)],
     frame: Annotated[float, Query(ge=0, le=MAX_FRAME, multiple_of=0.5, allow_inf_nan=False)] = 0.0,
-    sample: Annotated[int | None, Query(ge=0, lt=MAX_SPP, description="one more that is to be shown")] = None,
+    sample: Annotated[int | None, Query(ge=0, lt=MAX_SPP, description="number of another sample to return")] = None,
 ) -> ExplainedOut:
     """Returns the paths of a few of a pixel's samples: the first, one of median luminance, and the brightest of all.
 

@@ -102,10 +102,12 @@ def keep_blob(sha256: str, farm: FarmDependency) -> Response:
 
 
 @router.get("/films/{job}/{frame}", response_class=FileResponse)
-def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], farm: FarmDependency) -> FileResponse:
+def get_means(
+    job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], farm: FarmDependency, ids: bool = False
+) -> FileResponse:
     """Returns the mean colour, albedo and normal of a frame for a denoiser; layout: protocol.contract.DenoiseFrame.
 
-    frame: twice the frame number.
+    frame: twice the frame number. ids: whether the object and material planes follow.
     """
     found = find_job(job, farm)
     film = farm.film(found)
@@ -115,7 +117,7 @@ def get_means(job: str, frame: Annotated[int, PathParameter(ge=0, le=1 << 31)], 
     handle, name = tempfile.mkstemp(dir=farm.settings.data / "tmp", prefix="means-")
     try:
         with os.fdopen(handle, "wb") as file:
-            for means in ("color", "albedo", "normal"):
+            for means in ("color", "albedo", "normal", *(("object", "material") if ids else ())):
                 for band in bands(film, frame, [means]):
                     band.astype("<f4", copy=False).tofile(file)
     except BaseException:

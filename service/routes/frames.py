@@ -6,7 +6,6 @@ until the job ends.
 
 from __future__ import annotations
 
-import asyncio
 import hashlib
 import math
 import re
@@ -37,16 +36,17 @@ from service.http.head_requests import headers_response, is_head
 from service.http.paths import Number
 from service.http.routers import api_router
 from service.http.visit import VisitDependency
+from service.jobs.denoised import denoised_artifact
 from service.jobs.describe_frames import frame_out, frames_json
 from service.jobs.frame_workers import FrameWorkersOut, frame_workers
 from service.jobs.lookup import find_film, find_job, find_picture, frame_not_found, names_of_ids, without_samples
 from service.jobs.motion import motion_vectors_of
 from service.models.jobs import FrameOut, FrameState
-from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.store import bands
 from service.store.films import Film
 from service.store.models import FINAL_STATES, Job
 from service.watching import film_packet
+from service.watching.deep_picture import deep_picture, deep_picture_memory
 from service.watching.mix import gains_of_mix
 from service.watching.pictures import MEDIA, PictureRequest, picture_file, picture_memory, plane_names
 
@@ -55,12 +55,17 @@ __all__ = ["router"]
 router = api_router(prefix="/api/jobs/{id}/frames", tags=["frames"])
 
 IMAGE = {"content": {media: {} for media in MEDIA.values()}, "description": "The picture."}
+DEEP = {"content": {MEDIA["exr"]: {}}, "description": "The deep picture."}
 FILM = {"content": {"application/octet-stream": {}}, "description": "The film."}
 AOV_HELP = (
     f"color, or one of {', '.join(aovs.NAMES)}; for exr also a list as color,normal, or all, which is all but motion: layers "
     "beside the colour. motion waits until a worker has made it. light:NAME is the light of a light group of the job, lights "
     "that of all of them; path:NAME that of a light path, paths all of them; cryptomatte is the mattes of a job with that "
     "setting, alpha the coverage with background transparent"
+)
+IN_SHOT_HELP = (
+    "with denoise, of a shot's frame: averaged along the motion vectors with up to two finished frames before and after it, so "
+    "that the shot flickers less; waits for the vectors, too"
 )
 MIX_HELP = (
     "the colour as a weighted sum of the job's light groups: NAME:GAIN or NAME:RED/GREEN/BLUE, separated by commas, as "
@@ -75,12 +80,12 @@ class Pixel(BaseModel):
     y: int
     samples: int
     color: list[float]
-    error: float | None = Field(description="standard error of the luminance; null where there are too few samples")
+    error: float | None = Field(description="standard error of the luminance; null: too few samples")
     albedo: list[float]
     normal: list[float]
     depth: float
     position: list[float]
-    object: int | None = Field(description="number of the object that is seen first, null for none")
+    object: int | None = Field(description="number of the first visible object; null: none")
     material: int | None
     object_name: str | None
     material_name: str | None
@@ -103,7 +108,7 @@ def list_frames(
     farm: FarmDependency,
     state: FrameState | None = None,
     limit: Annotated[int | None, Query(ge=1, le=MAX_FRAMES, description="greatest number of frames; all by default")] = None,
-    offset: Annotated[int, Query(ge=0, le=MAX_FRAMES, description="from which one on, counted from 0")] = 0,
+    offset: Annotated[int, Query(ge=0, le=MAX_FRAMES, description="index of the first frame to return, from 0")] = 0,
 ) -> Response:
     """Lists the frames of a job in order, each with its state, samples, noise and error."""
     job = find_job(id, farm)
@@ -132,17 +137,16 @@ async def image(
     farm: FarmDependency,
     visit: VisitDependency,
     aov: Annotated[str, Query(max_length=200, description=AOV_HELP)] = "color",
-    denoise: Annotated[bool, Query(description="without most of the noise; waits until a worker has made it")] = False,
+    denoise: Annotated[bool, Query(description="denoised; the request waits for a worker")] = False,
+    in_shot: Annotated[bool, Query(description=IN_SHOT_HELP)] = False,
     exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; not for exr, hdr and rgb9e5")] = 0.0,
     tonemap_curve: CurveName = "neutral",
-    width: Annotated[int | None, Query(ge=16, description="a smaller copy, at least this wide: for lists")] = None,
+    width: Annotated[int | None, Query(ge=16, description="a smaller copy, at least this wide")] = None,
     mix: Annotated[str, Query(max_length=4000, description=MIX_HELP)] = "",
     gain_map: Annotated[
         bool, Query(description="jpg with a gain map (Ultra HDR), by which HDR displays show brighter highlights")
     ] = False,
-    visible: Annotated[
-        bool, Query(description="png and jpg that would look black are exposed by what they show: for lists")
-    ] = False,
+    visible: Annotated[bool, Query(description="png and jpg that would look black are exposed automatically")] = False,
 ) -> Response:
     """Returns the picture rendered so far. EXR, HDR and RGB9E5 are scene-linear; PNG and JPEG are tone-mapped.
 
@@ -163,7 +167,7 @@ async def image(
     PictureRequest(extension, planes, in_layers, curve=curve, width=width, gain_map=gain_map).check()
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
-    denoised = await _denoised_artifact(id, n, film, farm) if denoise and not asks_head else None
+    denoised = await denoised_artifact(job, n, film, farm, in_shot) if denoise and not asks_head else None
     if denoised is not None:
         version, samples = denoised.version, denoised.samples
     key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains} {gain_map}"
@@ -203,6 +207,34 @@ async def image(
     if made.span is not None:
         headers["X-Span"] = ",".join(f"{value:.6g}" for value in made.span)
     return StreamingResponse(made.pieces(), media_type=MEDIA[extension], headers=headers)
+
+
+@router.get("/{n}/deep.exr", response_class=Response, responses={200: DEEP, 304: {"description": "Not changed."}})
+async def deep(id: str, n: Number, request: Request, farm: FarmDependency, visit: VisitDependency) -> Response:
+    """Returns the deep picture rendered so far, of a job with the setting `deep`: samples in depth with colour and alpha.
+
+    Composited over each other, the samples of a pixel give the colour and alpha of image.exr.
+    """
+    job = await run_in_threadpool(find_job, id, farm)
+    if not (job.settings or {}).get("deep"):
+        raise Invalid(
+            Sentence(
+                "deep-not-rendered", "deep.exr: the job has no deep samples; set deep, for instance to 32, when it is rendered."
+            )
+        )
+    film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
+    headers = {"ETag": f'"{version}-deep"', "Cache-Control": "no-cache", SAMPLES_HEADER: str(samples)}
+    if headers["ETag"] in request.headers.get("if-none-match", ""):
+        return Response(status_code=304, headers=headers)
+    headers["Content-Disposition"] = content_disposition(picture_name(job, n, samples, "deep", "exr"))
+    if is_head(request):
+        return headers_response(headers, MEDIA["exr"])
+    key = (id, n, "deep", headers["ETag"])
+    folder = farm.settings.data / "tmp"
+    most = deep_picture_memory(film)
+    made = await farm.pictures.run(key, most, deep_picture, film, frame_key(n), folder, user=visit.queue)
+    headers["Content-Length"] = str(made.size)
+    return StreamingResponse(made.pieces(), media_type=MEDIA["exr"], headers=headers)
 
 
 @router.get("/{n}/film", response_class=Response, responses={200: FILM, 304: {"description": "Not changed."}})
@@ -308,13 +340,6 @@ async def digest(id: str, n: Number, farm: FarmDependency, visit: VisitDependenc
         (id, n, "digest", version), bands.digest_memory(film), bands.digest, film, frame_key(n), folder, user=visit.queue
     )
     return Digest(digest=made, samples=samples)
-
-
-async def _denoised_artifact(id: str, n: float, film: Film, farm: Farm) -> ArtifactResult:
-    """Returns the denoised frame once a worker has made it. Occupies no thread meanwhile, since many clients may wait."""
-    made = await run_in_threadpool(farm.engine.denoise, id, frame_key(n), film)
-    # Shielded: a client that disconnects must not cancel the work for other clients.
-    return await asyncio.shield(asyncio.wrap_future(made))
 
 
 def _requested_planes(text: str, job: Job) -> tuple[tuple[str, ...], bool]:

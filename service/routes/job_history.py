@@ -21,9 +21,9 @@ router = api_router(prefix="/api/jobs", tags=["jobs"])
 class HistoryPoint(BaseModel):
     """Samples and noise of a job at one moment of rendering."""
 
-    seconds: float = Field(description="of rendering, pauses left out")
-    spp: float = Field(description="samples of a pixel; of a shot those of all frames together")
-    noise: float | None = Field(description="relative; of a shot the greatest of its frames; null while it is not known")
+    seconds: float = Field(description="seconds of rendering, without pauses")
+    spp: float = Field(description="samples per pixel; of a shot the sum over its frames")
+    noise: float | None = Field(description="relative standard error; of a shot the maximum over its frames; null while unknown")
 
 
 class HistoryEvent(BaseModel):
@@ -33,7 +33,7 @@ class HistoryEvent(BaseModel):
     kind: str = Field(
         description="begun, picture (every tile has a sample), worker, left, paused, resumed, lost, failed, healed, late, in-time"
     )
-    words: str = Field(description="of whom, or why")
+    words: str = Field(description="name or reason")
 
 
 class HistoryOut(BaseModel):

@@ -32,14 +32,14 @@ _JOBS = TypeAdapter(list[JobOut])
 TraceParent = Annotated[str | None, Header(include_in_schema=False)]  # W3C Trace Context of the client
 Key = Annotated[
     str | None,
-    Header(max_length=255, pattern="^[ -~]*$", description="A repeated POST of a user's with the same key makes one job."),
+    Header(max_length=255, pattern="^[ -~]*$", description="repeated requests of a user with the same key create one job"),
 ]
 
 
 def _filter_from_query(
     visit: VisitDependency,
     project: InProject = None,
-    state: Annotated[list[JobState] | None, Query(description="one of these, where any is given")] = None,
+    state: Annotated[list[JobState] | None, Query(description="only jobs in one of these states")] = None,
     scene: Annotated[str | None, Query(max_length=100)] = None,
     search: Annotated[
         str, Query(max_length=200, description="words that its name, its note or its scene's name has, or the begin of its id")

@@ -17,7 +17,7 @@ from contextlib import suppress
 
 import redis
 
-from protocol.contract import DenoiseFrame, FrameVectors, ShowEnvironment
+from protocol.contract import VERSION_SEPARATOR, DenoiseFrame, FrameVectors, ShowEnvironment
 from protocol.terms import Terms
 from renderer.sentences import Sentence
 from service.errors import FarmError, QueueError
@@ -204,10 +204,14 @@ class Engine:
         """
         return self._workers.log(worker)
 
-    def denoise(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
-        """Requests that a worker denoise a frame, with the samples that its film has now. Raises Unavailable if no worker can."""
-        request = DenoiseFrame("", job, frame, film.width, film.height)
-        return self._with_wake_up(self._artifact_tasks.denoising.request(request, film.version(frame)))
+    def denoise(self, job: str, frame: int, film: Film, frames: tuple[tuple[int, str], ...] = ()) -> Future[ArtifactResult]:
+        """Requests that a worker denoise a frame, with the samples that its film has now. Raises Unavailable if no worker can.
+
+        frames: as in DenoiseFrame.
+        """
+        request = DenoiseFrame("", job, frame, film.width, film.height, frames)
+        version = VERSION_SEPARATOR.join(film.version(each) for each, _ in frames or ((frame, ""),))
+        return self._with_wake_up(self._artifact_tasks.denoising.request(request, version))
 
     def vectors(self, request: FrameVectors) -> Future[ArtifactResult]:
         """Requests that a worker compute a frame's motion vectors. Raises Unavailable if no worker can."""

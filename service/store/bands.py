@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from types import MappingProxyType
@@ -13,14 +13,16 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer import aovs, cryptomatte
+from renderer import deep as deep_math
 from renderer import film as film_math
+from renderer.deep_samples import DeepRows, deep_rows
 from renderer.film import Gain, Sums, plane_count
 from renderer.settings import Tile
 from service.store.film_faults import film_faults
 from service.store.film_moment import ReadableFilm
 from service.store.films import Film
 
-__all__ = ["bands", "digest", "digest_memory"]
+__all__ = ["bands", "deep_bands", "digest", "digest_memory"]
 
 F32 = npt.NDArray[np.float32]
 IN_MEMORY_BYTES = 32 << 20
@@ -64,6 +66,20 @@ def _cryptomatte_planes(film: ReadableFilm, frame: int, tile: Tile, sums: Sums, 
     return cryptomatte.layers(hits, sums[film_math.SAMPLES], film.ranks, names)
 
 
+def deep_bands(film: ReadableFilm, frame: int) -> Iterator[DeepRows]:
+    """Yields the deep picture of a frame as bands from top to bottom, one per row of tiles. Raises as `bands` does."""
+    count = plane_count(len(film.groups), film.is_transparent)
+    wanted = [film_math.SAMPLES, *range(film_math.alpha_plane(len(film.groups)), count)]
+    for row, sums_of in _rows(film, frame, wanted):
+        sums = np.zeros((count, row[0].h, film.width), np.int64)
+        parts = [deep_math.no_deep(film.deep)]
+        for tile, found in sums_of:
+            sums[wanted, :, tile.x : tile.x + tile.w] = found[wanted]
+            deep = film.tile_deep(frame, film.tiles.index(tile))
+            parts.append(deep_math.moved(deep, tile.x, 0, tile.w, film.width))
+        yield deep_rows(deep_math.merged(parts), sums, film.film_exponent, len(film.groups), film.is_transparent)
+
+
 def _mixed_planes(gains: Sequence[Gain]) -> Iterator[int]:
     """Yields the planes that film.mixed reads for these gains of the light groups."""
     if gains:
@@ -84,11 +100,37 @@ def _channel_means(sums: Sums, film: ReadableFilm, name: str, gains: Sequence[Ga
 def digest(film: Film, frame: int, folder: Path) -> str:
     """Returns the digest of a whole frame, as defined by `renderer.film.digest`.
 
-    The hash is computed plane by plane, so the planes are first written to a temporary file: in `folder`, or in memory if they
-    are smaller than IN_MEMORY_BYTES.
+    The hash is computed plane by plane, so the whole planes are first gathered: in memory if they are smaller than
+    IN_MEMORY_BYTES, else in a temporary file in `folder`.
     """
-    with film_faults(), tempfile.SpooledTemporaryFile(IN_MEMORY_BYTES, dir=str(folder)) as file:
-        planes = plane_count(len(film.groups), film.is_transparent)
+    planes = plane_count(len(film.groups), film.is_transparent)
+    with film_faults():
+        is_small = planes * film.height * film.width * 8 <= IN_MEMORY_BYTES
+        digest = _hash_in_memory(film, frame, planes) if is_small else _hash_by_file(film, frame, planes, folder)
+        if film.ranks:
+            hits = (
+                cryptomatte.moved(film.tile_hits(frame, i), tile.x, tile.y, tile.w, film.width)
+                for i, tile in enumerate(film.tiles)
+            )
+            digest.update(film_math.bytes_of_hits(cryptomatte.merged(hits)))
+        if film.deep:
+            for _, numbers in groupby(range(len(film.tiles)), lambda i: film.tiles[i].y):
+                digest.update(film_math.bytes_of_deep(_deep_of_band(film, frame, numbers)))
+        return digest.hexdigest()
+
+
+def _hash_in_memory(film: Film, frame: int, planes: int) -> hashlib._Hash:
+    sums = film.tile_planes(frame, 0, range(planes)) if len(film.tiles) == 1 else None
+    if sums is None:
+        sums = np.zeros((planes, film.height, film.width), "<i8")
+        for _, sums_of in _rows(film, frame, range(planes)):
+            for tile, part in sums_of:
+                sums[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] = part
+    return hashlib.sha256(np.ascontiguousarray(sums[:planes], "<i8").data)
+
+
+def _hash_by_file(film: Film, frame: int, planes: int, folder: Path) -> hashlib._Hash:
+    with tempfile.TemporaryFile(dir=str(folder)) as file:
         for row, sums_of in _rows(film, frame, range(planes)):
             band = np.zeros((planes, row[0].h, film.width), "<i8")
             for tile, sums in sums_of:
@@ -97,14 +139,13 @@ def digest(film: Film, frame: int, folder: Path) -> str:
                 file.seek((i * film.height + row[0].y) * film.width * 8)
                 file.write(plane.data)
         file.seek(0)
-        digest = hashlib.file_digest(file, "sha256")
-        if film.ranks:
-            hits = (
-                cryptomatte.moved(film.tile_hits(frame, i), tile.x, tile.y, tile.w, film.width)
-                for i, tile in enumerate(film.tiles)
-            )
-            digest.update(film_math.bytes_of_hits(cryptomatte.merged(hits)))
-        return digest.hexdigest()
+        return hashlib.file_digest(file, "sha256")
+
+
+def _deep_of_band(film: Film, frame: int, tiles: Iterable[int]) -> deep_math.Deep:
+    """Returns the deep pixels of a row of tiles, given by their indices, with pixel indices in the frame."""
+    known = ((film.tiles[i], film.tile_deep(frame, i)) for i in tiles)
+    return deep_math.merged(deep_math.moved(deep, tile.x, tile.y, tile.w, film.width) for tile, deep in known)
 
 
 def digest_memory(film: Film) -> int:

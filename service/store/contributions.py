@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
-from protocol.sums import add_sums, check_sums, merge_hits, pack_sums, unpack_sums
+from protocol.sums import add_sums, check_sums, merge_deep, merge_hits, pack_sums, unpack_sums
 from renderer.film import BadSample, Sums
 from renderer.settings import Tile
 from service.store.senders import added_shares
@@ -62,10 +62,11 @@ def _joined_run(run: list[Contribution], tile: Tile) -> tuple[Contribution, Sums
         add_sums(sums, contribution.sums, tile)
     count, bad_count = sum(p.count for p in run), sum(p.bad_count for p in run)
     workers = added_shares(contribution.workers for contribution in run)
+    packed = [each.sums for each in run]
     return replace(
         run[0],
         count=count,
-        sums=pack_sums(sums, hits=merge_hits((each.sums for each in run), tile)),
+        sums=pack_sums(sums, hits=merge_hits(packed, tile), deep_pixels=merge_deep(packed, tile)),
         bad_count=bad_count,
         workers=workers,
     ), sums

@@ -13,12 +13,13 @@ from typing import Protocol
 from urllib.parse import quote
 
 from renderer.cryptomatte import Hits, no_hits
+from renderer.deep import Deep, no_deep
 from renderer.film import Sums
 from renderer.settings import Tile
 from service.store.coverage import Coverage
 from service.store.film_faults import damaged_film_error, film_faults
 from service.store.film_version import sample_ranges
-from service.store.tile_sums import hits_of_rows, sum_of_rows
+from service.store.tile_sums import deep_of_rows, hits_of_rows, sum_of_rows
 
 __all__ = ["FilmSnapshotView", "ReadableFilm"]
 
@@ -32,6 +33,7 @@ class ReadableFilm(Protocol):
     tiles: list[Tile]
     groups: tuple[str, ...]  # names of its light groups (RenderSettings.group_names)
     ranks: int  # RenderSettings.cryptomatte
+    deep: int  # RenderSettings.deep
     is_transparent: bool  # RenderSettings.is_transparent: whether the last planes are those of the alpha
 
     def coverage(self, frame: int, tile: int) -> Coverage:
@@ -45,6 +47,9 @@ class ReadableFilm(Protocol):
 
     def tile_hits(self, frame: int, tile: int) -> Hits:
         """Returns Cryptomatte's counts of a tile; empty if there are none."""
+
+    def tile_deep(self, frame: int, tile: int) -> Deep:
+        """Returns the deep pixels of a tile; empty if there are none."""
 
 
 class FilmSnapshotView:
@@ -63,10 +68,11 @@ class FilmSnapshotView:
         groups: tuple[str, ...] = (),
         ranks: int = 0,
         is_transparent: bool = False,
+        deep: int = 0,
     ) -> None:
         """Opens a snapshot of an existing film file. Raises FilmUnavailable or FilmLost."""
         self.width, self.height, self.film_exponent, self.tiles, self.groups = width, height, film_exponent, tiles, groups
-        self.ranks, self.is_transparent = ranks, is_transparent
+        self.ranks, self.is_transparent, self.deep = ranks, is_transparent, deep
         self._coverage: dict[tuple[int, int], Coverage] | None = None
         with film_faults():
             self._database = sqlite3.connect(
@@ -105,12 +111,18 @@ class FilmSnapshotView:
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
         """Returns a tile's sums, (channels, h, w) int64; None if it has no samples. Channels not in `planes` are undefined."""
-        with film_faults():
-            rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
-        return sum_of_rows((packed for (packed,) in rows), self.tiles[tile], planes) if rows else None
+        rows = self._packed_rows(frame, tile)
+        return sum_of_rows(rows, self.tiles[tile], planes) if rows else None
 
     def tile_hits(self, frame: int, tile: int) -> Hits:
         """Returns Cryptomatte's counts of a tile; empty if there are none."""
+        return hits_of_rows(self._packed_rows(frame, tile), self.tiles[tile]) or no_hits()
+
+    def tile_deep(self, frame: int, tile: int) -> Deep:
+        """Returns the deep pixels of a tile; empty if there are none."""
+        return deep_of_rows(self._packed_rows(frame, tile), self.tiles[tile]) or no_deep(self.deep)
+
+    def _packed_rows(self, frame: int, tile: int) -> list[bytes]:
         with film_faults():
             rows = self._database.execute("SELECT sums FROM part WHERE frame = ? AND tile = ?", (frame, tile)).fetchall()
-        return hits_of_rows((packed for (packed,) in rows), self.tiles[tile]) or no_hits()
+        return [packed for (packed,) in rows]

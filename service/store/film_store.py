@@ -141,6 +141,7 @@ class FilmFolder:
                     groups=settings.light_planes,
                     ranks=settings.cryptomatte,
                     is_transparent=settings.is_transparent,
+                    deep=settings.deep,
                 )
                 self._films[job] = film
         film.open_file()  # slow, so outside the lock that all films share

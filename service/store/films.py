@@ -18,6 +18,7 @@ from pathlib import Path
 
 from protocol.sums import add_sums, check_sums, pack_sums, unpack_sums
 from renderer.cryptomatte import Hits, no_hits
+from renderer.deep import Deep, no_deep
 from renderer.film import BadSample, Sums
 from renderer.sentences import Sentence
 from renderer.settings import Tile, tiles_of
@@ -33,7 +34,7 @@ from service.store.film_version import FilmShape, Row, sample_ranges
 from service.store.row_folding import folded_head, rows_to_fold
 from service.store.senders import senders_of, senders_text
 from service.store.tile_cache import TileCache
-from service.store.tile_sums import hits_of_rows, sum_of_rows
+from service.store.tile_sums import deep_of_rows, hits_of_rows, sum_of_rows
 
 __all__ = ["Contribution", "Film"]
 
@@ -60,13 +61,14 @@ class Film:
         groups: tuple[str, ...] = (),
         ranks: int = 0,
         is_transparent: bool = False,
+        deep: int = 0,
     ) -> None:
         """Stores the parameters. The file is opened on demand.
 
         width, height, tile_size: in pixels. film_exponent: exponent of the fixed-point sums. cache: cache of tiles, shared by
         all films. epoch: number of this service's ownership of the farm, as in FilmFile. on_use: called whenever the file is
         used. groups: names of the light groups (RenderSettings.group_names).
-        ranks: RenderSettings.cryptomatte. is_transparent: RenderSettings.is_transparent.
+        ranks: RenderSettings.cryptomatte. is_transparent: RenderSettings.is_transparent. deep: RenderSettings.deep.
         """
         self.width = width
         self.height = height
@@ -74,6 +76,7 @@ class Film:
         self.groups = groups
         self.ranks = ranks
         self.is_transparent = is_transparent
+        self.deep = deep
         self.tiles = tiles_of(width, height, tile_size)
         self._path = path
         self._shape = FilmShape(width, height, tile_size, film_exponent)
@@ -355,12 +358,18 @@ class Film:
 
     def tile_hits(self, frame: int, tile: int) -> Hits:
         """Returns Cryptomatte's counts of a tile; empty if there are none."""
+        return hits_of_rows(self._packed_rows(frame, tile), self.tiles[tile]) or no_hits()
+
+    def tile_deep(self, frame: int, tile: int) -> Deep:
+        """Returns the deep pixels of a tile; empty if there are none."""
+        return deep_of_rows(self._packed_rows(frame, tile), self.tiles[tile]) or no_deep(self.deep)
+
+    def _packed_rows(self, frame: int, tile: int) -> list[bytes]:
         with self._lock:
             self.open_file()
             if self._file is None or not self._contents.has_tile(frame, tile):
-                return no_hits()
-            packed = list(self._file.sums(frame, tile))
-        return hits_of_rows(packed, self.tiles[tile]) or no_hits()
+                return []
+            return list(self._file.sums(frame, tile))
 
     def tile_planes(self, frame: int, tile: int, planes: Sequence[int]) -> Sums | None:
         """Returns a tile's sums, (channels, h, w) int64; None if it has no samples. Channels not in `planes` are undefined.
@@ -386,7 +395,7 @@ class Film:
             if self._file is None:
                 raise FilmUnavailable(Sentence("film-without-samples", "The film of this job has no samples yet."))
             shape = self.width, self.height, self.film_exponent, self.tiles
-            return FilmSnapshotView(self._path, *shape, self.groups, self.ranks, self.is_transparent)
+            return FilmSnapshotView(self._path, *shape, self.groups, self.ranks, self.is_transparent, self.deep)
 
     def _exists(self) -> bool:
         with film_faults():
@@ -437,11 +446,13 @@ class Film:
         made = folded_head(heads)
         frame, tile = made[:2]
         sums = self._cache.get((self._path.stem, frame, tile)) if is_whole_tile else None
-        hits = None
-        if sums is None or self.ranks:
+        hits, deep = None, None
+        if sums is None or self.ranks or self.deep:
             rows = list(self._file.sums(frame, tile) if is_whole_tile else self._file.sums_of(heads))
             sums, hits = sum_of_rows(rows, self.tiles[tile]), hits_of_rows(rows, self.tiles[tile])
-        if self._file.fold_rows(heads, (*made[:5], pack_sums(sums, hits=hits), *made[5:]), is_whole_tile):
+            deep = deep_of_rows(rows, self.tiles[tile])
+        packed = pack_sums(sums, hits=hits, deep_pixels=deep)
+        if self._file.fold_rows(heads, (*made[:5], packed, *made[5:]), is_whole_tile):
             self._contents.record_fold(heads, made)
         else:
             self._in_doubt = True

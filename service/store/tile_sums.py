@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from protocol.sums import add_sums, merge_hits, unpack_sums
+from protocol.sums import add_sums, merge_deep, merge_hits, unpack_sums
 from renderer.cryptomatte import Hits
+from renderer.deep import Deep
 from renderer.film import Sums
 from renderer.sentences import Sentence
 from renderer.settings import Tile
 from service.store.film_faults import damaged_film_error
 
-__all__ = ["hits_of_rows", "sum_of_rows"]
+__all__ = ["deep_of_rows", "hits_of_rows", "sum_of_rows"]
 
 
 def sum_of_rows(rows: Iterable[bytes], tile: Tile, planes: Sequence[int] | None = None) -> Sums:
@@ -38,5 +39,13 @@ def hits_of_rows(rows: Iterable[bytes], tile: Tile) -> Hits | None:
     """Returns the sum of Cryptomatte's counts of a tile's packed rows; None without any. Raises FilmDamaged if one is damaged."""
     try:
         return merge_hits(rows, tile, stored=True)
+    except ValueError as error:
+        raise damaged_film_error(str(error)) from error
+
+
+def deep_of_rows(rows: Iterable[bytes], tile: Tile) -> Deep | None:
+    """Returns the sum of the deep pixels of a tile's packed rows; None without any. Raises FilmDamaged if one is damaged."""
+    try:
+        return merge_deep(rows, tile, stored=True)
     except ValueError as error:
         raise damaged_film_error(str(error)) from error

@@ -109,7 +109,7 @@ class ViewSession:
         sample of a pixel on one slot. slots: number of slots of that kind. denoises: whether the view is denoised.
         """
         assert self.request is not None
-        seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0)
+        seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0)
         if not self.request.has_alpha:
             seen = replace(seen, background="visible")
         levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1))

@@ -1,9 +1,10 @@
 """Overhead of the farm: samples per second compared with the same frame in one process, and the time to the first tile.
 
-    python3 farm.py bench farm [--cold]
+    python3 farm.py bench farm [--cold] [--https]
 
 Targets: at least 0.9 of the speed without a farm; a first tile within 40 s from an empty kernel cache (--cold), within 5 s from a
-warm one. Each run measures both with and without a farm, and only their ratio is compared with a target.
+warm one; with --https, 0.95 of the rate of a worker over Redis for one over HTTPS alone. Each run measures both sides, and only
+their ratio is compared with a target.
 """
 
 from __future__ import annotations
@@ -17,7 +18,9 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import psutil
 
@@ -35,7 +38,11 @@ def main() -> None:
     parser.add_argument("--slots", type=int, default=2)
     parser.add_argument("--rounds", type=int, default=3)
     parser.add_argument("--cold", action="store_true", help="also from an empty kernel cache (half a minute of compiling)")
+    parser.add_argument("--https", action="store_true", help="compare workers over HTTPS and over Redis, and nothing else")
     options = parser.parse_args()
+    if options.https:
+        compare_transports(options.slots, options.spp, options.rounds)
+        return
     with tempfile.TemporaryDirectory(prefix="rayfarm-bench-") as name:
         folder = Path(name)
         if options.cold:
@@ -104,6 +111,61 @@ def _processor(farm: Farm) -> dict[str, float]:
             name = "slots" if process.ppid() in workers else pids.get(process.pid, "others")
             found[name] = found.get(name, 0.0) + sum(process.cpu_times()[:2])
     return found
+
+
+def compare_transports(slots: int, spp: int, rounds: int) -> None:
+    """Prints the rate of a worker over HTTPS beside one over Redis: of wall time, and of the processor time of all processes."""
+    with tempfile.TemporaryDirectory(prefix="rayfarm-bench-") as name:
+        farm = start_farm(Path(name) / "data", 0, until=b"is up at")
+        found: dict[str, list[tuple[float, float]]] = {"redis": [], "https": []}
+        try:
+            for round in range(rounds + 1):
+                for transport, taken in found.items():
+                    with joined_worker(farm, transport, slots, Path(name)) as worker:
+                        render_on_farm(farm, 8)  # the scene is fetched, and the kernels are loaded
+                        before = _seconds_of(worker)
+                        wall, parts = render_on_farm(farm, spp)
+                        if round:  # the first round fills the caches
+                            taken.append((wall, sum(parts.values()) + _seconds_of(worker) - before))
+                            print(f"{transport}   {wall:6.2f} s, processor {taken[-1][1]:6.2f} s", flush=True)
+        finally:
+            stop_farm(farm)
+        wall, processor = (statistics.median(a[k] / b[k] for a, b in zip(*found.values(), strict=True)) for k in (0, 1))
+        print(f"rate over HTTPS beside that over Redis    {wall:6.3f}     (target >= 0.95)")
+        print(f"the same by processor time                {processor:6.3f}     (on a busy machine)")
+
+
+@contextlib.contextmanager
+def joined_worker(farm: Farm, transport: str, slots: int, folder: Path) -> Iterator[psutil.Process]:
+    """Starts a worker that joins the farm from outside by a transport, waits until it is ready, and stops it at the end."""
+    command = [sys.executable, "-m", "rayfarm", "worker", "--join", farm.url, "--transport", transport, f"--slots={slots}"]
+    environment = {**os.environ, "RAYFARM_TOKEN": farm.token}
+    with (folder / "worker.log").open("ab") as log:
+        worker = subprocess.Popen([*command, "--name", transport], cwd=ROOT, env=environment, stdout=log, stderr=log)
+    try:
+        with farm.client() as client:
+            while not any(each["name"].startswith(transport) and each["state"] == "ready" for each in _workers(client)):
+                if worker.poll() is not None:
+                    raise SystemExit((folder / "worker.log").read_text()[-2000:])
+                time.sleep(0.5)
+        yield psutil.Process(worker.pid)
+    finally:
+        worker.terminate()
+        worker.wait(60)
+
+
+def _workers(client: Client) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = client.call("GET", "/api/workers")
+    return found
+
+
+def _seconds_of(worker: psutil.Process) -> float:
+    """Returns the processor seconds of a worker and its processes so far."""
+    seconds = 0.0
+    for process in (worker, *worker.children(recursive=True)):
+        with contextlib.suppress(psutil.Error):
+            seconds += sum(process.cpu_times()[:2])
+    return seconds
 
 
 def first_tile(data: Path, slots: int, **environment: str) -> tuple[float, float, dict[str, float]]:

@@ -20,17 +20,18 @@ import numpy as np
 from renderer import aovs
 from renderer.denoise import denoise_with_guides
 from renderer.film import ALBEDO, COLOR, NORMAL, mean
+from renderer.frames import DENOISED_REACH
 from renderer.render import render_frame
 from renderer.scene.animation import BETWEEN, Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Image, Instance, Material, SceneDescription, Sphere, Texture
 from renderer.scene.shutter_merge import merge_over_shutter
 from renderer.settings import RenderSettings, View
-from renderer.temporal_denoise import REACH, DenoisedFrame, stabilised_frame
+from renderer.temporal_denoise import DenoisedFrame, stabilised_frame
 from renderer.vectors import motion_vectors
 from tests.renderer.builders import gray, square
 
-FRAMES = 3  # evaluated frames; REACH more are rendered on both sides
+FRAMES = 3  # evaluated frames; DENOISED_REACH more are rendered on both sides
 F32 = np.ndarray
 Shot = Callable[[float], tuple[SceneDescription, View]]
 FLOOR, RED, LAMP, MIRROR, WHITE = range(5)
@@ -208,7 +209,7 @@ def main() -> int:
     print(f"{width}x{height}, per cent of the mean; of each the frame by itself, then made steady")
     print("| shot | light | seeds | error | steady | flicker | steady |")
     print("|---|---|---|---:|---:|---:|---:|")
-    numbers, whole = range(REACH, REACH + FRAMES), range(FRAMES + 2 * REACH)
+    numbers, whole = range(DENOISED_REACH, DENOISED_REACH + FRAMES), range(FRAMES + 2 * DENOISED_REACH)
     for light, (place, spp, most) in LIGHTS.items():
         for name, move in MOVES.items():
             if options.shot not in (None, name):

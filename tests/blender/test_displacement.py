@@ -1,4 +1,4 @@
-"""Tests that displacement is exported as a bump map.
+"""Tests that displacement is exported as a bump map, or as one that moves the surface.
 
 Its heights are in object space, and the surface is stretched differently in u and in v.
 """
@@ -54,12 +54,27 @@ def test_heights_are_converted_to_slopes(space: str, scale: float) -> None:
     assert warnings == []
 
 
-def test_unsupported_displacement_causes_a_warning() -> None:
-    picture = image_node(Image("rising", RISING, "Non-Color"))
-    assert displaced(picture, "BOTH")[1] == ["Material m: its displacement is shown as bumps, without moving the surface."]
-    noise = displaced(Node("TEX_NOISE", {"Vector": None}, ("Fac",)))
+@pytest.mark.parametrize(("space", "scale"), [("OBJECT", 0.25), ("WORLD", 0.125)])
+@pytest.mark.parametrize("method", ["DISPLACEMENT", "BOTH"])
+def test_displacement_that_moves_the_surface(space: str, scale: float, method: str) -> None:
+    said, warnings, scene = displaced(image_node(Image("rising", RISING, "Non-Color")), method, space=space)
+    told = said["extensions"]["RAYFARM_materials_displacement"]
+    assert (told["displacementScale"], told["displacementMidlevel"]) == (scale, 0.5)
+    content = scene.images[told["displacementTexture"].image].content
+    assert isinstance(content, bytes)
+    pixels = read_image(content, "a.png")
+    assert pixels.dtype == np.uint16
+    np.testing.assert_allclose(pixels[..., 0], 65535 * RISING[..., 0], atol=0.5)
+    assert "normalTexture" not in said
+    assert warnings == []
+
+
+@pytest.mark.parametrize("method", ["BUMP", "BOTH"])
+def test_unsupported_displacement_causes_a_warning(method: str) -> None:
+    noise = displaced(Node("TEX_NOISE", {"Vector": None}, ("Fac",)), method)
     assert any("its displacement is left out; only that by UV-mapped" in each for each in noise[1])
     assert "normalTexture" not in noise[0]
+    assert "RAYFARM_materials_displacement" not in noise[0].get("extensions", {})
 
 
 def test_surface_lengths_per_uv_unit() -> None:

@@ -269,12 +269,49 @@ def dents(scene: Any) -> None:
     ball.scale = (1.1, 1.1, 1.1)
 
 
+def moved(scene: Any) -> None:
+    """Displaces the vertices of a dense grid, at a scale that is not one."""
+    ball, tree = stage(scene, Roughness=0.7)
+    material = ball.active_material
+    bpy.data.objects.remove(ball)
+    grid = add("grid", material, x_subdivisions=400, y_subdivisions=400, size=2, location=(0, 0, 0.4))
+    grid.data.shade_smooth()
+    grid.scale = (1.6, 1.6, 1.6)
+    material.displacement_method = "DISPLACEMENT"
+    node = tree.nodes.new("ShaderNodeTexImage")
+
+    def wave(x: float, y: float) -> tuple[float, float, float]:
+        return (0.5 + 0.25 * math.sin(6 * math.pi * x) + 0.25 * math.cos(4 * math.pi * y),) * 3
+
+    node.image = painted("heights", 256, 128, wave, space="Non-Color")
+    displacement = shader(tree, "ShaderNodeDisplacement", "Displacement", Scale=0.15, Midlevel=0.4)
+    tree.links.new(node.outputs[0], displacement.inputs["Height"])
+
+
+def cloud(scene: Any) -> None:
+    """Replaces the ball by the points that geometry nodes make of its vertices."""
+    ball, _ = stage(scene, Roughness=0.7)
+    tree = bpy.data.node_groups.new("points", "GeometryNodeTree")
+    for way in ("INPUT", "OUTPUT"):
+        tree.interface.new_socket("Geometry", in_out=way, socket_type="NodeSocketGeometry")
+    given, points, painted_points, shown = (
+        tree.nodes.new(kind)
+        for kind in ("NodeGroupInput", "GeometryNodeMeshToPoints", "GeometryNodeSetMaterial", "NodeGroupOutput")
+    )
+    points.inputs["Radius"].default_value = 0.07
+    painted_points.inputs["Material"].default_value = ball.active_material
+    tree.links.new(given.outputs[0], points.inputs[0])
+    tree.links.new(points.outputs[0], painted_points.inputs[0])
+    tree.links.new(painted_points.outputs[0], shown.inputs[0])
+    ball.modifiers.new("points", "NODES").node_group = tree
+
+
 SCENES: dict[str, Callable[[Any], None]] = {
     each.__name__: each
     for each in (
         *(ior, tinted_glass, shining_mask, spaces, mask, mapped, multiplied, brushed_glossy),
         *(plain, of_each, lamps, profiles, slides, sky),
-        *(smoke, ink, juice, fog, wax, skin, marble, dents),
+        *(smoke, ink, juice, fog, wax, skin, marble, dents, moved, cloud),
     )
 }
 

@@ -25,7 +25,7 @@ pytestmark = [pytest.mark.long, pytest.mark.timeout(900)]
 NAMES = (
     *("ior", "tinted_glass", "shining_mask", "spaces", "mask", "mapped", "multiplied", "brushed_glossy"),
     *("plain", "of_each", "lamps", "profiles", "slides", "sky"),
-    *("smoke", "ink", "juice", "fog", "wax", "skin", "marble", "dents"),
+    *("smoke", "ink", "juice", "fog", "wax", "skin", "marble", "dents", "moved", "cloud"),
 )
 BLOCK, MOST, BRIGHTEST, SAMPLES = 8, 0.03, 4.0, 128
 

@@ -74,7 +74,7 @@ def encoded_messages() -> dict[str, Any]:
         "render_batch": _without_settings(batch.to_json()),
         "joint_batch": {**joint, "whole": _without_settings(joint["whole"])},
         "prepare_frames": frames.to_json(),
-        "denoise": asdict(DenoiseFrame("w", "j", 0, 8, 6)),
+        "denoise": DenoiseFrame("w", "j", 0, 8, 6).to_json(),
         "vectors": FrameVectors("w", "j", 0, "s", 8, 6, {}).to_json(),
         "environment": asdict(ShowEnvironment("w", "e", "sky.hdr", "0" * 64, 9, 64)),
         "view_parts": _without_settings(

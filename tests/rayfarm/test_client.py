@@ -321,7 +321,7 @@ def test_ctrl_c_ends_with_130(capsys: pytest.CaptureFixture[str], monkeypatch: p
         monkeypatch.setattr("rayfarm.client.time.sleep", interrupt)
         code, _, err = command(capsys, "submit", CORNELL, "--wait", f"--server=127.0.0.1:{port}")
         assert code == 130
-        assert "The job goes on" in err
+        assert "The job continues" in err
         monkeypatch.setattr(Client, "jobs", interrupt)
         assert command(capsys, "jobs", f"--server=127.0.0.1:{port}")[0] == 130
 

@@ -61,7 +61,9 @@ def shot(tmp_path: Path) -> Path:
             var(made, "odd", "sparkle"),
         ]
     )
-    settings.CreateProductsRel().SetTargets([product.GetPath()])
+    deep = UsdRender.Product.Define(made, "/Render/Products/deep")
+    deep.CreateProductTypeAttr("deepRaster")
+    settings.CreateProductsRel().SetTargets([deep.GetPath(), product.GetPath()])
     other = UsdRender.Settings.Define(made, "/Render/other")
     other.CreateResolutionAttr(Gf.Vec2i(16, 16))
     made.SetMetadata("renderSettingsPrimPath", "/Render/main")
@@ -73,7 +75,10 @@ def test_the_settings_product_is_rendered_with_its_vars(shot: Path, tmp_path: Pa
     done = rayfarm("husk", shot, "--frame", START + 4, "-n", "2", "-i", "8", "-p", "4", "--make-output-path", COLUMNS="300")
     assert done.returncode == 0, done.stderr
     assert "The render var /Render/Vars/odd (sparkle) is left out" in done.stderr
-    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == ["shot.1005.exr", "shot.1013.exr"]
+    assert "The deep render product /Render/Products/deep is written beside the picture" in done.stderr
+    files = [f"shot.{code}{suffix}" for code in (1005, 1013) for suffix in (".deep.exr", ".exr")]
+    assert sorted(path.name for path in (tmp_path / "pictures").iterdir()) == files
+    assert channels(tmp_path / "pictures" / files[0]) == ["R", "G", "B", "A", "Z", "ZBack"]
     names = channels(tmp_path / "pictures" / "shot.1005.exr")
     assert {"R", "Depth.Z", "Normal.X"} <= set(names) and not [name for name in names if "Albedo" in name]
     asked = ["--size=40x24", "--spp=4", "--camera=close", "--frames=4,12", "-o", tmp_path / "plain.##.exr"]

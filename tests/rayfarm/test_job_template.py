@@ -18,6 +18,7 @@ from openjd.model import IntRangeExpr, create_job, decode_job_template, preproce
 from openjd.model import StepParameterSpaceIterator as Tasks
 from openjd.sessions import ActionState, Session, SessionState
 
+from rayfarm.client import Client
 from rayfarm.errors import CommandError
 from rayfarm.job_template import is_template, parsed_options, range_expression, read_template, render_command, template_of
 from rayfarm.picture import Picture
@@ -105,11 +106,33 @@ def test_a_farm_takes_the_template_as_a_shot(farm: Farm, shot: Path) -> None:
         assert (job.width, job.height, job.spp) == (24, 16, 4)
         assert job.settings is not None and job.settings["view"]["eye"] == [-1, 0, 5]
         check_rest(farm, job.scene, template, job.settings)
+        check_steps(farm, client, shot, template)
     near = ["--frames=1,3", "--size=24x16", "--spp=4", "--env=1,1,1", "--eye=-1,0,5", "--target=0,0,0"]
     assert rayfarm("render", shot / "shot.glb", "-o", shot / "near.#.exr", *near).returncode == 0
     for number in (1, 3):
         assert np.array_equal(pixels(shot / f"far.{number}.exr"), pixels(shot / f"near.{number}.exr"))
     assert not (shot / "far.0.exr").exists()
+
+
+def check_steps(farm: Farm, client: Client, shot: Path, template: dict[str, Any]) -> None:
+    """Checks that each step of a template becomes a job, after those of the steps on which it depends."""
+    first = {**template["steps"][0], "name": "First"}
+    second = {**first, "name": "Second", "dependencies": [{"dependsOn": "First"}]}
+    steps = {**template, "steps": [second, first]}
+    (shot / "steps.json").write_text(json.dumps(steps))
+    done = rayfarm("submit", shot / "steps.json", "--need", "nowhere", "--param", "Frames=5-6", "--server", farm.url)
+    assert done.returncode == 0, done.stderr
+    before, behind = (client.job(id) for id in done.stdout.split())
+    assert (behind.after, before.after) == ([before.id], [])
+    with httpx.Client(base_url=farm.url) as http:
+        body = {"scene": before.scene, "template": steps, "needs": ["nowhere"]}
+        made = http.post("/api/jobs/openjd", json={**body, "step": "Second", "after": [before.id]}).json()
+        assert (made["name"], made["after"]) == ("shot.glb: Second", [before.id])
+        for change, code in (({}, "template-step-unnamed"), ({"step": "Third"}, "template-step-unknown")):
+            problem = http.post("/api/jobs/openjd", json={**body, **change}).json()
+            assert problem["params"]["sentence"]["code"] == code, problem
+        for id in (made["id"], behind.id, before.id):
+            http.delete(f"/api/jobs/{id}").raise_for_status()
 
 
 def check_rest(farm: Farm, scene: str, template: dict[str, Any], settings: dict[str, Any]) -> None:
@@ -207,7 +230,7 @@ def test_a_still_is_one_task(tmp_path: Path) -> None:
     assert job.steps[0].parameterSpace is None
     assert missing == []
     (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
-    call = read_template(tmp_path / "job.yaml")
+    (call,) = read_template(tmp_path / "job.yaml")
     assert (call.frames, call.options["frame"], call.options["env"]) == (None, 7, str(tmp_path / "sky.exr"))
     assert call.options["scene"] == tmp_path / "box.yaml"
 
@@ -221,7 +244,9 @@ def test_paths_outside_the_templates_folder_have_no_default(shot: Path, tmp_path
     (tmp_path / "jobs" / "job.yaml").write_text(yaml.safe_dump(template))
     with pytest.raises(CommandError, match="Scene"):
         read_template(tmp_path / "jobs" / "job.yaml")
-    assert read_template(tmp_path / "jobs" / "job.yaml", {"Scene": str(shot / "shot.glb")}).options["scene"] == shot / "shot.glb"
+    assert (
+        read_template(tmp_path / "jobs" / "job.yaml", {"Scene": str(shot / "shot.glb")})[0].options["scene"] == shot / "shot.glb"
+    )
 
 
 @pytest.mark.parametrize("frames", ["1-10:2", "7", "0-99", "1-250x5,300", "1,2,3,5,8,13", "100000-100010:5", "3-9:3,10-12"])
@@ -252,7 +277,14 @@ def arguments(template: dict[str, Any]) -> list[str]:
 
 
 REFUSED: dict[str, tuple[Edit, str]] = {
-    "two steps": (lambda t: t["steps"].append({**t["steps"][0], "name": "More"}), "2 steps are not supported"),
+    "a step of another program": (
+        lambda t: t["steps"].append({"name": "More", "script": {"actions": {"onRun": {"command": "ls"}}}}),
+        "command `ls`",
+    ),
+    "a circle": (
+        lambda t: t["steps"][0].update(dependencies=[{"dependsOn": t["steps"][0]["name"]}]),
+        "no valid job template",
+    ),
     "another program": (lambda t: t["steps"][0]["script"]["actions"]["onRun"].update(command="bash"), "command `bash render"),
     "another command": (lambda t: arguments(t).__setitem__(0, "up"), "command `rayfarm up"),
     "an unknown option": (lambda t: arguments(t).append("--sparkle"), "--sparkle"),
@@ -307,7 +339,7 @@ def test_requirements_become_needs(tmp_path: Path) -> None:
     for mebibytes, needs in ((30518, "memory_gb=32"), (65536, "memory_gb=68.719")):
         template["steps"][0]["hostRequirements"] = {"amounts": [{"name": "amount.worker.memory", "min": mebibytes}]}
         (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
-        assert read_template(tmp_path / "job.yaml").needs == [needs]
+        assert read_template(tmp_path / "job.yaml")[0].needs == [needs]
 
 
 def test_frames_may_be_a_list(tmp_path: Path) -> None:
@@ -319,7 +351,7 @@ def test_frames_may_be_a_list(tmp_path: Path) -> None:
         space["range"] = given
         (tmp_path / "job.yaml").write_text(yaml.safe_dump(template))
         if frames is not None:
-            assert read_template(tmp_path / "job.yaml").frames == frames
+            assert read_template(tmp_path / "job.yaml")[0].frames == frames
         else:
             with pytest.raises(CommandError, match="no valid job template"):
                 read_template(tmp_path / "job.yaml")

@@ -41,11 +41,11 @@ def test_gc_lists_then_deletes_when_confirmed(service: Service, job: str) -> Non
     asked = ("gc", "--films-older-than=0", "--server", service.url)
     shown = rayfarm(*asked, "--dry-run", COLUMNS="200").stdout
     assert job in shown
-    assert "1 may go" in shown
+    assert "1 would be deleted" in shown
     unsure = rayfarm(*asked, COLUMNS="200")
     assert (unsure.returncode, "Nothing was deleted" in unsure.stderr) == (1, True)
     assert service.job(job)["state"] == "finished"
     gone = json.loads(rayfarm(*asked, "--yes", "--json", COLUMNS="200").stdout)
     assert [item["id"] for item in gone["items"]] == [job]
     assert service.job(job)["state"] == "cancelled"
-    assert "Nothing may go" in rayfarm(*asked, COLUMNS="200").stdout
+    assert "These rules delete nothing" in rayfarm(*asked, COLUMNS="200").stdout

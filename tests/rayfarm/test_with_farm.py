@@ -16,6 +16,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 import pytest
 
+from rayfarm import options
 from rayfarm.client import Client, ClientError
 from rayfarm.frame import PictureOrder
 from rayfarm.picture import Picture
@@ -164,6 +165,23 @@ def test_shot_frames_equal_render(farm: Farm, tmp_path: Path) -> None:
         assert [frame.number for frame in client.frames(out.strip())] == [2]
     code, out, err = run_in_process(*common, "--frames=0-3,6.5")
     assert (code, out, "All 5 frames are there" in err) == (0, "", True)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_denoised_and_deep_frames_equal_those_of_render(farm: Farm, tmp_path: Path) -> None:
+    """A worker averages a denoised frame with its neighbours, as `rayfarm render` does."""
+    (tmp_path / "shot.glb").write_bytes(animated_scene().glb())
+    shown = ["--size=48x32", "--spp=4", "--env=1,1,1", "--frames=0-3", "--denoise", "--deep=8", tmp_path / "shot.glb"]
+    code, _, err = run_in_process("submit", "--server", farm.url, "-o", tmp_path / "far.#.exr", *shown)
+    assert code == 0, err
+    assert run_in_process("render", "-o", tmp_path / "near.#.exr", *shown)[0] == 0
+    for number in range(4):
+        far, near = (tmp_path / f"{place}.{number}.exr" for place in ("far", "near"))
+        clean = pixels(options.denoised_name(far))
+        np.testing.assert_allclose(clean, pixels(options.denoised_name(near)), rtol=1e-5, atol=1e-6)
+        assert not np.array_equal(clean, pixels(far))
+        assert options.deep_name(far).read_bytes() == options.deep_name(near).read_bytes()
 
 
 def moving_scene() -> Gltf:

@@ -116,12 +116,13 @@ def test_token_argument_gives_warning(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("command", (("worker", "--join=127.0.0.1:9", "--token=t"), ("render", "no.obj", "-o", "no.png")))
 def test_missing_card_gives_error(command: tuple[str, ...], tmp_path: Path) -> None:
-    gpu = ("--gpu=only",) if command[0] == "worker" else ("--gpu",)
+    gpu, named = ("--gpu=only", "--gpu only") if command[0] == "worker" else ("--gpu", "--gpu")
     (tmp_path / "libcuda.so.1").write_text("no library")
-    done = rayfarm(*command, *gpu, LD_LIBRARY_PATH=str(tmp_path))
+    done = rayfarm(*command, gpu, LD_LIBRARY_PATH=str(tmp_path))
     assert done.returncode == 1
-    assert "--gpu only: No graphics card is used: the NVIDIA driver's library cannot be loaded" in done.stderr.replace("\n", " ")
-    assert "Leave out --gpu to render with the processor." in done.stderr.replace("\n", " ")
+    said = done.stderr.replace("\n", " ")
+    assert f"rayfarm: {named}: No graphics card is used: the NVIDIA driver's library cannot be loaded" in said
+    assert "Leave out --gpu to render with the processor." in said
     assert "Traceback" not in done.stderr
 
 

@@ -28,7 +28,7 @@ from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Light, Material
 from renderer.settings import LIGHT_PATHS, RenderSettings, light_planes
-from tests.renderer.kernel.backends.features import VIEW, gray, made, room
+from tests.renderer.kernel.backends.features import VIEW, gray, lamps, made, room
 
 SETTINGS = RenderSettings(40, 30, VIEW, light_paths="on")
 _ONE = np.float32(1.0)
@@ -135,14 +135,25 @@ def test_planes_equal_renderings_of_their_lobes_alone() -> None:
 
 
 @pytest.mark.long
-def test_light_groups_and_paths_together() -> None:
-    """Each partition adds up to the colour."""
-    found = room(Material("metallic_roughness", base_color=(0.8, 0.5, 0.3)))
+@pytest.mark.parametrize("lit_by", ["a lamp and the sky", "many lamps"])
+def test_light_groups_and_paths_together(lit_by: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each partition adds up to the colour, in both backends, with the planes that it has alone."""
+    found = room(Material(base_color=(0.8, 0.5, 0.3), roughness=0.4)) if lit_by == "a lamp and the sky" else lamps(40)
     found.materials[2].light_group, found.environment_group = "key", "sky"
-    sums = render_frame(compile_scene(found), replace(SETTINGS, light_groups="key,sky"), 4)
-    assert sums.shape[0] == plane_count(3 + len(LIGHT_PATHS))
-    np.testing.assert_array_equal(sum(sums[group_planes(k)] for k in range(3)), sums[COLOR])
-    np.testing.assert_array_equal(sum(_by_path(sums, 3).values()), sums[COLOR])
+    scene, both = compile_scene(found), replace(SETTINGS, light_groups="key" if lit_by == "many lamps" else "key,sky")
+    groups = len(both.group_names)
+    sums = render_frame(scene, both, 4)
+    assert sums.shape[0] == plane_count(groups + len(LIGHT_PATHS))
+    assert all(sums[group_planes(k)].any() for k in range(groups - 1))
+    np.testing.assert_array_equal(sum(sums[group_planes(k)] for k in range(groups)), sums[COLOR])
+    np.testing.assert_array_equal(sum(_by_path(sums, groups).values()), sums[COLOR])
+    paths = render_frame(scene, replace(both, light_groups=""), 4)
+    np.testing.assert_array_equal(paths, np.concatenate([sums[: film.CHANNELS], sums[film.CHANNELS + 3 * groups :]]))
+    by_group = render_frame(scene, replace(both, light_paths="off"), 4)
+    np.testing.assert_array_equal(by_group, sums[: len(by_group)])
+    monkeypatch.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
+    monkeypatch.setattr(render, "has_variants", lambda _: False)
+    np.testing.assert_array_equal(render_frame(scene, both, 4), sums)
 
 
 def test_light_paths_setting_and_its_planes() -> None:

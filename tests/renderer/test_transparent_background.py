@@ -12,7 +12,7 @@ from renderer.arrays.scene import CompiledScene
 from renderer.errors import SettingsError
 from renderer.film import COLOR, DEPTH, OBJECT, SAMPLES, Sums, alpha_plane, plane_count
 from renderer.kernel import accumulate
-from renderer.render import is_for_cards, pixel_samples, render_batch, render_frame
+from renderer.render import pixel_samples, render_batch, render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Light, Material, SceneDescription
 from renderer.settings import RenderSettings, View, tiles_of
@@ -75,7 +75,6 @@ def test_settings_with_a_transparent_background() -> None:
     settings = transparent(RenderSettings(4, 4, BALL))
     assert RenderSettings.from_json(settings.to_json()) == settings
     assert "background" not in RenderSettings(4, 4, BALL).to_json()
-    assert not is_for_cards(settings)
     for wrong in ("whitted", "ao"):
         with pytest.raises(SettingsError, match="alpha"):
             replace(settings, integrator=wrong)

@@ -22,6 +22,7 @@ import redis
 from protocol.contract import (
     HEARTBEAT_TTL_S,
     RESULTS,
+    VERSION_SEPARATOR,
     BlobRef,
     DenoiseFrame,
     FrameInfo,
@@ -150,6 +151,7 @@ class PeerWorker:
         self.shared: bytes | None = None  # part shared by the compiled scenes of all frames
         self.on_denoise: Callable[[str], None] = lambda job: None
         self.denoised: list[str] = []
+        self.denoised_in_shots: list[tuple[tuple[int, str], ...]] = []  # frames and motion vectors of these requests
         self.batches: list[RenderBatch] = []
         self.prepared: list[str] = []
         self.more: list[str] = []  # further queues
@@ -261,7 +263,7 @@ class PeerWorker:
             elif "scene" in arguments:
                 self._prepare(arguments["scene"])
             elif "frame" in arguments:
-                self._denoise(DenoiseFrame(**arguments["frame"]))
+                self._denoise(DenoiseFrame.from_json(arguments["frame"]))
             else:
                 id = json.loads(message)["headers"]["id"]
                 batches = arguments["batches"] if "batches" in arguments else [arguments["batch"]]
@@ -282,11 +284,14 @@ class PeerWorker:
         return self.unfit is not None
 
     def _denoise(self, work: DenoiseFrame) -> None:
-        """Answers a denoising request: the picture is half the colour plus albedo and normal."""
+        """Answers a denoising request: the picture is half the colour plus albedo and normal; in a shot, the mean of all."""
         about = {"work": work.work, "worker": self.name}
         if self._cannot("denoise-failed", about):
             return
         try:
+            if work.frames:
+                self._denoise_in_shot(work, about)
+                return
             means = self.http.get(f"/api/farm/films/{work.job}/{work.frame}").raise_for_status()
             self.on_denoise(work.job)
             color, albedo, normal = np.frombuffer(means.content, "<f4").reshape(3, work.height, work.width, 3)
@@ -298,6 +303,22 @@ class PeerWorker:
             self.send({"type": "denoised", **about, "sha256": sha256, **seen})
         except (ValueError, httpx.HTTPError) as error:
             self.send({"type": "denoise-failed", **about, "error": str(error)})
+
+    def _denoise_in_shot(self, work: DenoiseFrame, about: dict[str, Any]) -> None:
+        total, versions, samples = np.zeros((work.height, work.width, 3), np.float32), [], 0
+        for frame, motion in work.frames:
+            assert len(self.http.get(f"/api/farm/blobs/{motion}").raise_for_status().content) == 16 * work.height * work.width
+            means = self.http.get(f"/api/farm/films/{work.job}/{frame}?ids=true").raise_for_status()
+            planes = np.frombuffer(means.content, "<f4").reshape(11, work.height, work.width)
+            total += planes[:3].reshape(total.shape)
+            versions.append(means.headers["x-film-version"])
+            samples = int(means.headers["x-samples"]) if frame == work.frame else samples
+        clean = (total / len(work.frames)).astype("<f4").tobytes()
+        sha256 = hashlib.sha256(clean).hexdigest()
+        self.http.put(f"/api/farm/blobs/{sha256}", content=clean).raise_for_status()
+        self.denoised_in_shots.append(work.frames)
+        seen = {"version": VERSION_SEPARATOR.join(versions), "samples": samples}
+        self.send({"type": "denoised", **about, "sha256": sha256, **seen})
 
     def _show(self, work: ShowEnvironment) -> None:
         """Answers a request for an environment's picture with the file's bytes reversed; fails if its path contains "broken"."""

@@ -151,3 +151,4 @@ def test_numbers_of_a_table_are_aligned_without_inline_styles() -> None:
 def test_a_column_without_a_name_has_no_empty_header() -> None:
     body = render_guide("# T\n\n| | n |\n|---|--:|\n| x | 1 |\n", {})[2]
     assert body.count("<th") - body.count("<thead") == 1
+    assert "<thead" not in render_guide("# T\n\n| | |\n|---|--:|\n| x | 1 |\n", {})[2]

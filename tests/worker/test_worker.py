@@ -9,7 +9,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +41,7 @@ from protocol.view_parts import (
     view_key,
     view_queue,
 )
-from renderer.denoise import denoise, is_available
+from renderer.denoise import denoise, denoise_with_guides, is_available
 from renderer.film import COLOR, DEPTH, NORMAL, SAMPLES
 from renderer.image import rgbe9995
 from renderer.render import render_batch
@@ -51,6 +50,7 @@ from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
 from renderer.scene.load import read
 from renderer.settings import RenderSettings, Tile, View
+from renderer.temporal_denoise import DenoisedFrame, stabilised_frame
 from tests.helpers import ROOT, wait_until
 from tests.rayfarm.test_stage import animated_test_scene
 from tests.renderer.builders import emitter, scene, square
@@ -293,7 +293,7 @@ def test_unreachable_service_returns_scene(bench: Bench, info: SceneInfo, tmp_pa
 
 def denoised(bench: Bench, work: DenoiseFrame) -> dict[str, Any]:
     kind = bench.report().kind  # type: ignore[union-attr]
-    bench.celery.send_task(DENOISE, kwargs={"frame": asdict(work)}, queue=denoise_queue(kind))
+    bench.celery.send_task(DENOISE, kwargs={"frame": work.to_json()}, queue=denoise_queue(kind))
     return bench.next("denoised", "denoise-failed").event
 
 
@@ -315,6 +315,31 @@ def test_frame_is_denoised_from_film_means(bench: Bench) -> None:
     assert np.abs(clean - truth).mean() < np.abs(noisy - truth).mean() / 4
     again = denoised(bench, DenoiseFrame("again", "job", 0, 60, 40))
     assert again["sha256"] == event["sha256"]
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_frame_of_a_shot_is_denoised_with_its_neighbours(bench: Bench) -> None:
+    """Equal to `stabilised_frame` of the three frames, of which two show the same still."""
+    random = np.random.default_rng(6)
+    truth, normal = np.full((40, 60, 3), 0.5, np.float32), np.zeros((40, 60, 3), np.float32)
+    normal[..., 2] = 1
+    motion = np.zeros((40, 60, 4), np.float32)
+    sha256 = hashlib.sha256(motion.tobytes()).hexdigest()
+    bench.service.blobs[sha256] = motion.tobytes()
+    frames, ids = {}, np.ones((2, 40, 60), np.float32)
+    for key in (4, 6, 8):
+        noisy = (truth * random.gamma(2, 0.5, truth.shape)).astype(np.float32)
+        data = b"".join(each.tobytes() for each in (noisy, truth, normal, ids))
+        bench.service.films[f"/api/farm/films/job/{key}?ids=true"] = data
+        frames[key / 2] = DenoisedFrame(denoise_with_guides(noisy, truth, normal), ids[0], ids[1], motion)
+    work = DenoiseFrame("shot", "job", 6, 60, 40, tuple((key, sha256) for key in (4, 6, 8)))
+    event = denoised(bench, work)
+    assert event["type"] == "denoised", event
+    assert (event["version"], event["samples"]) == ("seven+seven+seven", 12)
+    clean = np.frombuffer(bench.service.blobs[event["sha256"]], "<f4").reshape(40, 60, 3)
+    np.testing.assert_allclose(clean, stabilised_frame(frames, 3.0), rtol=1e-3, atol=1e-3)
+    assert np.abs(clean - truth).mean() < np.abs(frames[3.0].clean.color - truth).mean()
 
 
 @pytest.mark.long

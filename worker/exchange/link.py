@@ -185,12 +185,12 @@ class Link:
                 )
             )
 
-    def fetch_means(self, job: str, frame: int, out: BinaryIO) -> tuple[str, int]:
+    def fetch_means(self, job: str, frame: int, out: BinaryIO, ids: bool = False) -> tuple[str, int]:
         """Downloads a frame's mean colour, albedo and normal to `out`. Returns the film's version and number of samples.
 
-        protocol.contract.DenoiseFrame describes the format.
+        ids: whether the object and material planes follow. protocol.contract.DenoiseFrame describes the format.
         """
-        with self._stream("GET", f"/api/farm/films/{job}/{frame}") as response:
+        with self._stream("GET", f"/api/farm/films/{job}/{frame}{'?ids=true' if ids else ''}") as response:
             try:
                 about = response.headers[VERSION_HEADER], int(response.headers[SAMPLES_HEADER])
             except (KeyError, ValueError) as error:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextvars import copy_context
+from functools import partial
 from typing import Self
 
 __all__ = ["Send", "SumsSender"]
@@ -15,11 +16,13 @@ Send = Callable[[], None]
 class SumsSender:
     """Context manager with a thread that sends results in order, at most one behind the slot.
 
-    The thread ends with the context, so none runs when the slot forks a reader. Kernels run without the interpreter's lock.
+    The thread ends with the context, so none runs when the slot forks a reader. Kernels run without the interpreter's lock. A
+    result is held back until the next kernel runs: packing it would delay the next rendering, since both need that lock.
     """
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="sums")
+        self._held: Send | None = None
         self._pending: Future[None] | None = None
 
     def __enter__(self) -> Self:
@@ -33,9 +36,15 @@ class SumsSender:
             self._thread.shutdown()
 
     def submit(self, send: Send) -> None:
-        """Calls `send` in the thread, after the previous result is sent. Raises the error of the previous `send`."""
+        """Holds `send` back until `begin`, after the previous result is sent. Raises the error of the previous `send`."""
         self.wait()
-        self._pending = self._thread.submit(copy_context().run, send)
+        self._held = partial(copy_context().run, send)
+
+    def begin(self) -> None:
+        """Begins to send the result that is held back, if any, in the thread. Called when the next kernel is about to run."""
+        held, self._held = self._held, None
+        if held is not None:
+            self._pending = self._thread.submit(held)
 
     def send_now(self, send: Send) -> None:
         """Calls `send` in this thread, after the previous result is sent. Raises the error of either `send`."""
@@ -44,6 +53,7 @@ class SumsSender:
 
     def wait(self) -> None:
         """Waits until the submitted result is sent. Raises the error of `send`."""
+        self.begin()
         pending, self._pending = self._pending, None
         if pending is not None:
             pending.result()

@@ -7,10 +7,12 @@ from typing import Any
 import numpy as np
 
 from renderer import denoise as library
+from renderer import temporal_denoise
 from renderer.confine.reader import Link
+from renderer.frames import frame_number
 from worker.reading.scene_folder import folder_of
 
-__all__ = ["denoise"]
+__all__ = ["denoise", "denoise_in_shot"]
 
 
 def denoise(means: bytes, result: bytes, width: int, height: int, link: Link, *, is_preview: bool = False) -> dict[str, Any]:
@@ -22,4 +24,26 @@ def denoise(means: bytes, result: bytes, width: int, height: int, link: Link, *,
     color, albedo, normal = np.fromfile(folder_of(means), "<f4").reshape(3, height, width, 3)
     clean = library.denoise_fast if is_preview else library.denoise
     clean(color, albedo, normal).astype("<f4").tofile(folder_of(result))
+    return {}
+
+
+def denoise_in_shot(
+    folder: bytes, result: bytes, frames: list[int], frame: int, width: int, height: int, link: Link
+) -> dict[str, Any]:
+    """Writes a denoised frame of a shot, averaged with its neighbours, as float32 to the file `result`. Returns an empty answer.
+
+    frames: keys of the frame and its neighbours, in order. folder: of the files N.means, with the object and material planes
+    behind the means, and N.motion, with the motion vectors, for each index N in `frames`.
+    """
+    place = folder_of(folder)
+    known = {}
+    for index, key in enumerate(frames):
+        planes = np.fromfile(place / f"{index}.means", "<f4")
+        means, ids = np.split(planes, [9 * height * width])
+        color, albedo, normal = means.reshape(3, height, width, 3)
+        number, material = ids.reshape(2, height, width)
+        motion = np.fromfile(place / f"{index}.motion", "<f4").reshape(height, width, 4)
+        clean = library.denoise_with_guides(color, albedo, normal)
+        known[frame_number(key)] = temporal_denoise.DenoisedFrame(clean, number, material, motion)
+    temporal_denoise.stabilised_frame(known, frame_number(frame)).astype("<f4").tofile(folder_of(result))
     return {}

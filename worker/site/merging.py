@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from protocol.contract import Result
-from protocol.sums import add_sums, merge_hits, pack_sums, unpack_sums
+from protocol.sums import add_sums, merge_deep, merge_hits, pack_sums, unpack_sums
 from renderer.settings import Tile
 
 __all__ = ["batches_of_event", "merged_results"]
@@ -61,7 +61,8 @@ def _merged_run(run: list[Result]) -> Result:
         "traceparents": [place for event in events for place in event.get("traceparents", ())],
     }
     event |= {name: value for name, value in beside.items() if value}
-    return Result(event, pack_sums(total, hits=merge_hits((result.sums or b"" for result in run), tile)))
+    packed = [result.sums or b"" for result in run]
+    return Result(event, pack_sums(total, hits=merge_hits(packed, tile), deep_pixels=merge_deep(packed, tile)))
 
 
 def _tile_key(result: Result) -> tuple[Any, ...]:

@@ -339,10 +339,10 @@ def _options() -> argparse.Namespace:
     parser.add_argument("--service", required=True, help="the service's address, as http://host:8000")
     parser.add_argument("--token", default="", help="a worker's token; $RAYFARM_TOKEN, or the file $RAYFARM_TOKEN_FILE")
     parser.add_argument("--name", required=True, help="the site's; its workers are started with --site NAME")
-    parser.add_argument("--host", default="0.0.0.0", help="where it listens; everywhere unless told")
+    parser.add_argument("--host", default="0.0.0.0", help="address to listen on (default: all interfaces)")
     parser.add_argument("--port", type=int, default=8010, help="0: any that is free")
     parser.add_argument(
-        "--address", default="", help="what workers reach it by; this machine's on its way to the farm unless told"
+        "--address", default="", help="address by which workers reach it (default: that of this machine on its route to the farm)"
     )
     parser.add_argument("--folder", type=Path, required=True, help="where sums lie until they are sent")
     parser.add_argument("--log-format", choices=FORMATS, help=f"json: each line of the log an object; ${FORMAT_VARIABLE}")

@@ -17,5 +17,6 @@ environments.py       an uploaded environment's thumbnail
 explain.py            the paths of a pixel
 files.py              a scene's files in a folder
 scenes.py             compiled scenes: fetched, mapped, stored
+open_scenes.py        those that a slot keeps mapped; the next batch's, mapped while it renders
 reader.py             runs a job on untrusted files in a confined process (worker/reading/), with its own folder
 """

@@ -6,22 +6,25 @@ A separate process is used because the library does not release its threads and 
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from protocol.contract import DenoiseFrame
+from protocol.contract import VERSION_SEPARATOR, DenoiseFrame
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
-from worker.reading.denoise import denoise
+from worker.reading.denoise import denoise, denoise_in_shot
 from worker.work.reader import ReaderFolder
 
 __all__ = ["denoise_frame"]
 
 SECONDS = 300.0
+MOST_SECONDS = 800.0  # of a frame with its neighbours, below the limit of a task
 PATIENCE_S = 10.0  # seconds; a client waits for the picture
 MEMORY_BYTES = 2 << 30  # the library works in tiles whose size it chooses for this limit
 BYTES_A_PIXEL = 400
+BYTES_A_NEIGHBOUR = 200  # a pixel, of each frame that is averaged
 DENOISED = "denoised.f32"
 
 
@@ -31,6 +34,8 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
     Raises WorkerError and OSError.
     """
     with ReaderFolder("denoise") as room:
+        if work.frames:
+            return _denoise_in_shot(worker, work, room)
         means = room.scene / "means.f32"
         version, samples = retry_temporary(lambda: _fetch(worker, work, means), PATIENCE_S)
         job = partial(denoise, os.fsencode(means), os.fsencode(room.out / DENOISED), work.width, work.height)
@@ -39,6 +44,29 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
     return {"sha256": blob.sha256, "version": version, "samples": samples}
 
 
-def _fetch(worker: WorkerContext, work: DenoiseFrame, means: Path) -> tuple[str, int]:
+def _denoise_in_shot(worker: WorkerContext, work: DenoiseFrame, room: ReaderFolder) -> dict[str, Any]:
+    versions, samples = [], 0
+    for index, (frame, motion) in enumerate(work.frames):
+        means = partial(_fetch, worker, replace(work, frame=frame), room.scene / f"{index}.means", ids=True)
+        version, count = retry_temporary(means, PATIENCE_S)
+        retry_temporary(partial(_fetch_blob, worker, motion, room.scene / f"{index}.motion"), PATIENCE_S)
+        versions.append(version)
+        samples = count if frame == work.frame else samples
+    frames = [frame for frame, _ in work.frames]
+    paths = os.fsencode(room.scene), os.fsencode(room.out / DENOISED)
+    job = partial(denoise_in_shot, *paths, frames, work.frame, work.width, work.height)
+    pixels = work.width * work.height
+    memory = MEMORY_BYTES + (BYTES_A_PIXEL + len(frames) * BYTES_A_NEIGHBOUR) * pixels
+    room.run(job, "The picture", min(SECONDS * len(frames), MOST_SECONDS), memory=memory)
+    blob = retry_temporary(lambda: worker.link.store(room.result(DENOISED)), PATIENCE_S)
+    return {"sha256": blob.sha256, "version": VERSION_SEPARATOR.join(versions), "samples": samples}
+
+
+def _fetch(worker: WorkerContext, work: DenoiseFrame, means: Path, ids: bool = False) -> tuple[str, int]:
     with means.open("wb") as file:
-        return worker.link.fetch_means(work.job, work.frame, file)
+        return worker.link.fetch_means(work.job, work.frame, file, ids)
+
+
+def _fetch_blob(worker: WorkerContext, sha256: str, path: Path) -> None:
+    with path.open("wb") as file:
+        worker.link.fetch(sha256, file)

@@ -22,7 +22,7 @@ from worker.exchange.ready import make_kernel_ready
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import compiled_frame
-from worker.work.render import mapped_scene
+from worker.work.open_scenes import mapped_scene
 
 __all__ = ["explain_pixel", "explanation_json", "send_answer"]
 

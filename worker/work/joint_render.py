@@ -36,9 +36,9 @@ log = logging.getLogger(__name__)
 
 
 def share_pieces(app: Celery, worker: WorkerContext, joint: JointBatch, message: str) -> bool:
-    """Makes a joint batch's pieces available to all slots of this worker. Returns False if the files cannot be written.
+    """Offers the pieces of a joint batch (protocol/joint.py) to all slots of this worker; the rest returns to the queue.
 
-    message: id of the Celery message. Puts pieces beyond the number of slots back into the queue.
+    message: id of the Celery message. Returns False if the files through which slots share pieces cannot be written.
     """
     if worker.pieces is None:
         return False

@@ -17,8 +17,8 @@ from worker.process.context import WorkerContext
 from worker.reading.relight import relight as relight_by_image
 from worker.reading.relight import save_relit
 from worker.work.files import place_files
+from worker.work.open_scenes import mapped_scene
 from worker.work.reader import ReaderFolder
-from worker.work.render import mapped_scene
 from worker.work.scenes import store_scene
 
 __all__ = ["relight"]

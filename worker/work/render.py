@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
@@ -15,7 +14,6 @@ from protocol.sums import PACKED, pack_sums
 from renderer.errors import RayfarmError
 from renderer.film import BatchSums
 from renderer.render import is_warm, render_batch, variant_for
-from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from worker.exchange.errors import RefusedError, TemporaryError
 from worker.exchange.ready import make_kernel_ready
@@ -23,14 +21,13 @@ from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
 from worker.telemetry.batch_warnings import step
-from worker.work.scenes import open_scene
+from worker.work.open_scenes import mapped_scene
 
 __all__ = [
     "PATIENCE_S",
     "BatchOutcome",
     "batch_event",
     "failure_event",
-    "mapped_scene",
     "render",
     "rendered_outcome",
     "returned_event",
@@ -40,11 +37,6 @@ __all__ = [
 # Seconds to retry an unreachable service, less than a batch's lease.
 PATIENCE_S = 30.0
 TRACE_LINES, TRACE_CHARACTERS = 6, 1500
-
-# Number of mapped scenes that a slot keeps open. They cost address space; their pages are shared among slots.
-OPEN_SCENES = 8
-
-_open: OrderedDict[str, CompiledScene] = OrderedDict()
 
 
 @dataclass(frozen=True)
@@ -60,13 +52,16 @@ class BatchOutcome:
         if self.sums is None:
             return Result(self.event)
         with step("pack sums"):
-            return Result(self.event, pack_sums(self.sums.sums, self.packing, self.sums.hits))
+            return Result(self.event, pack_sums(self.sums.sums, self.packing, self.sums.hits, self.sums.deep))
 
 
-def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None]) -> BatchOutcome:
+def render(
+    worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool], None], begins: Callable[[], None] = lambda: None
+) -> BatchOutcome:
     """Renders a batch. Returns its exact sums, or the event of a failed or returned batch with the reason.
 
-    compiling: called with True before the scene's kernel is made ready, and with False afterwards.
+    compiling: called with True before the scene's kernel is made ready, and with False afterwards. begins: called before the
+    kernel runs, which needs no interpreter: the time for threads to do other work.
     """
     try:
         with step("open scene"):
@@ -77,6 +72,7 @@ def render(worker: WorkerContext, batch: RenderBatch, compiling: Callable[[bool]
             with step("kernel"):
                 make_kernel_ready(worker.link, batch.settings, variant)
             compiling(False)
+        begins()
         begun = time.perf_counter()
         with step("trace paths", slot=slot(), first=batch.first, count=batch.count, tile=list(batch.tile)):
             sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
@@ -163,15 +159,3 @@ def batch_event(worker: WorkerContext, batch: RenderBatch, kind: str) -> dict[st
         "count": batch.count,
         "worker": worker.name,
     }
-
-
-def mapped_scene(worker: WorkerContext, sha256: str) -> CompiledScene:
-    """Returns the compiled scene with this hash. Each slot maps it once."""
-    scene = _open.get(sha256)
-    if scene is None:
-        scene = open_scene(worker.cache, sha256)
-        _open[sha256] = scene
-        if len(_open) > OPEN_SCENES:
-            _open.popitem(last=False)
-    _open.move_to_end(sha256)
-    return scene

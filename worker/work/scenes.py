@@ -6,7 +6,9 @@ A compiled scene is a single file, or a manifest and its parts (renderer/scene/c
 from __future__ import annotations
 
 import contextlib
+from collections import OrderedDict
 from collections.abc import Collection
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from protocol.contract import BlobRef
@@ -23,11 +25,20 @@ from worker.process.context import WorkerContext
 __all__ = ["discard_damaged", "open_scene", "store", "store_scene"]
 
 STORE_TIMEOUT_S = 60.0
+SMALL_BYTES = 256 << 10  # a file of at most this size that this slot has not sent yet is sent without asking for it
+SENDING_THREADS = 4
+MAX_KNOWN = 4096  # hashes of sent files
+
+_sent: OrderedDict[str, None] = OrderedDict()  # the latest, by hash
 
 
 def store(worker: WorkerContext, path: Path) -> BlobRef:
     """Uploads a file to the service, with retries, so that a restart of the service does not lose minutes of work."""
-    return retry_temporary(lambda: worker.link.store(path), STORE_TIMEOUT_S)
+    ref = retry_temporary(lambda: worker.link.store(path), STORE_TIMEOUT_S)
+    _sent[ref.sha256] = None
+    if len(_sent) > MAX_KNOWN:
+        _sent.popitem(last=False)
+    return ref
 
 
 def store_scene(worker: WorkerContext, path: Path, stored_parts: Collection[str] = ()) -> BlobRef:
@@ -38,11 +49,11 @@ def store_scene(worker: WorkerContext, path: Path, stored_parts: Collection[str]
     TemporaryError if a part of an earlier frame no longer exists.
     """
     parts = parts_of(path)
-    for part in parts:
-        if part.sha256 not in stored_parts:
-            _store_part(worker, path.parent / part.sha256, part)
-    is_there: bool = bool(parts) and retry_temporary(lambda: worker.link.has_blob(path.name), STORE_TIMEOUT_S)
-    if is_there:
+    unknown = [part for part in dict.fromkeys(parts) if part.sha256 not in stored_parts]
+    if unknown:  # together, since the service waits for its disk with each
+        with ThreadPoolExecutor(min(len(unknown), SENDING_THREADS), "parts") as threads:
+            list(threads.map(lambda part: _store_part(worker, path.parent / part.sha256, part), unknown))
+    if parts and _is_stored(worker, path.name, path):
         ref = BlobRef("", path.name, path.stat().st_size)
     else:
         ref = store(worker, path)
@@ -51,10 +62,20 @@ def store_scene(worker: WorkerContext, path: Path, stored_parts: Collection[str]
 
 
 def _store_part(worker: WorkerContext, path: Path, part: Part) -> None:
-    if not retry_temporary(lambda: worker.link.has_blob(part.sha256), STORE_TIMEOUT_S):
+    if not _is_stored(worker, part.sha256, path):
         store(worker, path if path.is_file() else _from_cache(worker, part))
     if path.is_file():
         worker.cache.add_copy(path, part.sha256)
+
+
+def _is_stored(worker: WorkerContext, sha256: str, path: Path) -> bool:
+    """Returns True if the service has a file, which it then keeps.
+
+    Returns False without a request if the file `path` exists, is small, and was not sent by this slot.
+    """
+    if sha256 not in _sent and path.is_file() and path.stat().st_size <= SMALL_BYTES:
+        return False
+    return retry_temporary(lambda: worker.link.has_blob(sha256), STORE_TIMEOUT_S)
 
 
 def _from_cache(worker: WorkerContext, part: Part) -> Path:

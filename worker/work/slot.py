@@ -50,19 +50,19 @@ class SlotTask:
 
 
 @contextmanager
-def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[[], BatchOutcome]]:
+def rendering_batch(worker: WorkerContext, work: RenderBatch, message: str) -> Iterator[Callable[..., BatchOutcome]]:
     """Context manager in which the slot is reported as rendering a batch; yields the function that renders it.
 
-    message: id of the Celery message.
+    Its argument, if given, is called before the kernel runs. message: id of the Celery message.
     """
     about = {key: getattr(work, key) for key in ("batch", "job", "frame", "first", "count")}
     with SlotTask(worker, {**about, "tile": list(work.tile), "message": message}) as hand:
 
-        def render_batch() -> BatchOutcome:
+        def render_batch(begins: Callable[[], None] = lambda: None) -> BatchOutcome:
             # A piece shared by another slot comes without a trace context from the service.
             parent = tracing.current_span() or tracing.root_span("job", work.job)
             with collect_warnings() as heard, tracing.span("batch", parent, **message_ids(vars(work))):
-                outcome = render(worker, work, hand.report_compiling)
+                outcome = render(worker, work, hand.report_compiling, begins)
                 if tracing.is_on():
                     outcome.event["traceparents"] = [str(tracing.current_span())]
             outcome.event.update(heard.result_fields())

@@ -32,7 +32,8 @@ from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.process.slot_number import slot
-from worker.work.render import PATIENCE_S, mapped_scene, rendered_outcome, returned_event
+from worker.work.open_scenes import mapped_scene
+from worker.work.render import PATIENCE_S, rendered_outcome, returned_event
 
 __all__ = ["Block", "blocks_of", "render_on_card", "return_to_cpus"]
 
@@ -60,11 +61,11 @@ class Block(NamedTuple):
 
 
 class _UnusableError(Exception):
-    """This slot's card cannot render the batches. The argument is the sentence of the reason."""
+    """Raised if this slot's card cannot render the batches. The argument is the reason, a sentence."""
 
 
 class _ReturnedError(Exception):
-    """This worker cannot render the batches at present. The argument is the sentence of the reason."""
+    """Raised to return batches that this worker cannot render at present. The argument is the reason, a sentence."""
 
 
 def blocks_of(batches: Sequence[RenderBatch], most: int = BLOCK_SAMPLES) -> list[Block]:

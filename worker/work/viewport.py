@@ -31,7 +31,7 @@ from worker.exchange.ready import make_kernel_ready
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
-from worker.work.render import mapped_scene
+from worker.work.open_scenes import mapped_scene
 
 __all__ = ["ViewAnswers", "prepare_view_frame", "render_view"]
 

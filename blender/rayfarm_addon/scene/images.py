@@ -21,13 +21,14 @@ AS_THEY_ARE = {"PNG": ".png", "JPEG": ".jpg", "WEBP": ".webp"}
 Pixels = F32
 
 
-def register(scene: Scene, image: Any, as_color: bool) -> str | None:
+def register(scene: Scene, image: Any, as_color: bool, deep: bool = False) -> str | None:
     """Adds an image to the exported scene and returns its file name; None, with a warning, if the image has no pixels.
 
     image: a bpy.types.Image or a Painted. as_color: True: the values are colours, stored in sRGB; False: data, stored unchanged.
+    deep: whether a converted image has 16 bits per channel, not 8.
     """
     if image.source == "PAINTED":
-        return add_pixels(scene, image.name, image.texels, encoding_of(image, as_color))
+        return add_pixels(scene, image.name, image.texels, encoding_of(image, as_color), deep)
     if image.source == "TILED":
         scene.warn(f"Image {image.name}: of its tiles (UDIM) the first is taken.")
     if image.source in ("MOVIE", "SEQUENCE"):
@@ -41,17 +42,19 @@ def register(scene: Scene, image: Any, as_color: bool) -> str | None:
     if found is None:
         scene.warn(f"Image {image.name}: it has no pixels; is its file there?")
         return None
-    return add_pixels(scene, image.name, found, encoding_of(image, as_color))
+    return add_pixels(scene, image.name, found, encoding_of(image, as_color), deep)
 
 
-def add_pixels(scene: Scene, name: str, found: Pixels, encoding: str = "") -> str:
-    """Adds an image (h, w, 4), rows from the top, to the exported scene as an 8-bit PNG; returns its file name.
+def add_pixels(scene: Scene, name: str, found: Pixels, encoding: str = "", deep: bool = False) -> str:
+    """Adds an image (h, w, 4), rows from the top, to the exported scene as a PNG file; returns its file name.
 
-    encoding: conversion of the pixels before they are stored, as in `encoded`.
+    encoding: conversion of the pixels before they are stored, as in `encoded`. deep: 16 bits per channel, not 8.
     """
     if encoding:
         found = found.copy()
         found[..., :3] = encoded(found[..., :3], encoding)
+    if deep:
+        return _add_image(scene, f"{name} 16", ".png", png((np.clip(found, 0, 1) * 65535 + 0.5).astype(np.uint16)))
     return _add_image(scene, name, ".png", png((np.clip(found, 0, 1) * 255 + 0.5).astype(np.uint8)))
 
 
@@ -126,12 +129,13 @@ def _add_image(scene: Scene, name: str, suffix: str, content: bytes | Path) -> s
     return found
 
 
-def png(values: npt.NDArray[np.uint8]) -> bytes:
-    """Encodes an (h, w, 3 or 4) uint8 array as a PNG file."""
+def png(values: npt.NDArray[np.uint8] | npt.NDArray[np.uint16]) -> bytes:
+    """Encodes an (h, w, 3 or 4) uint8 or uint16 array as a PNG file."""
     height, width, channels = values.shape
-    rows = np.zeros((height, 1 + width * channels), np.uint8)  # the first byte of each row is its filter: 0, none
-    rows[:, 1:] = values.reshape(height, -1)
-    head = struct.pack(">IIBBBBB", width, height, 8, {3: 2, 4: 6}[channels], 0, 0, 0)
+    size = values.dtype.itemsize
+    rows = np.zeros((height, 1 + width * channels * size), np.uint8)  # the first byte of each row is its filter: 0, none
+    rows[:, 1:] = np.ascontiguousarray(values, values.dtype.newbyteorder(">")).reshape(height, -1).view(np.uint8)
+    head = struct.pack(">IIBBBBB", width, height, 8 * size, {3: 2, 4: 6}[channels], 0, 0, 0)
     parts = [(b"IHDR", head), (b"IDAT", zlib.compress(rows.tobytes(), 3)), (b"IEND", b"")]
     chunks = [struct.pack(">I", len(d)) + k + d + struct.pack(">I", zlib.crc32(k + d)) for k, d in parts]
     return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)

@@ -24,15 +24,18 @@ class Pictures:
     def __init__(self, scene: Scene, name: str) -> None:
         self._scene, self._name = scene, name
 
-    def name(self, value: Value, as_color: bool) -> str | None:
+    def name(self, value: Value, as_color: bool, deep: bool = False) -> str | None:
         """Exports the image of a Value and returns the image's file name; None if the image has no pixels."""
-        return images.register(self._scene, value.image, as_color)
+        return images.register(self._scene, value.image, as_color, deep)
 
-    def image_use(self, value: Value, as_color: bool) -> Any:
-        """Returns the TextureUse of the image of a Value, with all channels; None if the image has no pixels."""
+    def image_use(self, value: Value, as_color: bool, deep: bool = False) -> Any:
+        """Returns the TextureUse of the image of a Value, with all channels; None if the image has no pixels.
+
+        deep: whether an image that has to be converted has 16 bits per channel, as heights need, not 8.
+        """
         if value.inverted:
             return self.packed([(value, 0), (value, 1), (value, 2)], value, as_color)
-        name = self.name(value, as_color)
+        name = self.name(value, as_color, deep)
         return None if name is None or value.use is None else replace(value.use, image=name)
 
     def packed(self, channels: list[tuple[Value | None, int]], mapped_value: Value, as_color: bool) -> TextureUse | None:

@@ -11,12 +11,12 @@ from ..farm.protocol.sentences import Sentence
 from . import fibres, subsurface
 from .cycles import warn_of_material
 from .cycles_differences import has_film, warn_of_pictures
-from .displacement import displaced
+from .displacement import DISPLACEMENT, Heights, displaced
 from .model import Material, Scene, TextureUse
 from .nodes import Product, SocketInGroups, Source, constant_value, output_of, source_of
 from .pictures import Pictures
 from .shader_mix import PrincipledLook, brushed, input_for_camera_rays, principled_look, under_coat
-from .textures import Value, Values, as_list, number, one_minus
+from .textures import GREY, Value, Values, as_list, number, one_minus
 
 __all__ = ["Surfaces"]
 
@@ -91,6 +91,9 @@ class _Reader:
         heights = displaced(self._source, tree, getattr(self._density, "scale", 1.0), self._warn)
         if heights is None:
             return
+        if heights.moves:
+            self._move(heights)
+            return
         if "normalTexture" in self._said:
             self._warn(
                 Sentence(
@@ -104,13 +107,30 @@ class _Reader:
             self._warn(
                 Sentence(
                     "blend-displacement-not-by-uvs",
-                    "its displacement is left out; only that by UV-mapped images is shown, as bumps",
+                    "its displacement is left out; only that by UV-mapped images is shown",
                 )
             )
             return
         self._said["normalTexture"] = replace(picture, strength=1.0)
         if (coat := self._more.get("KHR_materials_clearcoat")) is not None:
             coat.setdefault("clearcoatNormalTexture", replace(picture, strength=1.0))
+
+    def _move(self, heights: Heights) -> None:
+        """Exports displacement that moves the surface."""
+        value = self._values.read(heights.input("Height"), 0.0, "height")
+        numbers = heights.parameters(number(value.factor))
+        picture = None
+        if value.image is not None and numbers is not None:
+            if value.inverted or value.channel not in (None, GREY, 0):
+                picture = self._pictures.packed([(value, 0)], value, False)
+            else:
+                picture = self._pictures.image_use(value, False, deep=True)
+        if picture is None or numbers is None:
+            self._warn(
+                Sentence("blend-displacement-not-by-uvs", "its displacement is left out; only that by UV-mapped images is shown")
+            )
+            return
+        self._more[DISPLACEMENT] = {"displacementTexture": picture, **numbers}
 
     def _transmits_light(self) -> bool:
         """Returns True if light enters the material by transmission."""

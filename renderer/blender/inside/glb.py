@@ -48,6 +48,16 @@ class Glb:
         said["bufferView"] = self._add("bufferViews", view)
         return self._add("accessors", said)
 
+    def image(self, png: bytes) -> int:
+        """Adds a PNG file as an image; returns the image's number."""
+        view = {"buffer": 0, "byteOffset": self._size, "byteLength": len(png)}
+        self._append_padded(png)
+        return self._add("images", {"bufferView": self._add("bufferViews", view), "mimeType": "image/png"})
+
+    def texture(self, image: int, like: int) -> int:
+        """Adds a texture with an image and the sampler of another texture; returns the texture's number."""
+        return self._add("textures", {**self.document["textures"][like], "source": image})
+
     def write(self, path: Path) -> None:
         """Writes the file atomically."""
         if self._size:

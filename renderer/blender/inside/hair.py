@@ -1,29 +1,40 @@
-"""Converts hair curves to meshes of thin tubes, which the glTF exporter supports."""
+"""Converts hair curves to meshes of thin tubes, and point clouds to spheres, which the glTF exporter supports."""
 
 from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
 
-from .prepare_scene import VISIBLE
+from .instances import VISIBLE, is_left_out
+from .point_clouds import mesh_of_points
 from .principled_materials import modules_of
 from .sentences import Sentence
 
-__all__ = ["hair_as_meshes"]
+__all__ = ["hair_and_points_as_meshes"]
 
 MOST_POINTS = 300_000
 
 
-def hair_as_meshes(bpy: Any, scene: Any, objects: list[Any], addon: Path | None, notes: list[str]) -> list[Any]:
-    """Returns the visible objects, with hair curves replaced by meshes where possible. addon: the add-on's folder, or None."""
-    curves = [thing for thing in objects if thing.type == "CURVES"]
-    if not curves or addon is None:
-        return objects
-    tubes = modules_of(addon).tubes.tubes
+def hair_and_points_as_meshes(bpy: Any, scene: Any, objects: list[Any], addon: Path | None, notes: list[str]) -> list[Any]:
+    """Returns the visible objects, with hair curves and point clouds replaced by meshes where possible.
+
+    addon: the add-on's folder, or None: hair is then not replaced.
+    """
     graph = bpy.context.evaluated_depsgraph_get()
-    made = [_mesh_of(bpy, scene, thing, thing.evaluated_get(graph).data, tubes, notes) for thing in curves]
-    gone = {thing.name for thing in curves}
-    for thing in curves:
+    clouds = [thing for thing in objects if thing.type == "POINTCLOUD" and not is_left_out(thing.evaluated_get(graph))]
+    curves = [thing for thing in objects if thing.type == "CURVES" and addon is not None]
+    if not curves and not clouds:
+        return objects
+    made = [
+        _object_of(bpy, scene, thing, mesh_of_points(bpy, thing.name, thing.evaluated_get(graph).data), "points")
+        for thing in clouds
+    ]
+    if curves:
+        assert addon is not None
+        tubes = modules_of(addon).tubes.tubes
+        made += [_mesh_of(bpy, scene, thing, thing.evaluated_get(graph).data, tubes, notes) for thing in curves]
+    gone = {thing.name for thing in (*curves, *clouds)}
+    for thing in (*curves, *clouds):
         thing.hide_render = True
     return [*(thing for thing in objects if thing.name not in gone), *(thing for thing in made if thing is not None)]
 
@@ -61,7 +72,12 @@ def _mesh_of(bpy: Any, scene: Any, thing: Any, data: Any, tubes: Any, notes: lis
     mesh.update(calc_edges=True)
     for material in thing.data.materials:
         mesh.materials.append(material)
-    made = bpy.data.objects.new(f"{thing.name} hair", mesh)
+    return _object_of(bpy, scene, thing, mesh, "hair")
+
+
+def _object_of(bpy: Any, scene: Any, thing: Any, mesh: Any, what: str) -> Any:
+    """Adds an object with a mesh that replaces an object; returns it."""
+    made = bpy.data.objects.new(f"{thing.name} {what}", mesh)
     _move_alike(made, thing)
     for flag in VISIBLE:
         setattr(made, flag, getattr(thing, flag))

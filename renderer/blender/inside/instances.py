@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
+from .point_clouds import MOST_POINTS, mesh_of_points
 from .sentences import Sentence, first_items
 
-__all__ = ["LEFT_OUT", "VISIBLE", "instances_as_objects"]
+__all__ = ["LEFT_OUT", "VISIBLE", "instances_as_objects", "is_left_out"]
 
 MOST_INSTANCES = 200_000
 MOST_PLACES = 2_000_000  # of all instances over all frames
-KINDS = ("MESH", "CURVE", "SURFACE", "FONT", "META", "LIGHT")
+KINDS = ("MESH", "CURVE", "SURFACE", "FONT", "META", "LIGHT", "POINTCLOUD")
 LEFT_OUT = {
     "POINTCLOUD": Sentence("blend-point-clouds", "Point clouds"),
     "VOLUME": Sentence("blend-volumes", "Volumes"),
@@ -95,14 +96,19 @@ def _find_instances(bpy: Any, visible_names: set[str]) -> list[_ShownInstance]:
 def _is_exported(instance: Any, visible_names: set[str]) -> bool:
     if not instance.is_instance or instance.parent is None or instance.parent.original.name not in visible_names:
         return False
-    return instance.object.type in KINDS and instance.object.data is not None
+    return instance.object.type in KINDS and instance.object.data is not None and not is_left_out(instance.object)
+
+
+def is_left_out(thing: Any) -> bool:
+    """Returns True if an object is of a kind that is not exported: one of LEFT_OUT, but small point clouds are meshes."""
+    return thing.type in LEFT_OUT and not (thing.type == "POINTCLOUD" and 0 < len(thing.data.points) <= MOST_POINTS)
 
 
 def _note_left_out(bpy: Any, visible_names: set[str], notes: list[str]) -> None:
     """Adds notes on instanced objects and results of geometry nodes that are not exported because they are not surfaces."""
     names: dict[str, dict[str, None]] = {}
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
-        if instance.object.type in LEFT_OUT and instance.is_instance and instance.parent is not None:
+        if is_left_out(instance.object) and instance.is_instance and instance.parent is not None:
             owner = instance.parent.original.name
             if owner in visible_names:
                 names.setdefault(LEFT_OUT[instance.object.type], {})[owner] = None
@@ -228,6 +234,8 @@ def _mesh_of(bpy: Any, thing: Any, data: Any, graph: Any) -> Any:
     """Returns an instance's mesh. For geometry nodes it differs from the object's own mesh, though their names are equal."""
     if thing.type == "LIGHT":
         return thing.original.data
+    if thing.type == "POINTCLOUD":
+        return mesh_of_points(bpy, thing.name, data)
     if thing.type == "MESH" and data != thing.original.evaluated_get(graph).data:
         return data.copy()
     return bpy.data.meshes.new_from_object(thing, preserve_all_data_layers=True, depsgraph=graph)

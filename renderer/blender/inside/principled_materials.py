@@ -122,9 +122,9 @@ class _Simplifier:
                 continue
             if at is not None:
                 self._set(entry, at, is_own)
-        self._convert_displacement(principled, told)
+        moved = self._convert_displacement(principled, told)
         self._add_notes(told)
-        return self._extensions(look) | inside
+        return self._extensions(look) | inside | moved
 
     def _add_notes(self, sentences: list[str]) -> None:
         self._notes += [
@@ -244,12 +244,15 @@ class _Simplifier:
             return False
         return self._replace_bump([entry], source)
 
-    def _convert_displacement(self, principled: Any, notes: list[str]) -> None:
-        """Converts displacement to a normal map, if the material has no other bump or normal map. notes: receives notes."""
+    def _convert_displacement(self, principled: Any, notes: list[str]) -> dict[str, Any]:
+        """Converts displacement, if the material has no other bump or normal map: to one, or to one that moves the surface.
+
+        Returns the extension of the latter, without its texture. notes: receives notes.
+        """
         scale = abs(self._thing.matrix_world.determinant()) ** (1 / 3)
         heights = self._modules.displacement.displaced(self._material, self._tree, scale, notes.append)
         if heights is None:
-            return
+            return {}
         normal, coat = (principled.inputs.get(name) for name in ("Normal", "Coat Normal"))
         if normal.is_linked:
             notes.append(
@@ -257,13 +260,29 @@ class _Simplifier:
                     "blend-displacement-and-normals", "its displacement is left out, since it has another bump or normal map"
                 )
             )
-        elif not self._replace_bump([normal] if coat is None or coat.is_linked else [normal, coat], heights):
+        elif heights.moves and (moved := self._moved_surface(normal, heights)) is not None:
+            return {self._modules.displacement.DISPLACEMENT: moved}
+        elif heights.moves or not self._replace_bump([normal] if coat is None or coat.is_linked else [normal, coat], heights):
             notes.append(
-                Sentence(
-                    "blend-displacement-not-by-uvs",
-                    "its displacement is left out; only that by UV-mapped images is shown, as bumps",
-                )
+                Sentence("blend-displacement-not-by-uvs", "its displacement is left out; only that by UV-mapped images is shown")
             )
+        return {}
+
+    def _moved_surface(self, normal: Any, heights: Any) -> dict[str, Any] | None:
+        """Returns the extension of a displacement that moves the surface; None if its heights are not an image.
+
+        The image is linked to the material's input `normal`, so that the exporter writes its mapping; `write_extensions` moves it
+        from there. "png" has its pixels with 16 bits, since the exporter has 8.
+        """
+        painted, numbers = self._painter.paint(heights.input("Height"), "height"), heights.parameters(1.0)
+        if painted is None or isinstance(painted, list) or numbers is None:
+            return None
+        node = self._tree.nodes.new("ShaderNodeNormalMap")
+        image, way = painted
+        self._tree.links.new(self._add_image_node(node.inputs["Color"], image, way, is_color=False), node.inputs["Color"])
+        self._tree.links.new(node.outputs["Normal"], normal)
+        texels = image.texels.clip(0, 1) * 65535 + 0.5
+        return {**numbers, "png": sys.modules["rayfarm_addon.scene.images"].png(texels.astype("uint16"))}
 
     def _replace_bump(self, entries: list[Any], source: Any) -> bool:
         """Replaces a Bump node by a normal map on these inputs; returns False if its height is not an image."""

@@ -21,6 +21,7 @@ KINDS = {
     "volume": "visible_volume_scatter",
 }
 FACTORS = ("baseColorFactor", "roughnessFactor")
+DISPLACEMENT = "RAYFARM_materials_displacement"  # read by renderer/scene/material.py
 
 Flags = dict[str, bool]
 
@@ -95,8 +96,24 @@ def write_extensions(
     for material in document.get("materials", []):
         if (told := surfaces.get(material.get("name", ""))) is not None:
             extensions = {name: each for name, each in told.items() if name not in FACTORS}
+            if DISPLACEMENT in extensions:
+                extensions |= _displacement(glb, material, extensions.pop(DISPLACEMENT))
             material["extensions"] = {**material.get("extensions", {}), **extensions}
             used.update(extensions)
             _set_factors(material, told)
     document["extensionsUsed"] = sorted(used)
     glb.write(path)
+
+
+def _displacement(glb: Glb, material: dict[str, Any], told: dict[str, Any]) -> dict[str, Any]:
+    """Returns the extension with a material's displacement, with the mapping that the exporter wrote for its normal map.
+
+    That normal map, a placeholder, is removed. told: as of `simplify`. Returns an empty dict if the exporter wrote none.
+    """
+    place = material.pop("normalTexture", None)
+    if place is None:
+        return {}
+    texture = glb.texture(glb.image(told["png"]), place["index"])
+    numbers = {name: value for name, value in told.items() if name != "png"}
+    mapped = {name: value for name, value in place.items() if name != "scale"}
+    return {DISPLACEMENT: {"displacementTexture": {**mapped, "index": texture}, **numbers}}

@@ -8,7 +8,7 @@ from typing import Any
 
 from .bake_materials import bake
 from .cameras import Cameras
-from .hair import hair_as_meshes
+from .hair import hair_and_points_as_meshes
 from .instances import LEFT_OUT
 from .keys import frames_of, is_animated, over_frames, scripted, shutter_frames
 from .large import replace_by_stand_ins, restore_large_meshes
@@ -60,7 +60,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     exposed = shutter_frames(frames, settings) if is_animated(bpy, scene) else frames
     scene.frame_set(frames[0])
     note_settings(bpy.data.scenes, scene, layer, notes, cycles)
-    shown = hair_as_meshes(bpy, scene, prepare(bpy, scene, frames, exposed, notes), addon, notes)
+    shown = hair_and_points_as_meshes(bpy, scene, prepare(bpy, scene, frames, exposed, notes), addon, notes)
     _note_left_out(shown, notes)
     _note_hair(shown, notes)
     solid = [thing for thing in shown if thing.type in MESHES]

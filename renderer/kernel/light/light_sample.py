@@ -9,9 +9,10 @@ import numpy as np
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.material.material import emission, opacity
+from renderer.kernel.spectrum.upsampling import light_at
 from renderer.wide.values import any_of, as_wide, not_, where, where3, zero_like
 
-__all__ = ["LightSample", "emitted", "empty_light_sample", "if_found", "select_light_sample"]
+__all__ = ["LightSample", "emitted", "empty_light_sample", "if_found", "light_sample_at", "select_light_sample"]
 
 _ONE = np.float32(1.0)
 
@@ -55,6 +56,13 @@ def if_found(found, sample, p):
     if any_of(not_(found)):
         sample = select_light_sample(found, sample, empty_light_sample(p))
     return sample
+
+
+@device
+def light_sample_at(scene, sample, wavelengths):
+    """Returns the LightSample with its radiance at a path's wavelengths; see `light_at` (kernel/spectrum/upsampling.py)."""
+    radiance = light_at(scene, sample.radiance, wavelengths)
+    return LightSample(sample.direction, sample.end, radiance, sample.pdf, sample.alone)
 
 
 @device

@@ -14,6 +14,8 @@ from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.layer_balance import fresnels
 from renderer.kernel.bsdf.microfacet import MIN_ALPHA
 from renderer.kernel.material.texture import lookup
+from renderer.kernel.spectrum.indices import conductor_at
+from renderer.kernel.spectrum.upsampling import reflectance
 
 __all__ = ["Textures", "resolve"]
 
@@ -38,6 +40,8 @@ class Textures(NamedTuple):
     uv1: tuple[float, float]
     keys: Any  # key_texture
     time: Any
+    spectrum: Any  # the scene's
+    wavelengths: Any  # of the path (kernel/spectrum); None without spectra
 
 
 @device
@@ -56,6 +60,11 @@ def _multiply(m, column, color):
     m[column + 2] *= color[2]
 
 
+@device
+def _store(m, column, values):
+    m[column], m[column + 1], m[column + 2] = values
+
+
 @subroutine
 def resolve(kind, material, textures, base, metallic, roughness, pane, m):
     """Fills m (LAYER_SLOTS,) with the material's parameters, textures looked up.
@@ -68,6 +77,11 @@ def resolve(kind, material, textures, base, metallic, roughness, pane, m):
         m[column] = material[textures.material, column]
     if textures.has.textures is not None:
         _apply_anisotropy_texture(textures, m)
+    if textures.spectrum is not None and kind == CONDUCTOR:
+        eta, k, mean = conductor_at(textures.spectrum, textures.material, textures.wavelengths)
+        _store(m, rows.ETA, eta)
+        _store(m, rows.K, k)
+        _store(m, rows.MEAN_FRESNEL, mean)
     if textures.has.layers is not None and kind != CONDUCTOR:
         _resolve_layers(textures, base, metallic, pane, m)
     _set_alphas(m, roughness)
@@ -84,8 +98,18 @@ def _resolve_layers(textures, base, metallic, pane, m):
     m[COAT_NORMAL + 2] = _ONE
     if textures.has.textures is not None:
         _look_up(textures, m)
+    if textures.spectrum is not None:
+        _store_reflectances(textures, m)
     if textures.has.media is not None and m[rows.SUBSURFACE] > _ZERO:
         _move_subsurface_to_transmission(m)
+
+
+@device
+def _store_reflectances(textures, m):
+    """Replaces the colours in the parameter row m, but for the base colour, by reflectances at the path's wavelengths."""
+    for column in (rows.SPECULAR_COLOR, rows.SHEEN_COLOR, rows.DIFFUSE_TRANSMISSION_COLOR, rows.F0):
+        color = m[column], m[column + 1], m[column + 2]
+        _store(m, column, reflectance(textures.spectrum, color, textures.wavelengths))
 
 
 @device

@@ -44,6 +44,8 @@ from renderer.kernel.material.layers import Textures, resolve
 from renderer.kernel.material.normal_map import coat_normal
 from renderer.kernel.material.rare_materials import eval_diffuse_rare, eval_rare, sample_rare
 from renderer.kernel.material.texture import sample_texture
+from renderer.kernel.spectrum.indices import dispersed_index
+from renderer.kernel.spectrum.upsampling import reflectance_at
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, as_wide, lookup, u32, where, where3
 
@@ -60,6 +62,7 @@ __all__ = [
     "factors_at",
     "fetch_material",
     "has_flag",
+    "hero_index",
     "is_specular",
     "look_up_layers",
     "material_of",
@@ -173,14 +176,17 @@ def relative_index(ior, front):
 
 
 @device
-def dielectric_reflectance(scene, number):
-    """Returns the reflectance of dielectric material `number`: (at normal incidence, rgb; at grazing incidence, a number)."""
+def dielectric_reflectance(scene, number, wavelengths):
+    """Returns the reflectance of dielectric material `number`: (at normal incidence, rgb; at grazing incidence, a number).
+
+    wavelengths, in this module: those of the path, at which colours are then looked up (kernel/spectrum); None in RGB.
+    """
     grazing = _value(scene.material, number, rows.SPECULAR)
-    return vec.scale(_rgb(scene.material, number, rows.F0), grazing), grazing
+    return vec.scale(reflectance_at(scene, _rgb(scene.material, number, rows.F0), wavelengths), grazing), grazing
 
 
 @device
-def material_of(scene, surface, parameters, frame, layers, time):
+def material_of(scene, surface, parameters, frame, layers, time, wavelengths=None):
     """Returns the Material of one surface from its Parameters.
 
     frame: from `shading_frame`. layers: (LAYER_SLOTS,) float32, which is filled here and referenced by the Material.
@@ -188,11 +194,11 @@ def material_of(scene, surface, parameters, frame, layers, time):
     number = surface.material
     kind = scene.material_kind[number]
     base, metallic, roughness, ior = parameters
-    f0, f90 = dielectric_reflectance(scene, number)
+    f0, f90 = dielectric_reflectance(scene, number, wavelengths)
     eta = relative_index(ior, surface.front)
     if kind >= CONDUCTOR:
         seen = surface.shading, surface.uv, surface.uv1
-        look_up_layers(scene, number, base, metallic, roughness, *seen, frame, layers, time)
+        look_up_layers(scene, number, base, metallic, roughness, *seen, frame, layers, time, wavelengths)
     two_sided = scene.material_flags[number] & rows.TRANSMITS != 0
     return Material(kind, base, metallic, roughness, f0, f90, eta, two_sided, layers, scene.has)
 
@@ -204,7 +210,7 @@ def fetch_material(scene, surface, frame, layers, time):
 
 
 @device
-def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, frame, layers, time):
+def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, frame, layers, time, wavelengths=None):
     """Fills `layers`, (LAYER_SLOTS,) float32, with the looked-up parameters of a material of kind CONDUCTOR or above.
 
     base, metallic, roughness: already looked up. shading: the shading normal. frame: from `shading_frame`.
@@ -212,7 +218,7 @@ def look_up_layers(scene, number, base, metallic, roughness, shading, uv, uv1, f
     kind, flags = scene.material_kind[number], scene.material_flags[number]
     pane = flags & rows.THIN != 0 or abs(_value(scene.material, number, rows.IOR) - _ONE) < _MATCHED
     arrays = scene.has, scene.material_texture, scene.texture, scene.texture_transform, scene.texel
-    textures = Textures(*arrays, number, uv, uv1, scene.key_texture, time)
+    textures = Textures(*arrays, number, uv, uv1, scene.key_texture, time, scene.spectrum, wavelengths)
     resolve(kind, scene.material, textures, base, metallic, roughness, pane, layers)
     if scene.has.layers is not None:
         layers[HAS_BECKMANN] = _ONE if flags & rows.BECKMANN != 0 else _ZERO
@@ -254,6 +260,13 @@ def colored_index(scene, number, throughput, u):
         green * weight if channel == 1 else _ZERO,
         blue * weight if channel == 2 else _ZERO,
     )
+
+
+@device
+def hero_index(scene, number, ior, wavelengths):
+    """Returns the index of refraction of materials `number` at the paths' hero wavelengths. ior: of the line d."""
+    dispersion = _value(scene.material, number, rows.DISPERSION)
+    return dispersed_index(ior, dispersion, wavelengths[0])
 
 
 @device

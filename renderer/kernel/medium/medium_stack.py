@@ -9,10 +9,12 @@ import numpy as np
 
 from renderer.arrays.rows import MEDIUM_COLUMNS, MOST_MEDIA
 from renderer.jit import device
+from renderer.kernel import vec
 from renderer.kernel.fetch import row
+from renderer.kernel.spectrum.upsampling import light_at, reflectance_at
 from renderer.wide.values import lookup, u32, where
 
-__all__ = ["NO_MEDIUM", "beneath", "coefficients", "crossed", "entered", "holds", "innermost", "left"]
+__all__ = ["NO_MEDIUM", "beneath", "coefficients", "crossed", "entered", "holds", "innermost", "left", "medium_albedo"]
 
 _DIGITS = np.uint32(MOST_MEDIA.bit_length() - 1)
 _TWICE = np.uint32(2 * _DIGITS)
@@ -20,6 +22,7 @@ _ONE = np.uint32(MOST_MEDIA - 1)
 _TWO = np.uint32(MOST_MEDIA**2 - 1)
 _THREE = np.uint32(MOST_MEDIA**3 - 1)
 _DEEPEST = np.uint32(3)
+_LEAST = np.float32(1e-30)
 NO_MEDIUM = np.uint32(0xFFFFFFFF)
 
 
@@ -77,10 +80,23 @@ def innermost(medium_stack):
 
 
 @device
-def coefficients(scene, medium_stack):
+def coefficients(scene, medium_stack, wavelengths):
     """Returns the coefficients of the innermost medium: (sigma_a + sigma_s, sigma_s, g).
 
-    The first two are rgb per unit length; g is the mean cosine of the scattering angle.
+    The first two are rgb per unit length; g is the mean cosine of the scattering angle. wavelengths: of the path
+    (kernel/spectrum), at which a colour's extinction is a smooth spectrum and its albedo a reflectance; None in RGB.
     """
     ar, ag, ab, sr, sg, sb, g, _ = row(scene.medium, u32(medium_stack & _ONE), MEDIUM_COLUMNS)
-    return (ar + sr, ag + sg, ab + sb), (sr, sg, sb), g
+    sigma_t, sigma_s = (ar + sr, ag + sg, ab + sb), (sr, sg, sb)
+    if scene.spectrum is not None:
+        albedo = sr / max(sigma_t[0], _LEAST), sg / max(sigma_t[1], _LEAST), sb / max(sigma_t[2], _LEAST)
+        sigma_t = light_at(scene, sigma_t, wavelengths)
+        sigma_s = vec.mul(sigma_t, reflectance_at(scene, albedo, wavelengths))
+    return sigma_t, sigma_s, g
+
+
+@device
+def medium_albedo(scene, medium_stack):
+    """Returns the single-scattering albedo, rgb, of the innermost medium, also where a path has wavelengths."""
+    ar, ag, ab, sr, sg, sb, _, _ = row(scene.medium, u32(medium_stack & _ONE), MEDIUM_COLUMNS)
+    return sr / max(ar + sr, _LEAST), sg / max(ag + sg, _LEAST), sb / max(ab + sb, _LEAST)

@@ -25,6 +25,7 @@ from renderer.kernel.medium.henyey_greenstein import sample_henyey_greenstein
 from renderer.kernel.polynomial import exp
 from renderer.kernel.sampling.sampler import draw1, draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
+from renderer.kernel.spectrum.upsampling import light_at
 from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import Surface, surface_at
 
@@ -111,16 +112,17 @@ def _remaining_share(sigma_t, sigma_s):
 
 
 @subroutine
-def _walk(scene, stack, surface, normal, color, throughput, stream, first, time):
+def _walk(scene, stack, surface, normal, color, throughput, stream, first, time, wavelengths):
     """Walks through a body from a surface hit from outside; returns (surface of the exit, throughput there).
 
     normal: about which the entering direction is sampled. color: of the body, with textures looked up. first: the number of the
     walk's first block of random numbers. Surfaces of other objects inside the body are ignored. A walk that finds no exit within
-    all its steps leaves where it entered.
+    all its steps leaves where it entered. wavelengths: of the path (kernel/spectrum); None in RGB.
     """
     never_inline()
     g = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_ANISOTROPY, 1)[0]
     radius = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_RADIUS, 3)
+    radius = light_at(scene, radius, wavelengths)
     least = _FOUR * surface.error  # shorter distances are below the rounding error
     sigma_t = _ONE / max(radius[0], least), _ONE / max(radius[1], least), _ONE / max(radius[2], least)
     sigma_s = vec.mul(albedo_of(color, g), sigma_t)
@@ -165,12 +167,12 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time)
 
 
 @subroutine
-def enter_subsurface(scene, stack, surface, normal, kind, color, m, wo, throughput, stream, number, time):
+def enter_subsurface(scene, stack, surface, normal, kind, color, m, wo, throughput, stream, number, time, wavelengths):
     """Decides whether a path enters the body, and walks to its exit; returns a SubsurfaceExit.
 
     normal, wo: the shading normal, and the viewer's direction in the shading frame. kind, color: of the material. m:
     (LAYER_SLOTS,), the material's parameters if it is layered. stream: the path's random numbers. number: count of the path's
-    earlier vertices. time: shutter time.
+    earlier vertices. time: shutter time. wavelengths: as for `_walk`.
     """
     never_inline()
     first = np.uint32(np.uint32(WALK_BLOCK) + np.uint32(number) * _BLOCKS)
@@ -180,5 +182,7 @@ def enter_subsurface(scene, stack, surface, normal, kind, color, m, wo, throughp
         # Layered materials exclude the light that enters (kernel/material/layers.py); the diffuse model does not.
         left = _ONE if kind == rows.DIFFUSE else _ONE / (_ONE - chance)
         return SubsurfaceExit(_NO, surface, vec.scale(throughput, left))
-    out, left = _walk(scene, stack, surface, normal, color, vec.scale(throughput, inside / chance), stream, first, time)
+    out, left = _walk(
+        scene, stack, surface, normal, color, vec.scale(throughput, inside / chance), stream, first, time, wavelengths
+    )
     return SubsurfaceExit(_YES, out, left)

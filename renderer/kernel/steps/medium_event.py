@@ -41,13 +41,13 @@ class MediumEvent(NamedTuple):
 
 
 @device
-def medium_event(scene, ray, path, crossings, reach, stream, row):
+def medium_event(scene, ray, path, crossings, reach, stream, row, wavelengths):
     """Samples the free flight along the ray towards the next surface; returns a MediumEvent.
 
     reach: distance of the surface, infinite for a miss. row: number of earlier vertices and passed surfaces, a float, which
-    selects the flight's random numbers.
+    selects the flight's random numbers. wavelengths: of the path (kernel/spectrum); None in RGB.
     """
-    sigma_t, sigma_s, g = coefficients(scene, crossings.medium_stack)
+    sigma_t, sigma_s, g = coefficients(scene, crossings.medium_stack, wavelengths)
     u = draw4(stream, u32(u32(to_int(row)) + _FLIGHTS))
     ahead = reach - crossings.behind
     if scene.has.pivots is not None and len(scene.pivot) > 0:

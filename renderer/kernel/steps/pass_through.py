@@ -13,6 +13,7 @@ from renderer.kernel.fetch import columns
 from renderer.kernel.material.material import has_flag, opacity
 from renderer.kernel.medium.medium_stack import crossed
 from renderer.kernel.polynomial import exp
+from renderer.kernel.spectrum.upsampling import light_at
 from renderer.kernel.steps.depths import is_blocked, with_layer
 from renderer.kernel.steps.random_blocks import draw_passing
 from renderer.kernel.steps.state import Crossings
@@ -61,15 +62,16 @@ def absorbed(throughput, a, start, end):
 
 
 @device
-def absorb(scene, surface, through, throughput, start):
+def absorb(scene, surface, through, throughput, start, wavelengths):
     """Returns the throughput at the surface, after absorption in its material since the last vertex, `start`.
 
-    In a scene with media nothing is absorbed here, since the free flights include the absorption.
+    In a scene with media nothing is absorbed here, since the free flights include the absorption. wavelengths: of the path
+    (kernel/spectrum); None in RGB.
     """
     if scene.has.layers is not None and scene.has.media is None:
         inside = not_(surface.front | through) & has_flag(scene, surface.material, _ABSORBING)
         if any_of(inside):
-            taken = columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3)
+            taken = light_at(scene, columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3), wavelengths)
             throughput = where3(inside, absorbed(throughput, taken, start, surface.point), throughput)
     return throughput
 

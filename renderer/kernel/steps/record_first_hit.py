@@ -16,7 +16,18 @@ from renderer.jit import device
 from renderer.wide.fields import Float, Int, Vector, columns_of, is_integer
 from renderer.wide.values import as_wide, u32, zero_like
 
-__all__ = ["IDS", "MEANS", "FirstHit", "no_hit", "record_background", "record_catcher", "record_direct_light", "record_first_hit"]
+__all__ = [
+    "DEEP",
+    "IDS",
+    "MEANS",
+    "FirstHit",
+    "no_hit",
+    "record_background",
+    "record_catcher",
+    "record_direct_light",
+    "record_first_hit",
+    "with_albedo",
+]
 
 _NEXT, _NONE = np.uint32(1), np.uint32(0)
 _THREE = np.float32(3.0)
@@ -58,6 +69,13 @@ def record_first_hit(surface, material, normal, distance, start):
         unshadowed=zero_like(distance),
         shadowed=zero_like(distance),
     )
+
+
+@device
+def with_albedo(hit, albedo):
+    """Returns the FirstHit `hit` with another albedo: its RGB, where the material has reflectances at wavelengths."""
+    seen = hit.uncovered, hit.caught, hit.unshadowed, hit.shadowed
+    return FirstHit(albedo, hit.distance, hit.normal, hit.object, hit.point, hit.material, *seen)
 
 
 @device
@@ -126,3 +144,5 @@ def _planes(integers: bool) -> npt.NDArray[np.uintp]:
 
 MEANS = _planes(integers=False)  # averaged over the samples
 IDS = _planes(integers=True)  # cannot be averaged: of sample 0
+# Columns of FirstHit that are recorded for each sample of a deep picture, in the order of renderer/deep_samples.py.
+DEEP = np.array([k for field in ("distance", "point", "uncovered", "caught") for k in columns_of(FirstHit, field)], np.uintp)

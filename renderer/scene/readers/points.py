@@ -17,7 +17,8 @@ from renderer.sentences import Sentence
 __all__ = ["MOST_POINTS", "add_points", "spacing", "sphere_mesh"]
 
 MOST_POINTS = 1_000_000
-_MAX_FINE_POINTS = 200_000  # up to this many points become spheres of 20 triangles, more of 8
+# Up to so many points become spheres of icosahedra that are refined so often; more become octahedra.
+_REFINEMENTS = ((2_500, 2), (25_000, 1), (200_000, 0))
 _SAMPLES = 48
 _GOLDEN = (1 + 5**0.5) / 2
 
@@ -36,6 +37,30 @@ def _octahedron() -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
     points = np.concatenate([np.eye(3), -np.eye(3)])
     faces = [(i, j, k) for i in (0, 3) for j in (1, 4) for k in (2, 5)]
     return points, _outwards(points, np.array(faces))
+
+
+def _refined(
+    points: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]
+) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+    """Returns a sphere with four triangles for each, whose new corners are on the unit sphere."""
+    ends = np.stack([faces, np.roll(faces, -1, axis=1)], axis=-1).reshape(-1, 2)
+    codes, middle = np.unique(ends.min(axis=1) * len(points) + ends.max(axis=1), return_inverse=True)
+    new = points[codes // len(points)] + points[codes % len(points)]
+    x, y, z = new.T
+    (a, b, c), (ab, bc, ca) = faces.T, (len(points) + middle).reshape(-1, 3).T
+    finer = np.concatenate([np.stack(three, axis=1) for three in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+    return np.concatenate([points, new / np.sqrt(x * x + y * y + z * z)[:, None]]), finer
+
+
+def _ball(count: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
+    """Returns the corners and faces of the unit sphere that is drawn for each of so many points."""
+    levels = next((levels for most, levels in _REFINEMENTS if count <= most), None)
+    if levels is None:
+        return _octahedron()
+    ball = _icosahedron()
+    for _ in range(levels):
+        ball = _refined(*ball)
+    return ball
 
 
 def _outwards(points: npt.NDArray[np.float64], faces: npt.NDArray[np.int64]) -> npt.NDArray[np.int64]:
@@ -65,7 +90,7 @@ def sphere_mesh(
 
     colors: (P, 3 or 4) sRGB, as 8-bit integers or fractions, or None.
     """
-    corners, faces = _icosahedron() if len(points) <= _MAX_FINE_POINTS else _octahedron()
+    corners, faces = _ball(len(points))
     extent = float(np.ptp(points, axis=0).max(initial=0.0))
     radius = radius or spacing(points) or extent / 100 or 0.01
     positions = (points[:, None] + np.float32(radius) * corners.astype(np.float32)[None]).reshape(-1, 3)

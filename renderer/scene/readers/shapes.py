@@ -10,7 +10,7 @@ import numpy as np
 from renderer.scene.description import Mesh
 from renderer.scene.normals import smoothed
 
-__all__ = ["cube", "disk", "lathe", "quad"]
+__all__ = ["cube", "disk", "globe", "lathe", "quad"]
 
 _CORNERS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)], np.float32)
 _CORNER_UVS = np.array([(0, 1), (1, 1), (1, 0), (0, 0)], np.float32)
@@ -53,6 +53,19 @@ def cube(name: str) -> Mesh:
         normals.append(np.tile(np.array(z, np.float32), (4, 1)))
     triangles = np.concatenate([_TWO_TRIANGLES + 4 * i for i in range(6)]).astype(np.int32)
     return Mesh(name, np.concatenate(positions), triangles, np.concatenate(normals), np.tile(_CORNER_UVS, (6, 1)))
+
+
+def globe(name: str) -> Mesh:
+    """Returns the unit sphere as a mesh of 256 by 128 quads, with the UVs of the analytic sphere.
+
+    For materials that displace it, which the analytic sphere cannot be.
+    """
+    angles = np.linspace(-np.pi / 2, np.pi / 2, 129)
+    ends = {0: 0.0, 128: 0.0}
+    mesh = lathe(name, [(ends.get(i, float(np.cos(a))), float(np.sin(a))) for i, a in enumerate(angles)], 256)
+    assert mesh.uvs is not None
+    mesh.uvs[:, 0] = 1 - mesh.uvs[:, 0]
+    return mesh
 
 
 def lathe(name: str, profile: list[tuple[float, float]], segments: int = 96) -> Mesh:

@@ -93,6 +93,10 @@ class ArtifactTask(ABC, Generic[Request]):
         """Returns the queue for requests of this artifact to workers of this kind."""
         return prepare_queue(kind)
 
+    def _patience(self, request: Request) -> float:
+        """Returns the seconds after which a request without an answer fails."""
+        return self._patience_s + TIMEOUT_S_PER_PIXEL * request.width * request.height
+
     @abstractmethod
     def _is_size(self, size: int, request: Request) -> bool:
         """Returns True if `size`, in bytes, is a plausible size of the requested artifact."""
@@ -150,8 +154,7 @@ class ArtifactTask(ABC, Generic[Request]):
                     )
                     continue
                 kind, queue = place.kind, place.queue
-            patience = self._patience_s + TIMEOUT_S_PER_PIXEL * wanted.request.width * wanted.request.height
-            lease = Lease(key[0], kind, None, patience)
+            lease = Lease(key[0], kind, None, self._patience(wanted.request))
             try:
                 self._send(replace(wanted.request, work=lease.id), queue)
             except QueueError as error:

@@ -28,6 +28,9 @@ class Denoising(ArtifactTask[DenoiseFrame]):
     def _send(self, request: DenoiseFrame, queue: str) -> None:
         self._dispatcher.send_denoise(request, queue)
 
+    def _patience(self, request: DenoiseFrame) -> float:
+        return super()._patience(request) * max(1, len(request.frames))
+
     def _is_size(self, size: int, request: DenoiseFrame) -> bool:
         return size == 3 * 4 * request.width * request.height
 

@@ -188,7 +188,10 @@ class FramePreparation:
         return hopeless
 
     def _choose_frames(self, job: ActiveJob, kind: str) -> list[ActiveFrame]:
-        """Returns the frames to prepare with the next message; empty if enough frames are ready to render."""
+        """Returns the frames to prepare with the next message; empty if enough frames are ready to render.
+
+        A message is filled, since each one interrupts a slot's rendering, unless slots may soon have nothing to render.
+        """
         turns, seconds = job.agenda.turns, self._seconds.get(job.id)
         most = MAX_FRAMES_PER_MESSAGE if self._sizes.get(job.id) else MAX_CAMERA_ONLY_FRAMES
         together = 1 if seconds is None else max(1, min(most, int(TARGET_S / max(seconds, 1e-6))))
@@ -197,8 +200,11 @@ class FramePreparation:
         if not lacking:
             return []
         in_hand = sum(not frame.is_over and not frame.is_idle for frame in turns.preparing_frames())
-        ready = in_hand + turns.count_ready_before(kind, job.agenda.sort_key(lacking[0]), ahead)
-        return lacking[: min(together, ahead - ready)] if ready < ahead else []
+        waiting = turns.count_ready_before(kind, job.agenda.sort_key(lacking[0]), ahead)
+        room = ahead - in_hand - waiting
+        if room < len(lacking) and waiting >= self._workers.roster.slots(kind):
+            return []
+        return lacking[: max(room, 0)]
 
     def _make_room(self, job: ActiveJob, kind: str, frame: ActiveFrame, busy: set[tuple[str, int]]) -> int | None:
         """Deletes the compiled scene of the idle frame that is needed last. Returns the number of bytes freed.

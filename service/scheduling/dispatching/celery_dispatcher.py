@@ -109,7 +109,7 @@ class CeleryDispatcher:
 
     def send_denoise(self, work: DenoiseFrame, queue: str) -> None:
         """Sends a request to denoise a frame. Raises QueueError."""
-        self._send(DENOISE, {"frame": asdict(work)}, queue, work.work, ("job", work.job))
+        self._send(DENOISE, {"frame": work.to_json()}, queue, work.work, ("job", work.job))
 
     def send_vectors(self, work: FrameVectors, queue: str) -> None:
         """Sends a request to compute a frame's motion vectors. Raises QueueError."""

@@ -25,6 +25,7 @@ UPDATE_EVERY_S = 1.0
 BACKLOG_AGE_S = 0.75  # a backlog of this age is not just a burst
 MAX_STRETCH = 20.0
 BATCH_GROWTH = 1 / 16  # of the slot-seconds per slot that a job has used, so a batch adds at most this fraction to a picture
+MESSAGE_GROWTH = 1 / 4  # the same for messages with several batches, which do not change how often pictures are updated
 MESSAGE_SHARE = 0.5  # of a batch's duration, at least, for a message with short batches of several frames
 MAX_GROWTH = 3.0  # multiple of the shortest batch; the wait of a new job for a slot
 RESULT_EVERY_S = 0.25  # interval of a long job's results with few slots, whose batches stay short; longer on a busy machine
@@ -139,7 +140,7 @@ class BatchSizing:
         batch_s, spent_s: as for `batch_s`. A slot has no work between two messages. Since each batch is sent as soon as it is
         rendered, the number of slots does not limit the duration; only the wait of new jobs and views for a slot does.
         """
-        grown_s = 0.0 if self.is_pressed() else min(spent_s * BATCH_GROWTH, MAX_GROWTH * self._shortest_s)
+        grown_s = 0.0 if self.is_pressed() else min(spent_s * MESSAGE_GROWTH, MAX_GROWTH * self._shortest_s)
         self._grown_s = max(self._grown_s, grown_s)
         return max(MESSAGE_SHARE * batch_s, grown_s)
 

@@ -221,13 +221,12 @@ class ActiveFrame:
         self.is_idle = False
         self._notify_change()
 
-    def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1) -> Range | None:
-        """Returns the next batch below the ceiling; None if all are dispatched. Raises FilmUnavailable or FilmLost.
+    def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1, begins_with_one: bool = True) -> Range | None:
+        """Returns the next batch of samples up to `ceiling`; None if all are dispatched. Raises FilmUnavailable or FilmLost.
 
-        samples_wanted: returns the suitable number of samples for the tile of an index.
-        max_run: number of successive calls that may return consecutive batches of the same tile.
+        The parameters are those of `FramePlan.next_batch`.
         """
-        return self.plan.next_batch(samples_wanted, max_run)
+        return self.plan.next_batch(samples_wanted, max_run, begins_with_one)
 
     def requeue(self, batch: Range) -> None:
         """Puts a lost batch back into the plan, to be dispatched again."""

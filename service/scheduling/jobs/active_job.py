@@ -315,7 +315,7 @@ class ActiveJob:
 
     def _next(self, kind: str, samples_wanted: Callable[[int], int], max_run: int) -> Range | None:
         while (frame := self.agenda.next_frame(kind)) is not None:
-            batch = frame.next_batch(samples_wanted, max_run)
+            batch = frame.next_batch(samples_wanted, max_run, begins_with_one=self.shot is None)
             if batch is not None:
                 return batch
             if not self.agenda.raise_ceiling(frame):

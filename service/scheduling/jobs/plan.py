@@ -1,7 +1,8 @@
 """The plan of a frame: selects the next tile and its number of samples. Independent of clocks, queues and film files.
 
-The first wave is one sample of every tile, from the centre outwards, so that the whole picture is visible at once. After that,
-the tile with the fewest samples comes next, and batches grow with the samples of their tile. Tiles in a focus rectangle come
+The first wave is one sample of every tile, from the centre outwards, so that the whole picture is visible at once. A shot can do
+without it where all samples of a tile fit into one batch. After that, the tile with the fewest samples comes next, and batches
+grow with the samples of their tile. Tiles in a focus rectangle come
 before all others. With a target noise, a tile is completed only at fixed sample counts, depending only on its own film, so the
 picture does not depend on the workers' speeds.
 """
@@ -142,11 +143,12 @@ class FramePlan:
         heapq.heapify(self._focused)
         heapq.heapify(self._heap)
 
-    def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1) -> Range | None:
+    def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1, begins_with_one: bool = True) -> Range | None:
         """Returns the next batch; None if all are dispatched.
 
         samples_wanted: returns the suitable number of samples for the tile of an index. max_run: number of successive calls
-        that may return consecutive batches of the same tile.
+        that may return consecutive batches of the same tile. begins_with_one: whether a tile's first batch has one sample even
+        if all samples of the tile would be a suitable number.
 
         The film is queried before the plan is changed, so an error of the film leaves the plan unchanged.
         """
@@ -159,11 +161,13 @@ class FramePlan:
             self._requeue_gaps(lost, covered)
         is_first_wave = bool(self._heap) and self._heap[0][0] == 0
         for heap in (self._heap, self._focused) if is_first_wave else (self._focused, self._heap):
-            if (batch := self._next_from(heap, samples_wanted, max_run)) is not None:
+            if (batch := self._next_from(heap, samples_wanted, max_run, begins_with_one)) is not None:
                 return batch
         return None
 
-    def _next_from(self, heap: list[_HeapEntry], samples_wanted: Callable[[int], int], max_run: int) -> Range | None:
+    def _next_from(
+        self, heap: list[_HeapEntry], samples_wanted: Callable[[int], int], max_run: int, begins_with_one: bool
+    ) -> Range | None:
         while heap:
             turn, _, tile, planned = heap[0]
             if turn >= self.ceiling:
@@ -181,8 +185,9 @@ class FramePlan:
                 self._planned[tile] = self._limit[tile]
                 continue
             start, end = gap
-            most = 1 if start == 0 else min(max(1, samples_wanted(tile)), MAX_BATCH_RATIO * start)
-            left = min(end, self.ceiling) - start
+            left, wanted = min(end, self.ceiling) - start, max(1, samples_wanted(tile))
+            is_whole = start == 0 and left <= wanted and not begins_with_one
+            most = wanted if is_whole else max(1, min(wanted, MAX_BATCH_RATIO * start))
             if left <= 0:  # all samples below the ceiling are present; checked again when it rises
                 self._planned[tile] = start
                 self._push(tile)

@@ -12,8 +12,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from protocol.channel import token_of
-from protocol.sums import unpack_hits, unpack_sums
+from protocol.sums import unpack_deep, unpack_hits, unpack_sums
 from renderer.cryptomatte import no_hits
+from renderer.deep import no_deep
 from renderer.settings import Tile
 
 __all__ = ["Votes", "voters_among"]
@@ -82,8 +83,9 @@ class Votes:
         if value == sums:
             return True
         hits = (unpack_hits(each, self.tile) or no_hits() for each in (value, sums))
-        same_hits = all(map(np.array_equal, *hits))
-        return same_hits and np.array_equal(unpack_sums(value, self.tile), unpack_sums(sums, self.tile))
+        deep = (unpack_deep(each, self.tile) or no_deep(0) for each in (value, sums))
+        same_counts = all(map(np.array_equal, *hits)) and all(map(np.array_equal, *deep))
+        return same_counts and np.array_equal(unpack_sums(value, self.tile), unpack_sums(sums, self.tile))
 
 
 def voters_among(workers: Iterable[str]) -> set[str]:

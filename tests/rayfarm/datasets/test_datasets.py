@@ -272,8 +272,10 @@ def test_what_is_wrong_is_one_sentence(case: str, tmp_path: Path) -> None:
 
 
 def test_a_file_describes_a_data_set(tmp_path: Path) -> None:
+    own = {"seed": 3, "objects": {"*-box": {"turn": {"uniform": [0, 90]}}}}
+    (tmp_path / "varied.yaml").write_text(f"{CORNELL.read_text()}\nvary: {json.dumps(own)}\n")
     document = {
-        "scene": str(CORNELL),
+        "scene": "varied.yaml",
         "folder": "made",
         "cameras": {"orbit": {"count": 2, "radius": 3}},
         "fov": 40,
@@ -288,6 +290,14 @@ def test_a_file_describes_a_data_set(tmp_path: Path) -> None:
         "depth/000000.exr",
         "depth/000001.exr",
     ]
+    assert found.description["vary"] == own and found.views[0]["variation"] != found.views[1]["variation"]
+    path.write_text(json.dumps({**document, "folder": "still", "vary": False}))
+    assert "vary" not in dataset_of_file(path).description
+    (tmp_path / "varied.yaml").write_text(f"{CORNELL.read_text()}\nvary: {{objects: {{a: {{spin: 1}}}}}}\n")
+    path.write_text(json.dumps({**document, "folder": "wrong", "vary": False}))
+    with pytest.raises(RayfarmError, match=r"vary: is invalid: .*spin"):
+        dataset_of_file(path)
+    document["scene"] = str(CORNELL)
     for change, message in (
         ({"camera": {}}, "'camera' is not known; did you mean 'cameras'"),
         ({"cameras": {"orbits": {}}}, "cameras has one of the keys"),

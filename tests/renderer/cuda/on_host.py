@@ -17,9 +17,9 @@ import llvmlite.binding as llvm
 import pytest
 
 from renderer.cuda.artefacts import card_module_of
-from renderer.kernel.backends.cuda.ptx import KERNEL
+from renderer.kernel.backends.cuda.atomics import RESERVE_CODE
 
-__all__ = ["card_module", "fake_driver", "launcher", "shared_object"]
+__all__ = ["card_module", "fake_driver", "launcher", "shared_object", "warp"]
 
 _REGISTERS = {"tid": "load i32, ptr @thread", "ctaid": "add i32 0, 0", "ntid": "add i32 1, 0"}
 # Runs all threads of a launch in sequence, each as if it were alone in the first block.
@@ -40,10 +40,24 @@ end:
   ret void
 }}
 """
+# The instructions of a warp, and the functions that take their place. In a launch each thread is a warp of its own, whose only
+# lane gets these results; fake_warp.c has 32 lanes.
+_OF_WARP = {
+    "activemask": "warp_activemask",
+    "match.any.sync.i32": "warp_match",
+    "shfl.sync.idx.i32": "warp_shfl",
+    "read.ptx.sreg.lanemask.lt": "warp_lanemask_lt",
+}
+_LONE_LANE = """
+define internal i32 @warp_activemask() { ret i32 1 }
+define internal i32 @warp_match(i32 %mask, i32 %value) { ret i32 %mask }
+define internal i32 @warp_shfl(i32 %mask, i32 %value, i32 %lane, i32 %clamp) { ret i32 %value }
+define internal i32 @warp_lanemask_lt() { ret i32 0 }
+"""
 _ENTRY = re.compile(r"^define .*ptx_kernel .*@(\w+)\(", re.MULTILINE)
 _REMOVED = (
     r'^target (?:triple|datalayout) = ".*"$',
-    r"^declare .*@llvm\.nvvm\.read\.ptx\.sreg\..*$",
+    r"^declare .*@llvm\.nvvm\..*$",
     r"\bptx_kernel ",
     r"byval\(\[\d+ x i8\]\) ",
     r'"nvvm\.\w+"(?:="\d+")?',
@@ -57,7 +71,7 @@ def card_module(variant: str) -> llvm.ModuleRef:
 
 
 @functools.cache
-def launcher(variant: str, kernel: str = KERNEL) -> Callable[[int, int], None]:
+def launcher(variant: str, kernel: str) -> Callable[[int, int], None]:
     """Returns a function that runs a kernel of a variant: launch(address of the job struct, number of threads)."""
     return ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_int64)(_engine(variant).get_function_address(f"launch_{kernel}"))
 
@@ -91,6 +105,20 @@ def shared_object(variant: str, folder: Path) -> Path:
     return library
 
 
+def warp(folder: Path) -> Callable[[int, int, int, int], None]:
+    """Returns reserve_in_warp of fake_warp.c: reserve(mask of active lanes, addresses of the counters, lists and places).
+
+    Skips the test if there is no C compiler.
+    """
+    code = folder / "reserve.o"
+    code.write_bytes(_object(_with_warp_functions(RESERVE_CODE)))
+    library = folder / "warp.so"
+    _linked(["-pthread", str(Path(__file__).with_name("fake_warp.c")), str(code)], library)
+    function = ctypes.CDLL(str(library)).reserve_in_warp
+    function.argtypes = [ctypes.c_uint32, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_void_p]
+    return function
+
+
 def _linked(arguments: list[str], library: Path) -> None:
     compiler = shutil.which("cc") or pytest.skip("There is no C compiler.")
     subprocess.run([compiler, "-shared", "-fPIC", "-o", str(library), *arguments], check=True)
@@ -105,11 +133,23 @@ def _machine_code(variant: str) -> bytes:
     text = re.sub(r"call (?:range\([^)]*\) )?i32 @llvm\.nvvm\.read\.ptx\.sreg\.(\w+)\.x\(\)", r"call i32 @register_\1()", text)
     for register, value in _REGISTERS.items():
         text += f"define internal i32 @register_{register}() {{\n  %value = {value}\n  ret i32 %value\n}}\n"
+    text = _with_warp_functions(text) + _LONE_LANE
     text += _THREAD + "".join(_LAUNCH.format(kernel=kernel) for kernel in _ENTRY.findall(str(card_module(variant))))
+    return _object(text)
+
+
+def _object(text: str) -> bytes:
+    """Returns the object file of LLVM code for this CPU."""
     module, machine = llvm.parse_assembly(text), _machine()
     module.triple = llvm.get_default_triple()
     module.data_layout = str(machine.target_data)
     return bytes(machine.emit_object(module))
+
+
+def _with_warp_functions(text: str) -> str:
+    for instruction, function in _OF_WARP.items():
+        text = text.replace(f"@llvm.nvvm.{instruction}(", f"@{function}(")
+    return text
 
 
 def _machine() -> llvm.TargetMachine:

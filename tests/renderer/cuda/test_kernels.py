@@ -5,25 +5,31 @@ The LLVM code that becomes PTX is run on the CPU.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import numpy.typing as npt
 import pytest
 
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.compress import compressed
-from renderer.cuda.job import job_for, packed, wave_for
+from renderer.cuda.job import packed, wave_for
 from renderer.cuda.turns import paths_for, take_turns
+from renderer.film import CHANNELS
 from renderer.kernel.accumulate import Batch
-from renderer.kernel.backends.cuda.megakernel import BAD, RAYS, Job
-from renderer.kernel.backends.cuda.wavefront import ACTIVE, Wave, is_in_wavefront
+from renderer.kernel.backends.cuda.wavefront import ACTIVE, BAD, RAYS, Wave
 from renderer.kernel.camera import Camera, camera_frame
 from renderer.kernel.options import Options, kernel_options
 from renderer.render import RenderStats, _prepared, render_frame, variant_for
+from renderer.scene.description import Material
 from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
+from renderer.settings import RenderSettings
 from renderer.threads import Team
 from tests.grids import grid
+from tests.renderer.builders import gray
 from tests.renderer.cuda.on_host import launcher
 from tests.renderer.kernel.backends.features import FEATURES, made
+from tests.renderer.test_transparent_background import FLOOR, over_a_floor, transparent
 
 SPP = 4
 ORDINARY = ("diffuse", "glass", "metal and plastic", "no triangles", "a sky's picture", "a lens")
@@ -33,7 +39,7 @@ Picture = tuple[CompiledScene, Camera, Options, Batch, int, int]
 
 
 def picture_of(name: str, first: int = 0, count: int = SPP) -> Picture:
-    """Returns samples of a feature's picture, as the first arguments of `job_for`."""
+    """Returns samples of a feature's picture, as the first arguments of `wave_for`."""
     scene, settings = made(name)
     prepared = _prepared(scene, settings)
     camera, options = camera_frame(settings_relative_to_origin(settings, prepared.origin)), kernel_options(settings, prepared)
@@ -48,14 +54,8 @@ def variant_of(name: str) -> str:
     return variant_for(settings, scene)
 
 
-def bytes_of(job: Job | Wave) -> npt.NDArray[np.uint8]:
-    return np.frombuffer(packed(job, lambda array: array.ctypes.data), np.uint8).copy()
-
-
-def run_job(variant: str, job: Job) -> None:
-    """Runs the kernel of a variant, which adds the job's samples to the job's film."""
-    data = bytes_of(job)
-    launcher(variant)(data.ctypes.data, job.film[0].size * int(job.pieces))
+def bytes_of(wave: Wave) -> npt.NDArray[np.uint8]:
+    return np.frombuffer(packed(wave, lambda array: array.ctypes.data), np.uint8).copy()
 
 
 def run_wave(variant: str, wave: Wave) -> int:
@@ -71,16 +71,11 @@ def run_wave(variant: str, wave: Wave) -> int:
     return len(launched)
 
 
-def run(name: str, paths: int = 96) -> Job | Wave:
-    """Renders a feature's picture with the kernels of its variant, with `paths` - 1 paths at once if they are a wavefront's."""
-    variant, picture = variant_of(name), picture_of(name)
-    if is_in_wavefront(variant):
-        wave = wave_for(*picture, paths=paths)
-        run_wave(variant, wave)
-        return wave
-    job = job_for(*picture)
-    run_job(variant, job)
-    return job
+def run(name: str, paths: int = 96) -> Wave:
+    """Renders a feature's picture with the kernels of its variant, with `paths` - 1 paths at once."""
+    wave = wave_for(*picture_of(name), paths=paths)
+    run_wave(variant_of(name), wave)
+    return wave
 
 
 def of_cpu(name: str) -> tuple[npt.NDArray[np.int64], RenderStats]:
@@ -90,11 +85,29 @@ def of_cpu(name: str) -> tuple[npt.NDArray[np.int64], RenderStats]:
 
 @grid("name", FEATURES, ordinary=ORDINARY)
 def test_gpu_kernel_film_equals_the_cpu_film(name: str) -> None:
-    job = run(name)
+    wave = run(name)
     film, stats = of_cpu(name)
-    assert (job.film != film).any(0).sum() == 0
-    assert job.counters[RAYS] == stats.rays
-    assert job.counters[BAD] == 0
+    assert (wave.film != film).any(0).sum() == 0
+    assert wave.counters[RAYS] == stats.rays
+    assert wave.counters[BAD] == 0
+
+
+def test_transparent_background_has_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    feature, (scene, settings) = "a transparent background", made("diffuse")
+    monkeypatch.setitem(FEATURES, feature, (lambda: scene, replace(settings, background="transparent")))
+    film, _ = of_cpu(feature)
+    assert film[CHANNELS].any()
+    assert (run(feature).film == film).all()
+
+
+@pytest.mark.long  # compiles the kernel for lights without a body
+def test_holdouts_and_shadow_catchers_have_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    feature, settings = "mattes", transparent(RenderSettings(24, 16, FLOOR))
+    scene = over_a_floor(Material(base_color=gray(0.7), shadow_catcher=True), Material(base_color=gray(0.5), holdout=True))
+    monkeypatch.setitem(FEATURES, feature, (lambda: scene, settings))
+    film, _ = of_cpu(feature)
+    assert film[CHANNELS + 1].any()
+    assert (run(feature).film == film).all()
 
 
 @pytest.mark.parametrize("paths", (32, 8192))
@@ -116,11 +129,3 @@ def test_paths_of_a_batch_fit_into_the_memory() -> None:
     few = paths_for(1 << 30, 1 << 27, 1000)
     assert (1 << 27) / 5 < few * 1000 < (1 << 27) / 3
     assert few % 32 == 0
-
-
-@pytest.mark.long  # compiles the kernel of another variant
-@pytest.mark.parametrize("pieces", (2, 3, 9))
-def test_samples_of_a_pixel_are_divided_among_threads(pieces: int) -> None:
-    job = job_for(*picture_of("textures"), pieces)
-    run_job("full", job)
-    assert (job.film == of_cpu("textures")[0]).all()

@@ -3,22 +3,11 @@
 import numpy as np
 import pytest
 
+from renderer.scene.metal_spectra import MEASURED, NAMED
 from renderer.scene.readers.metals import METALS
+from renderer.scene.readers.mitsuba.metals import CONDUCTORS
+from renderer.scene.readers.pbrt.named_spectra import METALS as PBRT_METALS
 
-# Wavelength in nanometres, n, k, as published. Johnson and Christy 1972, 1974; Querry 1985.
-MEASURED = {
-    "gold": """
-        381.5 1.46 1.933, 397.4 1.47 1.952, 413.3 1.46 1.958, 430.5 1.45 1.948, 450.9 1.38 1.914, 471.4 1.31 1.849,
-        495.9 1.04 1.833, 520.9 0.62 2.081, 548.6 0.43 2.455, 582.1 0.29 2.863, 616.8 0.21 3.272, 659.5 0.14 3.697,
-        704.5 0.13 4.103, 756.0 0.14 4.542""",
-    "copper": """
-        381.5 1.33 2.045, 397.4 1.32 2.116, 413.3 1.28 2.207, 430.5 1.25 2.305, 450.9 1.24 2.397, 471.4 1.25 2.483,
-        495.9 1.22 2.564, 520.9 1.18 2.608, 548.6 1.02 2.577, 582.1 0.70 2.704, 616.8 0.30 3.205, 659.5 0.22 3.747,
-        704.5 0.21 4.205, 756.0 0.24 4.665""",
-    "iron": """
-        381 2.12 2.50, 397 2.24 2.58, 413 2.35 2.65, 431 2.48 2.71, 451 2.59 2.77, 471 2.67 2.82, 496 2.74 2.88,
-        521 2.86 2.91, 549 2.95 2.93, 582 2.94 2.99, 617 2.88 3.05, 659 2.92 3.10, 704 2.86 3.19, 756 2.87 3.28""",
-}
 WAVELENGTHS = np.arange(380.0, 731.0)
 
 
@@ -44,7 +33,7 @@ def reflectance(n, k):
     return ((n - 1) ** 2 + k**2) / ((n + 1) ** 2 + k**2)
 
 
-@pytest.mark.parametrize("metal", MEASURED)
+@pytest.mark.parametrize("metal", ["gold", "copper", "iron"])
 def test_metal_indices_match_measurements(metal):
     table = np.array([row.split() for row in MEASURED[metal].split(",")], float)
     n, k = (np.interp(WAVELENGTHS, table[:, 0], table[:, c]) for c in (1, 2))
@@ -84,3 +73,9 @@ def test_colors_of_brass_and_tungsten():
     grey = reflectance(*(np.array(v) for v in METALS["tungsten"]))
     assert np.ptp(grey) < 0.06
     assert 0.4 < grey.mean() < 0.55
+
+
+def test_named_metals_are_those_of_the_readers():
+    known = [METALS[name] for name in ("gold", "copper", "iron")]
+    known += [table[name] for name in ("Ag", "Al", "Au", "Cu") for table in (CONDUCTORS, PBRT_METALS)]
+    assert list(NAMED) == known

@@ -5,10 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from renderer.scene.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck
 from renderer.scene.readers.coats import dielectric_albedo, effective_albedo_under_coat
 from renderer.scene.readers.pbrt.conductors import _match_reflectance, normal_reflectance
 from renderer.scene.readers.pbrt.named_spectra import METALS
-from renderer.scene.readers.pbrt.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck
 from renderer.scene.readers.pbrt.spectra import balanced
 from tests.renderer.scene.pbrt_files import BALL, HEAD, SQUARE, world
 

@@ -198,6 +198,24 @@ def test_displacement_slopes(scene):
     assert first.normal_texture == second.normal_texture
 
 
+def test_displaced_ply_mesh(scene):
+    """The `displacement` of a PLY mesh moves its surface; other meshes of the material are as they are."""
+    ply = (
+        b"ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\nproperty float u\n"
+        b"property float v\nelement face 1\nproperty list uchar int vertex_indices\nend_header\n"
+        b"-1 -1 0 0 0\n1 -1 0 1 0\n1 1 0 1 1\n-1 1 0 0 1\n4 0 1 2 3\n"
+    )
+    head = BUMPY.split("Material")[0] + 'Material "diffuse"\n'
+    mesh = 'Shape "plymesh" "string filename" "a.ply" '
+    inside = f'{head}{mesh}"texture displacement" "rise" "float displacement.edgelength" 0.1\n{mesh}'
+    found = scene("scene.pbrt", world(inside, RIGHT), {"h.png": heights(), "a.ply": ply})
+    moved, still = (found.materials[found.meshes[i.mesh].material] for i in found.instances)
+    assert moved.displacement_scale == pytest.approx(0.5)
+    assert found.textures[moved.displacement_texture].wrap_s == "clamp"
+    assert still.displacement_texture is None
+    assert not any("isplacement" in warning for warning in found.warnings)
+
+
 def test_normal_map_overrides_displacement(scene, png):
     inside = BUMPY.replace('"rise"\n', '"rise" "string normalmap" "n.png"\n') + SQUARE
     found = scene("scene.pbrt", world(inside, RIGHT), {"h.png": heights(), "n.png": png(128, 128, 255)})

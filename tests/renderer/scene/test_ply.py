@@ -50,11 +50,11 @@ def test_points_become_spheres_of_their_color(scene):
     rows = [f"{p} {c}" for p, c in zip(CORNERS, COLORS, strict=True)]
     description = scene("a.ply", HEAD + RGB + "end_header\n" + "\n".join(rows) + "\n")
     (mesh,) = description.meshes
-    assert len(mesh.triangles) == 4 * 20
+    assert len(mesh.triangles) == 4 * 320
     center = mesh.positions.reshape(4, -1, 3).mean(axis=1)
     np.testing.assert_allclose(center, [(0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)], atol=1e-6)
     np.testing.assert_allclose(np.linalg.norm(mesh.positions.reshape(4, -1, 3) - center[:, None], axis=2), 1, rtol=1e-5)
-    np.testing.assert_allclose(mesh.colors.reshape(4, -1, 4)[2], [(0, 0, 1, 1)] * 12)
+    np.testing.assert_allclose(mesh.colors.reshape(4, -1, 4)[2], [(0, 0, 1, 1)] * 162)
     a, b, c = (mesh.positions[mesh.triangles[:, k]] for k in range(3))
     assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), mesh.normals[mesh.triangles[:, 0]]) > 0).all()
     assert any("4 of 4 points are shown as spheres of radius 1" in w for w in description.warnings)
@@ -63,7 +63,7 @@ def test_points_become_spheres_of_their_color(scene):
 def test_many_points_are_subsampled(scene, monkeypatch):
     monkeypatch.setattr(points, "MOST_POINTS", 2)
     description = scene("a.ply", HEAD + "end_header\n" + "\n".join(CORNERS) + "\n")
-    assert len(description.meshes[0].triangles) == 2 * 20
+    assert len(description.meshes[0].triangles) == 2 * 320
     assert any("2 of 4 points" in w for w in description.warnings)
 
 

@@ -93,7 +93,7 @@ def test_documented_examples_are_valid_scenes(scene, png, number):
     if "shapes:" not in example:
         example += "shapes: [{type: quad}]\n"
     images = {"sky.exr": encode(np.ones((2, 4, 3), np.float32), "exr")} | {
-        f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow", "bricks", "soot", "frost", "window")
+        f"{name}.png": png(1, 2, 3) for name in ("wood", "dents", "leaf", "glow", "bricks", "soot", "frost", "window", "rocks")
     }
     profile = ies([0.0, 90.0], [0.0], [[100.0, 0.0]])
     grid = io.BytesIO()

@@ -101,6 +101,7 @@ def test_document_displacement(shown):
 <input name="scale" type="float" value="0.1"/></displacement>
 <surfacematerial name="Look" type="material"><input name="surfaceshader" type="surfaceshader" nodename="s"/>
 <input name="displacementshader" type="displacementshader" nodename="d"/></surfacematerial></materialx>"""
-    found = shown(document)
-    warnings = (found[0] if isinstance(found, tuple) else found).warnings
-    assert any("Displacement is shown as bumps" in warning for warning in warnings)
+    found, look = shown(document)
+    assert look.displacement_texture is not None
+    assert look.displacement_scale == pytest.approx(0.1)
+    assert not any("isplacement" in warning for warning in found.warnings)

@@ -8,8 +8,8 @@ from pxr import Gf, Usd, UsdGeom, Vt
 
 from renderer.scene.readers.usd.meshes import UsedPrimvars, read_mesh
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.polygons import Faces
-from renderer.scene.readers.usd.subdivision import Cage, limit, refined
+from renderer.scene.subdivision.catmull_clark import Cage, limit, refined
+from renderer.scene.subdivision.polygons import Faces
 from tests.renderer.scene.usd_files import CUBE, QUADS, TYPES, cube, mesh, read, stage, world
 
 NONE = np.zeros((0, 2), np.int64), np.zeros(0), np.zeros(0, np.int64), np.zeros(0)

@@ -258,6 +258,7 @@ def test_pictures_equal_film(service: Service, job: str) -> None:
     magic = {"exr": b"\x76\x2f\x31\x01", "hdr": b"#?RADIANCE", "jpg": b"\xff\xd8\xff", "png": b"\x89PNG"}
     for extension, start in magic.items():
         assert service.http.get(f"{url}/image.{extension}").content.startswith(start)
+    assert "set deep" in problem(service.http.get(f"{url}/deep.exr"), 422)["detail"]
     words = np.frombuffer(service.http.get(f"{url}/image.rgb9e5").content, "<u4").reshape(48, 64)
     np.testing.assert_array_equal(words, rgbe9995.pack(np.moveaxis(mean, 0, -1).astype(np.float32)))
     problem(service.http.get(f"{url}/image.png?tonemap=magic"), 422)

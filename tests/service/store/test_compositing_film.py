@@ -1,4 +1,4 @@
-"""Tests that films with light groups and Cryptomatte's counts add them up exactly, and that pictures and digests have them."""
+"""Tests that films add up light groups, Cryptomatte's counts and deep pixels exactly, and that files and digests have them."""
 
 from __future__ import annotations
 
@@ -9,21 +9,36 @@ import OpenImageIO as oiio  # noqa: N813 -- the name its own documentation uses
 import pytest
 
 from protocol.sums import pack_sums
-from renderer import cryptomatte, film
+from renderer import cryptomatte, deep, film
 from renderer.aovs import parse_names
 from renderer.cryptomatte import Hits, count_samples, merged, moved
+from renderer.deep import Deep
+from renderer.deep_samples import deep_rows
 from renderer.film import COLOR, SAMPLES, Sums, group_planes, plane_count
+from renderer.image.deep_exr import write_deep
 from renderer.sentences import Sentence
 from service.errors import Invalid
 from service.store.bands import bands, digest
 from service.store.films import Contribution, Film
 from service.store.tile_cache import TileCache
+from service.watching.deep_picture import deep_picture
 from service.watching.mix import gains_of_mix
 from service.watching.pictures import PictureRequest, picture_file
 
 WIDTH, HEIGHT, TILE, COUNT = 40, 24, 16, 3
 GROUPS = ("key", "rest")
 NAMES = {"objects": ["cup", "saucer", "spoon"], "materials": ["china"]}
+
+
+DEEP = 4
+
+
+def deep_batch(w: int, h: int, seed: int) -> Deep:
+    """Returns random deep pixels of a tile, of COUNT samples each."""
+    random = np.random.default_rng(seed)
+    sums = random.integers(0, 1 << 20, (w * h * COUNT, deep.SUMS))
+    sums[:, deep.COUNT], sums[:, deep.UNCOVERED] = 1, 0
+    return deep.binned(DEEP, np.repeat(np.arange(w * h), COUNT), random.uniform(1, 2, len(sums)).astype(np.float32), sums)
 
 
 def batch(w: int, h: int, seed: int) -> tuple[Sums, Hits]:
@@ -36,19 +51,21 @@ def batch(w: int, h: int, seed: int) -> tuple[Sums, Hits]:
 
 
 @pytest.mark.parametrize("order", [0, 1])
-def test_film_stores_light_groups_and_cryptomatte(order: int, tmp_path: Path) -> None:
-    made = Film(tmp_path / "job.sqlite", WIDTH, HEIGHT, TILE, 24, TileCache(1 << 20), groups=GROUPS, ranks=2)
-    whole, hits = np.zeros((plane_count(2), HEIGHT, WIDTH), np.int64), []
+def test_film_stores_light_groups_cryptomatte_and_deep_pixels(order: int, tmp_path: Path) -> None:
+    made = Film(tmp_path / "job.sqlite", WIDTH, HEIGHT, TILE, 24, TileCache(1 << 20), groups=GROUPS, ranks=2, deep=DEEP)
+    whole, hits, depths = np.zeros((plane_count(2), HEIGHT, WIDTH), np.int64), [], []
     parts = []
     for i, tile in enumerate(made.tiles):
         for k in range(12):  # enough that the film folds its rows
             sums, of_tile = batch(tile.w, tile.h, 100 * i + k)
             whole[:, tile.y : tile.y + tile.h, tile.x : tile.x + tile.w] += sums
             hits.append(moved(of_tile, tile.x, tile.y, tile.w, WIDTH))
-            parts.append(Contribution(0, i, COUNT * k, COUNT, pack_sums(sums, hits=of_tile)))
+            deep_pixels = deep_batch(tile.w, tile.h, 100 * i + k)
+            depths.append(deep.moved(deep_pixels, tile.x, tile.y, tile.w, WIDTH))
+            parts.append(Contribution(0, i, COUNT * k, COUNT, pack_sums(sums, hits=of_tile, deep_pixels=deep_pixels)))
     for at in np.random.default_rng(order).permutation(len(parts)):
         assert made.merge([parts[at]]) == [True]
-    expected = film.digest(whole, merged(hits))
+    expected = film.digest(whole, merged(hits), deep.merged(depths))
     assert digest(made, 0, tmp_path) == expected
     planes = parse_names(["lights", "cryptomatte"], GROUPS, 2)
     wish = PictureRequest("exr", tuple(planes), in_layers=True, names_of_ids=NAMES)
@@ -65,6 +82,10 @@ def test_film_stores_light_groups_and_cryptomatte(order: int, tmp_path: Path) ->
     layers = cryptomatte.layers(merged(hits), whole[SAMPLES], 2, NAMES)
     for k, name in enumerate(cryptomatte.channel_names(2)):
         np.testing.assert_array_equal(channel[name], layers[..., k], err_msg=name)
+    rows = deep_rows(deep.merged(depths), whole, 24, 2, is_transparent=False)
+    assert rows.count.max() == DEEP
+    write_deep(tmp_path / "expected.exr", [rows], WIDTH, HEIGHT)
+    assert b"".join(deep_picture(made, 0, tmp_path).pieces()) == (tmp_path / "expected.exr").read_bytes()
     with made.snapshot() as snapshot:
         assert snapshot.groups == GROUPS
         np.testing.assert_array_equal(snapshot.tile_hits(0, 1).key, made.tile_hits(0, 1).key)

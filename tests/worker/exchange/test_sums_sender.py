@@ -20,6 +20,8 @@ def test_one_result_is_sent_in_the_background_and_all_before_the_end() -> None:
 
     with SumsSender() as sender:
         sender.submit(slow)
+        assert not begun.wait(0.05), "it is held back until the next kernel runs"
+        sender.begin()
         assert begun.wait(10), "it is sent while this thread goes on"
         assert sent == []
         may_end.set()

@@ -20,6 +20,7 @@ from tests.renderer.builders import emitter, scene, square
 from worker.exchange.cache import BlobCache
 from worker.exchange.errors import DamagedError, LinkError, MachineError, NotAFarmError, RefusedError, TokenError
 from worker.exchange.link import FarmAnswer, Link
+from worker.work import open_scenes
 from worker.work import render as slot
 
 SETTINGS = RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0)))
@@ -31,7 +32,7 @@ def worker(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Any:
     monkeypatch.setattr(slot, "is_warm", lambda settings, variant: True)
     made = scene([emitter(1.0)], (square((0, 0, 0), (1, 0, 0), (0, 1, 0), 0),))
     compiled_file.save(made, tmp_path / "compiled")
-    slot._open.clear()
+    open_scenes._open.clear()
     cache = SimpleNamespace(path=lambda sha256: tmp_path / "compiled")
     return SimpleNamespace(name="w", slots=1, cards=(), link=object(), cache=cache, made=made)
 
@@ -50,6 +51,25 @@ def test_slot_reports_kernel_compilation(worker: Any, monkeypatch: pytest.Monkey
     monkeypatch.setattr(slot, "is_warm", lambda settings, variant: True)
     assert slot.render(worker, batch, told.append).result().sums == result.sums
     assert told == []
+
+
+def test_scene_of_next_batch_is_opened_in_advance(worker: Any, tmp_path: Path) -> None:
+    asked: list[str] = []
+
+    def path(sha256: str) -> Path:
+        asked.append(sha256)
+        return tmp_path / ("compiled" if sha256 == "sha" else "absent")
+
+    worker.cache = SimpleNamespace(path=path)
+    with open_scenes.SceneOpener(worker) as opener:
+        opener.open("sha")
+        opener.open("other")  # its error is that of the batch, later
+        opener.open(None)
+    assert (asked.count("sha"), "other" in asked) == (1, True)
+    told: list[str] = []
+    batch = RenderBatch("b", "job", 0, "sha", TILE, 0, 2, SETTINGS)
+    assert slot.render(worker, batch, lambda _: None, lambda: told.append("begins")).sums is not None
+    assert (asked.count("sha"), told) == (1, ["begins"])
 
 
 BATCH = RenderBatch("b", "job", 0, "0" * 64, TILE, 0, 2, SETTINGS)

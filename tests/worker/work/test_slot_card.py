@@ -210,3 +210,16 @@ def test_worker_with_cards_serves_only_its_own_batch_queue() -> None:
     assert "rayfarm.render.kind" not in alone
     assert "rayfarm.prepare.kind" in alone
     assert queues(cards=CARDS, is_beside_cpu=True) == ["rayfarm.card.w", "rayfarm.prepare.kind.of.w"]
+
+
+def test_worker_with_cards_beside_the_cores_is_not_counted_for_views() -> None:
+    """Its slots do not serve the queue of views, so that a view would wait for them in vain."""
+    board: Any = SimpleNamespace(read=lambda: (["", ""], 0.0), speed=lambda slot: 0.0)
+    nothing: Any = None
+
+    def has_views(**more: Any) -> bool:
+        return WorkerContext("w", 2, "kind", "redis://", nothing, nothing, board, **more).report().views
+
+    assert has_views()
+    assert has_views(cards=CARDS)
+    assert not has_views(cards=CARDS, is_beside_cpu=True)

@@ -16,6 +16,7 @@ export const MISSING_FILE = [
   "obj-material-library-missing",
   "pbrt-include-missing",
   "pbrt-spectrum-unknown",
+  "texture-config-missing",
   "texture-file-missing",
   "usd-file-not-in-files",
   "usd-ies-profile-missing",

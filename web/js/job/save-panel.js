@@ -1,6 +1,6 @@
 /** Downloads: the picture as displayed, or its light; raw and denoised. */
 
-import { imageUrl } from "../news/api.js";
+import { deepUrl, imageUrl } from "../news/api.js";
 import { h } from "../base/dom.js";
 import { lightGroupOf } from "../film/channels.js";
 import { isMixed, mixQuery } from "../film/light-mix.js";
@@ -19,9 +19,10 @@ const FORMATS = /** @type {const} */ ([
 /**
  * @param {DisplayStore} display
  * @param {() => import("../news/api.js").Place} place which of its pictures
+ * @param {boolean} hasDeep whether it has deep samples
  * @returns {{element: HTMLElement, offerDenoised: (can: boolean) => void, preferDenoised: () => void}}
  */
-export function savePanel(display, place) {
+export function savePanel(display, place, hasDeep) {
   const clean = h("input", { type: "checkbox", role: "switch", checked: display.value.denoise !== "off", onchange: () => show() });
   const denoised = h("label", { class: "check" }, clean, t("Denoised"));
   const wide = h("input", { type: "checkbox", role: "switch" });
@@ -40,6 +41,7 @@ export function savePanel(display, place) {
       element.setAttribute("aria-label", format.toUpperCase() + (isClean() ? t(", denoised") : ""));
     }
   };
+  const deep = hasDeep && downloadLink(t("Deep EXR"), t("Samples in depth with colour and alpha, for deep compositing"), () => deepUrl(place()), { isLarge: true });
   denoised.hidden = true;
   display.subscribe(show);
   return {
@@ -50,6 +52,7 @@ export function savePanel(display, place) {
       h("div", { class: "split" }, links.map(({ element }) => element)),
       h("p", { class: "quiet small" }, t("PNG and JPG as the picture looks here, EXR for compositing, AVIF for HDR displays.")),
       h("div", { class: "row wraps" }, denoised, hdr),
+      deep,
     ),
     offerDenoised(now) {
       denoised.hidden = !now;

@@ -319,6 +319,9 @@ export function imageUrl({ job, frame }, format, query = {}) {
   return `api/jobs/${job}/frames/${frame}/image.${format}${queryText(query)}`;
 }
 
+/** @param {Place} place */
+export const deepUrl = ({ job, frame }) => `api/jobs/${job}/frames/${frame}/deep.exr`;
+
 /**
  * The format of small pictures of a job: PNG has the alpha of a transparent background, which the style sheets show before squares.
  *

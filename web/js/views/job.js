@@ -114,7 +114,7 @@ function open(page, job, life) {
   const log = logPanel(() => latest, life);
   const shot = isShot(job) ? shotDesk(() => latest, picture, display, life) : null;
   page.classList.toggle("with-shot", shot !== null);
-  const save = savePanel(display, () => picture.live);
+  const save = savePanel(display, () => picture.live, Boolean(job.settings?.deep));
   const unsaved = h("p", { class: "side-section quiet small" }, t("Pictures can be saved after the first samples, at any time."));
   const actions = actionsPanel();
   const progress = progressPanel();

@@ -12,7 +12,7 @@ from renderer.kernel.backends.cpu.lists import DONE, length, put, row, truncate
 from renderer.kernel.backends.cpu.rows import FIRST_GROUP, PATHS, Sample, at, column
 from renderer.kernel.fixed_point import add_fixed8, fixed, in_half, sample_contribution
 from renderer.kernel.light_groups import add_sample_by_group, forget_groups
-from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit
+from renderer.kernel.steps.record_first_hit import DEEP, IDS, MEANS, FirstHit
 from renderer.kernel.steps.state import PathState
 from renderer.wide.fields import columns_of, width_of
 from renderer.wide.values import any_of, not_
@@ -39,12 +39,12 @@ assert columns_of(FirstHit, "albedo")[0] == 0, "FirstHit begins with its albedo"
 
 
 @subroutine
-def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_group, ids):
+def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_group, records):
     """Adds the radiance of samples whose branches have all terminated to their pixels' sums, and frees their rows of the pool.
 
     The list DONE contains the free rows on return. Returns the number of bad samples (NaN or infinite), which are listed in `bad`
     and not added. by_group: None, or the numbers of light groups, of light paths and of a branch's rows for them, and the index
-    in `film` of their sums, pixel by pixel. ids: see Output (renderer/kernel/accumulate.py).
+    in `film` of their sums, pixel by pixel. records: see Output (renderer/kernel/accumulate.py).
     """
     never_inline()
     ox, oy, oz = batch.origin
@@ -90,9 +90,8 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
             film[base + _POINT] += ox
             film[base + _POINT + _1] += oy
             film[base + _POINT + _2] += oz
-        if len(ids) > 0:
-            for k in range(len(IDS)):
-                ids[place * batch.count + sample - batch.first, k] = load_int(pool, first + IDS[k, 0])
+        if len(records) > 0:
+            _record(records, place * batch.count + sample - batch.first, pool, path)
         if sample == 0:
             for k in range(len(IDS)):
                 film[base + _8 + IDS[k, 0]] += load_int(pool, first + IDS[k, 0])
@@ -117,6 +116,24 @@ def _radiance(pool, path):
     """Returns the radiance of both branches of a path."""
     first, second = at(path, _RADIANCE), at(path + _PATHS, _RADIANCE)
     return pool[first] + pool[second], pool[first + _1] + pool[second + _1], pool[first + _2] + pool[second + _2]
+
+
+@subroutine
+def _record(records, number, pool, path):
+    """Stores what is recorded of a path in row `number` of `records`; the light of a path that ends on a catcher is none."""
+    never_inline()
+    first = at(path, _FIRST)
+    for k in range(len(IDS)):
+        records[number, k] = load_int(pool, first + IDS[k, 0])
+    if records.shape[1] > len(IDS):
+        red, green, blue = _radiance(pool, path)
+        if pool[at(path, _CAUGHT)] > _ZERO:
+            red, green, blue = _ZERO, _ZERO, _ZERO
+        records[number, len(IDS)] = np.float32(red).view(np.uint32)
+        records[number, len(IDS) + 1] = np.float32(green).view(np.uint32)
+        records[number, len(IDS) + 2] = np.float32(blue).view(np.uint32)
+        for k in range(len(DEEP)):
+            records[number, len(IDS) + 3 + k] = load_int(pool, first + DEEP[k])
 
 
 @device

@@ -32,6 +32,7 @@ from renderer.kernel.medium.henyey_greenstein import (
     pdf_henyey_greenstein,
     sample_henyey_greenstein,
 )
+from renderer.kernel.spectrum.indices import conductor_at
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, lookup, u32, where, where3, zero_like
 
@@ -71,6 +72,7 @@ class Material(NamedTuple):
     shading: Any  # shading normal without a normal map
     frame: Any  # shading frame
     time: Any  # shutter time; None for a scene without motion
+    wavelengths: Any  # of the paths (kernel/spectrum); None in RGB
 
 
 @device
@@ -112,9 +114,14 @@ def _eta(scene, m):
 
 @device
 def _indices(scene, m):
-    """Returns the complex index of refraction of eight conductors: (eta, k), three channels each."""
-    table = scene.material
-    return columns(table, m.material, COLUMNS, rows.ETA, 3), columns(table, m.material, COLUMNS, rows.K, 3)
+    """Returns (eta, k, mean reflectance over the hemisphere) of eight conductors, three channels each."""
+    if scene.spectrum is not None:
+        found = conductor_at(scene.spectrum, m.material, m.wavelengths)
+    else:
+        table = scene.material
+        eta, k = columns(table, m.material, COLUMNS, rows.ETA, 3), columns(table, m.material, COLUMNS, rows.K, 3)
+        found = eta, k, columns(table, m.material, COLUMNS, rows.MEAN_FRESNEL, 3)
+    return found
 
 
 @device
@@ -132,7 +139,7 @@ def eval_and_sample_specular(scene, m, wo, wi, choose, u):
         eta2 = where(glass & transmitted, eta * eta, _ONE)
     metal = kind == _CONDUCTOR
     if any_of(metal):
-        eta, k = _indices(scene, m)
+        eta, k, _ = _indices(scene, m)
         weight = where3(metal, sample_smooth_conductor(eta, k, wo)[1], weight)
     return (none, none, none), none, on, weight, none, eta2
 
@@ -142,7 +149,7 @@ def eval_and_sample_metallic_roughness(scene, m, wo, wi, choose, u):
     """Evaluates and samples the metallic-roughness model, GGX over a diffuse base."""
     base = _base(scene, m)
     metallic, roughness = _metallic_roughness(scene, m)
-    f0, f90 = dielectric_reflectance(scene, m.material)
+    f0, f90 = dielectric_reflectance(scene, m.material, m.wavelengths)
     f, light_pdf = eval_and_pdf_metallic_roughness(base, metallic, roughness, f0, f90, wo, wi)
     on, weight, pdf = sample_metallic_roughness(base, metallic, roughness, f0, f90, wo, choose, u)
     return f, light_pdf, on, weight, pdf, zero_like(choose) + _ONE
@@ -151,8 +158,7 @@ def eval_and_sample_metallic_roughness(scene, m, wo, wi, choose, u):
 @device
 def eval_and_sample_conductor(scene, m, wo, wi, choose, u):
     """Evaluates and samples rough conductors with isotropic GGX facets."""
-    eta, k = _indices(scene, m)
-    mean = columns(scene.material, m.material, COLUMNS, rows.MEAN_FRESNEL, 3)
+    eta, k, mean = _indices(scene, m)
     roughness = _metallic_roughness(scene, m)[1]
     alpha = max(roughness * roughness, MIN_ALPHA)
     f, light_pdf = eval_and_pdf_conductor(None, eta, k, mean, roughness, alpha, alpha, wo, wi)
@@ -190,15 +196,15 @@ def eval_diffuse_lobe_diffuse(scene, m, wo, wi):
 def eval_diffuse_lobe_metallic_roughness(scene, m, wo, wi):
     """Returns the diffuse part of f |cos| of the metallic-roughness model."""
     metallic, roughness = _metallic_roughness(scene, m)
-    f0, f90 = dielectric_reflectance(scene, m.material)
+    f0, f90 = dielectric_reflectance(scene, m.material, m.wavelengths)
     return eval_base_of_metallic_roughness(_base(scene, m), metallic, roughness, f0, f90, wo, wi)
 
 
 @subroutine
-def _diffuse_lobe_of_one(scene, material, base, metallic, roughness, uv, uv1, shading, s, t, n, time, wo, wi):
+def _diffuse_lobe_of_one(scene, material, base, metallic, roughness, uv, uv1, shading, s, t, n, time, wavelengths, wo, wi):
     never_inline()
     layers = local_floats(LAYER_SLOTS)
-    look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time)
+    look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time, wavelengths)
     return eval_diffuse_rare(scene.has, scene.material_kind[material], layers, wo, wi)
 
 
@@ -206,16 +212,18 @@ def _diffuse_lobe_of_one(scene, material, base, metallic, roughness, uv, uv1, sh
 def eval_diffuse_lobe_rare(scene, m, wo, wi):
     """Returns the diffuse part of f |cos| of the kinds of materials that have no eight-lane form."""
     s, t, n = m.frame
-    known = (m.material, m.base, m.metallic, m.roughness, m.uv, m.uv1, m.shading, s, t, n, m.time)
+    known = (m.material, m.base, m.metallic, m.roughness, m.uv, m.uv1, m.shading, s, t, n, m.time, m.wavelengths)
     return each_lane(_diffuse_lobe_of_one, wi[2] == wi[2], (scene, *known, wo, wi))
 
 
 @subroutine
-def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, shading, s, t, n, time, wo, wi, choose, u):
+def _one_rare(
+    scene, material, front, base, metallic, roughness, eta, uv, uv1, shading, s, t, n, time, wavelengths, wo, wi, choose, u
+):
     """Evaluates and samples the material of a single path, for the kinds of materials without an eight-lane form."""
     never_inline()
     layers = local_floats(LAYER_SLOTS)
-    look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time)
+    look_up_layers(scene, material, base, metallic, roughness, shading, uv, uv1, (s, t, n), layers, time, wavelengths)
     kind = scene.material_kind[material]
     f, light_pdf = eval_rare(scene.has, kind, layers, eta, wo, wi)
     on, weight, pdf, eta2 = sample_rare(scene.has, kind, layers, eta, wo, choose, u)
@@ -226,5 +234,5 @@ def _one_rare(scene, material, front, base, metallic, roughness, eta, uv, uv1, s
 def eval_and_sample_rare(scene, m, wo, wi, choose, u):
     """Evaluates and samples the kinds of materials that have no eight-lane form, one path at a time."""
     s, t, n = m.frame
-    known = (m.material, m.front, m.base, m.metallic, m.roughness, m.eta, m.uv, m.uv1, m.shading, s, t, n, m.time)
+    known = (m.material, m.front, m.base, m.metallic, m.roughness, m.eta, m.uv, m.uv1, m.shading, s, t, n, m.time, m.wavelengths)
     return each_lane(_one_rare, choose == choose, (scene, *known, wo, wi, choose, u))

@@ -38,6 +38,7 @@ from renderer.kernel.backends.cpu.rows import (
     column,
     gather,
     group_row,
+    path_wavelengths,
     scatter,
     streams_of,
     time_of,
@@ -178,7 +179,8 @@ def add_transmitted(scene, alone, pool, row, options):
     root = shadow_root(scene.bvh)
     if scene.has.visibility is not None:
         root = lookup(scene.bvh.ray_roots, light.root)
-    left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time, random, root)
+    wavelengths = path_wavelengths(scene, pool, row, options)
+    left = transmittance_rgb(scene, alone, ray.start, ray.end, light.medium_stack, layers, time, random, root, wavelengths)
     if vec.maximum(left) > _ZERO:
         if scene.has.groups is not None:
             brought = direct_light(light.brought, left, light.segments, options)
@@ -209,8 +211,8 @@ def add_unoccluded(scene, pool, rows, occluded, options):
     left = one, one, one
     if scene.has.media is not None:
         ray = gather(pool, rows, Outcome)
-        stream = streams_of(pool, rows, options)
-        left = media_transmittance(scene, light.medium_stack, ray.start, ray.end, stream, path.number - one)
+        stream, wavelengths = streams_of(pool, rows, options), path_wavelengths(scene, pool, rows, options)
+        left = media_transmittance(scene, light.medium_stack, ray.start, ray.end, stream, path.number - one, wavelengths)
     lit = add_direct_light(path.radiance, light.brought, left, light.segments, options)
     if scene.has.groups is not None:
         brought = direct_light(light.brought, left, light.segments, options)

@@ -21,11 +21,13 @@ from renderer.kernel.backends.cpu.rows import (
     gather,
     group_row,
     last_vertex,
+    path_wavelengths,
     scatter,
     streams_of,
     time_of,
 )
 from renderer.kernel.backends.cpu.traversal_state import load_index
+from renderer.kernel.light.light_sample import light_sample_at
 from renderer.kernel.light.light_tree import descend
 from renderer.kernel.light.lights import choose_by_power, nearby_choice, sample_chosen
 from renderer.kernel.light.links import linked_sample
@@ -34,7 +36,7 @@ from renderer.kernel.light_groups import ChosenGroup, group_of_sample, scatter_g
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.state import PathState
-from renderer.wide.values import as_wide, to_float, zero_like
+from renderer.wide.values import as_wide, to_float, u32, zero_like
 
 __all__ = ["choose_light", "choose_lights", "numbers_for_light"]
 
@@ -106,12 +108,14 @@ def choose_light(scene, pool, rows, by_tree, options):
         light = sample_chosen(scene, vertex.point, vertex.normal, which, (u, v), chosen, chance, time)
         if scene.has.groups is not None:
             _store_group(scene, pool, rows, options, which, chosen)
+    if scene.spectrum is not None:
+        light = light_sample_at(scene, light, path_wavelengths(scene, pool, rows, options))
     if scene.has.links is not None:
-        light = linked_sample(scene, which, chosen, light, vertex.object)
+        light = linked_sample(scene, which, u32(chosen), light, vertex.object)
     none = zero_like(light.pdf)
     seen_by = none
     if scene.has.visibility is not None:
-        word = sampled_visibility(scene, which, chosen)
+        word = sampled_visibility(scene, which, u32(chosen))
         light, seen_by = with_visibility(light, word), to_float(word)
     branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
     scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))

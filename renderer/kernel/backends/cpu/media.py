@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.jit import device, never_inline, subroutine
+from renderer.jit import device, never_inline, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu.lists import (
     ACTIVE,
@@ -23,7 +23,6 @@ from renderer.kernel.backends.cpu.lists import (
     truncate,
 )
 from renderer.kernel.backends.cpu.rows import (
-    SPARE,
     Appearance,
     Axes,
     Facet,
@@ -36,21 +35,24 @@ from renderer.kernel.backends.cpu.rows import (
     column,
     gather,
     group_row,
+    path_wavelengths,
     scatter,
+    spare_where_not,
     streams_of,
 )
 from renderer.kernel.light_groups import add_group_light, group_of_media
 from renderer.kernel.light_paths import EMISSION, add_path_light
 from renderer.kernel.material.material import Parameters
+from renderer.kernel.medium.medium_stack import medium_albedo
 from renderer.kernel.steps.continue_or_end import is_last
 from renderer.kernel.steps.emitted_light import add_medium_light
 from renderer.kernel.steps.medium_event import medium_event, medium_surface
-from renderer.kernel.steps.record_first_hit import record_first_hit
+from renderer.kernel.steps.record_first_hit import record_first_hit, with_albedo
 from renderer.kernel.steps.state import Crossings, PathState, Ray, with_throughput
 from renderer.kernel.surface.surface import NO_OBJECT
 from renderer.wide.values import any_of, as_wide, where, zero_like
 
-__all__ = ["list_medium_vertices", "sample_free_flights"]
+__all__ = ["list_medium_vertices", "sample_free_flight", "sample_free_flights"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -76,9 +78,47 @@ def _store_vertices(pool, rows, surface, g, which):
     scatter(pool, rows, Mapped(n, black, as_wide(NO_OBJECT, none)))
 
 
+@template
+def sample_free_flight(scene, pool, rows, options):
+    """Samples the free flights of the paths in one row of the pool or in eight, and updates their throughput.
+
+    Writes MediumFlight, and the vertices of paths that scatter in a medium. Shading receives the list of each of these: DONE if
+    the path ends there, else MEDIUM_VERTICES.
+    """
+    met, path, crossings = gather(pool, rows, RowHit), gather(pool, rows, PathState), gather(pool, rows, Crossings)
+    stream = streams_of(pool, rows, options)
+    ray, wavelengths = gather(pool, rows, Ray), path_wavelengths(scene, pool, rows, options)
+    event = medium_event(scene, ray, path, crossings, met.t, stream, path.number + met.passed, wavelengths)
+    if scene.has.grids is not None:
+        path, light = add_medium_light(path, event.emitted, options)
+        if scene.has.groups is not None:
+            add_group_light(pool, group_row(rows, options) + group_of_media(scene), light, path.number == path.number)
+        if scene.has.light_paths is not None:
+            first, always = group_row(rows, options), path.number == path.number
+            add_path_light(pool, first, options, light, path.number, EMISSION, always)
+    none = zero_like(path.number)
+    if any_of(event.scatters):
+        surface = medium_surface(ray, event.distance)
+        first = event.scatters & (path.number == _ZERO)
+        if any_of(first):
+            start, black = gather(pool, rows, Sample).start, (none, none, none)
+            material = Parameters(event.albedo, none, none + _ONE, none + _ONE)
+            seen = record_first_hit(surface, material, black, event.distance, start)
+            if scene.spectrum is not None:
+                seen = with_albedo(seen, medium_albedo(scene, crossings.medium_stack))
+            scatter(pool, spare_where_not(pool, first, rows), seen)
+        last = is_last(path, crossings.counts, none != none, options) | (vec.maximum(event.throughput) <= _ZERO)
+        which = where(last, _OVER, as_wide(_IN_MEDIUM, none))
+        _store_vertices(pool, spare_where_not(pool, event.scatters, rows), surface, event.g, which)
+    number = where(event.scatters, as_wide(NO_OBJECT, none), _SURFACE)
+    scatter(pool, rows, RowHit(event.distance, met.u, met.v, met.primitive, met.instance, met.passed, number, none))
+    scatter(pool, rows, with_throughput(path, event.throughput))
+    scatter(pool, rows, MediumFlight(where(event.scatters, _ONE, none)))
+
+
 @subroutine
 def sample_free_flights(scene, pool, lists, options):
-    """Samples free flights of the active paths and updates their throughput.
+    """Samples the free flights of the active paths, as `sample_free_flight` does.
 
     Paths that scatter in a medium are removed from the lists of hits. They are added to the list DONE if they end at that vertex,
     else to MEDIUM_VERTICES.
@@ -86,34 +126,7 @@ def sample_free_flights(scene, pool, lists, options):
     never_inline()
     count = pad(lists, ACTIVE)
     for k in range(0, count, 8):
-        rows = eight_rows(lists, ACTIVE, k)
-        met, path, crossings = gather(pool, rows, RowHit), gather(pool, rows, PathState), gather(pool, rows, Crossings)
-        stream = streams_of(pool, rows, options)
-        ray = gather(pool, rows, Ray)
-        event = medium_event(scene, ray, path, crossings, met.t, stream, path.number + met.passed)
-        if scene.has.grids is not None:
-            path, light = add_medium_light(path, event.emitted, options)
-            if scene.has.groups is not None:
-                add_group_light(pool, group_row(rows, options) + group_of_media(scene), light, path.number == path.number)
-            if scene.has.light_paths is not None:
-                first, always = group_row(rows, options), path.number == path.number
-                add_path_light(pool, first, options, light, path.number, EMISSION, always)
-        none = zero_like(path.number)
-        if any_of(event.scatters):
-            surface = medium_surface(ray, event.distance)
-            first = event.scatters & (path.number == _ZERO)
-            if any_of(first):
-                start, black = gather(pool, rows, Sample).start, (none, none, none)
-                material = Parameters(event.albedo, none, none + _ONE, none + _ONE)
-                seen = record_first_hit(surface, material, black, event.distance, start)
-                scatter(pool, where(first, rows, SPARE), seen)
-            last = is_last(path, crossings.counts, none != none, options) | (vec.maximum(event.throughput) <= _ZERO)
-            which = where(last, _OVER, as_wide(_IN_MEDIUM, none))
-            _store_vertices(pool, where(event.scatters, rows, SPARE), surface, event.g, which)
-        number = where(event.scatters, as_wide(NO_OBJECT, none), _SURFACE)
-        scatter(pool, rows, RowHit(event.distance, met.u, met.v, met.primitive, met.instance, met.passed, number, none))
-        scatter(pool, rows, with_throughput(path, event.throughput))
-        scatter(pool, rows, MediumFlight(where(event.scatters, _ONE, none)))
+        sample_free_flight(scene, pool, eight_rows(lists, ACTIVE, k), options)
     _remove_drifting(pool, lists, MISSED)
     _remove_drifting(pool, lists, TRIANGLES)
     _remove_drifting(pool, lists, SPHERES)

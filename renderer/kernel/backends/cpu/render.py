@@ -22,6 +22,7 @@ from renderer.kernel.backends.cpu.media import list_medium_vertices, sample_free
 from renderer.kernel.backends.cpu.path_trace import next_record_row, radiance_of, record_arrival, record_departure
 from renderer.kernel.backends.cpu.rows import PATHS, ROW, ROWS, group_floats, line_floats
 from renderer.kernel.backends.cpu.scattering import kinds_of_scattering, scatter_vertices
+from renderer.kernel.backends.cpu.spectrum_to_rgb import spectrum_to_rgb
 from renderer.kernel.backends.cpu.subsurface import trace_subsurface
 from renderer.kernel.backends.cpu.surfaces import shade_hits, shade_misses
 from renderer.kernel.backends.cpu.traversal_state import new_stacks
@@ -109,8 +110,10 @@ def render_with_pool(scene, pool, camera, options, batch, output):
         if row < len(log):
             record_light(log, row, DIRECT, radiance_of(paths, 0))
             record_departure(paths, lists, log, row, lit)
+        if scene.spectrum is not None:
+            spectrum_to_rgb(scene, paths, lists, options)
         bad_count = accumulate_film(
-            paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count, by_group, output.ids
+            paths, lists, pool.film, options.scale, width, batch, output.bad, bad_count, by_group, output.records
         )
     record_second_branch(log, radiance_of(paths, PATHS))
     flush_film(pool.film, output.sums, options.scale, options.transparent_background)
@@ -146,5 +149,5 @@ def stages(has: Any, scene: types.Type, pool: Pool, camera: Any, options: Any, b
         (resolve_shadow_rays, (scene, alone, stack, paths, lists, asked)),
         (trace_shadow_rays, (scene, alone, stack, paths, lists, asked)),
         (start_paths, (paths, lists, following, number, number, view, asked, wanted, typeof(has.motion), medium_stack)),
-        (accumulate_film, (paths, lists, film, scale, number, wanted, bad, number, by_group, typeof(output.ids))),
+        (accumulate_film, (paths, lists, film, scale, number, wanted, bad, number, by_group, typeof(output.records))),
     ]

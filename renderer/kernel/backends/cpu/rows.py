@@ -12,10 +12,12 @@ import numpy.typing as npt
 
 from renderer.jit import device
 from renderer.kernel.light_groups import GROUP_ROW
+from renderer.kernel.sampling.sampler import pixel_key
+from renderer.kernel.spectrum.wavelengths import wavelengths_of
 from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.state import Crossings, LastVertex, PathState, Ray, scattering_surface, stream_of
 from renderer.kernel.surface.surface import NO_OBJECT
-from renderer.prune_absent_features import where_present
+from renderer.prune_absent_features import function_if, where_present
 from renderer.wide.fields import Flag, Float, Int, Layout, Pair, Vector, accessors
 from renderer.wide.values import as_wide, u32, where
 
@@ -41,12 +43,14 @@ __all__ = [
     "Shading",
     "Traversal",
     "at",
+    "camera_stream",
     "column",
     "gather",
     "group_floats",
     "group_row",
     "last_vertex",
     "line_floats",
+    "path_wavelengths",
     "scatter",
     "second_rows",
     "spare_where_not",
@@ -284,6 +288,28 @@ def streams_of(pool, rows, options):
     """Returns the random number streams of the samples in one row of the pool or in eight."""
     sample = gather(pool, rows, Sample)
     return stream_of(options, sample.pixel, sample.number)
+
+
+@device
+def path_wavelengths(scene, pool, rows, options):
+    """Returns the wavelengths of the path in one row of the pool or of those in eight; None in kernels without spectra."""
+    return function_if(scene.spectrum, _own_wavelengths, _no_wavelengths)(scene, pool, rows, options)
+
+
+@device
+def _own_wavelengths(scene, pool, rows, options):
+    return wavelengths_of(scene, camera_stream(gather(pool, rows, Sample), options))
+
+
+@device
+def _no_wavelengths(scene, pool, rows, options):
+    return None
+
+
+@device
+def camera_stream(sample, options):
+    """Returns the random number stream of a Sample's camera ray, which the second branch of its path does not have."""
+    return stream_of(options, pixel_key(sample.x, sample.y), sample.number)
 
 
 @device

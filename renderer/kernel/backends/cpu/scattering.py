@@ -57,6 +57,7 @@ from renderer.kernel.backends.cpu.rows import (
     gather,
     group_row,
     last_vertex,
+    path_wavelengths,
     scatter,
     second_rows,
     spare_where_not,
@@ -97,7 +98,7 @@ _PATHS = np.uintp(PATHS)
 
 
 @device
-def _material(scene, pool, rows, surface):
+def _material(scene, pool, rows, surface, options):
     """Returns the materials at the vertices of eight paths, with the fields that were looked up and stored by `shade_hits`."""
     n = surface.shading
     s, t = vec.basis(n)
@@ -105,10 +106,10 @@ def _material(scene, pool, rows, surface):
     if scene.has.textures is not None:
         axes, n = gather(pool, rows, Axes), gather(pool, rows, Mapped).normal
         s, t = axes.s, axes.t
-    time = time_of(scene.has.motion, pool, rows)
+    time, wavelengths = time_of(scene.has.motion, pool, rows), path_wavelengths(scene, pool, rows, options)
     frame = s, t, n
     looked_up = seen.base, seen.metallic, seen.roughness, seen.eta, seen.uv, uv1
-    return Material(surface.material, surface.front, *looked_up, surface.shading, frame, time)
+    return Material(surface.material, surface.front, *looked_up, surface.shading, frame, time, wavelengths)
 
 
 @device
@@ -166,7 +167,7 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
         caught = (path.number == _ZERO) & (hit.caught > _ZERO)
     facet, shading, to_light = gather(pool, rows, Facet), gather(pool, rows, Shading), gather(pool, rows, ChosenLight)
     surface = surface_of(pool, rows, facet, shading)
-    m = _material(scene, pool, rows, surface)
+    m = _material(scene, pool, rows, surface, options)
     s, t, n = m.frame
     wo = vec.to_local(s, t, n, vec.neg(ray.d))
     wi = vec.to_local(s, t, n, to_light.direction)

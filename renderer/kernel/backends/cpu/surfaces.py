@@ -46,6 +46,7 @@ from renderer.kernel.backends.cpu.rows import (
     gather,
     group_row,
     last_vertex,
+    path_wavelengths,
     scatter,
     spare_where_not,
     streams_of,
@@ -54,8 +55,9 @@ from renderer.kernel.backends.cpu.rows import (
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
 from renderer.kernel.light_groups import add_group_light, group_of_environment, group_of_light, group_of_material
 from renderer.kernel.light_paths import EMISSION, ENVIRONMENT, add_path_light
-from renderer.kernel.material.material import has_flag, parameters_at, relative_index
+from renderer.kernel.material.material import Parameters, has_flag, parameters_at, relative_index
 from renderer.kernel.material.normal_map import shading_frame
+from renderer.kernel.spectrum.upsampling import light_at, reflectance_at
 from renderer.kernel.steps.continue_or_end import is_last
 from renderer.kernel.steps.disperse import disperse
 from renderer.kernel.steps.emitted_light import (
@@ -68,7 +70,7 @@ from renderer.kernel.steps.emitted_light import (
 )
 from renderer.kernel.steps.mis import hit_weight
 from renderer.kernel.steps.pass_through import absorb, counts_emission, is_passed, pass_through
-from renderer.kernel.steps.record_first_hit import record_background, record_catcher, record_first_hit
+from renderer.kernel.steps.record_first_hit import record_background, record_catcher, record_first_hit, with_albedo
 from renderer.kernel.steps.state import Crossings, PathState, Ray, no_crossings, with_throughput
 from renderer.kernel.surface.surface import is_emissive, sphere_at
 from renderer.wide.values import any_of, as_wide, lookup, not_, u32, where, where3, zero_like
@@ -105,7 +107,8 @@ def shade_miss(scene, pool, rows, options, is_recorded):
     if is_recorded:
         met = gather(pool, rows, RowHit)
         scatter(pool, rows, RowHit(met.t, met.u, met.v, met.primitive, met.instance, met.passed, met.object, weight))
-    light = vec.scale(seen.radiance, weight)
+    wavelengths = path_wavelengths(scene, pool, rows, options)
+    light = vec.scale(light_at(scene, seen.radiance, wavelengths), weight)
     if scene.has.groups is not None:
         group = group_row(rows, options) + group_of_environment(scene, weight)
         add_group_light(pool, group, brought_light(path, light, options), counts)
@@ -118,7 +121,7 @@ def shade_miss(scene, pool, rows, options, is_recorded):
         kind = gather(pool, rows, Crossings).ray_kind
         for which in range(len(scene.sun)):
             seen = emitted_by_sun(scene, which, ray, last, path.number, kind, time)
-            light = vec.scale(seen.radiance, hit_weight(ray.pdf, seen.light_pdf))
+            light = vec.scale(light_at(scene, seen.radiance, wavelengths), hit_weight(ray.pdf, seen.light_pdf))
             if scene.has.groups is not None:
                 sun = as_wide(np.uint32(scene.sun[which]), weight)
                 group = group_row(rows, options) + group_of_light(scene, sun)
@@ -186,7 +189,8 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
     surface = find_surface(scene, which, ray.o, ray.d, hit)
     stream = streams_of(pool, rows, options)
     through = is_passed(scene, surface, stream, path.number + passed, options, time)
-    path = with_throughput(path, absorb(scene, surface, through, path.throughput, gather(pool, rows, Facet).point))
+    wavelengths, last_point = path_wavelengths(scene, pool, rows, options), gather(pool, rows, Facet).point
+    path = with_throughput(path, absorb(scene, surface, through, path.throughput, last_point, wavelengths))
     lit, weight = is_emissive(surface) & (ray.pdf >= _ZERO) & counts_emission(scene, surface, through), none
     first = (path.number == _ZERO) & not_(through)
     if options.has_mattes:
@@ -198,7 +202,7 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
     if any_of(lit):
         seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
         weight = hit_weight(ray.pdf, seen.light_pdf)
-        light = vec.scale(seen.radiance, weight)
+        light = vec.scale(light_at(scene, seen.radiance, wavelengths), weight)
         if scene.has.groups is not None:
             group = group_row(rows, options) + group_of_light(scene, where(lit, surface.light, _NONE))
             add_group_light(pool, group, brought_light(path, light, options), lit)
@@ -209,8 +213,13 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
 
     frame = shading_frame(scene, surface, vec.neg(ray.d), time)
     parameters = parameters_at(scene, surface, find_factors(scene, surface, time))
-    ior, throughput = disperse(scene, surface, parameters.ior, path.throughput, not_(through), stream, path.number)
+    not_through = not_(through)
+    ior, throughput = disperse(scene, surface, parameters.ior, path.throughput, not_through, stream, path.number, wavelengths)
     path = with_throughput(path, throughput)
+    albedo = parameters.base
+    if scene.spectrum is not None:
+        base = reflectance_at(scene, albedo, wavelengths)
+        parameters = Parameters(base, parameters.metallic, parameters.roughness, parameters.ior)
     eta = relative_index(ior, surface.front)
     _store_appearance(scene, pool, rows, surface, through, parameters, eta, frame)
     kind = u32(lookup(scene.material_kind, surface.material))
@@ -227,6 +236,8 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
         path = add_light(path, parameters.base, unlit, options)
     if any_of(first):
         seen = record_first_hit(surface, parameters, frame[2], hit.t, gather(pool, rows, Sample).start)
+        if scene.spectrum is not None:
+            seen = with_albedo(seen, albedo)
         scatter(pool, spare_where_not(pool, first, rows), seen)
         if options.has_mattes:
             scatter(pool, spare_where_not(pool, caught, rows), record_catcher(seen, path.throughput))

@@ -14,11 +14,11 @@ from typing import Any
 
 import llvmlite.binding as llvm
 
+from renderer.kernel.backends.cuda.atomics import RESERVE, RESERVE_CODE
 from renderer.kernel.backends.cuda.target import CAPABILITY, PTX_VERSION
 
-__all__ = ["KERNEL", "THREADS", "InexactError", "card_module", "check_exact", "emit_ptx", "joined_modules", "linked_module"]
+__all__ = ["THREADS", "InexactError", "card_module", "check_exact", "emit_ptx", "joined_modules", "linked_module"]
 
-KERNEL = "render"  # the name of a variant's only kernel
 THREADS = 128  # per block, at most
 _TRIPLE = "nvptx64-nvidia-cuda"
 # LLVM intrinsics that PTX computes with the CPU's bits: integers, memory, and floating-point operations rounded once.
@@ -28,6 +28,7 @@ _INTRINSICS = re.compile(
     r"|is\.fpclass|masked\.load|masked\.store|scmp|ucmp|umul\.with\.overflow|smul\.with\.overflow"
     r"|memset|memcpy|memmove|lifetime\.start|lifetime\.end|nvvm\.read\.ptx\.sreg\.\w+|nvvm\.internal\.addrspace\.wrap)\.[\w.]+"
     r"|llvm\.assume"  # which generates no code
+    r"|llvm\.nvvm\.(?:activemask|match\.any\.sync\.i32|shfl\.sync\.idx\.i32)"
 )
 _PREFETCH = re.compile(r"^.*@llvm\.prefetch\b.*\n", re.MULTILINE)
 # Roots of the C library, which LLVM expects to be correctly rounded.
@@ -107,16 +108,18 @@ def _retargeted(text: str) -> llvm.ModuleRef:
     return module
 
 
-def card_module(module: llvm.ModuleRef, name: str, size: int, kernel: str = KERNEL) -> llvm.ModuleRef:
+def card_module(module: llvm.ModuleRef, name: str, size: int, kernel: str) -> llvm.ModuleRef:
     """Returns the optimised LLVM module of a GPU kernel, whose entry is kernel(job, number of threads).
 
     module, name: from `linked_module`, for a subroutine that takes a reference to a job and a thread's number. size: of a job in
-    bytes. Raises InexactError if the module contains an operation that a graphics card lacks.
+    bytes. kernel: the entry's name. Raises InexactError if the module contains an operation that a graphics card lacks.
     """
     card = _retargeted(_PREFETCH.sub("", str(module)))
     declared = {each.name for each in card.functions if each.is_declaration}
     if declared & {"sqrt", "sqrtf"}:
         card.link_in(_retargeted(_ROOTS))
+    if RESERVE in declared:
+        card.link_in(_retargeted(RESERVE_CODE))
     card.link_in(_retargeted(_ENTRY.format(name=name, kernel=kernel, size=size, threads=THREADS)))
     for each in (*card.functions, *card.global_variables):
         if not each.is_declaration and each.name != kernel:

@@ -15,16 +15,18 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from renderer.arrays.rows import LAYER_SLOTS
 from renderer.arrays.scene_features import SceneFeatures
 from renderer.bvh.compressed_tree import STACK_DEPTH
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, SHADOW_REACH, Hit, any_hit, camera_root, closest_hit, shadow_root
-from renderer.film import CHANNELS
+from renderer.film import ALPHA_PLANES, CHANNELS
 from renderer.jit import device, local_floats, subroutine, template
 from renderer.kernel import vec
 from renderer.kernel.backends.cpu import lists
 from renderer.kernel.backends.cpu.bsdfs import (
     eval_and_sample_conductor,
     eval_and_sample_diffuse,
+    eval_and_sample_in_medium,
     eval_and_sample_metallic_roughness,
     eval_and_sample_rare,
     eval_and_sample_specular,
@@ -36,9 +38,12 @@ from renderer.kernel.backends.cpu.bsdfs import (
 from renderer.kernel.backends.cpu.camera_rays import start_path
 from renderer.kernel.backends.cpu.intersect import add_transmitted, add_unoccluded
 from renderer.kernel.backends.cpu.lights import choose_light, numbers_for_light
+from renderer.kernel.backends.cpu.media import sample_free_flight
 from renderer.kernel.backends.cpu.rows import (
     ChosenLight,
+    DirectLight,
     LightDescent,
+    MediumFlight,
     Outcome,
     RowHit,
     Sample,
@@ -51,12 +56,13 @@ from renderer.kernel.backends.cpu.rows import (
     time_of,
 )
 from renderer.kernel.backends.cpu.scattering import scatter_vertex
+from renderer.kernel.backends.cpu.subsurface import enter_body
 from renderer.kernel.backends.cpu.surfaces import shade_hit, shade_miss
-from renderer.kernel.backends.cuda.atomics import add_atomically
+from renderer.kernel.backends.cuda.atomics import add_atomically, reserve
 from renderer.kernel.backends.cuda.local_zeros import local_zeros
-from renderer.kernel.backends.cuda.megakernel import BAD, RAYS
 from renderer.kernel.backends.scalar.first_hit import (
     FIRST_HIT_SLOTS,
+    add_alpha,
     is_caught,
     is_finite_first_hit,
     store_first_hit,
@@ -66,33 +72,37 @@ from renderer.kernel.backends.scalar.light import has_lights
 from renderer.kernel.backends.scalar.tile import add_sample
 from renderer.kernel.light.lights import choose_sampled
 from renderer.kernel.material.material import factors_at
+from renderer.kernel.medium.camera_media import media_of_camera
 from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.splitting import splits
-from renderer.kernel.steps.state import PathState, Ray
+from renderer.kernel.steps.state import Crossings, PathState, Ray
 from renderer.kernel.surface.surface import surface_at
 from renderer.prune_absent_features import where_present
-from renderer.wide.values import u32
+from renderer.wide.values import lookup, u32
 
-__all__ = ["ACTIVE", "COUNTERS", "LISTS", "Wave", "is_in_wavefront", "kernels_of", "scattering_kernels"]
+__all__ = ["ACTIVE", "BAD", "COUNTERS", "LISTS", "RAYS", "Wave", "kernels_of", "scattering_kernels"]
 
-_NEXT = np.uintp(2)  # entry of `Wave.counters` after BAD and RAYS: the next sample of the job to start
-COUNTERS = 3
+BAD, RAYS = 0, 1  # entries of `Wave.counters`: samples left out of the film, rays traced
+_NEXT, _CAMERA_MEDIA = np.uintp(2), np.uintp(3)  # the next sample of the job to start, and the media that contain the camera
+COUNTERS = 4
 LISTS = lists.LISTS + 1
 ACTIVE = int(lists.ACTIVE)
 _BAD, _RAYS = np.uintp(BAD), np.uintp(RAYS)
 _ACTIVE, _MISSED, _HIT, _LIT, _WAITING, _DONE = (
     np.uintp(which) for which in (lists.ACTIVE, lists.MISSED, lists.TRIANGLES, lists.LIT, lists.WAITING, lists.DONE)
 )
+_MEDIUM_VERTICES, _WITHIN = np.uintp(lists.MEDIUM_VERTICES), np.uintp(lists.SUBSURFACE_VERTICES)
 _FREE = np.uintp(lists.LISTS)  # rows without a path
 _DIFFUSE, _SPECULAR, _METALLIC_ROUGHNESS, _CONDUCTOR, _RARE = (
     np.uintp(which) for which in (lists.DIFFUSE, lists.SPECULAR, lists.METALLIC_ROUGHNESS, lists.CONDUCTOR, lists.RARE)
 )
 _TO_SPECULAR, _TO_RARE, _TO_RARE_SPECULAR = (np.uint32(which) for which in (lists.SPECULAR, lists.RARE, lists.RARE_SPECULAR))
-_THROUGH, _ON = np.uint32(lists.PASSED), np.uint32(lists.ACTIVE)
-_LIGHT_PDF = column(ChosenLight, "pdf")
+_THROUGH, _ON, _IN_MEDIUM = (np.uint32(which) for which in (lists.PASSED, lists.ACTIVE, lists.MEDIUM_VERTICES))
+_LIGHT_PDF, _BEHIND = column(ChosenLight, "pdf"), column(Crossings, "behind")
 _LIGHT_BITS = np.uint32(0xFFFFFFFF)
 _STACK = 2 * STACK_DEPTH
-_SUMS = (CHANNELS, 1, 1)
+_PLANES = CHANNELS + ALPHA_PLANES
+_SUMS = (_PLANES, 1, 1)
 _ZERO, _INF = np.float32(0.0), np.float32(np.inf)
 _NONE = np.uint32(0)
 _ROOT = np.int32(0)
@@ -107,7 +117,7 @@ class Wave(NamedTuple):
     camera: Any
     options: Any
     batch: Any  # renderer/kernel/accumulate.py
-    film: Any  # (CHANNELS, h, w) int64, added to; its size is the tile's
+    film: Any  # (planes, h, w) int64, added to, with planes of alpha if these are requested; its size is the tile's
     counters: Any  # (COUNTERS,) int64
     pool: Any  # (columns, 2 * paths) f32; the last row is the spare one, so that there are paths - 1 paths
     lists: Any  # (LISTS, 2 * paths) u32: numbers of rows
@@ -130,7 +140,7 @@ def _row(job, which, thread):
 @device
 def _append(job, which, row):
     """Appends a row number to a list."""
-    place = add_atomically(job.lengths, np.uintp(which), _ONE)
+    place = reserve(job.lengths, np.uintp(which))
     job.lists[np.uintp(which), np.uintp(place)] = row
 
 
@@ -138,6 +148,13 @@ def _append(job, which, row):
 def free_rows(job, thread):
     """Lists all rows as free. Threads: paths - 1."""
     _append(job, _FREE, np.uint32(thread))
+
+
+@subroutine
+def find_camera_media(job, thread):
+    """Finds the media in which paths begin. One thread; only in scenes with media."""
+    stack, pixels = local_floats(_STACK), job.film.shape[1] * job.film.shape[2]
+    job.counters[_CAMERA_MEDIA] = media_of_camera(job.scene, stack, job.camera, pixels * job.batch.count)
 
 
 @subroutine
@@ -151,7 +168,11 @@ def start_paths(job, thread):
         place = number % pixels
         x, y, sample = batch.x + place % width, batch.y + place // width, batch.first + number // pixels
         scatter(job.pool, row, Sample(_NONE, u32(sample), u32(place), u32(x), u32(y), _ZERO, _ZERO, _ZERO))
-        start_path(job.pool, row, job.camera, job.options, job.scene.has.motion, None)
+        if job.scene.has.media is None:
+            start_path(job.pool, row, job.camera, job.options, job.scene.has.motion, None)
+        else:
+            medium_stack = u32(job.counters[_CAMERA_MEDIA])
+            start_path(job.pool, row, job.camera, job.options, job.scene.has.motion, medium_stack)
         job.branches[row] = _ONE
         _append(job, _ACTIVE, row)
 
@@ -178,10 +199,31 @@ def trace_rays(job, thread):
         after = where_present(scene.has.textures, FROM_ORIGIN)
         if scene.has.textures is not None and gather(pool, row, Shading).list == _THROUGH:
             after = met.t, np.int32(met.instance), np.int32(met.primitive)
+        if scene.has.visibility is not None:
+            root = lookup(scene.bvh.ray_roots, gather(pool, row, Crossings).ray_kind)
+        if scene.has.media is not None:
+            pool[_BEHIND, row] = after[0]
         hit = closest_hit(scene.bvh, stack, ray.o, ray.d, _INF, time_of(scene.has.motion, pool, row), root, after)
         found = RowHit(hit.t, hit.u, hit.v, u32(hit.primitive), u32(hit.instance), met.passed, met.object, met.weight)
         scatter(pool, row, found)
-        _append(job, _MISSED if hit.primitive == NO_PRIMITIVE else _HIT, row)
+        if scene.has.media is None:
+            _append(job, _MISSED if hit.primitive == NO_PRIMITIVE else _HIT, row)
+
+
+@subroutine
+def sample_free_flights(job, thread):
+    """Samples the free flights of the active paths, and lists those that reach their hit. Threads: 2 * paths; only with media."""
+    if _is_listed(job, _ACTIVE, thread):
+        pool, row = job.pool, _row(job, _ACTIVE, thread)
+        sample_free_flight(job.scene, pool, row, job.options)
+        if gather(pool, row, MediumFlight).scatters == _ZERO:
+            hit = np.int32(gather(pool, row, RowHit).primitive)
+            _append(job, _MISSED if hit == NO_PRIMITIVE else _HIT, row)
+        else:
+            into = gather(pool, row, Shading).list
+            if into == _IN_MEDIUM:
+                _append(job, _LIT, row)
+            _append(job, into, row)
 
 
 @subroutine
@@ -222,6 +264,17 @@ def shade_hits(job, thread):
 
 
 @subroutine
+def trace_subsurface(job, thread):
+    """Walks below surfaces with subsurface scattering, and lists each path by its scattering model. Threads: 2 * paths."""
+    if _is_listed(job, _WITHIN, thread):
+        row, stack, layers = _row(job, _WITHIN, thread), local_floats(_STACK), local_floats(LAYER_SLOTS)
+        into = enter_body(job.scene, stack, job.pool, row, layers, job.options)
+        if into != _DONE:
+            _append(job, _LIT, row)
+        _append(job, into, row)
+
+
+@subroutine
 def choose_lights(job, thread):
     """Samples a light for each vertex that can use light sampling. Threads: 2 * paths."""
     if _is_listed(job, _LIT, thread):
@@ -238,14 +291,17 @@ def choose_lights(job, thread):
 
 
 @template
-def _scatter(job, thread, which, answer, diffuse_lobe, is_lit):
-    """Scatters the path at a vertex on list `which`, or starts its second branch; answer to is_lit: as for `scatter_vertex`."""
+def _scatter(job, thread, which, answer, diffuse_lobe, is_lit, is_surface):
+    """Scatters the path at a vertex on list `which`, or starts its second branch.
+
+    answer, diffuse_lobe, is_lit, is_surface: as for `scatter_vertex`.
+    """
     if _is_listed(job, which, thread):
         pool, row, second = job.pool, _row(job, which, thread), job.second
         is_rare_specular = gather(pool, row, Shading).list == _TO_RARE_SPECULAR
         if splits(gather(pool, row, PathState).number, is_rare_specular) or not second:
             lit = has_lights(job.scene)
-            scatter_vertex(job.scene, pool, row, answer, diffuse_lobe, is_lit, _YES, job.options, lit, second)
+            scatter_vertex(job.scene, pool, row, answer, diffuse_lobe, is_lit, is_surface, job.options, lit, second)
             written = second_rows(pool, row) if second else row
             outcome = gather(pool, written, Outcome)
             goes_on = not (outcome.survival <= _ZERO)  # NaN propagates, so the film can count it
@@ -262,32 +318,38 @@ def _scatter(job, thread, which, answer, diffuse_lobe, is_lit):
 @subroutine
 def scatter_diffuse(job, thread):
     """Scatters paths at Lambertian vertices. Threads, as for all of these: 2 * paths."""
-    _scatter(job, thread, _DIFFUSE, eval_and_sample_diffuse, eval_diffuse_lobe_diffuse, True)
+    _scatter(job, thread, _DIFFUSE, eval_and_sample_diffuse, eval_diffuse_lobe_diffuse, True, _YES)
 
 
 @subroutine
 def scatter_specular(job, thread):
     """Scatters paths at mirrors, smooth glass and smooth conductors, which do not split."""
-    _scatter(job, thread, _SPECULAR, eval_and_sample_specular, eval_no_lobe, None)
+    _scatter(job, thread, _SPECULAR, eval_and_sample_specular, eval_no_lobe, None, _YES)
 
 
 @subroutine
 def scatter_metallic_roughness(job, thread):
     """Scatters paths at vertices of the metallic-roughness model."""
     answer, lobe = eval_and_sample_metallic_roughness, eval_diffuse_lobe_metallic_roughness
-    _scatter(job, thread, _METALLIC_ROUGHNESS, answer, lobe, True)
+    _scatter(job, thread, _METALLIC_ROUGHNESS, answer, lobe, True, _YES)
 
 
 @subroutine
 def scatter_conductor(job, thread):
     """Scatters paths at rough conductors."""
-    _scatter(job, thread, _CONDUCTOR, eval_and_sample_conductor, eval_no_lobe, True)
+    _scatter(job, thread, _CONDUCTOR, eval_and_sample_conductor, eval_no_lobe, True, _YES)
 
 
 @subroutine
 def scatter_rare(job, thread):
     """Scatters paths at materials of many properties."""
-    _scatter(job, thread, _RARE, eval_and_sample_rare, eval_diffuse_lobe_rare, True)
+    _scatter(job, thread, _RARE, eval_and_sample_rare, eval_diffuse_lobe_rare, True, _YES)
+
+
+@subroutine
+def scatter_in_medium(job, thread):
+    """Scatters paths at vertices in media."""
+    _scatter(job, thread, _MEDIUM_VERTICES, eval_and_sample_in_medium, eval_no_lobe, True, _NO)
 
 
 @subroutine
@@ -301,7 +363,10 @@ def trace_shadow_rays(job, thread):
         else:
             ray, time = gather(pool, row, Outcome), time_of(scene.has.motion, pool, row)
             way = vec.sub(ray.end, ray.start)
-            occluded = any_hit(scene.bvh, stack, ray.start, way, SHADOW_REACH, time, shadow_root(scene.bvh))
+            root = shadow_root(scene.bvh)
+            if scene.has.visibility is not None:
+                root = lookup(scene.bvh.ray_roots, gather(pool, row, DirectLight).root)
+            occluded = any_hit(scene.bvh, stack, ray.start, way, SHADOW_REACH, time, root)
             add_unoccluded(scene, pool, row, occluded, job.options)
 
 
@@ -329,11 +394,13 @@ def _add_to_film(job, pool, batch, path):
             store_shadow(hit, radiance)
             radiance = vec.sub(radiance, radiance)
         add_sample(sums, 0, 0, np.int64(sample.number), radiance, hit, job.options.scale, batch.origin)
+        if job.options.transparent_background:
+            add_alpha(sums, 0, 0, hit, job.options.scale)
         pixels = job.film.shape[1] * job.film.shape[2]
-        for channel in range(CHANNELS):
-            value = sums[channel, 0, 0]
+        for plane in range(_PLANES):
+            value = sums[plane, 0, 0]
             if value != 0:
-                add_atomically(job.film, np.uintp(channel * pixels + sample.place), value)
+                add_atomically(job.film, np.uintp(plane * pixels + sample.place), value)
     else:
         add_atomically(job.counters, _BAD, _ONE)
 
@@ -350,16 +417,13 @@ _KERNELS = (
     trace_shadow_rays,
     end_paths,
 )
-
-
-def is_in_wavefront(variant: str) -> bool:
-    """Returns True if a variant's scenes are rendered by these kernels, and False if by `render_thread` of megakernel.py."""
-    return variant in ("plain", "full")
+_IN_MEDIA = find_camera_media, sample_free_flights, trace_subsurface
 
 
 def kernels_of(has: SceneFeatures) -> dict[str, Callable[..., Any]]:
     """Returns the kernels for scenes with these features, by name."""
-    return {each.__name__: each for each in (*_KERNELS, *_scattering(has))}
+    in_media = _IN_MEDIA if has.media is not None else ()
+    return {each.__name__: each for each in (*_KERNELS, *in_media, *_scattering(has))}
 
 
 def scattering_kernels(has: SceneFeatures) -> tuple[list[str], list[str]]:
@@ -370,4 +434,5 @@ def scattering_kernels(has: SceneFeatures) -> tuple[list[str], list[str]]:
 
 def _scattering(has: SceneFeatures) -> list[Callable[..., Any]]:
     rare = [scatter_rare] if has.layers is not None else []
-    return [scatter_diffuse, scatter_metallic_roughness, scatter_conductor, scatter_specular, *rare]
+    in_medium = [scatter_in_medium] if has.media is not None else []
+    return [scatter_diffuse, scatter_metallic_roughness, scatter_conductor, scatter_specular, *rare, *in_medium]

@@ -10,7 +10,7 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fixed_point import fixed
 from renderer.kernel.light_groups import GROUP_ROW
-from renderer.kernel.steps.record_first_hit import IDS, MEANS, FirstHit, no_hit, record_direct_light
+from renderer.kernel.steps.record_first_hit import DEEP, IDS, MEANS, FirstHit, no_hit, record_direct_light
 from renderer.wide.fields import Layout, accessors
 
 __all__ = [
@@ -23,7 +23,7 @@ __all__ = [
     "is_finite_first_hit",
     "store_direct_light",
     "store_first_hit",
-    "store_ids",
+    "store_record",
     "store_shadow",
 ]
 
@@ -52,10 +52,18 @@ def store_first_hit(first, hit):
 
 
 @device
-def store_ids(ids, number, first):
-    """Stores the ids of the FirstHit stored in `first` in row `number` of `ids`, (n, 2) uint32."""
+def store_record(records, number, first, radiance):
+    """Stores what is recorded of a sample in row `number` of `records` (Output in renderer/kernel/accumulate.py).
+
+    first: the array with its FirstHit. radiance: what the film adds.
+    """
     for k in range(len(IDS)):
-        ids[number, k] = load_int(first, IDS[k, 0])
+        records[number, k] = load_int(first, IDS[k, 0])
+    if records.shape[1] > len(IDS):
+        for k in range(3):
+            records[number, len(IDS) + k] = np.float32(radiance[k]).view(np.uint32)
+        for k in range(len(DEEP)):
+            records[number, len(IDS) + 3 + k] = load_int(first, DEEP[k])
 
 
 @device

@@ -12,6 +12,7 @@ from renderer.jit import device, template
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.first_hit import store_direct_light, store_first_hit
 from renderer.kernel.backends.scalar.visibility import shadow_transmittance
+from renderer.kernel.light.light_sample import light_sample_at
 from renderer.kernel.light.lights import choose_sampled, sample_chosen
 from renderer.kernel.light.links import linked_sample
 from renderer.kernel.light.visibility import sampled_visibility, shadow_root_of, with_visibility
@@ -28,6 +29,7 @@ from renderer.kernel.manifold.chain import is_sampled_elsewhere
 from renderer.kernel.manifold.estimate import estimate_caustic
 from renderer.kernel.material.material import eval_diffuse_lobes, eval_material
 from renderer.kernel.sampling.sampler import substream
+from renderer.kernel.spectrum.upsampling import light_at
 from renderer.kernel.steps.aim import NOT_AIMED, mixture_pdf, targets_in_view
 from renderer.kernel.steps.emitted_light import (
     add_light,
@@ -62,17 +64,18 @@ def has_lights(scene):
 
 
 @template
-def add_environment(scene, ray, path, last, crossings, chain, options, time, weigh_hit, found, groups):
+def add_environment(scene, ray, path, last, crossings, chain, options, time, wavelengths, weigh_hit, found, groups):
     """Returns `path` with the light of the environment and of suns added; called if the path's ray has hit nothing.
 
-    chain: from kernel/manifold/chain.py. found: the array of the first hit, with the table of the light by group. groups: the row
-    of the path's first group.
+    wavelengths: of the path (kernel/spectrum); None in RGB. chain: from kernel/manifold/chain.py. found: the array of the first
+    hit, with the table of the light by group. groups: the row of the path's first group.
     """
     counts = background_counts(ray, path, options)
     if options.transparent_background and path.number == _ZERO:
         store_first_hit(found, record_background(path.throughput))
     seen = emitted_by_environment(scene, ray)
-    light = vec.scale(seen.radiance, weigh_hit(options, ray, path, last, None, seen.light_pdf))
+    light = light_at(scene, seen.radiance, wavelengths)
+    light = vec.scale(light, weigh_hit(options, ray, path, last, None, seen.light_pdf))
     if scene.has.groups is not None:
         group = groups + group_of_environment(scene, ray.pdf)
         add_group_light(found, group, brought_light(path, light, options), counts)
@@ -87,7 +90,7 @@ def add_environment(scene, ray, path, last, crossings, chain, options, time, wei
             shows = counts
             if scene.caustics is not None:
                 shows = counts and not is_sampled_elsewhere(scene, chain, np.int64(scene.sun[which]))
-            light = vec.scale(seen.radiance, weight)
+            light = vec.scale(light_at(scene, seen.radiance, wavelengths), weight)
             if scene.has.groups is not None:
                 group = groups + group_of_light(scene, np.uint32(scene.sun[which]))
                 add_group_light(found, group, brought_light(path, light, options), shows)
@@ -99,17 +102,18 @@ def add_environment(scene, ray, path, last, crossings, chain, options, time, wei
 
 
 @template
-def add_emission(scene, surface, through, ray, path, last, chain, options, time, weigh_hit, found, groups):
+def add_emission(scene, surface, through, ray, path, last, chain, options, time, wavelengths, weigh_hit, found, groups):
     """Returns `path` with the emission of the surface that its ray has hit added.
 
-    through: whether the path passes through that surface without scattering. chain, found, groups: as for `add_environment`.
+    through: whether the path passes through that surface without scattering. wavelengths, chain, found, groups: as for
+    `add_environment`.
     """
     if is_emissive(surface) and ray.pdf >= _ZERO and counts_emission(scene, surface, through):
         if scene.caustics is not None and is_sampled_elsewhere(scene, chain, np.int64(surface.light)):
             return path
         seen = emitted_light(scene, surface, _YES, ray, last, time)
         weight = weigh_hit(options, ray, path, last, surface.point, seen.light_pdf)
-        light = vec.scale(seen.radiance, weight)
+        light = vec.scale(light_at(scene, seen.radiance, wavelengths), weight)
         if scene.has.groups is not None:
             group = groups + group_of_light(scene, surface.light)
             add_group_light(found, group, brought_light(path, light, options), _YES)
@@ -121,10 +125,12 @@ def add_emission(scene, surface, through, ray, path, last, chain, options, time,
 
 
 @template
-def add_direct(scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, found, groups, caught):
+def add_direct(
+    scene, stack, vertex, path, crossings, is_surface, options, stream, time, wavelengths, weigh_light, found, groups, caught
+):
     """Samples the direct light at a path's vertex; returns (the path with that light added, number of shadow rays).
 
-    found, groups: as for `add_environment`. caught: whether the vertex is on a shadow catcher, where the path ends.
+    wavelengths, found, groups: as for `add_environment`. caught: whether the vertex is on a shadow catcher, where the path ends.
     """
     surface = vertex.surface
     s, t, n = vertex.frame
@@ -137,6 +143,8 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
         light = sample_chosen(scene, surface.point, vertex.normal, numbers[2], (numbers[0], numbers[1]), which, chance, time)
         if scene.has.links is not None:
             light = linked_sample(scene, numbers[2], which, light, u32(surface.object))
+        if scene.spectrum is not None:
+            light = light_sample_at(scene, light, wavelengths)
         root = shadow_root(scene.bvh)
         if scene.has.visibility is not None:
             word = sampled_visibility(scene, numbers[2], which)
@@ -165,7 +173,8 @@ def add_direct(scene, stack, vertex, path, crossings, is_surface, options, strea
                 if caught:
                     store_direct_light(found, shadow.brought)
                 rays += 1
-                left = shadow_transmittance(scene, stack, shadow, crossings.counts, options, time, own, path.number, root)
+                known = shadow, crossings.counts, options, time, own, path.number, root
+                left = shadow_transmittance(scene, stack, *known, wavelengths)
                 if vec.maximum(left) > _ZERO:
                     if scene.has.groups is not None:
                         group = groups + group_of_sample(scene, numbers[2], which)

@@ -19,7 +19,15 @@ from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, r
 from renderer.kernel.light_groups import add_group_light, group_of_material, group_of_media
 from renderer.kernel.light_paths import EMISSION, add_path_light, share_after_vertex, store_share
 from renderer.kernel.manifold.chain import NO_CHAIN, begin_chain, continue_chain, is_joined
-from renderer.kernel.material.material import eval_diffuse_lobes, eval_material, has_flag, is_specular
+from renderer.kernel.material.material import (
+    eval_diffuse_lobes,
+    eval_material,
+    factors_at,
+    has_flag,
+    is_specular,
+    parameters_at,
+)
+from renderer.kernel.medium.medium_stack import medium_albedo
 from renderer.kernel.options import MIS
 from renderer.kernel.path_trace import (
     DIRECT,
@@ -30,6 +38,7 @@ from renderer.kernel.path_trace import (
     record_second_branch,
     record_surface,
 )
+from renderer.kernel.spectrum.wavelengths import to_rgb, wavelengths_of
 from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end, is_last
 from renderer.kernel.steps.emitted_light import add_light, add_medium_light, brought_light
@@ -38,7 +47,7 @@ from renderer.kernel.steps.medium_event import medium_event
 from renderer.kernel.steps.pass_through import pass_through
 from renderer.kernel.steps.random_blocks import draw_scattering
 from renderer.kernel.steps.ray_kind import after_vertex
-from renderer.kernel.steps.record_first_hit import record_background, record_catcher, record_first_hit
+from renderer.kernel.steps.record_first_hit import record_background, record_catcher, record_first_hit, with_albedo
 from renderer.kernel.steps.scatter import cross_surface, scatter
 from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
 from renderer.kernel.steps.state import (
@@ -84,7 +93,10 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
             scene, stack, state, camera, stream, options, own_log, first, groups, lit, weigh_hit, weigh_light, sample_bsdf
         )
         rays += more
-        light = vec.add(light, path.radiance)
+        brought = path.radiance
+        if scene.spectrum is not None:
+            brought = to_rgb(scene.spectrum, camera.stream, brought)
+        light = vec.add(light, brought)
         if not splits_here:
             break
         stream, own_log, groups = second_branch_stream(stream), log[:0], FIRST_GROUP + options.group_rows
@@ -103,6 +115,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
     """
     ray, path, last, crossings, passed, chain = state
     other, splits_here, rays, time = state, _NO, 0, camera.time
+    wavelengths = wavelengths_of(scene, camera.stream)
     layers = local_floats(LAYER_SLOTS)
     after = where_present(scene.has.textures, FROM_ORIGIN)
     while True:
@@ -114,7 +127,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         row, drifts, distance = path.number + passed, _NO, hit.t
         held, caught = _NO, _NO
         if scene.has.media is not None:
-            event = medium_event(scene, ray, path, crossings, hit.t, stream, row)
+            event = medium_event(scene, ray, path, crossings, hit.t, stream, row, wavelengths)
             if scene.has.grids is not None:
                 path, light = add_medium_light(path, event.emitted, options)
                 if scene.has.groups is not None:
@@ -124,7 +137,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             drifts, distance, path = event.scatters, event.distance, with_throughput(path, event.throughput)
         if hit.primitive == NO_PRIMITIVE and not drifts:
             record_miss(log, row, ray, path)
-            path = add_environment(scene, ray, path, last, crossings, chain, options, time, weigh_hit, first, groups)
+            path = add_environment(scene, ray, path, last, crossings, chain, options, time, wavelengths, weigh_hit, first, groups)
             record_light(log, row, EMITTED, path.radiance)
             break
         if scene.has.media is not None and drifts:
@@ -133,13 +146,15 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             record_medium(log, row, vertex.surface.point, distance, ray, path)
         else:
             surface = surface_at(scene, ray.o, ray.d, hit)
-            through, path = reach_surface(scene, surface, path, last, row, stream, options, time)
+            through, path = reach_surface(scene, surface, path, last, row, stream, options, time, wavelengths)
             record_surface(log, row, surface, surface.point, through, hit.t, ray, path)
             if options.has_mattes and path.number == _ZERO and not through:
                 held = has_flag(scene, surface.material, _HOLDOUT)
                 caught = has_flag(scene, surface.material, _CATCHER)
             if not (held or caught):
-                path = add_emission(scene, surface, through, ray, path, last, chain, options, time, weigh_hit, first, groups)
+                path = add_emission(
+                    scene, surface, through, ray, path, last, chain, options, time, wavelengths, weigh_hit, first, groups
+                )
             if through:
                 record_light(log, row, EMITTED, path.radiance)
                 crossings, blocked = pass_through(scene, surface, through, crossings, options)
@@ -150,7 +165,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
                 crossings = Crossings(crossings.medium_stack, crossings.counts, hit.t, crossings.ray_kind)
                 after = where_present(scene.has.textures, (hit.t, hit.instance, hit.primitive))
                 continue
-            vertex, path = surface_vertex(scene, surface, ray, path, stream, layers, time)
+            vertex, path = surface_vertex(scene, surface, ray, path, stream, layers, time, wavelengths)
             normal = vertex.frame[2]
         is_surface, unlit = vertex.material.kind != MEDIUM, vertex.material.kind == UNLIT and not caught
         if held:
@@ -158,6 +173,10 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             break
         if path.number == _ZERO:
             seen = record_first_hit(vertex.surface, vertex.material, normal, distance, camera.start)
+            if scene.spectrum is not None and is_surface:
+                seen = with_albedo(seen, parameters_at(scene, vertex.surface, factors_at(scene, vertex.surface, time)).base)
+            if scene.spectrum is not None and scene.has.media is not None and drifts:
+                seen = with_albedo(seen, medium_albedo(scene, crossings.medium_stack))
             if caught:
                 seen = record_catcher(seen, path.throughput)
             store_first_hit(first, seen)
@@ -172,14 +191,27 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         if is_last(path, crossings.counts, unlit, options):
             break
         if scene.has.media is not None:
-            vertex, path = subsurface_vertex(scene, stack, vertex, path, stream, time)
+            vertex, path = subsurface_vertex(scene, stack, vertex, path, stream, time, wavelengths)
             if vec.maximum(path.throughput) <= _ZERO:
                 break
 
         specular = is_specular(vertex.material)
         if lit and not specular:
             path, shadow_rays = add_direct(
-                scene, stack, vertex, path, crossings, is_surface, options, stream, time, weigh_light, first, groups, caught
+                scene,
+                stack,
+                vertex,
+                path,
+                crossings,
+                is_surface,
+                options,
+                stream,
+                time,
+                wavelengths,
+                weigh_light,
+                first,
+                groups,
+                caught,
             )
             rays += shadow_rays
             if scene.caustics is not None and is_joined(vertex.material):

@@ -15,7 +15,7 @@ from renderer.kernel.backends.scalar.first_hit import (
     forget_first_hit,
     is_caught,
     is_finite_first_hit,
-    store_ids,
+    store_record,
     store_shadow,
 )
 from renderer.kernel.fixed_point import fixed, in_half
@@ -99,6 +99,6 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                     add_sample_by_group(output.flat, place, pixels, hit, *rows, options.paths, radiance, scale)
                 if options.transparent_background:
                     add_alpha(sums, y, x, hit, scale)
-                if len(output.ids) > 0:
-                    store_ids(output.ids, (y * sums.shape[2] + x) * count + sample - first, hit)
+                if len(output.records) > 0:
+                    store_record(output.records, (y * sums.shape[2] + x) * count + sample - first, hit, radiance)
     return bad_count, rays

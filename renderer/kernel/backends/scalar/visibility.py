@@ -26,13 +26,14 @@ _NO_RANDOM = (np.uint32(0), np.uint32(0), np.uint32(0), np.uint32(0))
 
 
 @subroutine
-def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, random, root):
+def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, random, root, wavelengths):
     """Returns the transmittance, rgb 0 ... 1, between two points, through transparent surfaces and media.
 
     Hits have the distances of `any_hit`: with those biased towards the origin (`intersect_triangles` in renderer/bvh/packet.py) a
     light would occlude itself from far away. medium_stack: the media that contain the first point
     (kernel/medium/medium_stack.py); ignored in scenes without media. layers, time: as for `transmittance`. random: seed, pixel,
     sample and first block of the numbers for heterogeneous media. root: the node at which the shadow ray starts.
+    wavelengths, in this module: of the path (kernel/spectrum); None in RGB.
     """
     never_inline()
     left = (_ONE, _ONE, _ONE)
@@ -54,7 +55,7 @@ def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, rand
                     )
                     left = vec.mul(left, part)
             if homogeneous:
-                sigma_t, _, _ = coefficients(scene, medium_stack)
+                sigma_t, _, _ = coefficients(scene, medium_stack, wavelengths)
                 left = vec.mul(left, left_after(sigma_t, (hit.t - after[0]) * length))
         if hit.primitive == NO_PRIMITIVE:
             return left
@@ -70,7 +71,7 @@ def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, rand
 
 
 @device
-def transmittance(scene, stack, start, end, transparent, layers, time, root):
+def transmittance(scene, stack, start, end, transparent, layers, time, root, wavelengths=None):
     """Returns the fraction of light, 0 ... 1, that passes from `start` to `end` in a straight line.
 
     transparent: whether any material in the scene is transparent by its alpha; otherwise a single shadow ray is traced. layers:
@@ -78,20 +79,20 @@ def transmittance(scene, stack, start, end, transparent, layers, time, root):
     `transmittance_rgb`.
     """
     if scene.has.textures is not None and transparent:
-        return transmittance_rgb(scene, stack, start, end, _WORLD, layers, time, _NO_RANDOM, root)[0]
+        return transmittance_rgb(scene, stack, start, end, _WORLD, layers, time, _NO_RANDOM, root, wavelengths)[0]
     way = vec.sub(end, start)
     return _ZERO if any_hit(scene.bvh, stack, start, way, SHADOW_REACH, time, root) else _ONE
 
 
 @device
-def media_transmittance(scene, medium_stack, start, end, stream, number):
+def media_transmittance(scene, medium_stack, start, end, stream, number, wavelengths):
     """Returns the transmittance, rgb, of the innermost medium between two points, for one path or for eight lanes.
 
     stream, number: the path's Stream and the count of vertices before the one that the shadow ray leaves.
     """
     way = vec.sub(end, start)
     length = vec.length(way)
-    sigma_t, _, _ = coefficients(scene, medium_stack)
+    sigma_t, _, _ = coefficients(scene, medium_stack, wavelengths)
     left = left_after(sigma_t, length)
     if scene.has.grids is not None:
         medium = innermost(medium_stack)
@@ -105,7 +106,7 @@ def media_transmittance(scene, medium_stack, start, end, stream, number):
 
 
 @device
-def shadow_transmittance(scene, stack, shadow, counts, options, time, stream, number, root):
+def shadow_transmittance(scene, stack, shadow, counts, options, time, stream, number, root, wavelengths):
     """Returns the transmittance, rgb, along a ShadowRay. counts: the path's depth counts, from its Crossings.
 
     time: shutter time. stream, number: as for `media_transmittance`. root: as for `transmittance_rgb`.
@@ -113,9 +114,11 @@ def shadow_transmittance(scene, stack, shadow, counts, options, time, stream, nu
     layers = layers_left(counts, options)
     if scene.has.media is not None and options.transparent:
         random = u32(stream.seed), u32(stream.pixel), u32(stream.sample), shadow_block(to_int(number))
-        return transmittance_rgb(scene, stack, shadow.start, shadow.end, shadow.medium_stack, layers, time, random, root)
-    share = transmittance(scene, stack, shadow.start, shadow.end, options.transparent, layers, time, root)
+        known = shadow.start, shadow.end, shadow.medium_stack, layers, time, random, root
+        return transmittance_rgb(scene, stack, *known, wavelengths)
+    share = transmittance(scene, stack, shadow.start, shadow.end, options.transparent, layers, time, root, wavelengths)
     left = share, share, share
     if scene.has.media is not None:
-        left = vec.scale(media_transmittance(scene, shadow.medium_stack, shadow.start, shadow.end, stream, number), share)
+        known = shadow.medium_stack, shadow.start, shadow.end, stream, number
+        left = vec.scale(media_transmittance(scene, *known, wavelengths), share)
     return left

@@ -110,8 +110,9 @@ Face = _structure("Face", "begin:uint count:uint")
 Mesh = _structure(
     "Mesh",
     "num_vertices:size num_indices:size num_faces:size num_triangles:size _:size _:size num_empty:size num_points:size"
-    " num_lines:size faces:list face_smoothing:list face_material:list face_group:list face_hole:list edges:list _:list _:list"
-    " _:list vertex_indices:list vertices:list _:list position:Vertex normal:Vertex uv:Vertex tangent:Vertex bitangent:Vertex"
+    " num_lines:size faces:list face_smoothing:list face_material:list face_group:list face_hole:list edges:list _:list"
+    " edge_crease:list _:list vertex_indices:list vertices:list _:list"
+    " position:Vertex normal:Vertex uv:Vertex tangent:Vertex bitangent:Vertex"
     " color:Vertex crease:Vertex uv_sets:list color_sets:list materials:list _:list _:list _:list _:list skinned_is_local:bool"
     " skinned_position:Vertex skinned_normal:Vertex skins:list blends:list caches:list _:list _:uint subdivision_levels:uint"
     " subdivision_mode:int _:int _:int _:bool generated_normals:bool",

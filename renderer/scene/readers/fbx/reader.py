@@ -30,7 +30,7 @@ from renderer.scene.readers.fbx.library import (
     text,
 )
 from renderer.scene.readers.fbx.materials import Materials
-from renderer.scene.readers.fbx.meshes import Part, parts_of
+from renderer.scene.readers.fbx.meshes import Part, is_subdivided, parts_of, subdivided_parts
 from renderer.scene.readers.fbx.shapes import Skin, blended, updated_normals
 from renderer.scene.readers.fbx.targets import aimed
 from renderer.scene.readers.fbx.textures import Pictures
@@ -43,7 +43,6 @@ __all__ = ["read"]
 _VIEW = np.array((1.0, 0.0, 0.0))  # the direction in which a camera looks
 _BLENDER = (2, 3)  # ufbx_exporter
 _LOD_GROUP = 16  # ufbx_element_type
-_SMOOTH = (2, 3)  # ufbx_subdivision_display_mode
 _DUAL_QUATERNIONS = (2, 3)  # ufbx_skinning_method
 _LEFT_OUT = {
     "line_curves": Sentence("fbx-lines", "lines"),
@@ -160,7 +159,13 @@ class _Reader:
         mesh = struct_at(layout.Mesh, node.mesh)
         world = self._finite(matrix(node.geometry_to_world), node)
         made_once = ("FBX parts", self._main, mesh.element_id)
-        parts, unfilled = self._files.get_or_make(made_once, functools.partial(parts_of, mesh))
+        bends = bool(mesh.blends.count) or bool(mesh.skins.count)
+        fine: npt.NDArray[np.float64] | None = None
+        if is_subdivided(mesh) and not bends:
+            unfilled = 0
+            parts, fine = self._files.get_or_make(("FBX subdivided", *made_once), functools.partial(subdivided_parts, mesh))
+        else:
+            parts, unfilled = self._files.get_or_make(made_once, functools.partial(parts_of, mesh))
         if unfilled:
             self._odd[Sentence("unit-concave-polygons", "concave polygons, filled as if convex")] += unfilled
         if not parts:
@@ -170,7 +175,6 @@ class _Reader:
         self._note_deformers(mesh)
         slots = pointed(node.materials, layout.Material) or pointed(mesh.materials, layout.Material)
         skins = pointed(mesh.skins, layout.SkinDeformer)
-        bends = bool(mesh.blends.count) or bool(skins)
         source = int(mesh.element_id) if not skins else -1 - int(node.element_id)
         is_new = any((source, part.slot) not in self._numbers for part in parts)
         made = self._deformed_parts(node, mesh, parts, skins, world) if bends and is_new else None
@@ -194,7 +198,7 @@ class _Reader:
                     found.deforms = self._deforms(mesh, skins, moves)
                 else:
                     points = self._files.get_or_make(
-                        ("FBX points", self._main, mesh.element_id, part.slot), functools.partial(_points, mesh, part)
+                        ("FBX points", self._main, mesh.element_id, part.slot), functools.partial(_points, mesh, part, fine)
                     )
                     found = _mesh(name, part, points, part.normals)
                 found.material = material
@@ -253,8 +257,8 @@ class _Reader:
             self._odd[Sentence("fbx-further-skins", "further skins of a mesh")] += len(skins) - 1
         if any(skin.method in _DUAL_QUATERNIONS for skin in skins):
             self._shelf.warn(Sentence("dual-quaternion-skins", "Dual-quaternion skins are deformed linearly."))
-        if mesh.subdivision_mode in _SMOOTH:
-            self._odd[Sentence("fbx-subdivisions", "subdivision surfaces, shown as their cages")] += 1
+        if is_subdivided(mesh) and (mesh.blends.count or skins):
+            self._odd[Sentence("fbx-subdivisions", "subdivision surfaces that deform, shown as their cages")] += 1
         if mesh.color_sets.count > 1:
             self._odd[Sentence("fbx-further-colour-sets", "further sets of vertex colours")] += mesh.color_sets.count - 1
         if mesh.num_lines or mesh.num_points:
@@ -388,8 +392,9 @@ class _Reader:
             self._shelf.warn(Sentence("importer-message", "{file}: importer message: {text}.", file=self._main, text=said))
 
 
-def _points(mesh: Any, part: Part) -> npt.NDArray[Any]:
-    return in_exact_type(array(mesh.vertices, np.float64, 3)[part.point])
+def _points(mesh: Any, part: Part, fine: npt.NDArray[np.float64] | None) -> npt.NDArray[Any]:
+    """Returns the positions of a part's vertices. fine: the points of the subdivided mesh; None: the mesh's own."""
+    return in_exact_type((array(mesh.vertices, np.float64, 3) if fine is None else fine)[part.point])
 
 
 def _mesh(name: str, part: Part, points: npt.NDArray[Any], normals: npt.NDArray[np.float32] | None) -> Mesh:

@@ -91,7 +91,7 @@ def _unlit(source: Json, material: Material) -> None:
     material.emission, material.emission_texture, material.normal_texture = (0.0, 0.0, 0.0), None, None
 
 
-_EXTENSION = "KHR_"
+_EXTENSION = ("KHR_", "RAYFARM_")
 _READERS: dict[str, Callable[[Json, Material], None]] = {
     "KHR_materials_ior": _ior,
     "KHR_materials_volume": _volume,

@@ -68,6 +68,17 @@ class Materials:
         """Returns True if a surface separates two different media. between: names of the media inside and outside."""
         return self._media.bounds(between, place)
 
+    def displaced(self, number: int, texture: int, scale: float) -> int:
+        """Returns the index of a material like that of index `number` that displaces meshes by a texture times `scale`."""
+        key = (number, texture, scale)
+        if key not in self._numbers:
+            made = replace(self._description.materials[number], displacement_texture=texture, displacement_scale=scale)
+            self._description.materials.append(made)
+            self._numbers[key] = len(self._description.materials) - 1
+            if number in self.mappings:
+                self.mappings[self._numbers[key]] = self.mappings[number]
+        return self._numbers[key]
+
     def heights(self, source: Parameters | None) -> Varying | None:
         """Returns the height texture of a material; None without one."""
         if source is None or is_nothing(source):

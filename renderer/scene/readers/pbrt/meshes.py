@@ -69,12 +69,6 @@ def _of_file(source: Parameters, files: SceneFiles, notes: Notes) -> Mesh:
                 name=repr(PurePosixPath(wanted).name[:120]),
             )
         )
-    for each in ("displacement", "displacement.edgelength"):
-        if source.get(each) is not None:
-            notes.add(
-                source.place,
-                Sentence("pbrt-mesh-displacement-ignored", "displacement of meshes is ignored"),
-            )
     part: SceneDescription = files.get_or_make(("ply", name), lambda: _read(files, name))
     mesh = _single_mesh(part)
     return replace(_facing(mesh))

@@ -168,6 +168,8 @@ class Shapes:
             self._add_part(Part(self._quadrics[shared], state.ctm, source.type))
             return
         mesh = mesh if mesh is not None else self._quadric(source).mesh
+        if source.type == "plymesh":
+            number = self._displaced(number, source, state)
         if self._is_textured(number):
             mesh = with_uvs(mesh)
         if mapping is not None:
@@ -183,6 +185,23 @@ class Shapes:
         self._add_mesh(replace(mesh, material=number), state.ctm)
         if shared is not None:
             self._quadrics[shared] = len(self._description.meshes) - 1
+
+    def _displaced(self, number: int, source: Parameters, state: ShapeState) -> int:
+        """Returns the index of the material of a mesh, with the mesh's displacement; `number` if it has none.
+
+        Triangles are as small as ours are by default, whatever the shape's edge length.
+        """
+        heights = self._textures.number(source, "displacement", 0.0)
+        source.get("displacement.edgelength")
+        if heights.texture is None or heights.mapping is not None:
+            if heights.mapping is not None or heights.value[0] != 0:
+                self._notes.add(
+                    source.place,
+                    Sentence("pbrt-mesh-displacement-ignored", "displacement of meshes that is not by an image is ignored"),
+                )
+            return number
+        scale = -heights.value[0] if state.reverse else heights.value[0]
+        return self._materials.displaced(number, heights.texture, scale)
 
     def _spans(self, source: Parameters, state: ShapeState, mesh: Mesh | None) -> tuple[float, float] | None:
         """Returns the lengths per unit of UV of a shape whose material has a height texture; None without such a texture."""

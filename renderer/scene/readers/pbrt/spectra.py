@@ -14,9 +14,9 @@ import numpy.typing as npt
 
 from renderer.scene.description import Vec3
 from renderer.scene.files import SceneFiles
+from renderer.scene.observer import D65, MATCHING, at_wavelengths, planck
 from renderer.scene.readers.pbrt.named_spectra import CHROMATICITIES, GLASSES, METALS
 from renderer.scene.readers.pbrt.notes import Notes
-from renderer.scene.readers.pbrt.observer import D65, MATCHING, at_wavelengths, planck
 from renderer.scene.readers.pbrt.parameters import Parameter, text_of
 from renderer.scene.text_encoding import decoded
 from renderer.sentences import Sentence

@@ -37,9 +37,9 @@ def follow_arnold(network: NetworkContext, shader: Any, kind: str, output: str, 
     found: list[Any] = file.GetValueProducingAttributes() if file else []
     if not found:
         return Input()
-    space = str(constant_input("color_space", "auto")).lower()
-    encoded = srgb if space in ("auto", "") else "srgb" in space
-    image = network.images.find(found[0], Sentence("label-material", "Material {name}", name=network.user), encoded, network.time)
+    space = str(constant_input("color_space", "auto"))
+    user = Sentence("label-material", "Material {name}", name=network.user)
+    image = network.images.find(found[0], user, srgb, network.time, space="" if space.lower() == "auto" else space)
     if image is None:
         return Input()
     uv_set = network.uv_set(str(constant_input("uvset", "")) or "st")

@@ -1,11 +1,11 @@
-"""Displacement as bump maps, from UsdPreviewSurface's and MaterialX's displacement inputs: heights along the normals.
+"""Reads displacement from UsdPreviewSurface's and MaterialX's displacement inputs: heights along the normals.
 
-The geometry is not displaced. Heights are lengths in the mesh's object space, before its scale.
+Heights are lengths in the mesh's object space, before its scale. renderer/scene/displacement/ moves the surfaces.
 """
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
@@ -16,25 +16,17 @@ from renderer.scene.readers.usd.textures import CHANNELS, TextureInput
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
-__all__ = ["Heights", "heights_of"]
+__all__ = ["read_displacement"]
 
 _MATERIALX = ("ND_displacement_float", "ND_displacement_displacementshader")  # node kinds in stages, in MaterialX documents
 _PREVIEW = "UsdPreviewSurface"
-_AS_BUMPS = Sentence("usd-displacement-as-bumps", "Displacement is shown as bumps, which do not move the surface")
-_LEFT_OUT = Sentence("usd-displacement-dropped", "Displacement is not supported and left out")
+_LEFT_OUT = Sentence("usd-displacement-dropped", "Displacement that is not by a texture is left out")
 
 
-class Heights(NamedTuple):
-    """A displacement's height map: a texture with heights in its red channel, and the height that the value 1 represents."""
+def read_displacement(material: Any, surface: Any, read: Read) -> None:
+    """Sets the displacement of the Material that is being read, if it is by a texture.
 
-    texture: int
-    rise: float
-
-
-def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
-    """Returns the height texture of a material's surface; None if the displacement is zero, constant or unsupported.
-
-    Adds a note if displacement is dropped or rendered as a bump map.
+    Adds a note if displacement is left out.
     """
     network, scale = read.network, 1.0
     shader = next((found for context in ("mtlx", "") if (found := material.ComputeDisplacementSource(context)[0])), None)
@@ -45,26 +37,20 @@ def heights_of(material: Any, surface: Any, read: Read) -> Heights | None:
         shader = surface
     elif shader:
         network.notes.add(_LEFT_OUT, network.user)
-        return None
+        return
     else:
-        return None
+        return
     given = network.input(shader, "displacement")
     if given.taken is None or scale == 0:
         if given.primvar is not None or given.number(0.0) != 0:
             network.notes.add(_LEFT_OUT, network.user)
-        return None
-    if read.material.normal_texture is not None:
-        network.notes.add(
-            Sentence("usd-displacement-with-normal-map", "Displacement is left out of materials with a normal map"),
-            network.user,
-        )
-        return None
+        return
     channel = "r" if given.taken.channel == "rgb" else given.taken.channel
-    texture = _single_channel_texture(read.shelf, given.taken, channel)
-    if texture is None:
-        return None
-    network.notes.add(_AS_BUMPS, network.user)
-    return Heights(texture, scale * given.taken.span(channel)[0])
+    gain, bias = given.taken.span(channel)
+    if gain == 0:
+        return
+    read.material.displacement_texture = _single_channel_texture(read.shelf, given.taken, channel)
+    read.material.displacement_scale, read.material.displacement_midlevel = scale * gain, -bias / gain
 
 
 def _single_channel_texture(shelf: TextureShelf, texture_input: TextureInput, channel: str) -> int | None:

@@ -14,7 +14,7 @@ from renderer.scene.readers.turned_sky import FROM_PLUS_Z, rotate_environment
 from renderer.scene.readers.usd.light_links import has_targets
 from renderer.scene.readers.usd.lights import radiance_of
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.textures import Images
+from renderer.scene.readers.usd.textures import Images, color_space
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
@@ -60,8 +60,9 @@ def add_dome(
         description.environment = Environment(color)
         return
     file = dome.GetTextureFileAttr()
+    user = Sentence("label-light", "Light {name}", name=prim.GetName())
     found = (
-        images.find(file, Sentence("label-light", "Light {name}", name=prim.GetName()), True, time, is_environment=True)
+        images.find(file, user, True, time, is_environment=True, space=color_space(file))
         if images.asset_path(file, time)
         else None
     )

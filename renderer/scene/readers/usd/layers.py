@@ -42,6 +42,14 @@ class Stage:
         """Returns the name of the file that a layer was read from."""
         return self._files[layer.identifier]
 
+    @property
+    def color_config(self) -> tuple[str, str] | None:
+        """Returns the OpenColorIO config that a layer names first, and that layer's file; None if no layer names one."""
+        for layer in self._layers:
+            if layer.HasColorConfiguration() and (named := layer.colorConfiguration.path):
+                return str(named), self.file_of(layer)
+        return None
+
     @cached_property
     def span(self) -> tuple[float, float] | None:
         """Returns the first and last time code with authored values; None if nothing is animated."""

@@ -15,8 +15,9 @@ from renderer.scene.description import F32, Mesh
 from renderer.scene.normals import face_normals, smoothed_together
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces, joined, triangles_of
-from renderer.scene.readers.usd.refining import boundary_faces, refine
+from renderer.scene.readers.usd.refining import refine
+from renderer.scene.subdivision.polygons import AtCorners, Codes, Faces, joined, triangles_of
+from renderer.scene.subdivision.refine import boundary_faces
 from renderer.sentences import Sentence
 
 __all__ = ["UsedPrimvars", "area_of", "deforms", "read_mesh"]

@@ -19,6 +19,7 @@ from renderer.image.tonemap import decode_srgb
 from renderer.library_messages import library_message
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.xml import refuse_entities
+from renderer.scene.texture_colors import SRGB, common_space
 from renderer.sentences import Sentence
 
 __all__ = ["SUFFIX", "layer_of"]
@@ -75,6 +76,7 @@ class _Document:
         self._name, self._notes = name, notes
         self._scopes: dict[str, dict[str, Said]] = {"": {}}  # elements by name, for each graph and the document itself
         self._count = 0
+        self._color_config = ""  # the first that a document names
 
     def add(self, file: str, data: bytes) -> list[str]:
         """Adds a file's elements; returns the names of the files that it includes. Raises SceneError if the file is damaged."""
@@ -107,6 +109,7 @@ class _Document:
                 ),
                 file,
             )
+        self._color_config = self._color_config or root.get("cmsconfig", "")
         said = _inherited(root, {"fileprefix": ""})
         self._gather("", root, said)
         for graph in root.iter("nodegraph"):
@@ -122,6 +125,8 @@ class _Document:
     def layer(self) -> Any:
         """Returns a layer that contains all materials of the document."""
         layer = Sdf.Layer.CreateAnonymous(".usda")
+        if self._color_config:
+            layer.colorConfiguration = Sdf.AssetPath(self._color_config)
         stage = Usd.Stage.Open(layer)
         stage.SetDefaultPrim(stage.DefinePrim("/MaterialX"))
         for element, said in list(self._scopes[""].values()):
@@ -215,9 +220,13 @@ class _Document:
             numbers = [float(word) for word in text.replace(",", " ").split()]
             if kind in _VECTORS:
                 type_name, vector = _VECTORS[kind]
-                if kind.startswith("color") and "srgb" in space.lower() and "lin" not in space.lower():
+                common = common_space(space)
+                if kind.startswith("color") and common == SRGB:
                     numbers[:3] = decode_srgb(np.maximum(numbers[:3], 0.0)).tolist()
-                shader.CreateInput(name, type_name).Set(vector(*numbers))
+                made = shader.CreateInput(name, type_name)
+                made.Set(vector(*numbers))
+                if kind.startswith("color") and space and common is None:
+                    made.GetAttr().SetColorSpace(space)
             elif kind in ("float", "integer"):
                 shader.CreateInput(name, _OTHERS[kind]).Set(numbers[0] if kind == "float" else int(numbers[0]))
             else:

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import Any
 
-from pxr import UsdShade
+import numpy as np
+from pxr import Sdf, UsdShade
 
 from renderer.scene.description import UvTransform
 from renderer.scene.readers.usd import primvars
@@ -14,7 +15,7 @@ from renderer.scene.readers.usd.arnold import follow_arnold
 from renderer.scene.readers.usd.inputs import Input
 from renderer.scene.readers.usd.nodes import follow_coordinates, follow_node
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.textures import PLAIN, Four, Images, TextureInput, composed_transform, transform_2d
+from renderer.scene.readers.usd.textures import PLAIN, Four, Images, TextureInput, color_space, composed_transform, transform_2d
 from renderer.scene.textures import IDENTITY_UV_TRANSFORM
 from renderer.sentences import Sentence
 
@@ -22,6 +23,7 @@ __all__ = ["Network"]
 
 MAX_DEPTH = 32
 _NOTHING = Input()
+_COLORS = (Sdf.ValueTypeNames.Color3f, Sdf.ValueTypeNames.Color4f)
 _UV_SETS = 2
 _ODD = (TypeError, ValueError, IndexError, OverflowError)  # values of wrong types or lengths
 _WRONG_TYPES = Sentence("usd-materialx-input-types-wrong", "MaterialX nodes whose inputs have wrong types are left out")
@@ -65,7 +67,7 @@ class Network:
         if not found:
             return Input()
         if UsdShade.Utils.GetType(found[0].GetName()) == UsdShade.AttributeType.Input:
-            return Input(found[0].Get(self.time))
+            return Input(self._constant(found[0]))
         shader = UsdShade.Shader(found[0].GetPrim())
         kind = str(shader.GetIdAttr().Get() or "")
         output = UsdShade.Output(found[0]).GetBaseName()
@@ -87,6 +89,16 @@ class Network:
             kind or Sentence("usd-shader-without-kind", "without an identifier"),
         )
         return Input()
+
+    def _constant(self, attribute: Any) -> Any:
+        """Returns the value of an input; a colour whose attribute names a colour space as linear Rec.709."""
+        value = attribute.Get(self.time)
+        space = color_space(attribute)
+        if not space or attribute.GetTypeName() not in _COLORS or value is None:
+            return value
+        colors = self.images.shelf.colors
+        rgb = colors.linear(np.array(value)[:3], colors.encoding(self.user, "srgb" in space.lower(), space))
+        return type(value)(*map(float, rgb), *value[3:])
 
     def primvar(self, name: str | None, fallback: Any) -> Input:
         """Returns a primvar of the prim: its value if constant, its name if it varies over the surface.
@@ -114,12 +126,10 @@ class Network:
         file = shader.GetInput("file")
         found: list[Any] = file.GetValueProducingAttributes() if file else []
         space = str(constant_input("sourceColorSpace", "auto"))
-        encoded = srgb if space == "auto" else space.lower() == "srgb"
-        image = (
-            self.images.find(found[0], Sentence("label-material", "Material {name}", name=self.user), encoded, self.time)
-            if found
-            else None
-        )
+        if space == "auto":
+            space = color_space(found[0]) if found and srgb else ""
+        user = Sentence("label-material", "Material {name}", name=self.user)
+        image = self.images.find(found[0], user, srgb, self.time, space=space) if found else None
         if image is None:
             # No file: black. Missing file: the fallback if authored, otherwise the input's default.
             fallback = constant_input("fallback", None if found else (0.0, 0.0, 0.0, 1.0))

@@ -8,7 +8,8 @@ from typing import Any
 from renderer.scene.description import UvTransform
 from renderer.scene.readers.usd.arithmetic import calculated, calculates, combined
 from renderer.scene.readers.usd.inputs import Follow, Input, NetworkContext
-from renderer.scene.readers.usd.textures import TextureInput, composed_transform, transform_2d
+from renderer.scene.readers.usd.textures import TextureInput, color_space, composed_transform, transform_2d
+from renderer.scene.texture_colors import SRGB, common_space
 from renderer.scene.textures import IDENTITY_UV_TRANSFORM
 from renderer.sentences import Sentence
 
@@ -91,12 +92,14 @@ def _image(network: NetworkContext, shader: Any, kind: str, output: str, srgb: b
     missing = follow(shader.GetInput("fallback" if node == "UsdUVTexture" else "default"), srgb, depth + 1)
     if not found:
         return missing
-    space = found[0].GetColorSpace() if found[0].HasColorSpace() else ""
+    space = color_space(found[0])
     if node == "UsdUVTexture" and not space:
         space = str(follow(shader.GetInput("sourceColorSpace"), False, depth + 1).value or "").replace("auto", "")
     is_color = node == "UsdUVTexture" or "color" in kind  # scalars and vectors are linear
-    encoded = ("srgb" in space.lower() and "lin" not in space.lower()) if space else srgb and is_color
-    image = network.images.find(found[0], Sentence("label-material", "Material {name}", name=network.user), encoded, network.time)
+    user = Sentence("label-material", "Material {name}", name=network.user)
+    if not is_color:
+        srgb, space = common_space(space) == SRGB, ""
+    image = network.images.find(found[0], user, srgb, network.time, space=space)
     if image is None:
         return missing
     is_preview = node == "UsdUVTexture"

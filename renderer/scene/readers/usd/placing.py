@@ -215,7 +215,6 @@ class DescriptionBuilder:
 
         bends: whether the mesh deforms over time. both: whether an emissive mesh emits on both sides.
         """
-        surface = self._surfaces.bumpy(surface, mesh)
         material = self._surfaces.material(surface)
         if material.transmission > 0 and not material.thin and not is_closed(mesh.positions, mesh.triangles):
             surface = self._surfaces.with_parameters(surface, "pane", thin=True)

@@ -10,7 +10,7 @@ from pxr import UsdGeom
 
 from renderer.scene.description import F32
 from renderer.scene.readers.usd.notes import Notes
-from renderer.scene.readers.usd.polygons import AtCorners, Faces
+from renderer.scene.subdivision.polygons import AtCorners, Faces
 from renderer.sentences import Sentence
 
 __all__ = ["array", "at_corners", "constant", "constant_value", "find_primvar", "integers", "varies"]

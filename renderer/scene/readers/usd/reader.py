@@ -32,6 +32,8 @@ def read_stage(files: SceneFiles, main: str, description: SceneDescription, vari
         sources = files.get_or_make(("usd files", main), lambda: Sources(files))
         stage, variants = files.get_or_make(("usd stage", main, variant), lambda: open_stage(sources, main, variant))
         description.variants = variants
+        if stage.color_config is not None:
+            shelf.colors.choose(*stage.color_config)
         notes = Notes()
         time = _time(stage, main, description, moment, notes)
         placing = DescriptionBuilder(

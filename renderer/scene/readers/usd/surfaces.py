@@ -5,14 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import numpy as np
-
-from renderer.scene.description import Mesh
 from renderer.scene.material import Material
-from renderer.scene.readers.height_maps import BumpMaps, rounded, spans_of
 from renderer.scene.readers.number_ranges import unit_color
 from renderer.scene.readers.usd import primvars
-from renderer.scene.readers.usd.displacement import Heights, heights_of
+from renderer.scene.readers.usd.displacement import read_displacement
 from renderer.scene.readers.usd.materialx import SURFACES, read_materialx
 from renderer.scene.readers.usd.network import Network
 from renderer.scene.readers.usd.notes import Notes
@@ -47,8 +43,7 @@ class Surfaces:
         self, images: Images, shelf: TextureShelf, materials: list[Material], notes: Notes, time: Any, unit: float
     ) -> None:
         self._images, self._shelf, self._materials, self._notes, self._time = images, shelf, materials, notes, time
-        self._unit, self._bumps = unit, BumpMaps(shelf)
-        self._heights: dict[int, Heights] = {}  # by material index
+        self._unit = unit
         self._known: dict[Any, Any] = {}
         self._asked: dict[Any, tuple[str, ...]] = {}  # primvars that a material reads, except UVs
 
@@ -85,23 +80,7 @@ class Surfaces:
         if (surface.number, key) not in self._known:
             made = self._add(replace(self._materials[surface.number], **values), surface)
             self._known[surface.number, key] = made
-            if surface.number in self._heights and "normal_texture" not in values:
-                self._heights[made.number] = self._heights[surface.number]
         return self._known[surface.number, key]
-
-    def bumpy(self, surface: Surface, mesh: Mesh) -> Surface:
-        """Returns a copy of a surface with a normal map made from its height texture, for the size and the UVs of a mesh."""
-        heights = self._heights.get(surface.number)
-        if heights is None:
-            return surface
-        found = spans_of(mesh, self._shelf.texture_of(heights.texture).uv_set, np.eye(3))
-        if found is None:
-            return surface
-        spans = rounded(found[0]), rounded(found[1])
-        bumps = self._bumps.normal_map(heights.texture, heights.rise, spans)
-        if bumps is None:
-            return surface
-        return self.with_parameters(surface, f"bumps {spans}", normal_texture=bumps.texture, normal_scale=bumps.strength)
 
     def material(self, surface: Surface) -> Material:
         """Returns the Material, in the scene description, to which a surface refers."""
@@ -166,12 +145,10 @@ class Surfaces:
                 ),
                 name,
             )
-        heights = heights_of(material, shader, read)
+        read_displacement(material, shader, read)
         if material.ComputeVolumeSource()[0]:
             self._notes.add(Sentence("usd-volumes-ignored", "Volumes inside of materials are not drawn"), name)
         found = self._add(read.material, Surface(0, tuple(network.uvs), read.color, read.opacity))
-        if heights is not None:
-            self._heights[found.number] = heights
         return found, tuple(network.asked)
 
 

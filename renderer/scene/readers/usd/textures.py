@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.image.read import read as read_image
 from renderer.image.tonemap import decode_srgb
 from renderer.scene.description import Image, UvTransform, Wrap
 from renderer.scene.readers.linear_images import alpha, encoded
@@ -19,10 +18,10 @@ from renderer.scene.readers.usd.layers import Stage
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.sources import Sources
 from renderer.scene.textures import IDENTITY_UV_TRANSFORM, TextureShelf
-from renderer.scene.udim import atlas_transform, composed_transform, is_tiled, side_by_side, tile_name
+from renderer.scene.udim import atlas_transform, composed_transform, is_tiled, tile_name
 from renderer.sentences import Sentence
 
-__all__ = ["CHANNELS", "Images", "TextureInput", "composed_transform", "linear"]
+__all__ = ["CHANNELS", "Images", "TextureInput", "color_space", "composed_transform", "linear"]
 
 _WRAPS: dict[str, Wrap] = {"repeat": "repeat", "mirror": "mirror", "clamp": "clamp", "black": "clamp", "periodic": "repeat"}
 CHANNELS = {"r": 0, "g": 1, "b": 2, "a": 3}
@@ -55,7 +54,7 @@ class Images:
 
     def __init__(self, stage: Stage, sources: Sources, shelf: TextureShelf, notes: Notes) -> None:
         self._stage, self._sources, self.shelf, self._notes = stage, sources, shelf, notes
-        self._atlases: dict[tuple[str, str, bool], tuple[int, UvTransform] | None] = {}
+        self._atlases: dict[tuple[str, str, bool, str], tuple[int, UvTransform] | None] = {}
 
     def asset_path(self, attribute: Any, time: Any) -> tuple[str, str] | None:
         """Returns the asset path in an attribute and the file whose layer sets it; None if the attribute is empty."""
@@ -69,27 +68,27 @@ class Images:
         return None
 
     def find(
-        self, attribute: Any, user: str, srgb: bool, time: Any, is_environment: bool = False
+        self, attribute: Any, user: str, srgb: bool, time: Any, is_environment: bool = False, space: str = ""
     ) -> tuple[int, UvTransform] | None:
         """Returns the index of the image that an attribute names, and the image's UV transform.
 
         Returns None, with a warning, if the image is missing. user: the object named in the warning. srgb: whether the image is
-        sRGB-encoded. is_environment: whether it is an environment image.
+        sRGB-encoded. is_environment: whether it is an environment image. space: as of TextureColors.encoding.
         """
         named = self.asset_path(attribute, time)
         if named is None:
             return None
         reference, beside = named
         if is_tiled(reference):
-            return self._atlas(reference, beside, user, srgb)
+            return self._atlas(reference, beside, user, srgb, space)
         name = self._sources.find(reference, beside)
         if name is None:
             self.shelf.warn_of_missing(reference, user)
             return None
         if is_environment:
-            found = self.shelf.environment_file(name, lambda: self._sources.read(name))
+            found = self.shelf.environment_file(name, lambda: self._sources.read(name), space)
         else:
-            found = self._image(name, srgb)
+            found = self._image(name, srgb, space)
         return None if found is None else (found, IDENTITY_UV_TRANSFORM)
 
     def file(self, attribute: Any, time: Any) -> tuple[str, Callable[[], bytes]] | None:
@@ -108,27 +107,32 @@ class Images:
         wrap_s, wrap_t = (_WRAPS.get(wrap, "repeat") for wrap in wraps)
         return self.shelf.texture(image, wrap_s, wrap_t, uv_set, transform)
 
-    def _image(self, name: str, srgb: bool) -> int | None:
+    def _image(self, name: str, srgb: bool, space: str) -> int | None:
         if name.endswith("]"):
-            return self.shelf.computed_image(name, lambda: self._sources.read(name), srgb)
-        return self.shelf.image_file(name, srgb)
+            return self.shelf.image_file(name, srgb, space, lambda: self._sources.read(name))
+        return self.shelf.image_file(name, srgb, space)
 
-    def _atlas(self, reference: str, beside: str, user: str, srgb: bool) -> tuple[int, UvTransform] | None:
+    def _atlas(self, reference: str, beside: str, user: str, srgb: bool, space: str) -> tuple[int, UvTransform] | None:
         """Combines the tiles of a UDIM texture in one image; returns the image's index and the UV transform to it.
 
         Returns None if there are no tiles.
         """
-        key = (reference, beside, srgb)
+        key = (reference, beside, srgb, space)
         if key not in self._atlases:
             tiles = self._sources.tiles(reference, beside)
             if not tiles:
                 self.shelf.warn_of_missing(tile_name(reference, 1001), user)
                 self._atlases[key] = None
                 return None
-            pixels = {n: read_image(self._sources.read(name), name) for n, name in tiles.items()}
-            image = self.shelf.add(Image(reference, side_by_side(pixels, srgb), srgb))
-            self._atlases[key] = image, atlas_transform(tiles)
+            image = self.shelf.tiles(reference, tiles, self._sources.read, srgb, space)
+            self._atlases[key] = None if image is None else (image, atlas_transform(tiles))
         return self._atlases[key]
+
+
+def color_space(attribute: Any) -> str:
+    """Returns the colour space that the metadata of an attribute names; an empty text for none or `auto`."""
+    space = str(attribute.GetColorSpace()) if attribute and attribute.HasColorSpace() else ""
+    return "" if space.lower() == "auto" else space
 
 
 def transform_2d(scale: tuple[float, float], degrees: float, translation: tuple[float, float]) -> UvTransform:

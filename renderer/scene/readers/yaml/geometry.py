@@ -28,6 +28,8 @@ from renderer.scene.readers.yaml import transforms
 from renderer.scene.readers.yaml.keys import AnimatedPaths
 from renderer.scene.readers.yaml.lines import Path, Yaml
 from renderer.scene.readers.yaml.values import vec3
+from renderer.scene.subdivision.meshes import subdivided
+from renderer.scene.subdivision.polygons import Faces
 from renderer.sentences import Sentence
 
 __all__ = ["Shapes"]
@@ -59,7 +61,7 @@ class Shapes:
         self._plain: int | None = None
         self._hidden_copies: dict[tuple[int, frozenset[str]], int] = {}
         self._parts: dict[
-            tuple[str, str | None, str | None, float | None, int | None, bool], list[Instance]
+            tuple[str, str | None, str | None, float | None, int | None, bool, int], list[Instance]
         ] = {}  # cache of mesh files
         self._triangles = 0
         self._places = 0
@@ -108,6 +110,12 @@ class Shapes:
         material = self._material_of(source, path)
         if source["type"] == "curves":
             self._mesh(self._curves(source, material, name, path), material, placed, path, moves, source.get("guide", False))
+        elif source["type"] == "sphere" and self._displaces(material):
+            x, y, z = source.get("center", (0, 0, 0))
+            ball = [{"scale": source.get("radius", 1)}, {"translate": [x, y, z]}]
+            inner = transforms.matrix(ball, self._document, path)
+            balls = [(called, transforms.joined(place, inner, self._document, path)) for called, place in placed]
+            self._mesh(shapes.globe(name), material, balls, path, moves, source.get("guide", False))
         elif source["type"] == "sphere":
             self._spheres(source, material, placed, path, moves)
         elif source["type"] == "mesh":
@@ -118,6 +126,9 @@ class Shapes:
             self._mesh(mesh, material, placed, path, moves, source.get("guide", False))
         if visible_to is not None:
             self._hide(visible_to, *first)
+
+    def _displaces(self, material: int | None) -> bool:
+        return material is not None and self._description.materials[material].displacement_texture is not None
 
     def _hide(self, visible_to: list[str], instance: int, sphere: int) -> None:
         """Makes shapes visible to some kinds of rays only. instance, sphere: the first instance and the first sphere of these."""
@@ -151,13 +162,14 @@ class Shapes:
             )
 
     def _make_mesh(self, source: dict[str, Any], name: str, path: Path) -> Mesh:
+        if source["type"] == "faces":
+            return self._faces(source, name, path)
         if source["type"] == "lathe":
             return shapes.lathe(name, [(r, y) for r, y in source["profile"]], source.get("segments", 96))
         if source["type"] == "disk":
             return shapes.disk(name, source.get("segments", 256))
-        if source["type"] == "faces":
-            return self._faces(source, name, path)
-        return shapes.quad(name) if source["type"] == "quad" else shapes.cube(name)
+        mesh = shapes.quad(name) if source["type"] == "quad" else shapes.cube(name)
+        return subdivided(mesh, source.get("subdivision", 0))
 
     def _mesh(self, mesh: Mesh, material: int | None, placed: list[Place], path: Path, moves: bool, guide: bool) -> None:
         self._triangles += len(mesh.triangles)
@@ -204,6 +216,9 @@ class Shapes:
                 )
             triangles += [(polygon[0], b, c) for b, c in pairwise(polygon[1:])]
         mesh = Mesh(name, positions, np.array(triangles, np.int32).reshape(-1, 3), uvs=uvs)
+        if levels := source.get("subdivision", 0):
+            polygons = source["faces"]
+            return subdivided(mesh, levels, Faces(np.array([len(each) for each in polygons]), np.concatenate(polygons)))
         return smoothed(mesh) if source.get("smooth", False) else mesh
 
     def _table(self, rows: list[Any], width: int, path: Path) -> npt.NDArray[np.float64]:
@@ -273,7 +288,8 @@ class Shapes:
         variant, clip = (None if source.get(key) is None else str(source[key]) for key in ("variant", "clip"))
         thickness = source.get("thickness")
         wanted = (name, variant, clip, None if thickness is None else float(thickness))
-        key = (*wanted, material, deforms)
+        levels = source.get("subdivision", 0)
+        key = (*wanted, material, deforms, levels)
         if key not in self._parts:
             part = self._files.get_or_make(("mesh file", *wanted), lambda: self._read_still_part(*wanted)) or self._read_part(
                 *wanted
@@ -282,7 +298,8 @@ class Shapes:
             self.clips += part.clips if clip is None else [each for each in part.clips if each.name == clip]
             first = len(self._description.meshes)
             self._parts[key] = merge(part, self._description, material)
-            for mesh in self._description.meshes[first:]:
+            for number in range(first, len(self._description.meshes)):
+                mesh = self._description.meshes[number] = subdivided(self._description.meshes[number], levels)
                 mesh.deforms |= deforms
         moves = moves or material in self._restless
         self._count(len(placed) * max(len(self._parts[key]) - 1, 0), path)  # the first instance at each place is already counted

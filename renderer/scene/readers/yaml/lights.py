@@ -209,7 +209,7 @@ def read_environment(source: dict[str, Any], document: Yaml, files: SceneFiles, 
                 ("environment", "image"),
                 Sentence("file-missing", "{name} is not among the files; add it", name=source["image"][:120]),
             )
-        image = shelf.environment_file(name)
+        image = shelf.environment_file(name, space=source.get("colorspace", ""))
         if image is None:
             reason = reason_of(shelf.last_warning)
             raise document.error(

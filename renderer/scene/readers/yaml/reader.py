@@ -26,6 +26,7 @@ from renderer.scene.readers.yaml.volumes import read_scene_volume
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence, from_text
 from renderer.settings import View
+from renderer.variation import Variation
 
 __all__ = ["read"]
 
@@ -51,6 +52,10 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     _check(files, main, document, moving)
     data: dict[str, Any] = document.data
     shelf = TextureShelf(description, files)
+    if "color_config" in data:
+        shelf.colors.choose(data["color_config"], main)
+    if "vary" in data:
+        _check_variation(document)
     description.name, description.fps = data.get("name", description.name), fps
     description.warnings += map(from_text, data.get("notes", []))
     _add_defaults(data.get("settings", {}), document, description)
@@ -67,6 +72,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     }
     for name, volume in data.get("volumes", {}).items():
         description.volumes[name] = read_scene_volume(volume, document, files, ("volumes", name))
+    description.displaced_triangles = data.get("displaced_triangles", description.displaced_triangles)
     if "medium" in data:
         description.medium = read_medium(data["medium"])
     lights = Lights(document, files, shelf, description)
@@ -102,6 +108,14 @@ def _fps(document: Yaml) -> float:
         return Moment(fps=float(found)).fps or DEFAULT_FPS
     except SettingsError as error:
         raise document.error(("fps",), str(error)) from None
+
+
+def _check_variation(document: Yaml) -> None:
+    """Raises SceneError if the file's `vary`, by which data sets vary the scene, is invalid."""
+    try:
+        Variation.parse(document.data["vary"])
+    except SettingsError as error:
+        raise document.error(("vary",), Sentence("scene-vary-wrong", "is invalid: {error}", error=error)) from None
 
 
 def _add_defaults(settings: dict[str, Any], document: Yaml, description: SceneDescription) -> None:

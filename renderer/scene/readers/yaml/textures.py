@@ -30,12 +30,17 @@ class Textures:
                 raise document.error(("textures", name), Sentence("texture-source-choice", "needs either image or checker"))
             if "image" in source and files.find(source["image"], document.file) is None:
                 shelf.warn_of_missing(source["image"], f"Texture {name}")
+            if "colorspace" in source and ("encoding" in source or "image" not in source):
+                raise document.error(
+                    ("textures", name, "colorspace"),
+                    Sentence("texture-colorspace-misplaced", "is for an image without an encoding; leave out one of them"),
+                )
 
     def find(self, name: str, path: Path, srgb: bool) -> int | None:
         """Returns the index, in the scene description, of a texture; None if its image is missing.
 
         name: the texture's name in the file; raises SceneError if it is unknown. srgb: whether the texture is used for colours;
-        the texture's own `encoding` takes precedence.
+        the texture's own `encoding` takes precedence, and a colour texture's `colorspace`.
         """
         source = self._sources.get(name)
         if source is None:
@@ -82,7 +87,9 @@ class Textures:
     def _image(self, name: str, source: dict[str, Any], srgb: bool) -> int | None:
         if "image" in source:
             file = self._files.find(source["image"], self._document.file)
-            return None if file is None else self._shelf.image_file(file, srgb)
+            # An encoding is explicit: no file rule of the scene's config applies.
+            space = source.get("encoding", source.get("colorspace", "")) if srgb else ""
+            return None if file is None else self._shelf.image_file(file, srgb, space)
         squares = source["checker"].get("squares", 8)
         colors = [color(c) for c in source["checker"]["colors"]]
         even, odd = (np.array(srgb_bytes(c) if srgb else [round(255 * v) for v in c], np.uint8) for c in colors)

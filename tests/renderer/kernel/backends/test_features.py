@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from renderer import render
-from renderer.film import COLOR, SAMPLES, Sums
+from renderer.film import ALBEDO, CHANNELS, COLOR, SAMPLES, Sums
 from renderer.kernel import accumulate
 from renderer.render import RenderStats, render_frame, variant_for
 from tests.grids import grid
@@ -40,12 +42,18 @@ AIMED_IN_MEDIA = ("lamps in glass in fog", "lamps in glass by wax")
 HAIR = ("hair", "hair in fog")
 LINKED = ("linked lights", "linked lights through cards", "linked lights in fog", "linked lights on wax")
 BY_KIND = ("seen by some rays", "seen by some rays, through cards", "seen by some rays, in fog")
+SPECTRAL = (
+    *("metal and plastic", "a rough metal", "an even metal", "textures", "coloured glass", "a prism", "a coat and cloth"),
+    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's"),
+    *("fog", "wax", "milk in glass"),
+)
 RARE = MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + HAIR + LINKED + BY_KIND
 
 
-def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None) -> tuple[Sums, RenderStats]:
+def _rendered(name: str, monkeypatch: pytest.MonkeyPatch | None, spectral: str = "off") -> tuple[Sums, RenderStats]:
     """Returns the film rendered by the pool or, given a monkeypatch, by the single-path kernel with all features."""
     scene, settings = made(name)
+    settings = replace(settings, spectral=spectral)
     stats = RenderStats()
     if monkeypatch is None:
         return render_frame(scene, settings, SPP, stats=stats), stats
@@ -64,6 +72,18 @@ def test_a_feature_has_the_same_bits_in_both_backends(name: str, monkeypatch: py
     assert of_pool.rays == of_one.rays
     assert (pool[SAMPLES] == SPP).all()
     assert pool[COLOR].any() == (name != "no light")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SPECTRAL)
+def test_spectra_have_the_same_bits_in_both_backends(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    pool, one = (_rendered(name, patch, "on")[0] for patch in (None, monkeypatch))
+    np.testing.assert_array_equal(pool, one)
+    in_rgb, _ = _rendered(name, None)
+    assert (pool[SAMPLES] == SPP).all()
+    assert (pool[COLOR] != in_rgb[COLOR]).any()
+    first_hits = slice(ALBEDO.start, CHANNELS)  # which have no wavelengths
+    np.testing.assert_array_equal(pool[first_hits], in_rgb[first_hits])
 
 
 def test_the_features_ask_for_all_variants() -> None:

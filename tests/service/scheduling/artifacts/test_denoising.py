@@ -194,3 +194,42 @@ def test_film_means_are_for_workers_only(service: Service, worker: PeerWorker) -
     assert len(means.content) == 3 * 48 * 64 * 3 * 4
     assert worker.http.get(f"/api/farm/films/{job}/1").status_code == 404
     until(lambda: not list((service.options["data"] / "tmp").glob("means-*")), "the file that was sent is gone")
+
+
+@pytest.mark.long
+def test_frame_of_a_shot_is_denoised_with_its_neighbours(service: Service, worker: PeerWorker) -> None:
+    """Of its finished neighbours up to two on each side, without a gap, each with its motion vectors."""
+    job = service.submit(service.ready_scene(), frames="3-6,8", turntable=2.0, camera=0)
+    service.wait_for(job, "finished")
+
+    def words(frame: int, query: str = "&in_shot=true") -> np.ndarray:
+        answer = service.http.get(f"/api/jobs/{job}/frames/{frame}/image.rgb9e5?denoise=true{query}")
+        assert answer.status_code == 200, answer.text
+        assert answer.headers["x-samples"] == str(64 * 48 * 8)
+        return np.frombuffer(answer.content, "<u4").reshape(48, 64)
+
+    film = service.farm.films._films[job]
+    colors = {frame: np.concatenate(list(bands(film, 2 * frame, ["color"]))) for frame in (3, 4, 5, 6, 8)}
+    for frame, around in ((4, (3, 4, 5, 6)), (6, (4, 5, 6))):
+        expected = np.mean([colors[each] for each in around], axis=0, dtype=np.float32)
+        found = rgbe9995.unpack(words(frame))
+        np.testing.assert_allclose(found, expected, rtol=0.01, atol=0.01)
+        assert [key for key, _ in worker.denoised_in_shots[-1]] == [2 * each for each in around]
+    assert len({motion for _, motion in worker.denoised_in_shots[0]}) == 4
+    before = len(worker.denoised_in_shots)
+    words(6)
+    assert len(worker.denoised_in_shots) == before, "made once"
+    assert not worker.denoised
+    alone = words(8)
+    assert worker.denoised == [job], "a frame without neighbours is denoised alone"
+    assert np.array_equal(alone, words(8, ""))
+    assert words(3).any() and len(worker.denoised_in_shots) == before + 1
+
+    def fail(_: str) -> None:
+        raise ValueError("the file is gone")
+
+    other = service.submit(service.ready_scene(), frames="1-2", turntable=2.0, camera=0)
+    service.wait_for(other, "finished")
+    worker.on_vectors = fail
+    assert service.http.get(f"/api/jobs/{other}/frames/1/image.png?denoise=true&in_shot=true").status_code == 200
+    assert worker.denoised[-1] == other, "without motion vectors it is denoised alone"

@@ -64,7 +64,7 @@ def test_batch_duration_is_constant_for_few_slots(clock: FakeClock) -> None:
 def test_message_duration_of_a_shot_grows_with_few_slots_too(clock: FakeClock) -> None:
     pressed = False
     of = BatchSizing(0.5, 10.0, 1 << 20, lambda: pressed, clock)
-    assert [of.message_s(of.batch_s(2, spent_s), spent_s) for spent_s in (0.0, 8.0, 16.0, 1e6)] == [0.25, 0.5, 1.0, 1.5]
+    assert [of.message_s(of.batch_s(2, spent_s), spent_s) for spent_s in (0.0, 2.0, 4.0, 1e6)] == [0.25, 0.5, 1.0, 1.5]
     assert of.window(4, 2) == 4 + 3, "what waits is less where messages are longer"
     pressed = True
     assert of.message_s(of.batch_s(2, spent_s=1e6), 1e6) == 0.25

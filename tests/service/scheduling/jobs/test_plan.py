@@ -101,6 +101,16 @@ class Bench:
         raise AssertionError("the plan does not come to an end")
 
 
+def test_first_wave_is_left_out_where_all_samples_fit_into_one_batch() -> None:
+    def first_of(spp: int, **more: bool) -> list[Range]:
+        plan = Bench(spp, None, size=64).plan  # of one tile
+        return [batch for _ in range(2) if (batch := plan.next_batch(lambda tile: 4, **more)) is not None]
+
+    assert [batch.count for batch in first_of(4)] == [1, 3]
+    assert [batch.count for batch in first_of(4, begins_with_one=False)] == [4]
+    assert [batch.count for batch in first_of(5, begins_with_one=False)] == [1, 4], "it would be too long"
+
+
 @settings(deadline=None)
 @given(st.integers(0, 10_000), st.integers(1, 90), st.sampled_from([0.0, 0.3]), st.sampled_from([0.0, 0.05]))
 def test_every_tile_gets_exact_sample_count(seed: int, spp: int, loss: float, restart: float) -> None:

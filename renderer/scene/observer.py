@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-__all__ = ["D65", "MATCHING", "WAVELENGTHS", "at_wavelengths", "planck"]
+__all__ = ["D65", "DAYLIGHT_WEIGHTS", "MATCHING", "REC709", "WAVELENGTHS", "at_wavelengths", "planck"]
 
 F64 = npt.NDArray[np.float64]
 
@@ -40,6 +40,13 @@ def _at_5_nm(rows: str) -> F64:
 
 MATCHING = np.stack([_at_5_nm(_X), _at_5_nm(_Y), _at_5_nm(_Z)])  # (3, W)
 D65 = np.interp(WAVELENGTHS, _TENS, np.array(_DAYLIGHT.split(), float))  # linear between 10 nm steps, as CIE specifies
+
+# Source: ITU-R BT.709-6, chromaticities of the primaries and white. (3, 3), from XYZ to linear Rec.709.
+_PRIMARIES = np.array([(0.64, 0.33), (0.30, 0.60), (0.15, 0.06), (0.3127, 0.3290)])
+_XYZ = np.stack([_PRIMARIES[:, 0], _PRIMARIES[:, 1], 1 - _PRIMARIES.sum(axis=1)]) / _PRIMARIES[:, 1]
+REC709 = np.linalg.inv(_XYZ[:, :3] * np.linalg.solve(_XYZ[:, :3], _XYZ[:, 3]))
+DAYLIGHT_WEIGHTS = REC709 @ (MATCHING * D65)
+DAYLIGHT_WEIGHTS = DAYLIGHT_WEIGHTS / DAYLIGHT_WEIGHTS.sum(axis=1, keepdims=True)  # (3, W) of wavelengths; each row sums to 1
 
 _H, _C, _K = 6.62606957e-34, 299792458.0, 1.3806488e-23
 

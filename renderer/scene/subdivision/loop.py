@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces
+from renderer.scene.subdivision.polygons import AtCorners, Codes, Faces
 
 __all__ = ["interpolate", "limit", "on_edges", "smoothed", "split_triangles"]
 

@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import F32
-from renderer.scene.readers.usd import loop
-from renderer.scene.readers.usd.polygons import AtCorners, Codes, Faces
+from renderer.scene.subdivision import loop
+from renderer.scene.subdivision.polygons import AtCorners, Codes, Faces
 
 __all__ = ["Cage", "limit", "refined"]
 

@@ -1,0 +1,66 @@
+"""Denoised frames of a job, which workers make on request: alone, or as part of a shot."""
+
+from __future__ import annotations
+
+import asyncio
+
+from anyio.to_thread import run_sync
+
+from protocol.contract import VERSION_SEPARATOR
+from renderer.frames import DENOISED_REACH, frame_key, frame_number
+from service.errors import FarmError
+from service.farm import Farm
+from service.jobs.describe_frames import frame_numbers
+from service.jobs.motion import vectors_artifact
+from service.scheduling.artifacts.artifact_task import ArtifactResult
+from service.store.films import Film
+from service.store.models import Job
+
+__all__ = ["denoised_artifact"]
+
+_ATTEMPTS = 2
+
+
+async def denoised_artifact(job: Job, n: float, film: Film, farm: Farm, in_shot: bool = False) -> ArtifactResult:
+    """Returns a denoised frame once a worker has made it. Occupies no thread meanwhile, since many clients may wait.
+
+    in_shot: averages it with its finished neighbours along their motion vectors. It is denoised alone if it has none, or if the
+    vectors cannot be made. Raises FarmError.
+    """
+    frames = await _with_neighbours(job, n, film, farm) if in_shot else ()
+    for _ in range(_ATTEMPTS):
+        made = await run_sync(farm.engine.denoise, job.id, frame_key(n), film, frames)
+        # Shielded: a client that disconnects must not cancel the work for other clients.
+        found = await asyncio.shield(asyncio.wrap_future(made))
+        if (VERSION_SEPARATOR in found.version) == bool(frames):
+            break  # otherwise it was requested by another client, in the other way
+    return found
+
+
+async def _with_neighbours(job: Job, n: float, film: Film, farm: Farm) -> tuple[tuple[int, str], ...]:
+    """Returns DenoiseFrame.frames for a frame; empty if it is denoised alone."""
+    keys = await run_sync(_finished_around, job, frame_key(n), farm)
+    if len(keys) < 2:
+        return ()
+    try:
+        found = await asyncio.gather(*(vectors_artifact(job, frame_number(key), film, farm) for key in keys))
+    except FarmError:
+        return ()
+    return tuple((key, vectors.sha256) for key, vectors in zip(keys, found, strict=True))
+
+
+def _finished_around(job: Job, key: int, farm: Farm) -> list[int]:
+    """Returns the keys of a frame of a shot and of its finished neighbours up to DENOISED_REACH away, without a gap, in order."""
+    if job.shot is None:
+        return [key]
+    step = frame_key(1)
+    near = [key + step * k for k in range(-DENOISED_REACH, DENOISED_REACH + 1)]
+    with farm.sessions() as session:
+        finished = {number for number, f in frame_numbers(job, session, farm.engine, near) if f.state == "finished"}
+    found = [key]
+    for way in (-step, step):
+        for k in range(1, DENOISED_REACH + 1):
+            if key + way * k not in finished:
+                break
+            found.append(key + way * k)
+    return sorted(found)

@@ -1,0 +1,73 @@
+"""Tests of pictures rendered by wavelength: furnaces with closed forms, and what cannot be combined with `spectral`."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from renderer.errors import SettingsError
+from renderer.film import COLOR, SAMPLES
+from renderer.render import is_for_cards, render_frame
+from renderer.scene.description import Material, Sphere
+from renderer.scene.spectrum import with_spectrum
+from renderer.settings import RenderSettings, View
+from tests.renderer.builders import scene
+from tests.renderer.judge import assert_mean
+from tests.renderer.kernel.backends.features import made
+from tests.renderer.kernel.spectrum.colors import at_wavelengths, to_rgb
+
+INSIDE = View((0.3, 0.2, 0.1), (0.9, -0.1, 0.3), fov=70.0)
+SETTINGS = RenderSettings(12, 12, INSIDE, max_depth=100, spectral="on")
+OTHERS = {"caustics": "on", "guiding": "on", "light_groups": "key", "light_paths": "on", "background": "transparent", "deep": 8}
+
+
+@pytest.mark.parametrize("name", OTHERS)
+def test_some_settings_are_not_combined_with_spectral(name: str) -> None:
+    with pytest.raises(SettingsError, match=f"spectral cannot be combined with the setting {name}"):
+        replace(SETTINGS, **{name: OTHERS[name]})
+
+
+@pytest.mark.parametrize("integrator", ["whitted", "ao"])
+def test_spectral_needs_an_estimating_integrator(integrator: str) -> None:
+    with pytest.raises(SettingsError, match="spectral needs the integrator path or direct"):
+        replace(SETTINGS, integrator=integrator)
+
+
+def test_scenes_that_spectral_does_not_support_are_refused() -> None:
+    for name, reason in (("a soap film", "iridescent"), ("smoke in a grid", "heterogeneous")):
+        with pytest.raises(SettingsError, match=reason):
+            with_spectrum(made(name)[0])
+
+
+def test_spectral_pictures_are_for_processors() -> None:
+    assert is_for_cards(replace(SETTINGS, spectral="off"))
+    assert not is_for_cards(SETTINGS)
+
+
+def test_settings_of_rgb_are_those_of_older_workers() -> None:
+    assert "spectral" not in replace(SETTINGS, spectral="off").to_json()
+    assert RenderSettings.from_json(SETTINGS.to_json()) == SETTINGS
+
+
+def _ball(emission: tuple[float, float, float], albedo: tuple[float, float, float]) -> Material:
+    return Material(base_color=albedo, emission=emission, double_sided=True)
+
+
+@pytest.mark.long
+def test_grey_furnace_is_as_in_rgb() -> None:
+    compiled = scene([_ball((0.5, 0.5, 0.5), (0.5, 0.5, 0.5))], spheres=(Sphere((0, 0, 0), 1.0),))
+    assert_mean(render_frame(compiled, SETTINGS, 256), 1.0, slack=1e-4)
+
+
+@pytest.mark.long
+def test_light_in_a_coloured_furnace_is_a_geometric_series_at_each_wavelength() -> None:
+    emission, albedo = (0.9, 0.4, 0.2), (0.1, 0.3, 0.85)
+    compiled = scene([_ball(emission, albedo)], spheres=(Sphere((0, 0, 0), 1.0),))
+    sums = render_frame(compiled, SETTINGS, 1024)
+    found = (sums[COLOR] / sums[SAMPLES] / 2.0**SETTINGS.film_exponent).mean(axis=(1, 2))
+    light = at_wavelengths([emission], is_light=True)[0] / (1 - at_wavelengths([albedo])[0])
+    np.testing.assert_allclose(found, to_rgb(light), rtol=0.005)
+    in_rgb = np.array(emission) / (1 - np.array(albedo))
+    assert np.abs(found / in_rgb - 1).max() > 0.02  # else this would not test spectra

@@ -1,0 +1,66 @@
+"""The compiled scenes that a slot has mapped, and a thread that maps the next batch's while the slot renders."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import OrderedDict
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, Self
+
+from renderer.scene.compiled import CompiledScene
+from worker.process.context import WorkerContext
+from worker.work.scenes import open_scene
+
+__all__ = ["SceneOpener", "mapped_scene"]
+
+# Number of mapped scenes that a slot keeps open. They cost address space; their pages are shared among slots.
+OPEN_SCENES = 8
+
+log = logging.getLogger(__name__)
+
+_open: OrderedDict[str, CompiledScene] = OrderedDict()
+_lock = threading.Lock()
+
+
+def mapped_scene(worker: WorkerContext, sha256: str) -> CompiledScene:
+    """Returns the compiled scene with this hash. Each slot maps it once. Thread-safe.
+
+    Raises SceneError if it is not a compiled scene, TemporaryError or RefusedError if it cannot be downloaded.
+    """
+    with _lock:
+        scene = _open.get(sha256)
+        if scene is None:
+            scene = open_scene(worker.cache, sha256)
+            _open[sha256] = scene
+            if len(_open) > OPEN_SCENES:
+                _open.popitem(last=False)
+        _open.move_to_end(sha256)
+        return scene
+
+
+class SceneOpener:
+    """Context manager with a thread that maps scenes before they are needed.
+
+    The thread ends with the context, so none runs when the slot forks a reader.
+    """
+
+    def __init__(self, worker: WorkerContext) -> None:
+        self._worker = worker
+        self._thread = ThreadPoolExecutor(1, thread_name_prefix="scene")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._thread.shutdown()
+
+    def open(self, sha256: Any) -> None:
+        """Begins to map a scene, named by its hash. Errors are only logged: the batch maps the scene again, and reports them."""
+        self._thread.submit(self._open, sha256)
+
+    def _open(self, sha256: Any) -> None:
+        try:
+            mapped_scene(self._worker, sha256)
+        except Exception as error:
+            log.debug("a scene cannot be opened in advance: %s", error)
