@@ -40,6 +40,7 @@ export function cameraFields({ cameras }, projected) {
   const show = () => (view.place.hidden = camera.value !== OWN_VIEW);
   camera.addEventListener("change", () => {
     show();
+    if (!view.place.hidden) view.place.open = true; // chosen here, it is typed; a turned view seldom is
     const chosen = cameras[Number(camera.value)]; // undefined for a custom view
     if (chosen) view.set(chosen.view); // the starting point of a custom view
   });

@@ -76,7 +76,7 @@ export function environmentFields(first, isLightless) {
 
   let kind = kindOf(before, environment !== null);
   const hint = h("p", { class: "hint" });
-  const note = h("p", { class: "quiet small" }, STAND_IN.help);
+  const note = h("p", { class: "quiet small stand-in" }, STAND_IN.help);
   const remove = h("button", { class: "text-button", type: "button", onclick: () => void forget() }, t("Remove this image"));
   const colourField = field(t("Colour"), colour);
   const sky = h(

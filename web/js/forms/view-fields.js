@@ -16,7 +16,7 @@ const START = { eye: [0, 0, 5], target: [0, 0, 0], up: [0, 1, 0], fov: 40 };
 /**
  * @param {View} [start]
  * @param {(projection: string) => void} [projected]
- * @returns {{place: HTMLElement, lens: HTMLDetailsElement, get: () => View, set: (view: View) => void, focus: (distance: number) => void, isChanged: () => boolean}}
+ * @returns {{place: HTMLDetailsElement, lens: HTMLDetailsElement, get: () => View, set: (view: View) => void, focus: (distance: number) => void, isChanged: () => boolean}}
  *     isChanged: by the user, since it was set
  */
 export function viewFields(start = START, projected = () => {}) {
@@ -98,7 +98,7 @@ export function viewFields(start = START, projected = () => {}) {
   const unchanged = () => JSON.stringify(get());
   let asSet = unchanged();
   return {
-    place: h("div", { class: "stack" }, eye.element, target.element, up.element),
+    place: h("details", null, h("summary", null, t("Position")), h("div", { class: "stack" }, eye.element, target.element, up.element)),
     lens: fold,
     get,
     set(view) {

@@ -165,10 +165,10 @@ export function explainPanel(picture, life, moments) {
     element,
     button,
     explain,
+    close: () => void ((pixel || isOn) && close()),
     /** @type {import("../shell/shortcuts.js").Shortcut[]} */
     keys: [
       { keys: "Q", does: t("Explain the pixel under the cursor: its paths over the picture"), run: () => view?.over.cursor && void explain({ ...view.over.cursor }) },
-      { keys: "Escape", does: t("Close the explanation"), run: () => (pixel || isOn) && close() },
     ],
   };
 }

@@ -22,9 +22,10 @@ const SHORT = 80;
  * @param {() => Job} job
  * @param {import("../film/live-picture.js").LivePicture} picture
  * @param {import("../base/store.js").Disposer} life
- * @param {{open: () => void, goTo: (frame: number) => void}} page open: shows this panel; goTo: shows a frame of a shot
+ * @param {{open: () => void, begin: () => void, goTo: (frame: number) => void}} page open: shows this panel; begin: called when a note is begun,
+ *   which a click on the picture pins; goTo: shows a frame of a shot
  */
-export function notesPanel(job, picture, life, { open, goTo }) {
+export function notesPanel(job, picture, life, { open, begin, goTo }) {
   const { view, live } = picture;
   const { id } = job();
   const ofShot = isShot(job());
@@ -164,6 +165,7 @@ export function notesPanel(job, picture, life, { open, goTo }) {
     pins?.setDraft(next, showSpot, () => area.focus());
   };
   const write = (/** @type {Spot | null} */ at) => {
+    begin();
     form.hidden = false;
     add.hidden = true;
     pinIt.hidden = !view;

@@ -20,8 +20,8 @@ export const toolWord = (word) => h("span", { class: "tool-word", "aria-hidden":
  * @param {HTMLElement} stage
  * @param {FilmView | null} view
  * @param {() => string} image the address of the picture as it looks now, as PNG
- * @param {HTMLElement[]} more tools before these
- * @returns {{element: HTMLElement, keys: Shortcut[]}}
+ * @param {HTMLElement[]} more tools before these; a pressed one is active, until another is
+ * @returns {{element: HTMLElement, release: () => void, keys: Shortcut[]}} release: makes no tool active
  */
 export function pictureTools(stage, view, image, more = []) {
   const copyPicture = tool(t("Copy the picture"), t("Copy"), "Y", "copy", () => {
@@ -33,6 +33,12 @@ export function pictureTools(stage, view, image, more = []) {
     document.fullscreenElement ? document.exitFullscreen() : stage.requestFullscreen(),
   );
   const tools = view ? [copyPicture, copyLink, whole] : [];
+  const isActive = (/** @type {HTMLElement} */ button) => button.getAttribute("aria-pressed") === "true";
+  const release = (/** @type {HTMLElement | null} */ kept = null) => {
+    for (const button of more) if (button !== kept && isActive(button)) button.click();
+  };
+  // A click on the picture is for one tool.
+  for (const button of more) button.addEventListener("click", () => isActive(button) && release(button));
   return {
     element: h(
       "span",
@@ -40,6 +46,7 @@ export function pictureTools(stage, view, image, more = []) {
       more,
       tools.map(({ button }) => button),
     ),
+    release,
     keys: tools.map(({ keys, does, run }) => ({ keys, does, run })),
   };
 }

@@ -9,10 +9,11 @@ const KEY = "rayfarm-view-denoise";
 
 /**
  * @param {() => void} changed
- * @returns {{element: HTMLButtonElement, request: () => {denoise: boolean}, dispose: () => void}} request: the field of a view's request
+ * @returns {{element: HTMLButtonElement, isOn: () => boolean, request: () => {denoise: boolean}, dispose: () => void}} isOn: whether workers denoise the
+ *   view. request: the field of a view's request
  */
 export function denoiseView(changed) {
-  let isOn = read();
+  let isOn = isViewDenoised();
   const element = h(
     "button",
     { class: "button small", type: "button", hidden: true, title: t("Show the view without most of its noise"), onclick: () => turn(!isOn) },
@@ -32,10 +33,11 @@ export function denoiseView(changed) {
   };
   show();
   const end = workers.subscribe((all) => (element.hidden = !canDenoise(all)));
-  return { element, request: () => ({ denoise: isOn }), dispose: end };
+  return { element, isOn: () => isOn && canDenoise(workers.value), request: () => ({ denoise: isOn }), dispose: end };
 }
 
-function read() {
+/** Whether the live view is denoised where workers can, which the browser remembers. */
+export function isViewDenoised() {
   try {
     return localStorage.getItem(KEY) !== "off";
   } catch {

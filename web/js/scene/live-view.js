@@ -47,12 +47,14 @@ const LEAST_SIDE = 16;
 const TAKE_SIDE = 320;
 /** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
-/** Samples per pixel after which the view replaces a finished picture, and the preview mesh, if it is not denoised. */
-const [PICTURE_SPP, MESH_SPP] = [8, 1];
+/** Samples per pixel after which a view that is not denoised yet replaces what was shown before; and one that is never denoised the preview mesh. */
+const [CLEAN_SPP, MESH_SPP] = [8, 1];
+/** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised; busy workers take longer. */
+const DENOISED_MS = 3000;
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
 /** Request fields that do not apply to a view. */
-const JOB_ONLY_FIELDS = ["fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
+const JOB_ONLY_FIELDS = ["denoise", "fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
 /** Listed in the help; the view handles them while it has focus. */
 const HAND_KEYS = [
@@ -64,9 +66,9 @@ const HAND_KEYS = [
 /**
  * @param {import("../base/types.js").Scene} scene
  * @param {import("./settings-form.js").SettingsForm} form
- * @param {{url: string, nearest: string, isFinished: boolean}} meanwhile a picture to show until the view's first picture arrives; "" for none. A finished
- *   one stays until the view is denoised or has some samples per pixel, or something else is asked for. nearest: the same, smaller, which
- *   the page has loaded before
+ * @param {{url: string, nearest: string, isFinished: boolean, isSame: boolean}} meanwhile a picture to show until the view's first picture arrives; "" for
+ *   none. One that is finished, or of the same view as a denoised one that comes, stays until the view is denoised or has some samples per pixel,
+ *   or something else is asked for. nearest: the same, smaller, which the page has loaded before
  * @param {(view: View) => void} turned called when the user moves the camera
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides the pictures shown in place of the live view
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, made of their differences
@@ -101,6 +103,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const shown = h("span", { class: "small number quiet" }, `${stops(0)} EV`);
   const clear = clarityField(() => refresh());
   const denoise = denoiseView(() => refresh());
+  const willBeDenoised = () => denoise.isOn() && form.request().background !== "transparent"; // the denoiser makes no alpha
   const viewport = new Viewport();
   /** @type {FilmCanvas} */
   let picture;
@@ -129,7 +132,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   };
   const hasMeshFirst = !meanwhile.url || (hasMesh(scene.id) && meanwhile.url !== examplePictures.get(scene.id));
   if (hasMeshFirst) showMesh();
-  canvas.classList.toggle("held-back", meanwhile.isFinished && !hasMeshFirst);
+  canvas.classList.toggle("held-back", !hasMeshFirst && (meanwhile.isFinished || (meanwhile.isSame && denoise.request().denoise)));
   const release = () => {
     canvas.classList.remove("held-back");
     if (isSampled) uncoverSoon();
@@ -184,6 +187,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     relook();
   };
   let lookedAt = -Infinity;
+  /** When the view had MESH_SPP samples per pixel; 0: not yet. */
+  let sampledAt = 0;
 
   const link = new ViewLink(scene.id, {
     picture(next) {
@@ -204,7 +209,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     state(told) {
       const { samples, bound, mean, noise, done, slots, denoised, message } = told;
       surface.dataset.samples = String(samples);
-      if (denoised || done || mean >= (meshed.hidden ? PICTURE_SPP : MESH_SPP)) release();
+      if (mean >= MESH_SPP) sampledAt ||= performance.now();
+      const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
+      const isCleanBelow = meanwhile.isFinished && meshed.hidden;
+      if (denoised || done || mean >= (isCleanBelow || isDenoisedSoon ? CLEAN_SPP : MESH_SPP)) release();
       surface.dataset.denoised = String(denoised);
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);

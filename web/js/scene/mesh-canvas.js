@@ -40,7 +40,7 @@ void main() {
   if (base.a < cutoff) discard;
   vec3 flatly = cross(dFdx(place), dFdy(place));
   vec3 n = normalize(dot(facing, facing) > 0.01 ? facing : flatly);
-  float shade = mix(1.0, 0.3 + 0.7 * abs(dot(n, light)), step(0.5, shown.a));
+  float shade = mix(1.0, 0.5 + 0.5 * abs(dot(n, light)), step(0.5, shown.a));
   pixel = vec4(shown.rgb * base.rgb * shade, 1.0);
 }`;
 

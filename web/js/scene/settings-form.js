@@ -2,6 +2,7 @@
 
 import { byProgram } from "../forms/by-program.js";
 import { canDenoise } from "../job/denoise-fields.js";
+import { isViewDenoised } from "./denoise-view.js";
 import { cameraFields } from "../forms/camera-fields.js";
 import { isLightless } from "../base/light-words.js";
 import { fill, h, setText } from "../base/dom.js";
@@ -74,7 +75,8 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
   };
   let parts = build(start);
   const quality = qualityFields({ ...defaults, ...start?.first }, () => update(), expect);
-  const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(start?.denoise) });
+  let isDenoiseChosen = start !== null;
+  const clean = h("input", { type: "checkbox", role: "switch", checked: Boolean(start?.denoise), onchange: () => (isDenoiseChosen = true) });
   const denoise = h("label", { class: "check" }, clean, t("Denoise"));
   const queue = queueFold(start);
   update = () => {
@@ -83,6 +85,7 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
     const expectation = expect(quality.get());
     setText(estimate, costOf(size.get(), quality.get(), shot.count(), expectation));
     denoise.hidden = !canDenoise(workers.value);
+    if (!isDenoiseChosen) clean.checked = shot.count() === 1 && isViewDenoised(); // a still looks as the view does
     estimate.classList.toggle("long", (expectation.seconds ?? 0) > LONG_S);
   };
   /** @returns {JobRequest} */

@@ -37,7 +37,7 @@ export function takes(scene, { state, picture, restore }) {
   /** The take that the view shows, and the view's state since then. @type {{id: string, state: string} | null} */
   let current = null;
 
-  const save = h("button", { class: "chip-button for-submit", type: "button", title: t("Save the camera, light and settings as a take (T)"), onclick: () => void keep() }, icon("keep"), t("Save take"));
+  const save = h("button", { class: "button small for-submit", type: "button", title: t("Save the camera, light and settings as a take (T)"), onclick: () => void keep() }, icon("keep"), t("Save take"));
   const name = noteAuthor();
   const list = h("ul", { class: "strip" });
   const element = h(

@@ -128,15 +128,23 @@ function open(page, job, life) {
   const pins = pinsPanel(picture, display, life, (pin) => void explained.explain(pin), (pin) => (tabs.show("info"), log.ofTile(picture.live.frame, pin)));
   const focus = focusTool(job, picture, life);
   const tools = pictureTools(picture.element, picture.view, () => asItLooks(picture.live, display.value), [focus.button, pins.button, explained.button]);
-  const notes = notesPanel(() => latest, picture, life, { open: () => tabs.show("notes"), goTo: (frame) => shot?.goTo(frame) });
+  const notes = notesPanel(() => latest, picture, life, { open: () => tabs.show("notes"), begin: () => tools.release(), goTo: (frame) => shot?.goTo(frame) });
   const histogram = histogramPanel(picture.live, display, life);
   picture.tools.append(tools.element);
-  life.add(addShortcuts([...title.keys, ...focus.keys, ...pins.keys, ...explained.keys, ...(moments?.keys ?? []), ...tools.keys, ...notes.keys]));
+  const putAway = { keys: "Escape", does: t("Put the tool away; close the explanation"), run: () => (explained.close(), tools.release()) };
+  life.add(addShortcuts([...title.keys, ...focus.keys, ...pins.keys, ...explained.keys, ...(moments?.keys ?? []), ...tools.keys, ...notes.keys, putAway]));
   const chip = stateChip(job.state);
   const judged = verdictChip();
   const line = progressBar(t("Progress"));
   line.element.setAttribute("aria-hidden", "true"); // the panel's bar shows the same
   life.every(1000, progress.tick);
+
+  // What most want of a finished picture; its tab has the formats.
+  const openSave = () => {
+    tabs.show("save");
+    /** @type {HTMLElement | null} */ (save.element.querySelector("a"))?.focus();
+  };
+  const saveButton = h("button", { class: "button primary wide-word save-picture", type: "button", title: t("Save"), hidden: true, onclick: openSave }, icon("download"), h("span", null, t("Save")));
 
   const notices = stageNotices(picture.element, () => latest, picture.live, life);
   let isDenoisedFirst = false;
@@ -171,7 +179,7 @@ function open(page, job, life) {
   ];
   fill(
     page,
-    heading(() => latest, title.element, [chip.element, judged.element], actions.element),
+    heading(() => latest, title.element, [chip.element, judged.element], [actions.element, saveButton]),
     h("div", { class: "job-line" }, line.element),
     picture.element,
     shot?.bar,
@@ -183,6 +191,7 @@ function open(page, job, life) {
   return (next) => {
     save.element.hidden = next.samples === 0;
     unsaved.hidden = next.samples > 0;
+    saveButton.hidden = next.samples === 0 || next.state !== "finished";
     if (next.state !== latest.state) announce(`${next.name}: ${stateWord(next.state)}`);
     latest = next;
     denoiseFirst();
@@ -201,13 +210,13 @@ function open(page, job, life) {
  * @param {() => Job} job the latest state
  * @param {HTMLElement} title
  * @param {HTMLElement[]} chips
- * @param {HTMLElement} actions
+ * @param {HTMLElement[]} actions
  */
 function heading(job, title, chips, actions) {
   const { id, scene } = job();
   const back = { class: "icon-button", href: linkTo("scenes", scene), "aria-label": t("Back to the scene"), title: t("Back to the scene") };
   const compare = {
-    class: "icon-button",
+    class: "button wide-word",
     href: linkTo("compare", id),
     "aria-label": t("Compare with another picture"),
     title: t("Compare with another picture (C)"),
@@ -218,7 +227,7 @@ function heading(job, title, chips, actions) {
     go("jobs");
   };
   const bin = { class: "icon-button danger for-submit", type: "button", "aria-label": t("Delete this picture"), title: t("Delete this picture"), onclick: remove };
-  const tools = [actions, h("a", compare, icon("compare")), h("button", bin, icon("trash"))];
+  const tools = [...actions, h("a", compare, icon("compare"), h("span", null, t("Compare"))), h("button", bin, icon("trash"))];
   return h("header", { class: "job-head" }, h("a", back, icon("back")), title, ...chips, h("span", { class: "grow" }), ...tools);
 }
 

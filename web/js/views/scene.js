@@ -250,7 +250,7 @@ function viewOf(scene, form, sides, life) {
   const picture = finished && imageUrl({ job: finished.id, frame: firstFrame(finished) }, thumbnailFormat(finished), { width: 800, visible: "true", v: finished.samples });
   const best = picture || example;
   const smaller = finished && cardPicture(finished); // a card has shown it
-  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined };
+  const seen = { url: best ?? (scene.thumbnail ? thumbnailUrl(scene.id) : ""), nearest: smaller ?? "", isFinished: best !== undefined, isSame: !linked && !here().params.has("like") };
 
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let timer;
