@@ -1,4 +1,4 @@
-"""Writes documentation generated from declarations: docs/scene-schema.json, and the settings table in docs/scene-format.md.
+"""Writes documentation generated from declarations: docs/scene-schema.json, and the settings table in docs/scene-format-settings.md.
 
     python docs/settings_table.py
 
@@ -22,7 +22,7 @@ from renderer.setting_docs import values
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = ROOT / "docs" / "scene-schema.json"
-GUIDE = ROOT / "docs" / "scene-format.md"
+GUIDE = ROOT / "docs" / "scene-format-settings.md"
 
 
 def schema_text(settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str:

@@ -28,7 +28,17 @@ __all__ = ["GROUPS", "Guides"]
 GROUPS = {
     "Start here": ("first-steps", "page"),
     "Make pictures": ("animation", "compositing", "color", "watching"),
-    "Scenes and Blender": ("formats", "usd", "mitsuba-pbrt", "scene-format", "blender", "blend-files"),
+    "Files and Blender": ("formats", "usd", "mitsuba-pbrt", "blender", "blend-files"),
+    "Write scene files": (
+        "scene-format",
+        "scene-format-cameras",
+        "scene-format-lights",
+        "scene-format-materials",
+        "scene-format-textures",
+        "scene-format-shapes",
+        "scene-format-media",
+        "scene-format-settings",
+    ),
     "Write programs": ("python", "datasets", "pipelines", "from-deadline"),
     "REST API": ("api", "api-jobs", "api-shots", "api-pictures", "api-access", "live"),
     "Run a farm": ("deployment", "server", "access", "remote-workers", "containers", "cluster"),
