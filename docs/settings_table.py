@@ -58,7 +58,7 @@ def attribute_docs(path: Path, name: str) -> dict[str, str]:
 
 def guide_text(text: str, settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str:
     """Returns the guide's text with the settings table inserted between its marks."""
-    rows = ["| field | default | takes | |", "|---|---|---|---|", *(_row(each) for each in settings.values())]
+    rows = ["| field | default | |", "|---|---|---|", *(_row(each) for each in settings.values())]
     start, _, end = _split_at(text, "", "<!-- settings -->\n", "<!-- /settings -->\n")
     return start + "\n".join(rows) + "\n" + end
 
@@ -103,9 +103,11 @@ def _row(each: DeclaredSetting) -> str:
     said = [each.shown.help]
     if choices is not None:
         said += [f"`{name}`: {shown.help}" for name, shown in choices.shown.items() if name]
-    elif each.shown.integrators:
-        said.append(f"Of {', '.join(f'`{name}`' for name in each.shown.integrators)}.")
-    return f"| `{each.name}` | {default} | {values(each)} | {' '.join(said)} |"
+    else:
+        accepted = values(each)
+        said += [f"Takes {accepted}."] if accepted else []
+        said += [f"Of {', '.join(f'`{name}`' for name in each.shown.integrators)}."] if each.shown.integrators else []
+    return f"| `{each.name}` | {default} | {' '.join(said)} |"
 
 
 def _short(value: object) -> str:
