@@ -34,6 +34,7 @@ GROUPS = {
         "scene-format-cameras",
         "scene-format-lights",
         "scene-format-materials",
+        "scene-format-metallic-roughness",
         "scene-format-textures",
         "scene-format-shapes",
         "scene-format-media",
