@@ -1,4 +1,4 @@
-"""Writes documentation generated from declarations: docs/scene-schema.json, and the settings table in docs/scene-format-settings.md.
+"""Writes documentation from declarations: docs/scene-schema.json, and the table in docs/scene-format-settings.md.
 
     python docs/settings_table.py
 

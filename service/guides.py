@@ -37,6 +37,7 @@ GROUPS = {
         "scene-format-metallic-roughness",
         "scene-format-textures",
         "scene-format-shapes",
+        "scene-format-hair",
         "scene-format-media",
         "scene-format-settings",
     ),

@@ -77,7 +77,7 @@ def test_command_has_an_option_for_a_new_setting(monkeypatch: pytest.MonkeyPatch
     assert (found[0].given_settings()["glitter"], found[0].given_settings()["flake"]) == (0.5, "dot")
     assert found[0].request([{"name": "c", "view": {}}])["glitter"] == 0.5
     said = " ".join(CliRunner().invoke(app, ["--help"], env={"COLUMNS": "200", "TERM": "dumb"}).output.split())
-    assert "How much the snow sparkles. Takes 0.1 to 2; 0: dull." in said
+    assert "How much the snow sparkles. 0.1 to 2; 0: dull." in said
     assert "Its shape: star, dot." in said
 
 
