@@ -73,7 +73,7 @@ HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
 # Fields of reports that are omitted if they have the default.
-_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport", "denoises_views")
+_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport", "denoises_views", "views_on_cards")
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
@@ -431,6 +431,7 @@ class WorkerReport:
     # Graphics cards with which slots render: {number, name, memory: bytes, capability: "8.6", slot, samples_per_s}
     cards: list[dict[str, Any]] = field(default_factory=list)
     has_card_queue: bool = False  # whether all its slots have cards: it takes batches from its own queue alone (protocol.card)
+    views_on_cards: bool = False  # whether its cards render parts of views (protocol.view_parts.card_view_queue)
     cards_unused: list[str] = field(default_factory=list)  # why other cards are not used (renderer.sentences.to_text)
     transport: Literal["", "https"] = ""  # how it reaches the queue: "": Redis; https: through the service (protocol/channel.py)
 

@@ -15,7 +15,7 @@ from protocol.layout import U8, U32, Layout
 from renderer.deep import COUNT, MOST_DEEP, MOST_LEVEL, SUMS, Deep, no_deep, pixels_of
 from renderer.sentences import Sentence
 
-__all__ = ["DEEP", "DeepHead", "deep_samples", "pack_deep", "unpack_deep_block"]
+__all__ = ["DEEP", "DeepHead", "pack_deep", "samples_in_depth", "unpack_deep_block"]
 
 _ENTRY = 4 * (3 + 2 * (SUMS - 1) + 2)  # bytes
 _LEVEL_AND_BIN = np.uint64(0xFFFFFFFF)
@@ -47,16 +47,16 @@ def pack_deep(deep: Deep) -> list[bytes]:
     return [DEEP.pack(DeepHead(deep.most, len(deep.key), len(block))), block]
 
 
-def unpack_deep_block(data: bytes, at: int, pixels: int) -> Deep:
-    """Unpacks deep pixels that end the data, from the offset `at` on. pixels: their number.
+def unpack_deep_block(data: bytes, at: int, pixels: int, samples: int) -> Deep:
+    """Unpacks deep pixels that end the data, from the offset `at` on. pixels: their number. samples: the most of a pixel.
 
-    Raises ValueError if they are damaged.
+    Raises ValueError if they are damaged, or have more entries than samples.
     """
     try:
         most, entries, size = DEEP.unpack(data, at)
     except ValueError:
         raise ValueError(Sentence("sums-truncated", "damaged sums: the data ends early")) from None
-    if not 0 < most <= MOST_DEEP or entries > most * pixels:
+    if not 0 < most <= MOST_DEEP or entries > min(most, samples) * pixels:
         raise _order_error()
     if at + DEEP.size + size != len(data):
         raise ValueError(Sentence("sums-too-long", "damaged sums: data follows their end"))
@@ -91,18 +91,20 @@ def unpack_deep_block(data: bytes, at: int, pixels: int) -> Deep:
 def _is_in_order(deep: Deep) -> bool:
     """Returns True if keys ascend, each pixel has one level and at most `most` entries, and all have samples and a depth."""
     pixel, level = pixels_of(deep), deep.key >> np.uint64(24) & np.uint64(255)
+    bins = deep.key & np.uint64((1 << 24) - 1)
     is_same = pixel[1:] == pixel[:-1]
     return (
         bool((deep.key[1:] > deep.key[:-1]).all())
         and bool((level[1:] == level[:-1])[is_same].all())
         and int(level.max()) <= MOST_LEVEL
+        and not (bins >> np.uint64(MOST_LEVEL) - level).any()
         and int(np.bincount(pixel).max()) <= deep.most
         and bool((deep.sums[:, COUNT] > 0).all())
         and bool(((deep.near > 0) & (deep.near <= deep.far) & np.isfinite(deep.far)).all())
     )
 
 
-def deep_samples(deep: Deep) -> int:
+def samples_in_depth(deep: Deep) -> int:
     """Returns the greatest number of samples of a pixel."""
     return int(np.bincount(pixels_of(deep), deep.sums[:, COUNT]).max(initial=0))
 

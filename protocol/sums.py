@@ -18,11 +18,11 @@ import lz4.block
 import numpy as np
 import numpy.typing as npt
 
-from protocol.deep_sums import deep_samples, pack_deep, unpack_deep_block
+from protocol.deep_sums import pack_deep, samples_in_depth, unpack_deep_block
 from protocol.layout import I64, U8, U32, Layout
 from renderer import cryptomatte, deep
 from renderer.cryptomatte import Hits, no_hits
-from renderer.deep import Deep
+from renderer.deep import MOST_DEEP, Deep
 from renderer.film import CHANNELS, SAMPLES, Sums, is_plane_count
 from renderer.sentences import Sentence
 from renderer.settings import Tile
@@ -159,11 +159,14 @@ def _find_hits(data: bytes, tile: Tile, stored: bool) -> tuple[int, int, int]:
     return at + HITS.size, entries, end
 
 
-def unpack_deep(data: bytes, tile: Tile, stored: bool = False) -> Deep | None:
-    """Unpacks deep pixels; None if there are none behind these sums. Raises ValueError if they do not fit the tile."""
+def unpack_deep(data: bytes, tile: Tile, stored: bool = False, samples: int = MOST_DEEP) -> Deep | None:
+    """Unpacks deep pixels; None if there are none behind these sums. Raises ValueError if they do not fit the tile.
+
+    samples: the most of a pixel; raises ValueError, before they are unpacked, if there are more entries.
+    """
     if not data or data[0] != WITH_DEEP:
         return None
-    return unpack_deep_block(data, _find_hits(data, tile, stored)[2], tile.w * tile.h)
+    return unpack_deep_block(data, _find_hits(data, tile, stored)[2], tile.w * tile.h, samples)
 
 
 def merge_hits(parts: Iterable[bytes], tile: Tile, stored: bool = False) -> Hits | None:
@@ -241,11 +244,11 @@ def check_sums(data: bytes, tile: Tile) -> None:
             _checked_bytes(body, code, tile)
 
 
-def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None) -> None:
+def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None, deep_samples: int | None = None) -> None:
     """Raises ValueError if any pixel has a negative number of samples, or more than `count`.
 
-    planes: the number of planes of the film; raises ValueError for another number. Also raises it if Cryptomatte or deep
-    pixels count more samples in a pixel.
+    planes: the number of planes of the film; raises ValueError for another number. deep_samples: likewise RenderSettings.deep.
+    Also raises it if Cryptomatte or deep pixels count more samples in a pixel.
     """
     known = dict(_planes(data, tile, False))
     if planes is not None and len(known) != planes:
@@ -253,8 +256,18 @@ def check_weight(data: bytes, tile: Tile, count: int, planes: int | None = None)
     most = 0
     if (hits := unpack_hits(data, tile, most=2 * tile.w * tile.h * count)) is not None and len(hits.key):
         most = int(np.bincount(np.unique(hits.key >> np.uint64(31), return_inverse=True)[1], hits.count).max())
-    if (found := unpack_deep(data, tile)) is not None:
-        most = max(most, deep_samples(found))
+    found = unpack_deep(data, tile, samples=count)
+    if deep_samples is not None and deep_samples != (0 if found is None else found.most):
+        raise ValueError(
+            Sentence(
+                "sums-deep-samples",
+                "the sums have {found} deep samples a pixel at most, but the job has {expected}",
+                found=0 if found is None else found.most,
+                expected=deep_samples,
+            )
+        )
+    if found is not None:
+        most = max(most, samples_in_depth(found))
     code, least, _ = known[SAMPLES]
     if code == ALIKE:
         most = max(most, least)

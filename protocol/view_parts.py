@@ -21,6 +21,7 @@ from renderer.settings import RenderSettings, Tile
 
 __all__ = [
     "ANSWERS_TTL_S",
+    "CARD_VIEW_QUEUES",
     "DENOISE_VIEW",
     "MAX_ANSWERS",
     "RENDER_VIEW",
@@ -32,6 +33,7 @@ __all__ = [
     "ViewDenoise",
     "ViewFrame",
     "ViewParts",
+    "card_view_queue",
     "view_key",
     "view_queue",
 ]
@@ -41,6 +43,7 @@ VIEW_FRAME = "rayfarm.view_frame"
 DENOISE_VIEW = "rayfarm.denoise_view"
 VIEW_ANSWERS = "rayfarm:view-answers"
 VIEW_QUEUES = "rayfarm.view."
+CARD_VIEW_QUEUES = "rayfarm.card-view."
 ANSWERS_TTL_S = 20
 MAX_ANSWERS = 1000  # in the list: the oldest go, and are asked for again
 MAX_PART_S = 3600.0
@@ -49,6 +52,11 @@ MAX_PART_S = 3600.0
 def view_queue(kind: str) -> str:
     """Returns the Celery queue for live views. Workers of this kind serve it before all other queues."""
     return f"{VIEW_QUEUES}{kind}"
+
+
+def card_view_queue(worker: str) -> str:
+    """Returns the Celery queue of the parts of views that this worker's graphics cards render; it precedes batches."""
+    return f"{CARD_VIEW_QUEUES}{worker}"
 
 
 def view_key(watch: str) -> str:
@@ -85,11 +93,12 @@ class ViewParts:
     parts: list[Part]
     is_whole: bool = False  # whether all planes are wanted, and not colour and samples alone
     has_guides: bool = False  # whether albedo and normal are wanted, too, which guide a denoiser
+    on_card: bool = False  # whether the slot's graphics card renders them; if it cannot, they are declined
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the message as JSON data for Celery; without guides, as in earlier releases."""
+        """Returns the message as JSON data for Celery; without guides and card, as in earlier releases."""
         parts = [[part.number, list(part.tile), part.first, part.count] for part in self.parts]
-        fields = {name: value for name, value in vars(self).items() if value or name != "has_guides"}
+        fields = {name: value for name, value in vars(self).items() if value or name not in ("has_guides", "on_card")}
         return {**fields, "settings": self.settings.to_json(), "parts": parts}
 
     @classmethod
@@ -101,6 +110,7 @@ class ViewParts:
             parts=[Part(number, Tile(*tile), first, count) for number, tile, first, count in data["parts"]],
             is_whole=bool(data.get("is_whole")),
             has_guides=bool(data.get("has_guides")),
+            on_card=bool(data.get("on_card")),
         )
 
 
@@ -158,6 +168,8 @@ class ViewAnswer:
     compiling  the worker is compiling its kernel, which may take minutes: message, worker
     part       a part is rendered: number, seconds, with the sums attached
     frame      a frame is prepared: frame, info (FrameInfo)
+    declined   the slot's graphics card does not render the parts, so CPU slots must. is_loading: it loads the scene for later
+               messages, and ends this one with `over`. Otherwise error: why it cannot, which ends the message
     denoised   the picture is denoised, with its RGB9E5 words attached, rows from the top
     over       the message is finished: every part is answered or outdated
     failed     the message cannot be processed: error (a sentence)

@@ -47,13 +47,14 @@ from worker.work.derived_artifacts import DENOISING, ENVIRONMENTS, MOTION_VECTOR
 from worker.work.explain import explain_pixel, send_answer
 from worker.work.frames import prepare_frames
 from worker.work.joint_render import remaining_pieces, render_waiting_piece, share_pieces
-from worker.work.open_scenes import SceneOpener
+from worker.work.open_scenes import SceneOpener, is_mapped
 from worker.work.prepare import prepare_scene
 from worker.work.render import failure_event, unreadable_batch_event
 from worker.work.scenes import discard_damaged
 from worker.work.slot import SlotTask, rendering_batch
 from worker.work.slot_card import Block, render_on_card, return_to_cpus
 from worker.work.thumbnail import make_thumbnail
+from worker.work.view_card import render_view_on_card
 from worker.work.viewport import ViewAnswers, prepare_view_frame, render_view
 
 __all__ = ["register"]
@@ -109,6 +110,8 @@ def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
             with about(**message_ids(batch)):
                 is_last = number == len(batches)  # sent at once, while the slot is still reported as busy with it
                 submit = sender.send_now if is_in_turn or is_last else sender.submit
+                if isinstance(batch, dict) and not is_mapped(batch.get("compiled")):
+                    sender.begin()  # the slot waits for the scene, for minutes if it is downloaded
                 _render(task, worker, batch, submit, partial(begin, batches[number : number + 1]))
 
 
@@ -365,9 +368,10 @@ def _render_view(task: Any, parts: dict[str, Any]) -> None:
                 "The worker process died {count} times while it rendered this view.",
                 count=DEATHS_ALLOWED,
             )
-            ViewAnswers(worker, work).send("failed", error=sentence)
+            ViewAnswers(worker, work).send("declined" if work.on_card else "failed", error=sentence)
         else:
-            hand.speed = render_view(worker, work, hand.report_compiling)
+            render = render_view_on_card if work.on_card else render_view
+            hand.speed = render(worker, work, hand.report_compiling)
 
 
 def _view_frame(task: Any, frame: dict[str, Any]) -> None:

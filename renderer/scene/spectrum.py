@@ -98,4 +98,4 @@ def _mean_reflectance(eta: F64, k: F64) -> F64:
     """
     cosine = (np.arange(_COSINES) + 0.5) / _COSINES
     means = [np.mean(2 * cosine * conductor_reflectance(cosine, e, each)) for e, each in zip(eta, k, strict=True)]
-    return np.round(np.array(means, np.float64), 6)
+    return np.asarray(np.round(np.array(means, np.float64), 6), np.float64)

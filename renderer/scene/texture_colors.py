@@ -194,6 +194,7 @@ class TextureColors:
             )
         ocio = importlib.import_module("PyOpenColorIO")
         ocio.SetLoggingLevel(ocio.LOGGING_LEVEL_NONE)
+        ocio.ClearAllCaches()  # of LUTs by path: those of another scene in this process may have the same
         self._ocio = ocio
         source = self._title
         try:
@@ -278,13 +279,16 @@ def _proxy_class(ocio: Any) -> type:
             return self._files.read(self._config).decode()
 
         def getLutData(self, path: str) -> Any:  # noqa: N802
-            return ocio.vector_of_uint8_t(self._files.read(self._name(path)))
+            return ocio.vector_of_uint8_t(self._read(path))
 
         def getFastLutFileHash(self, path: str) -> str:  # noqa: N802
-            return hashlib.sha256(self._files.read(self._name(path))).hexdigest()
+            return hashlib.sha256(self._read(path)).hexdigest()
 
-        def _name(self, path: str) -> str:
-            # Of a missing file `read` raises; were the result empty instead, OpenColorIO would open the path itself.
-            return self._files.find(path, self._config) or PurePosixPath(path).name
+        def _read(self, path: str) -> bytes:
+            name = self._files.find(path, self._config) or PurePosixPath(path).name
+            data = self._files.read(name)
+            if not data:  # OpenColorIO would open the path itself
+                raise SceneError(Sentence("texture-lut-empty", "{name} is empty; add the file again", name=name[:200]))
+            return data
 
     return SceneConfig

@@ -20,7 +20,7 @@ from protocol.joint import HELP_QUEUES
 from protocol.lifeline import lifeline
 from protocol.redis_commands import Command, CommandError
 from protocol.terms import offer_key, terms_key
-from protocol.view_parts import MAX_ANSWERS, VIEW_ANSWERS, view_key
+from protocol.view_parts import CARD_VIEW_QUEUES, MAX_ANSWERS, VIEW_ANSWERS, view_key
 from protocol.vitals import log_key, log_wanted_key, vitals_key
 from renderer.sentences import Sentence
 
@@ -32,6 +32,7 @@ SEPARATOR = "\x06\x16"  # in kombu's bindings, and between a queue and a priorit
 DEATHS = "rayfarm:deaths:"
 JOINING = "rayfarm:joining"
 OWN_PREPARE_MARK = ".of."
+OWN_QUEUES = (HELP_QUEUES, CARD_QUEUES, CARD_VIEW_QUEUES)  # each of which only one worker serves
 LIFELINES = "rayfarm-worker-"
 MAX_BLOCK_S = 60.0
 MAX_KEY_BYTES = 512
@@ -193,10 +194,10 @@ class WorkerCommands:
         key = key.partition(SEPARATOR)[0]
         if key.startswith(prepare_queue("")) and OWN_PREPARE_MARK in key:
             return self._is_own_name(key.partition(OWN_PREPARE_MARK)[2])
-        return self._is_own(key, HELP_QUEUES) or self._is_own(key, CARD_QUEUES)
+        return any(self._is_own(key, queues) for queues in OWN_QUEUES)
 
     def _is_shared_queue(self, key: str) -> bool:
-        is_of_one = key.startswith((HELP_QUEUES, CARD_QUEUES)) or (key.startswith(prepare_queue("")) and OWN_PREPARE_MARK in key)
+        is_of_one = key.startswith(OWN_QUEUES) or (key.startswith(prepare_queue("")) and OWN_PREPARE_MARK in key)
         return key.startswith(QUEUES) and not is_of_one
 
     def _is_binding(self, key: str) -> bool:

@@ -21,7 +21,9 @@ __all__ = ["FIRST_PICTURE_S", "Level", "Passes", "Piece", "levels_of"]
 FIRST_PICTURE_S = 0.035
 PIECE_TARGET_S = 0.03
 MESSAGE_TARGET_S = 0.1
+CARD_MESSAGE_TARGET_S = 0.06  # in one launch, after which a card is free for a new view
 MIN_PIXELS = 32 * 32  # pixels
+UNMEASURED_PIECES, MAX_CARD_PIECES = 16, 256  # of a message to a graphics card whose speed is unknown, and to any
 MAX_LEVEL_RATIO = 8.0  # largest ratio of pixels between two levels
 
 
@@ -51,14 +53,14 @@ class Level:
     tiles: list[Tile]
 
 
-def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int) -> list[Level]:
+def levels_of(width: int, height: int, samples: int, cost_s: float, slots: int, card_rate: float = 0.0) -> list[Level]:
     """Returns one to three resolution levels for a view, ordered by size; the last has the view's full size.
 
     samples: samples per pixel of the last level. cost_s: seconds per sample of a pixel on one slot. slots: number of slots that
-    render.
+    render. card_rate: samples of a pixel per second of graphics cards that render, too.
     """
     whole = width * height
-    first = max(MIN_PIXELS, slots * FIRST_PICTURE_S / cost_s)
+    first = max(MIN_PIXELS, (slots / cost_s + card_rate) * FIRST_PICTURE_S)
     sizes = []
     if whole > 1.5 * first:
         sizes.append(first)
@@ -93,6 +95,22 @@ class Passes:
                 break
             chosen.append(piece)
             expected += self.expected_s(piece)
+        return chosen
+
+    def next_card_message(self, cost_s: float | None) -> list[Piece]:
+        """Returns the pieces of the next message to a graphics card, all from one level; an empty list if no pieces remain.
+
+        cost_s: seconds per sample of a pixel on the card; None if unknown. Of a small first picture it gets all that remains.
+        """
+        chosen: list[Piece] = []
+        expected = 0.0
+        most = MAX_CARD_PIECES if cost_s else UNMEASURED_PIECES
+        while (piece := self._next_piece()) is not None:
+            if chosen and (piece.level != chosen[0].level or expected >= CARD_MESSAGE_TARGET_S or len(chosen) >= most):
+                self._held = piece
+                break
+            chosen.append(piece)
+            expected += self.expected_s(piece) / self._cost_s * (cost_s or 0.0)
         return chosen
 
     def requeue(self, pieces: list[Piece]) -> None:

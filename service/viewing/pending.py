@@ -27,9 +27,11 @@ class PendingMessage:
     is_frame: bool = False
     denoises: bool = False
     queue: str = ""  # where it was sent
+    card: str = ""  # name of the worker whose graphics card is to answer it
     id: str = field(default_factory=lambda: uuid.uuid4().hex)
     last_seen: float = field(default_factory=time.monotonic)  # time of the latest report
     has_started: bool = False
+    is_declined: bool = False  # whether the card loads the scene instead of rendering the pieces
 
     def requeue(self) -> None:
         """Gives the unanswered pieces back to the session, which sends them again if it still shows the same view.

@@ -22,15 +22,20 @@ class SampleCosts:
     def __init__(self) -> None:
         self._known: dict[str, float] = {}
 
+    def known(self, request: ViewRequest) -> float | None:
+        """Returns the measured seconds per sample of a pixel; None if there are no measurements."""
+        return self._known.get(_name(request))
+
     def estimate(self, request: ViewRequest, kind: str, roster: WorkerSnapshot) -> float:
         """Returns the seconds per sample of a pixel: measured, or for a new scene estimated from the workers' speeds.
 
         kind: the worker kind. roster: the workers.
         """
-        known = self._known.get(_name(request))
+        known = self.known(request)
         if known is not None:
             return known
-        speeds = [report.samples_per_s for report in roster.ready_reports() if report.kind == kind and report.samples_per_s > 0]
+        of_cpus = [report for report in roster.ready_reports() if report.kind == kind and not report.has_card_queue]
+        speeds = [report.samples_per_s for report in of_cpus if report.samples_per_s > 0]
         return max(ASSUMED_S, len(speeds) / sum(speeds)) if speeds else ASSUMED_S
 
     def update(self, request: ViewRequest, cost_s: float) -> None:

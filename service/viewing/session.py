@@ -101,18 +101,26 @@ class ViewSession:
             self.wanted = wanted
 
     def begin_rendering(
-        self, settings: RenderSettings, compiled: str, kind: str, cost_s: float, slots: int, denoises: bool = False
+        self,
+        settings: RenderSettings,
+        compiled: str,
+        kind: str,
+        cost_s: float,
+        slots: int,
+        denoises: bool = False,
+        card_rate: float = 0.0,
     ) -> None:
         """Sets what to render, and creates the view's resolution levels.
 
         compiled: SHA-256 of the compiled scene. kind: the worker kind (renderer.jit.kind) that renders it. cost_s: seconds per
         sample of a pixel on one slot. slots: number of slots of that kind. denoises: whether the view is denoised.
+        card_rate: samples of a pixel per second of graphics cards that render it, too.
         """
         assert self.request is not None
         seen = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0)
         if not self.request.has_alpha:
             seen = replace(seen, background="visible")
-        levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1))
+        levels = levels_of(settings.width, settings.height, self.request.samples, cost_s, max(slots, 1), card_rate)
         with self._lock:
             self.settings, self.compiled, self.kind = seen, compiled, kind
             self.passes = Passes(levels, cost_s)

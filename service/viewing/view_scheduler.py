@@ -1,7 +1,8 @@
 """Scheduler of live views: one thread sends pieces of the views to workers and adds up their results.
 
 Views use no jobs, films or database. Their messages have a queue that slots check first. The sums are held in memory, and are
-discarded when the viewer leaves. Lost pieces are sent again. While a view already shows a complete picture, it shares the slots
+discarded when the viewer leaves. Lost pieces are sent again. Pieces go to graphics cards first, if they render the view and are
+not busy with batches, and to CPU slots besides. While a view already shows a complete picture, it shares the slots
 with other waiting work, such as preparing the scene with other lighting.
 """
 
@@ -16,9 +17,20 @@ from typing import Any
 
 import redis
 
+from protocol.card import card_queue
 from protocol.contract import FrameInfo, prepare_queue, render_queue
 from protocol.sums import unpack_sums
-from protocol.view_parts import VIEW_ANSWERS, Part, ViewAnswer, ViewDenoise, ViewFrame, ViewParts, view_key, view_queue
+from protocol.view_parts import (
+    VIEW_ANSWERS,
+    Part,
+    ViewAnswer,
+    ViewDenoise,
+    ViewFrame,
+    ViewParts,
+    card_view_queue,
+    view_key,
+    view_queue,
+)
 from renderer.errors import SettingsError
 from renderer.film import ALBEDO, ALPHA_PLANES, CHANNELS, COLOR, NORMAL, SAMPLES, alpha_plane
 from renderer.sentences import Sentence, with_full_stop
@@ -30,11 +42,13 @@ from service.scheduling.faults.redis_errors import redis_fault
 from service.scheduling.snapshot import SnapshotHolder
 from service.viewing.frame_cache import FrameCache
 from service.viewing.memory_limit import MEMORY_LIMIT_REACHED, fits_in_memory
+from service.viewing.passes import Piece
 from service.viewing.pending import PendingMessage
 from service.viewing.pending_frames import ANSWER_TIMEOUT_S, PendingFrames
 from service.viewing.picking import pick_message, record_pick
 from service.viewing.sample_costs import SampleCosts
 from service.viewing.session import ViewSession
+from service.viewing.view_cards import ViewCards
 from service.viewing.view_request import ViewRequest
 from service.viewing.view_workers import ViewWorkers
 from service.viewing.waker import Waker
@@ -64,6 +78,7 @@ class ViewScheduler:
         self._dispatcher = dispatcher
         self._board = board
         self._workers = ViewWorkers(board, events)
+        self._cards = ViewCards(board)
         self._frame_cache = FrameCache(events)
         self._sessions: dict[str, ViewSession] = {}
         self._out: dict[str, PendingMessage] = {}
@@ -73,6 +88,7 @@ class ViewScheduler:
         self._orders: deque[Callable[[], None]] = deque()
         self._frames = PendingFrames()
         self._shared: set[str] = set()  # kinds of workers that have other work queued
+        self._shared_cards: set[str] = set()  # workers whose graphics cards have batches queued
         self._lingers_until = 0.0
         self._views = 0
         self._messages = 0
@@ -186,6 +202,7 @@ class ViewScheduler:
             self._orders.popleft()()
         for session in list(self._sessions.values()):
             self._switch_view(session)
+        self._take_back_late()
         self._send_pieces()
         if self._is_active:
             self._read_answers()
@@ -230,11 +247,12 @@ class ViewScheduler:
             self._set_message(session, MEMORY_LIMIT_REACHED)
             return
         slots, cost_s = self._workers.slots(kind), self._costs.estimate(session.request, kind, self._board.roster)
-        session.begin_rendering(settings, compiled, kind, cost_s, slots, denoises)
+        card_rate = self._cards.rate(session.request, kind, compiled, settings)
+        session.begin_rendering(settings, compiled, kind, cost_s, slots, denoises, card_rate)
         self._set_message(session, None, slots)
 
     def _send_pieces(self) -> None:
-        """Sends messages with pieces of all views, until each slot has one in progress and one queued."""
+        """Sends messages with pieces of all views, until each slot has one in progress and one queued; to cards first."""
         for session in list(self._sessions.values()):
             is_asked = any(out.pick is not None and out.session is session for out in self._out.values())
             if session.pick is not None and session.passes is not None and not is_asked:
@@ -244,9 +262,7 @@ class ViewScheduler:
         waiting = {each.id: each for each in self._sessions.values() if each.passes is not None and not each.is_paused}
         while waiting:
             session = min(waiting.values(), key=lambda each: each.served)
-            ahead = 1 if session.kind in self._shared and session.samples else 2  # leaves room for the other work
-            room = ahead * self._workers.slots(session.kind) - sum(out.kind == session.kind for out in self._out.values())
-            pieces = session.passes.next_message() if room > 0 and session.passes is not None else []
+            pieces, card = self._next_pieces(session)
             if not pieces:
                 del waiting[session.id]
                 continue
@@ -254,10 +270,48 @@ class ViewScheduler:
             session.served = self._messages
             tiles = session.passes.levels[pieces[0].level].tiles if session.passes is not None else []
             parts = [Part(number, tiles[piece.tile], piece.first, piece.count) for number, piece in enumerate(pieces)]
-            out = PendingMessage(session, session.view, session.kind, dict(enumerate(pieces)))
+            queue = card_view_queue(card) if card else ""
+            out = PendingMessage(session, session.view, session.kind, dict(enumerate(pieces)), queue=queue, card=card)
             settings = session.settings_of(pieces[0].level)
             about = (out.id, session.id, session.view, session.compiled)
-            self._send(out, ViewParts(*about, settings, parts, has_guides=session.needs_guides(pieces)))
+            self._send(out, ViewParts(*about, settings, parts, has_guides=session.needs_guides(pieces), on_card=bool(card)))
+
+    def _next_pieces(self, session: ViewSession) -> tuple[list[Piece], str]:
+        """Returns the pieces of a session's next message, and the worker whose graphics card is to render them ("": a CPU slot).
+
+        Returns no pieces if none remain, or if no slot has room for a message.
+        """
+        if session.passes is None or session.request is None:
+            return [], ""
+        cpu_slots = self._cpu_slots(session)
+        card = self._cards.free(session, self._out.values(), self._shared_cards, cpu_slots > 0)
+        ahead = 1 if session.kind in self._shared and session.samples else 2  # leaves room for the other work
+        room = ahead * cpu_slots - sum(out.kind == session.kind and not out.card for out in self._out.values())
+        if card is not None and (room <= 0 or not self._cards.is_busy(card.name)):
+            return session.passes.next_card_message(self._cards.cost_s(session.request, card.name)), card.name
+        return (session.passes.next_message() if room > 0 else []), ""
+
+    def _cpu_slots(self, session: ViewSession) -> int:
+        """Returns the number of slots that render a session's view with the CPU: slots whose card accepts it do not."""
+        if session.settings is None:
+            return 0
+        cards = self._cards.accepting(session.kind, session.compiled, session.settings)
+        with_card = sum(report.slots for report in cards if report.views)
+        return self._workers.slots(session.kind) - with_card
+
+    def _take_back_late(self) -> None:
+        """Takes back messages that a graphics card has not begun in time, so that CPU slots render their pieces."""
+        in_progress = {out.card for out in self._out.values() if out.has_started}
+        for out in [out for out in self._out.values() if out.card not in in_progress and self._cards.is_late(out)]:
+            if self._cpu_slots(out.session) and self._take_back(out):
+                self._cards.set_busy(out.card)
+
+    def _take_back(self, out: PendingMessage) -> bool:
+        """Takes back a message that no slot has fetched, and queues its pieces again. Returns False if one has fetched it."""
+        is_taken = bool(self._dispatcher.withdraw(out.queue, {out.id}))
+        if is_taken:
+            self._end_message(out)
+        return is_taken
 
     def _send(self, out: PendingMessage, work: ViewParts | ViewFrame | ViewDenoise) -> None:
         try:
@@ -340,6 +394,8 @@ class ViewScheduler:
             return
         session = out.session
         out.last_seen, out.has_started = time.monotonic(), True
+        if out.card:
+            self._cards.record_answer(out.card, answer.type == "begun")
         match answer.type:
             case "begun":
                 self._set_message(session, None, self._workers.slots(out.kind))
@@ -356,6 +412,8 @@ class ViewScheduler:
                 session.wake()
             case "over":
                 self._end_message(out)
+            case "declined" | "failed" | "returned" if out.card:
+                self._handle_declined(out, answer)
             case "failed" if out.denoises:
                 log.info("%s cannot denoise a view: %s", answer.worker, answer.more.get("error"))
                 self._out.pop(out.id, None)
@@ -373,6 +431,22 @@ class ViewScheduler:
                     return
                 self._handle_loss(out, str(answer.more.get("error", ""))[:2000])
 
+    def _handle_declined(self, out: PendingMessage, answer: ViewAnswer) -> None:
+        """Queues the pieces of a message again that a graphics card does not render now, or not at all."""
+        out.requeue()
+        out.pieces.clear()
+        out.is_declined = True
+        for each in [each for each in self._out.values() if each.card == out.card and each.session is out.session]:
+            if not each.has_started:
+                self._take_back(each)
+        if answer.more.get("is_loading") is True:  # its slot is occupied until it is "over"
+            if not self._cpu_slots(out.session):
+                self._set_message(out.session, Sentence("view-card-loads-scene", "The graphics card loads the scene."))
+        else:
+            log.info("%s: %s", answer.worker, answer.more.get("error"))
+            self._cards.refuse(out.card, out.session)
+            self._end_message(out)
+
     def _handle_part(self, out: PendingMessage, answer: ViewAnswer) -> None:
         session, seconds = out.session, answer.seconds
         if out.pick is not None:
@@ -383,7 +457,11 @@ class ViewScheduler:
             return
         tile = session.passes.levels[piece.level].tiles[piece.tile]
         session.add(piece, unpack_sums(answer.sums, tile, planes=GUIDED if session.needs_guides([piece]) else PLAIN))
-        self._costs.update(session.request, seconds / (tile.w * tile.h * piece.count))
+        cost_s = seconds / (tile.w * tile.h * piece.count)
+        if out.card:
+            self._cards.update(session.request, out.card, cost_s)
+        else:
+            self._costs.update(session.request, cost_s)
         if session.message is not None:
             self._set_message(session, None, self._workers.slots(out.kind))
         if session.is_picture_due():
@@ -405,6 +483,8 @@ class ViewScheduler:
 
     def _handle_loss(self, out: PendingMessage, error: str = "") -> None:
         self._end_message(out)
+        if out.card:
+            self._dispatcher.withdraw(out.queue, {out.id})
         self._losses[out.session.id] += bool(error)
         if self._losses[out.session.id] >= FAILURES_ALLOWED:
             if out.session.request is not None and out.session.request.frame_request is not None:
@@ -426,6 +506,8 @@ class ViewScheduler:
         self._shared = {
             kind for kind in kinds if any(map(self._dispatcher.queue_length, (prepare_queue(kind), render_queue(kind))))
         }
+        cards = {out.card for out in self._out.values() if out.card}
+        self._shared_cards = {card for card in cards if self._dispatcher.queue_length(card_queue(card))}
         for out in list(self._out.values()):
             if out.id in in_hand or (not out.has_started and waiting[out.queue] and self._workers.slots(out.kind)):
                 out.last_seen = now

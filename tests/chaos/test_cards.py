@@ -9,18 +9,28 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Any
 
 import httpx
+import numpy as np
 import pytest
+from websockets.sync.client import connect
 
+from renderer import film
 from renderer.child_processes import spawn_guard
-from tests.chaos.test_digest import digest_without_farm, submit
+from renderer.image import rgbe9995
+from renderer.render import render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.load import read
+from renderer.settings import RenderSettings
+from tests.chaos.test_digest import VIEW, digest_without_farm, submit
 from tests.helpers import ROOT, Farm, start_farm, stop_farm, wait_until
 from tests.renderer.cuda.on_host import fake_driver, shared_object
+from tests.service.viewer import Viewer
 
 pytestmark = pytest.mark.long
 
@@ -47,9 +57,9 @@ def farm(tmp_path: Path) -> Iterator[Farm]:
     stop_farm(farm)
 
 
-def join(farm: Farm, ends: ExitStack, driver: dict[str, str], megabytes: int) -> subprocess.Popen[bytes]:
+def join(farm: Farm, ends: ExitStack, driver: dict[str, str], megabytes: int, *options: str) -> subprocess.Popen[bytes]:
     """Starts a worker with a graphics card of `megabytes` of memory; returns when the worker is ready."""
-    command = [sys.executable, "-m", "worker", "--service", farm.url, "--name", "attic-gpu", "--gpu", "only", "--paired"]
+    command = [sys.executable, "-m", "worker", "--service", farm.url, "--name", "attic-gpu", "--gpu", "only", *options]
     log = ends.enter_context((farm.data.parent / "gpu.log").open("ab"))
     environment = {**os.environ, **driver, "FAKE_CUDA_CARDS": f"RTX Test:8:6:{megabytes}", "RAYFARM_TOKEN": farm.token}
     process = subprocess.Popen(
@@ -77,7 +87,7 @@ def finish(farm: Farm, job: str, expected: str) -> str:
 
 def test_a_frame_of_cores_and_a_card_has_the_digest_of_the_cores(farm: Farm, driver: dict[str, str], expected: str) -> None:
     with ExitStack() as ends:
-        join(farm, ends, driver, 8192)
+        join(farm, ends, driver, 8192, "--paired")
         log = finish(farm, submit(farm, SPP, tile_size=16), expected)
         workers = lambda: {each["name"]: each for each in get(farm, "/api/workers").json()}  # noqa: E731
         wait_until(lambda: workers()["attic-gpu"]["cards"][0]["samples_per_s"] > 0, 20, "the card's speed is reported")
@@ -88,7 +98,7 @@ def test_a_frame_of_cores_and_a_card_has_the_digest_of_the_cores(farm: Farm, dri
 
 def test_a_killed_worker_with_a_card_leaves_no_trace(farm: Farm, driver: dict[str, str], expected: str) -> None:
     with ExitStack() as ends:
-        process = join(farm, ends, driver, 8192)
+        process = join(farm, ends, driver, 8192, "--paired")
         job = submit(farm, SPP, tile_size=16)
         with farm.client() as client:
             wait_until(lambda: client.job(job).progress > 0.2, 120, "the job is well under way")
@@ -98,6 +108,72 @@ def test_a_killed_worker_with_a_card_leaves_no_trace(farm: Farm, driver: dict[st
 
 def test_a_scene_that_does_not_fit_the_card_is_left_to_the_cores(farm: Farm, driver: dict[str, str], expected: str) -> None:
     with ExitStack() as ends:
-        join(farm, ends, driver, 0)
+        join(farm, ends, driver, 0, "--paired")
         log = finish(farm, submit(farm, SPP, tile_size=16), expected)
     assert "attic-gpu: The scene does not fit the memory of card 0" in log
+
+
+def exact_view(depth: int, spp: int) -> np.ndarray:
+    """Returns the RGB9E5 words (64, 96) of the view that the tests open, rendered in this process with the CPU."""
+    scene = compile_scene(read(ROOT / "scenes", "cornell-box.yaml"))
+    settings = RenderSettings(96, 64, VIEW, max_depth=depth)
+    return rgbe9995.pack(film.mean(render_frame(scene, settings, spp, threads=2), settings.film_exponent))
+
+
+@pytest.mark.parametrize("trouble", ("alone", "killed", "memory"))
+def test_view_with_a_card_has_the_bits_of_the_cores(tmp_path: Path, driver: dict[str, str], expected: str, trouble: str) -> None:
+    """A card renders views and a job alone, or a view beside cores; it is killed half way, or lacks the memory. All is exact."""
+    farm = start_farm(tmp_path / "data", int(trouble != "alone"), b"Ready" if trouble != "alone" else b"http://")
+    view = {"eye": VIEW.eye, "target": VIEW.target, "up": VIEW.up, "fov": VIEW.fov}
+
+    def show(id: int, depth: int) -> None:
+        viewer.say(id=id, view=view, width=96, height=64, spp=64, max_depth=depth)
+        viewer.wait(id, 1)
+
+    def check(id: int, depth: int) -> float:
+        """Waits until the view is exact and compares it with the CPU's. Returns the seconds waited."""
+        begun = time.monotonic()
+        is_exact = lambda: (viewer.read(), viewer.pictures[-1][0] == id and viewer.is_exact.all())[1]  # noqa: E731
+        wait_until(is_exact, 90, f"view {id} is exact")
+        seconds = time.monotonic() - begun
+        assert (viewer.words == exact_view(depth, 64)).all()
+        assert not viewer.errors
+        return seconds
+
+    def is_card_used() -> bool:
+        workers = {each["name"]: each for each in get(farm, "/api/workers").json()}
+        return bool(workers["attic-gpu"]["cards"][0]["samples_per_s"] > 0)
+
+    with ExitStack() as ends:
+        ends.callback(stop_farm, farm)
+        process = join(farm, ends, driver, 0 if trouble == "memory" else 8192, *(["--paired"] if trouble != "alone" else []))
+        with farm.client() as client:
+            scene = client.wait_for_scene(client.upload([ROOT / "scenes" / "cornell-box.yaml"]).id)
+        address = f"{farm.url.replace('http', 'ws')}/api/scenes/{scene.id}/viewport"
+        viewer = Viewer(ends.enter_context(connect(address, max_size=None)))
+        id, deadline = 1, time.monotonic() + 240
+        while not is_card_used() and trouble != "memory":  # its kernel is built, in a minute of a core
+            assert time.monotonic() < deadline
+            show(id, 4 + id % 2)
+            id += 1
+            viewer.read(1)
+        show(id, 5)
+        if trouble == "killed":
+            os.killpg(process.pid, signal.SIGKILL)
+        seconds = check(id, 5)
+        assert trouble != "killed" or seconds < 30
+        show(id + 1, 4)
+        check(id + 1, 4)
+        if trouble == "alone":
+            job = submit(farm, SPP, tile_size=16)
+            with farm.client() as client:
+                wait_until(lambda: client.job(job).progress > 0.05, 60, "the job is rendered")
+                begun = time.monotonic()
+                show(id + 2, 5)
+                print(f"the first whole picture beside the job after {time.monotonic() - begun:.2f} s")
+                assert client.job(job).state == "running", "the view does not wait for the job"
+            check(id + 2, 5)
+            finish(farm, job, expected)
+    if trouble != "killed":
+        said = (tmp_path / "gpu.log").read_text()
+        assert ("the processor renders" in said) == (trouble == "memory"), said

@@ -221,14 +221,21 @@ def test_damaged_deep_pixels_are_rejected() -> None:
     good = merged(random_deep(1, 4, 3, 4))
     data = pack_sums(sums, deep_pixels=good)
     check_weight(data, tile, 3)
-    with pytest.raises(ValueError, match="3 samples, but the batch has 2"):
-        check_weight(pack_sums(np.zeros_like(sums), deep_pixels=good), tile, 2)
+    one = merged(random_deep(1, 4, 3, 1))
+    for deep, said in ((one, "3 samples, but the batch has 2"), (good, "not in order")):
+        with pytest.raises(ValueError, match=said):
+            check_weight(pack_sums(np.zeros_like(sums), deep_pixels=deep), tile, 2)
+    check_weight(data, tile, 3, deep_samples=good.most)
+    for packed, wanted in ((data, 0), (data, 8), (pack_sums(sums), good.most)):
+        with pytest.raises(ValueError, match="deep samples a pixel at most"):
+            check_weight(packed, tile, 3, deep_samples=wanted)
     none = good.sums.copy()
     none[0, COUNT] = 0
     wrong = [
         good._replace(key=good.key[::-1].copy()),
         good._replace(key=good.key + np.uint64(4 << 32)),
         good._replace(key=good.key | np.uint64(19 << 24)),
+        good._replace(key=good.key | np.uint64(1 << 23)),
         good._replace(sums=none),
         good._replace(near=good.far * 2),
         good._replace(far=good.far * np.float32(np.nan)),

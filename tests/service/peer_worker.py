@@ -51,6 +51,7 @@ from protocol.view_parts import (
     ViewDenoise,
     ViewFrame,
     ViewParts,
+    card_view_queue,
     view_key,
     view_queue,
 )
@@ -110,9 +111,11 @@ class PeerWorker:
         tags: tuple[str, ...] | None = None,
         memory: int = 8 << 30,
         transport: Literal["", "https"] = "",
+        has_cards: bool = False,
     ) -> None:
         """Starts the worker. The bool arguments are capabilities that it reports.
 
+        has_cards: whether its slots render with graphics cards; it then serves only the queue of their views.
         tags: None stands for an older release, which publishes no tags and applies no settings from the service.
         """
         self.redis = redis.Redis.from_url(redis_url)
@@ -130,6 +133,9 @@ class PeerWorker:
         self.tags = tags
         self.memory = memory
         self.transport: Literal["", "https"] = transport
+        self.has_cards = has_cards
+        self.on_view: Callable[[ViewParts], dict[str, Any] | None] = lambda work: None  # returns fields with which it is declined
+        self.is_fetching = True
         self.terms = Terms()
         self.unfit: str | None = None  # what its machine lacks
         self.passing = False  # whether that is temporary
@@ -198,6 +204,8 @@ class PeerWorker:
             explains=self.explains,
             denoises_views=self.denoises,
             transport=self.transport,
+            has_card_queue=self.has_cards,
+            views_on_cards=self.has_cards,
         )
         self.redis.set(worker_key(self.name), report.to_bytes(), ex=HEARTBEAT_TTL_S)
 
@@ -227,7 +235,7 @@ class PeerWorker:
     def _work(self) -> None:
         while not self._stop.is_set():
             try:
-                if self.rests or self.redis.exists(pause_key(self.name)):
+                if self.rests or not self.is_fetching or self.redis.exists(pause_key(self.name)):
                     time.sleep(0.05)
                     continue
                 queues = [view_queue(self.kind)] * self.views + [denoise_queue(self.kind)] * self.denoises
@@ -238,6 +246,7 @@ class PeerWorker:
                     *self.terms.queues,
                     render_queue(self.kind),
                 ]
+                queues = [card_view_queue(self.name)] if self.has_cards else queues
                 found: Any = self.redis.brpop(queues, timeout=0.1)
             except redis.RedisError:
                 time.sleep(0.1)
@@ -372,6 +381,13 @@ class PeerWorker:
             return
         self.current = {"view": work.watch, "message": work.message}
         self._tell(work, "begun")
+        assert work.on_card == self.has_cards
+        if (declined := self.on_view(work)) is not None:
+            self._tell(work, "declined", **declined)
+            if declined.get("is_loading"):
+                self._tell(work, "over")
+            self.current = {}
+            return
         try:
             for part in work.parts:
                 if self._stop.is_set() or self.redis.get(view_key(work.watch)) != str(work.view).encode():

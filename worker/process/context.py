@@ -15,7 +15,7 @@ from protocol.card import card_queue
 from protocol.channel import HTTPS
 from protocol.contract import WorkerReport, denoise_queue, own_prepare_queue, prepare_queue, render_queue
 from protocol.joint import help_queue
-from protocol.view_parts import view_queue
+from protocol.view_parts import card_view_queue, view_queue
 from renderer import denoise
 from renderer.blender.program import Blender
 from renderer.cuda.driver import Card
@@ -64,7 +64,7 @@ class WorkerContext:
     def queues(self) -> list[str]:
         """Returns the queues that this worker serves."""
         if self.cards:
-            return [card_queue(self.name), *self._queues_beside_cards()]
+            return [card_view_queue(self.name), card_queue(self.name), *self._queues_beside_cards()]
         return [render_queue(self.kind), *self._other_queues()]
 
     def _queues_beside_cards(self) -> list[str]:
@@ -126,6 +126,7 @@ class WorkerContext:
             adds=self.pieces is not None,
             in_hand=self._messages_in_hand(),
             has_card_queue=bool(self.cards),
+            views_on_cards=bool(self.cards),
             cards=[self._card(card, slot) for slot, card in enumerate(self.cards)],
             cards_unused=[to_text(each) for each in self.cards_unused],
             transport=HTTPS if self.is_over_https else "",

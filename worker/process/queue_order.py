@@ -12,12 +12,13 @@ from kombu.utils.scheduling import round_robin_cycle
 from protocol.contract import prepare_queue
 from protocol.joint import HELP_QUEUES
 from protocol.terms import NEEDS
-from protocol.view_parts import VIEW_QUEUES
+from protocol.view_parts import CARD_VIEW_QUEUES, VIEW_QUEUES
 
 __all__ = ["STRATEGY", "ViewsFirstOrder"]
 
 STRATEGY = "worker.process.queue_order:ViewsFirstOrder"  # as kombu names it
 PREPARE_QUEUES = prepare_queue("")
+VIEWS = (CARD_VIEW_QUEUES, VIEW_QUEUES)
 
 
 class ViewsFirstOrder(round_robin_cycle):
@@ -27,13 +28,13 @@ class ViewsFirstOrder(round_robin_cycle):
 
     def rotate(self, last_used: str) -> str:
         """Records that a queue was read."""
-        self._was_view = last_used.startswith(VIEW_QUEUES)
+        self._was_view = last_used.startswith(VIEWS)
         super().rotate(last_used)
         return last_used
 
     def consume(self, n: int) -> list[str]:
         """Returns the queues in the order in which to read them."""
-        first = (PREPARE_QUEUES, VIEW_QUEUES, HELP_QUEUES) if self._was_view else (VIEW_QUEUES, HELP_QUEUES)
+        first = (PREPARE_QUEUES, *VIEWS, HELP_QUEUES) if self._was_view else (*VIEWS, HELP_QUEUES)
         return sorted(
             super().consume(n),
             key=lambda queue: next((i for i, name in enumerate(first) if queue.startswith(name)), 8 if NEEDS in queue else 9),

@@ -6,6 +6,7 @@ render.py             a batch
 slot_card.py          batches for a graphics card
 joint_render.py       a batch shared among slots
 viewport.py           parts of views
+view_card.py          the same on a graphics card
 prepare.py            a scene
 thumbnail.py          a prepared scene's thumbnail
 frames.py             frames of a shot

@@ -12,7 +12,7 @@ from renderer.scene.compiled import CompiledScene
 from worker.process.context import WorkerContext
 from worker.work.scenes import open_scene
 
-__all__ = ["SceneOpener", "mapped_scene"]
+__all__ = ["SceneOpener", "is_mapped", "mapped_scene"]
 
 # Number of mapped scenes that a slot keeps open. They cost address space; their pages are shared among slots.
 OPEN_SCENES = 8
@@ -37,6 +37,11 @@ def mapped_scene(worker: WorkerContext, sha256: str) -> CompiledScene:
                 _open.popitem(last=False)
         _open.move_to_end(sha256)
         return scene
+
+
+def is_mapped(sha256: Any) -> bool:
+    """Returns True if the slot has mapped the scene with this hash, so that `mapped_scene` returns it at once."""
+    return isinstance(sha256, str) and sha256 in _open
 
 
 class SceneOpener:

@@ -61,13 +61,15 @@ def render(
     """Renders a batch. Returns its exact sums, or the event of a failed or returned batch with the reason.
 
     compiling: called with True before the scene's kernel is made ready, and with False afterwards. begins: called before the
-    kernel runs, which needs no interpreter: the time for threads to do other work.
+    kernel runs, which needs no interpreter: the time for threads to do other work. Also called before that if the kernel has to
+    be compiled, since what waits for it would wait for minutes.
     """
     try:
         with step("open scene"):
             scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         variant = variant_for(batch.settings, scene)
         if not is_warm(batch.settings, variant):
+            begins()
             compiling(True)
             with step("kernel"):
                 make_kernel_ready(worker.link, batch.settings, variant)

@@ -35,7 +35,16 @@ from worker.process.slot_number import slot
 from worker.work.open_scenes import mapped_scene
 from worker.work.render import PATIENCE_S, rendered_outcome, returned_event
 
-__all__ = ["Block", "blocks_of", "render_on_card", "return_to_cpus"]
+__all__ = [
+    "MAX_PACKED_BEHIND",
+    "Block",
+    "ReturnedError",
+    "UnusableError",
+    "blocks_of",
+    "render_blocks",
+    "render_on_card",
+    "return_to_cpus",
+]
 
 log = logging.getLogger("worker")
 
@@ -60,11 +69,11 @@ class Block(NamedTuple):
         return self.tile.w * self.tile.h * self.batches[0].count
 
 
-class _UnusableError(Exception):
+class UnusableError(Exception):
     """Raised if this slot's card cannot render the batches. The argument is the reason, a sentence."""
 
 
-class _ReturnedError(Exception):
+class ReturnedError(Exception):
     """Raised to return batches that this worker cannot render at present. The argument is the reason, a sentence."""
 
 
@@ -121,16 +130,16 @@ def render_on_card(worker: WorkerContext, work: CardBatches, show: Show) -> floa
     with ThreadPoolExecutor(1, thread_name_prefix="sums") as sender:
         sending: list[Future[None]] = []
         try:
-            for block, sums, took in _render_blocks(worker, work, show):
+            for block, sums, took in render_blocks(worker, work.batches, show):
                 samples, seconds = samples + block.samples, seconds + took
                 while len(sending) >= MAX_PACKED_BEHIND:
                     sending.pop(0).result()
                 sending.append(sender.submit(_send, worker, block, sums, took))
                 for batch in block.batches:
                     del left[batch.batch]
-        except _UnusableError as error:
+        except UnusableError as error:
             return_to_cpus(worker, left.values(), error.args[0])
-        except _ReturnedError as error:
+        except ReturnedError as error:
             for batch in left.values():
                 worker.results.send(returned_event(worker, batch, error.args[0]))
         for each in sending:
@@ -145,11 +154,14 @@ def return_to_cpus(worker: WorkerContext, batches: Iterable[RenderBatch], reason
         worker.results.send(Result({**event.event, "for_cpu": True}))
 
 
-def _render_blocks(worker: WorkerContext, work: CardBatches, show: Show) -> Iterator[tuple[Block, BatchSums, float]]:
-    """Yields each rendered block with its sums and the seconds it took. Raises _UnusableError or _ReturnedError."""
+def render_blocks(worker: WorkerContext, batches: Sequence[RenderBatch], show: Show) -> Iterator[tuple[Block, BatchSums, float]]:
+    """Renders batches of one frame with this slot's graphics card. Yields each block with its sums and the seconds it took.
+
+    Raises UnusableError or ReturnedError.
+    """
     card = worker.cards[slot()]
     try:
-        for block in blocks_of(work.batches):
+        for block in blocks_of(batches):
             batch = block.batches[0]
             show(block, False)
             renderer, scene = _prepare_renderer(worker, card, batch, partial(show, block))
@@ -159,14 +171,14 @@ def _render_blocks(worker: WorkerContext, work: CardBatches, show: Show) -> Iter
     except CardMemoryError as error:
         _too_large.add(batch.compiled)
         log.warning("%s; the processor renders it", error)
-        raise _UnusableError(_scene_too_large(card)) from error
+        raise UnusableError(_scene_too_large(card)) from error
     except (CardError, DriverError) as error:  # the driver refuses all further work of this process
         _cards[card.number] = None
         log.warning("%s; from now on the processor renders in its place", error)
-        raise _UnusableError(_card_failed_sentence(card)) from error
+        raise UnusableError(_card_failed_sentence(card)) from error
     except (RayfarmError, WorkerError, MemoryError) as error:  # what the CPU cannot render either fails there
         sentence = Sentence("worker-returned-batch", "{worker} returned a batch: {error}", worker=worker.name, error=error)
-        raise (_ReturnedError if isinstance(error, TemporaryError) else _UnusableError)(sentence) from error
+        raise (ReturnedError if isinstance(error, TemporaryError) else UnusableError)(sentence) from error
 
 
 def _prepare_renderer(
@@ -174,20 +186,20 @@ def _prepare_renderer(
 ) -> tuple[CardRenderer, CompiledScene]:
     """Returns the renderer of a graphics card, with the kernel for a batch loaded, and the batch's scene.
 
-    compiling: called with True before a kernel is loaded, and with False afterwards. Raises _UnusableError, and the errors of
+    compiling: called with True before a kernel is loaded, and with False afterwards. Raises UnusableError, and the errors of
     opening the scene and loading the kernel.
     """
     if not is_for_cards(batch.settings):
-        raise _UnusableError(
+        raise UnusableError(
             Sentence("card-lacks-settings", "A graphics card does not render with these settings: the processor does.")
         )
     if batch.compiled in _too_large:
-        raise _UnusableError(_scene_too_large(card))
+        raise UnusableError(_scene_too_large(card))
     if card.number not in _cards:
         _cards[card.number] = CardRenderer(card)
     renderer = _cards[card.number]
     if renderer is None:
-        raise _UnusableError(_card_failed_sentence(card))
+        raise UnusableError(_card_failed_sentence(card))
     scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
     variant = variant_for(batch.settings, scene)
     if not renderer.has_kernel(variant):

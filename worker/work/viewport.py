@@ -33,7 +33,7 @@ from worker.process.context import WorkerContext
 from worker.work.frames import prepare_frames
 from worker.work.open_scenes import mapped_scene
 
-__all__ = ["ViewAnswers", "prepare_view_frame", "render_view"]
+__all__ = ["ViewAnswers", "prepare_view_frame", "render_view", "view_planes"]
 
 PATIENCE_S = 5.0  # seconds to retry an unreachable service; a client waits
 
@@ -95,7 +95,7 @@ def render_view(worker: WorkerContext, work: ViewParts, compiling: Callable[[boo
             taken = time.perf_counter() - begun
             answering.send(
                 "part",
-                pack_sums(sums if work.is_whole else _view_planes(sums, work.has_guides)),
+                pack_sums(sums if work.is_whole else view_planes(sums, work.has_guides)),
                 number=part.number,
                 seconds=taken,
             )
@@ -174,7 +174,7 @@ def prepare_view_frame(worker: WorkerContext, work: ViewFrame) -> None:
         )
 
 
-def _view_planes(sums: np.ndarray[Any, Any], has_guides: bool) -> np.ndarray[Any, Any]:
+def view_planes(sums: np.ndarray[Any, Any], has_guides: bool) -> np.ndarray[Any, Any]:
     """Returns a copy of the sums in which the planes that a view does not use are zero, so that they pack into little space.
 
     has_guides: whether it uses albedo and normal.

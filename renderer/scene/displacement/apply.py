@@ -15,6 +15,7 @@ from renderer.scene.displacement.heights import height_lookup
 from renderer.scene.displacement.lengths import object_lengths, only_camera, screen_lengths
 from renderer.scene.displacement.surface import displaced_surface, with_normals
 from renderer.scene.frame_reuse import ShotCache
+from renderer.scene.material import check
 from renderer.sentences import Sentence
 
 __all__ = ["displace"]
@@ -38,10 +39,13 @@ def displace(description: SceneDescription, shot_cache: ShotCache) -> SceneDescr
     """Returns the description with displaced meshes; the description itself if no material displaces.
 
     A mesh is displaced once for each displacement of its instances' materials. Adds warnings to the description's list. The
-    result depends on the description only.
+    result depends on the description only. Raises SceneError if a parameter of a material is outside its range.
     """
-    if all(m.displacement_texture is None for m in description.materials):
+    displacing = [m for m in description.materials if m.displacement_texture is not None]
+    if not displacing:
         return description
+    for material in displacing:
+        check(material)
     numbers, targets = _targets(description)
     if not targets:
         return description
@@ -117,9 +121,10 @@ def _cache_key(description: SceneDescription, targets: list[_Target]) -> object:
 
 def _displaced_meshes(description: SceneDescription, targets: list[_Target], budget: int) -> tuple[list[Mesh], Sentence | None]:
     """Returns the displaced meshes, and a warning if the budget makes their edges longer than they should be."""
-    targets = [each._replace(mesh=with_normals(each.mesh)) for each in targets]
-    diced, longest = _dice_within(description, targets, budget)
-    meshes = [_displaced(description, target, each) for target, each in zip(targets, diced, strict=True)]
+    with np.errstate(over="ignore", invalid="ignore"):  # of positions that are too large, which are refused later
+        targets = [each._replace(mesh=with_normals(each.mesh)) for each in targets]
+        diced, longest = _dice_within(description, targets, budget)
+        meshes = [_displaced(description, target, each) for target, each in zip(targets, diced, strict=True)]
     if longest == 1:
         return meshes, None
     return meshes, Sentence(

@@ -48,7 +48,7 @@ def dice(points: F64, triangles: I32, measure: Measure, longest: float, most: in
     count, levels, measured = 0, [], measure(points)
     for _ in range(MAX_LEVELS):
         ratio = _ratios(measured, active) / longest
-        split = ratio > 1.0
+        split = (ratio > 1.0) & (ratio < np.inf)  # no number of levels shortens an infinite edge
         whole = ~split.any(axis=1)
         finished.append(active[whole])
         count += int(whole.sum())

@@ -39,7 +39,7 @@ def object_lengths(points: F64, rate: float) -> Measure:
     points: (V, 3) of the object.
     """
     extent = np.ptp(points, axis=0)
-    diagonal = math.sqrt(sum(float(each) ** 2 for each in extent))
+    diagonal = math.sqrt(sum(float(each) * float(each) for each in extent))
     scale = _HEIGHT / (rate * max(diagonal, 1e-300))
     return lambda at: np.concatenate([at.T, np.full((1, len(at)), scale)])[None]
 

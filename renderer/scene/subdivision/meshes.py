@@ -67,9 +67,9 @@ def subdivided(mesh: Mesh, levels: int, faces: Faces | None = None) -> Mesh:
     """Returns a mesh subdivided `levels` times, with smooth normals. Vertices of one position are one point of the cage.
 
     faces: the polygons, of vertices of the mesh. Without them, pairs of triangles are taken for quads where all of them are such
-    pairs; other meshes are subdivided after Loop. Not for meshes with motion keys.
+    pairs; other meshes are subdivided after Loop. Fibres of hair stay as they are. Not for meshes with motion keys.
     """
-    if levels == 0 or not len(mesh.triangles):
+    if levels == 0 or not len(mesh.triangles) or mesh.diameters is not None:
         return mesh
     if faces is None:
         faces = quads_of(mesh)
@@ -97,7 +97,6 @@ def subdivided(mesh: Mesh, levels: int, faces: Faces | None = None) -> Mesh:
         triangles=np.ascontiguousarray(vertex[triangles].astype(np.int32)),
         normals=np.ascontiguousarray(found.normals[at]),
         tangents=None,
-        diameters=None,
         keys=(),
     )
     fine.uvs, fine.uvs1, fine.colors = (made.get(name) for name in ("uvs", "uvs1", "colors"))

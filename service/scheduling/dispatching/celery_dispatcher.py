@@ -33,7 +33,17 @@ from protocol.contract import (
 )
 from protocol.explained import EXPLAIN, ExplainPixel
 from protocol.joint import HELP_QUEUES, RENDER_JOINTLY, JointBatch
-from protocol.view_parts import DENOISE_VIEW, RENDER_VIEW, VIEW_ANSWERS, VIEW_FRAME, ViewDenoise, ViewFrame, ViewParts, view_queue
+from protocol.view_parts import (
+    CARD_VIEW_QUEUES,
+    DENOISE_VIEW,
+    RENDER_VIEW,
+    VIEW_ANSWERS,
+    VIEW_FRAME,
+    ViewDenoise,
+    ViewFrame,
+    ViewParts,
+    view_queue,
+)
 from service.errors import FarmError, QueueError
 from service.scheduling.jobs.traces import trace_headers
 
@@ -168,6 +178,7 @@ class CeleryDispatcher:
             view_queue("*"),
             f"{HELP_QUEUES}*",
             f"{CARD_QUEUES}*",
+            f"{CARD_VIEW_QUEUES}*",
         ):
             for name in self._redis.scan_iter(pattern, count=1000):
                 self._redis.delete(name)

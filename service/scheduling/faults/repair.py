@@ -19,7 +19,7 @@ from protocol.explained import explained_key
 from protocol.joint import HELP_QUEUES
 from protocol.site import secret_key, site_key
 from protocol.terms import offer_key, terms_key
-from protocol.view_parts import VIEW_ANSWERS, view_key, view_queue
+from protocol.view_parts import VIEW_ANSWERS, card_view_queue, view_key, view_queue
 from protocol.vitals import log_key, log_wanted_key, vitals_key
 
 __all__ = ["is_wrong_type", "repair", "repair_all"]
@@ -28,7 +28,7 @@ KEYS_PER_SCAN = 1000
 TYPES = (
     (RESULTS, "stream"),
     (VIEW_ANSWERS, "list"),
-    *((queue("*"), "list") for queue in (render_queue, prepare_queue, denoise_queue, view_queue, explained_key)),
+    *((queue("*"), "list") for queue in (render_queue, prepare_queue, denoise_queue, view_queue, card_view_queue, explained_key)),
     (f"{HELP_QUEUES}*", "list"),
     (WORKER_KEYS, "string"),
     *(

@@ -84,7 +84,7 @@ def _weight_error(sums: bytes, batch: Range | None, job: ActiveJob) -> str | Non
 
 def _check_weight(sums: bytes, batch: Range, job: ActiveJob) -> None:
     planes = plane_count(len(job.film.groups), job.film.is_transparent)
-    check_weight(sums, job.film.tiles[batch.tile], batch.count, planes)
+    check_weight(sums, job.film.tiles[batch.tile], batch.count, planes, job.film.deep)
 
 
 def _decoding_error(sums: bytes, batch: Range, job: ActiveJob) -> str | None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from PIL import Image as Picture
 
+from renderer.errors import SceneError
 from renderer.scene.compile import compile_scene
 from renderer.scene.deduplicate import unique_threes
 from renderer.scene.description import Camera, Environment, Image, Instance, Material, SceneDescription, Texture
@@ -118,6 +119,18 @@ def test_dicing_neither_loses_nor_covers_area():
     area = (u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]) / 2
     assert area.min() > 0
     assert area.sum() == pytest.approx(3 + 2.5)
+
+
+@pytest.mark.parametrize("views", [(), (View((0, 0, 3), (0, 0, 0)),)])
+def test_dicing_ends_with_impossible_numbers(views):
+    """A rate of 0 is refused; positions for which lengths are infinite are refused later, and not diced until then."""
+    for rate in (0.0, 1e-300, -1.0, float("nan")):
+        with pytest.raises(SceneError, match="its displacement_rate is"):
+            displaced(scene(shapes.quad("plane"), rate, views))
+    for scale in (1e154, 1e200, np.nan):
+        plane = shapes.quad("plane")
+        plane.positions = plane.positions.astype(np.float64) * scale
+        assert len(displaced(scene(plane, views=views)).triangles) == 2
 
 
 def test_only_materials_with_heights_displace():

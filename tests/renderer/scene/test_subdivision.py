@@ -101,6 +101,14 @@ FBX_CUBE = """
 """
 
 
+def test_fibres_of_hair_are_not_subdivided():
+    """Their vertices have diameters and tangents, with which the kernel finds the fibres."""
+    cube = shapes.cube("c")
+    fibres = replace(cube, diameters=np.ones(len(cube.positions), np.float32))
+    assert subdivided(fibres, 1) is fibres
+    assert len(subdivided(cube, 1).triangles) > len(cube.triangles)
+
+
 @pytest.mark.parametrize(("smoothness", "levels", "count"), [(2, 2, 192), (2, 1, 48), (0, 2, 12), (2, 0, 12)])
 def test_fbx_subdivision(tmp_path, smoothness, levels, count):
     """An FBX mesh has the levels that its file renders it with, if it is shown smooth."""

@@ -134,6 +134,26 @@ def test_faulty_configs_are_one_warning(scene, tmp_path_factory, config, said):
     assert len([w for w in warnings if said in w]) == 1
 
 
+def test_an_empty_lut_does_not_open_the_file_of_its_path(scene, tmp_path_factory):
+    """OpenColorIO opens the path itself if it is given no bytes."""
+    outside = tmp_path_factory.mktemp("outside")
+    (outside / "outside.spi1d").write_text(LUT)
+    config = STUDIO.replace("LUT", "outside.spi1d").replace("search_path: luts", f"search_path: {outside}")
+    files = {"studio.ocio": config, "outside.spi1d": "", "t.png": png()}
+    found, warnings = picture(scene, "color_config: studio.ocio\n|colorspace: curve", files)
+    assert found.srgb and (found.pixels == CODES).all()
+    assert [w for w in warnings if "outside.spi1d is empty" in w]
+
+
+def test_luts_of_equal_names_are_those_of_their_scenes(scene):
+    """OpenColorIO caches LUTs by path, also those that it reads from a scene's files."""
+    made = []
+    for middle in ("0.25", "0.75"):
+        files = {**FILES, "luts/c.spi1d": LUT.replace("0.25", middle), "t.png": png()}
+        made.append(picture(scene, "color_config: studio.ocio\n|colorspace: curve", files)[0].pixels)
+    assert (made[0] != made[1]).any()
+
+
 def test_common_names_need_no_opencolorio(scene, monkeypatch):
     monkeypatch.setattr(texture_colors, "find_spec", lambda name: None)
     for space, srgb in (("Utility - sRGB - Texture", True), ("lin_rec709", False), ("Raw", False)):

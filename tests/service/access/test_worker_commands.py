@@ -42,6 +42,7 @@ def check(*arguments: str | bytes, rules: WorkerCommands | None = None) -> None:
         ("BRPOP", *(f"{RENDER}.needs.{n}\x06\x163" for n in range(400)), "1"),
         ("SADD", f"_kombu.binding.{RENDER}", f"{RENDER}\x06\x16\x06\x16{RENDER}"),
         ("LPUSH", f"rayfarm.help.{ME}", "{}"),
+        ("BRPOP", f"rayfarm.card-view.{ME}", "1"),
         ("SET", worker_key(ME), report(), "EX", "6"),
         ("GET", worker_key(ME)),
         ("EXISTS", f"rayfarm:order:{ME}"),
@@ -76,6 +77,7 @@ def test_commands_of_workers_are_permitted(command: tuple[str | bytes, ...]) -> 
         ("RPUSH", f"rayfarm.help.{OTHER}", "{}"),
         ("BRPOP", f"rayfarm.help.{OTHER}", "1"),
         ("BRPOP", f"rayfarm.card.{OTHER}", "1"),
+        ("BRPOP", f"rayfarm.card-view.{OTHER}", "1"),
         ("BRPOP", f"rayfarm.prepare.{KIND}.of.{OTHER}", "1"),
         ("BRPOP", RENDER, "0"),  # waits for ever
         ("SADD", f"_kombu.binding.{RENDER}", f"{RENDER}\x06\x16\x06\x16rayfarm.help.{ME}"),  # would redirect batches

@@ -5,8 +5,10 @@ from __future__ import annotations
 import base64
 import io
 import math
+import struct
 import threading
 import time
+import zlib
 
 import numpy as np
 import pytest
@@ -217,6 +219,46 @@ def test_parts_of_lost_worker_are_rendered_again(service: Service) -> None:
                 viewer.wait(1, 8)
             expected = film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 8, 0), 24)
             np.testing.assert_array_equal(viewer.words, rgbe9995.pack(expected))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("trouble", ("none", "loads", "cannot", "busy", "dies"))
+def test_cards_take_pieces_first_and_lose_none(service: Service, worker: PeerWorker, trouble: str) -> None:
+    """A card's worker beside the cores: each picture is exact, whatever the card does with its messages."""
+    died: list[int] = []
+
+    def decline(work: ViewParts) -> dict[str, object] | None:
+        died.append(len(work.parts))
+        if trouble == "cannot":
+            return {"error": "The scene does not fit."}
+        return {"is_loading": True} if trouble == "loads" and len(died) == 1 else None
+
+    def end(work: ViewParts, part: Part) -> bool | None:
+        return False if trouble == "dies" and len(card.parts) > 5 else None
+
+    with service.worker(name="card", slots=1, has_cards=True, views=False, denoises=False) as card:
+        card.on_view, card.on_part, card.is_fetching = decline, end, trouble != "busy"
+        worker.on_part = lambda work, part: time.sleep(0.001)
+        with look(service, service.ready_scene()) as viewer:
+            until(lambda: service.farm.views._cards.accepting("test-kind"), "the card is known")
+            for id in (1, 2):
+                begun = time.monotonic()
+                viewer.show(id, spp=32, seed=3)
+                if trouble == "dies":
+                    until(lambda: (viewer.read(), len(card.parts) > 5)[1], "the card has begun")
+                    card.stop()
+                viewer.wait(id, 32)
+                assert trouble != "busy" or time.monotonic() - begun < 10, "it does not wait for the card"
+                np.testing.assert_array_equal(
+                    viewer.words, rgbe9995.pack(film_math.mean(expected_sums(Tile(0, 0, 96, 64), 0, 32, 3), 24))
+                )
+                if trouble == "dies":
+                    break
+        counts = {"cannot": [16], "busy": []}
+        assert died == counts.get(trouble, died), "a refused view is not sent again"
+        assert bool(card.parts) == (trouble not in ("cannot", "busy"))
+        assert worker.parts
+        until(lambda: not remains_of_views(service), "nothing is left", say=lambda: remains_of_views(service))
 
 
 @pytest.mark.long
@@ -495,6 +537,13 @@ def encoded_picture(width: int, height: int, format: str = "PNG") -> str:
     return base64.b64encode(file.getvalue()).decode()
 
 
+def with_damaged_profile(picture: str) -> str:
+    """Returns a PNG in base64 with an empty colour profile behind its pixels, over which Pillow stumbles."""
+    data = base64.b64decode(picture)
+    profile = struct.pack(">I", 0) + b"iCCP" + struct.pack(">I", zlib.crc32(b"iCCP"))
+    return base64.b64encode(data[:-12] + profile + data[-12:]).decode()
+
+
 def test_takes_are_seen_at_once_and_by_all(service: Service, monkeypatch: pytest.MonkeyPatch) -> None:
     scene, other = service.upload(), service.upload(b"# another\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
     path = f"/api/scenes/{scene}/takes"
@@ -563,6 +612,7 @@ def test_bad_takes_are_refused(service: Service) -> None:
         ({"picture": encoded_picture(8, 8, "TIFF")}, "take-picture-invalid"),
         ({"picture": encoded_picture(513, 8)}, "take-picture-invalid"),
         ({"picture": encoded_picture(8, 8)[:-40]}, "take-picture-invalid"),
+        ({"picture": with_damaged_profile(encoded_picture(8, 8))}, "take-picture-invalid"),
         ({"picture": "A" * 200_001}, None),
         ({"scene": scene}, None),
     ):

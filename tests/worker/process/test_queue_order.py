@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from protocol.card import card_queue
 from protocol.contract import prepare_queue, render_queue
-from protocol.view_parts import view_queue
+from protocol.view_parts import card_view_queue, view_queue
 from worker.process.queue_order import ViewsFirstOrder
 
 
@@ -20,3 +21,12 @@ def test_views_come_first_then_round_robin() -> None:
     assert turns.consume(3) == [prepare, view, render], "a view may wait for what is prepared"
     turns.rotate(prepare)
     assert turns.consume(3)[0] == view
+
+
+def test_views_precede_batches_of_a_card() -> None:
+    view, batches = card_view_queue("w"), card_queue("w")
+    turns = ViewsFirstOrder()
+    turns.update([batches, view])
+    assert turns.consume(2) == [view, batches]
+    turns.rotate(view)
+    assert turns.consume(2) == [view, batches]

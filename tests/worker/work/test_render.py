@@ -42,15 +42,15 @@ def test_slot_reports_kernel_compilation(worker: Any, monkeypatch: pytest.Monkey
     told: list[Any] = []
     monkeypatch.setattr(slot, "is_warm", lambda settings, variant: False)
     monkeypatch.setattr(slot, "make_kernel_ready", lambda *arguments: told.append(arguments))
-    result = slot.render(worker, batch, told.append).result()
-    assert told == [True, (worker.link, SETTINGS, variant_of(worker.made)), False]
+    result = slot.render(worker, batch, told.append, lambda: told.append("begins")).result()
+    assert told == ["begins", True, (worker.link, SETTINGS, variant_of(worker.made)), False, "begins"]
     assert result.sums is not None
     np.testing.assert_array_equal(unpack_sums(result.sums, TILE), render_batch(worker.made, SETTINGS, TILE, 0, 2).sums)
 
     told.clear()
     monkeypatch.setattr(slot, "is_warm", lambda settings, variant: True)
-    assert slot.render(worker, batch, told.append).result().sums == result.sums
-    assert told == []
+    assert slot.render(worker, batch, told.append, lambda: told.append("begins")).result().sums == result.sums
+    assert told == ["begins"]
 
 
 def test_scene_of_next_batch_is_opened_in_advance(worker: Any, tmp_path: Path) -> None:
@@ -66,6 +66,7 @@ def test_scene_of_next_batch_is_opened_in_advance(worker: Any, tmp_path: Path) -
         opener.open("other")  # its error is that of the batch, later
         opener.open(None)
     assert (asked.count("sha"), "other" in asked) == (1, True)
+    assert [open_scenes.is_mapped(each) for each in ("sha", "other", None, [])] == [True, False, False, False]
     told: list[str] = []
     batch = RenderBatch("b", "job", 0, "sha", TILE, 0, 2, SETTINGS)
     assert slot.render(worker, batch, lambda _: None, lambda: told.append("begins")).sums is not None

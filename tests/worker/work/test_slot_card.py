@@ -5,7 +5,7 @@ from __future__ import annotations
 import logging
 from dataclasses import replace
 from types import SimpleNamespace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import pytest
@@ -13,13 +13,14 @@ import pytest
 from protocol.card import CardBatches
 from protocol.contract import RenderBatch, Result
 from protocol.sums import unpack_sums
+from protocol.view_parts import Part, ViewParts
 from renderer.cuda.driver import Card
 from renderer.cuda.render import CardError, CardMemoryError
-from renderer.film import CHANNELS, SAMPLES, BadSample, BatchSums
+from renderer.film import CHANNELS, COLOR, SAMPLES, BadSample, BatchSums
 from renderer.settings import RenderSettings, Tile, View, tiles_of
 from worker.exchange.errors import LinkError, RefusedError
 from worker.process.context import WorkerContext
-from worker.work import slot_card
+from worker.work import slot_card, view_card
 from worker.work.slot_card import blocks_of
 
 CARDS = (Card(0, "first", (7, 0), 1 << 30, 1), Card(3, "second", (8, 6), 1 << 30, 1))
@@ -199,6 +200,82 @@ def test_download_failure_returns_batches(worker: Any, monkeypatch: pytest.Monke
     assert returned_batches(worker) == [("batch-returned", for_cpu, "worker-returned-batch")]
 
 
+class Answers:
+    """A substitute for a view's answers, which records them. wanted: number of blocks after which the view is outdated."""
+
+    sent: ClassVar[list[tuple[str, dict[str, Any]]]] = []
+    wanted = 99
+
+    def __init__(self, worker: Any, work: ViewParts) -> None:
+        Answers.wanted += 1  # for the question before the first block
+
+    def send(self, type: str, sums: bytes = b"", **more: Any) -> None:
+        self.sent.append((type, {**more, "sums": sums} if sums else more))
+
+    def is_wanted(self) -> bool:
+        Answers.wanted -= 1
+        return Answers.wanted > 0
+
+
+def view(worker: Any, monkeypatch: pytest.MonkeyPatch, wanted: int = 99, **more: Any) -> list[tuple[str, dict[str, Any]]]:
+    """Renders nine parts of a view, with two ranges of samples each, on the graphics card. Returns the answers."""
+    monkeypatch.setattr(view_card, "ViewAnswers", Answers)
+    monkeypatch.setattr(Answers, "sent", [])
+    monkeypatch.setattr(Answers, "wanted", wanted)
+    places = [(tile, first) for first in (0, 1) for tile in tiles_of(160, 130, 64)]
+    parts = [Part(number, tile, first, 1) for number, (tile, first) in enumerate(places)]
+    worker.launched.clear()
+    sent = replace(ViewParts("m", "watch", 1, "0" * 64, SETTINGS, parts, on_card=True), **more)
+    work = ViewParts.from_json(sent.to_json())
+    assert work == sent
+    worker.speed = view_card.render_view_on_card(worker, work, lambda is_compiling: None)
+    return Answers.sent
+
+
+def test_view_is_declined_while_its_scene_is_loaded_and_then_rendered(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(view_card, "_ready", {})
+    assert view(worker, monkeypatch) == [("begun", {}), ("declined", {"is_loading": True}), ("over", {})]
+    assert worker.launched == [Tile(0, 0, 160, 130)]
+    begun, *parts, over = view(worker, monkeypatch)
+    assert (begun, over) == (("begun", {}), ("over", {}))
+    assert worker.launched == [Tile(0, 0, 160, 130)] * 2
+    assert worker.speed > 0
+    assert sorted(more["number"] for _, more in parts) == list(range(18))
+    for kind, more in parts:
+        tile, first = tiles_of(160, 130, 64)[more["number"] % 9], more["number"] // 9
+        assert kind == "part"
+        assert (unpack_sums(more["sums"], tile)[COLOR] == sums_of(tile, first, 1)[COLOR]).all()
+        assert more["seconds"] >= 0
+    assert len(view(worker, monkeypatch, wanted=1)) == 2 + 9, "an outdated view ends with the block"
+    kinds = [kind for kind, _ in view(worker, monkeypatch, settings=replace(SETTINGS, max_depth=3))]
+    assert kinds == ["begun", *["part"] * 18, "over"]
+    slot_card._cards.clear()
+    assert view(worker, monkeypatch)[1] == ("declined", {"is_loading": True}), "of a kernel that is not loaded"
+
+
+@pytest.mark.parametrize(
+    ("answer", "code"),
+    (
+        (CardMemoryError("too little memory"), "card-scene-too-large"),
+        (CardError("it failed"), "card-failed"),
+        (ValueError("a bug"), "worker-view-failed"),
+    ),
+)
+def test_view_that_a_card_cannot_render_is_declined(
+    worker: Any, monkeypatch: pytest.MonkeyPatch, answer: Exception, code: str
+) -> None:
+    monkeypatch.setattr(view_card, "_ready", {"0" * 64: None})
+    Renderer.answer = answer
+    kind, more = view(worker, monkeypatch)[-1]
+    assert (kind, more["error"].code) == ("declined", code)
+    assert worker.speed == 0.0
+
+
+def test_view_with_unsupported_settings_is_declined(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    kind, more = view(worker, monkeypatch, settings=replace(SETTINGS, integrator="ao"))[-1]
+    assert (kind, more["error"].code) == ("declined", "card-lacks-settings")
+
+
 def test_worker_with_cards_serves_only_its_own_batch_queue() -> None:
     def queues(**more: Any) -> list[str]:
         return WorkerContext("w", 2, "kind", "redis://", *[SimpleNamespace()] * 3, **more).queues  # type: ignore[arg-type]
@@ -206,10 +283,10 @@ def test_worker_with_cards_serves_only_its_own_batch_queue() -> None:
     assert "rayfarm.render.kind" in queues()
     assert "rayfarm.card.w" not in queues()
     alone = queues(cards=CARDS)
-    assert alone[0] == "rayfarm.card.w"
+    assert alone[:2] == ["rayfarm.card-view.w", "rayfarm.card.w"]
     assert "rayfarm.render.kind" not in alone
     assert "rayfarm.prepare.kind" in alone
-    assert queues(cards=CARDS, is_beside_cpu=True) == ["rayfarm.card.w", "rayfarm.prepare.kind.of.w"]
+    assert queues(cards=CARDS, is_beside_cpu=True) == ["rayfarm.card-view.w", "rayfarm.card.w", "rayfarm.prepare.kind.of.w"]
 
 
 def test_worker_with_cards_beside_the_cores_is_not_counted_for_views() -> None:

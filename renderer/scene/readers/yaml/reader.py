@@ -72,7 +72,7 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
     }
     for name, volume in data.get("volumes", {}).items():
         description.volumes[name] = read_scene_volume(volume, document, files, ("volumes", name))
-    description.displaced_triangles = data.get("displaced_triangles", description.displaced_triangles)
+    description.displaced_triangles = int(data.get("displaced_triangles", description.displaced_triangles))
     if "medium" in data:
         description.medium = read_medium(data["medium"])
     lights = Lights(document, files, shelf, description)

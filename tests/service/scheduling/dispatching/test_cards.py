@@ -240,6 +240,15 @@ def test_sums_arrive_during_message() -> None:
     assert max(spans) < 1.5 * CARD_MESSAGE_S
 
 
+def test_messages_are_short_while_a_view_is_open() -> None:
+    farm = Farm(2, 1, 8192, (640, 384))
+    farm.pace.is_pressed = lambda: True
+    farm.run(until=2.0)
+    spans = [end - begin for slot in farm.slots if slot.is_card for begin, end in slot.busy]
+    assert len(spans) > 2
+    assert max(spans) < 0.4 * CARD_MESSAGE_S
+
+
 def test_card_alone_renders_frame() -> None:
     farm = Farm(0, 1, 2048, (640, 384))
     end = farm.run()

@@ -1,0 +1,114 @@
+"""Rendering of parts of live views with a slot's graphics card (protocol/view_parts.py).
+
+Parts that the card cannot render, or cannot render soon, are declined at once, and the service sends them to CPU slots.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import numpy as np
+
+from protocol.contract import RenderBatch
+from protocol.sums import pack_sums
+from protocol.view_parts import ViewParts
+from renderer.film import BatchSums
+from renderer.sentences import Sentence
+from worker.process.context import WorkerContext
+from worker.work.slot_card import MAX_PACKED_BEHIND, Block, ReturnedError, UnusableError, render_blocks
+from worker.work.viewport import ViewAnswers, view_planes
+
+__all__ = ["render_view_on_card"]
+
+MAX_READY = 256  # scenes
+
+log = logging.getLogger(__name__)
+
+_ready: dict[str, None] = {}  # compiled scenes that this process's slot has rendered with its card, latest last
+
+
+def render_view_on_card(worker: WorkerContext, work: ViewParts, report_compiling: Callable[[bool], None]) -> float:
+    """Renders parts of a view with this slot's graphics card. Returns the samples per second; 0 if none was sent.
+
+    Adjacent parts are rendered by one launch. If the card has not rendered the scene before, or its kernel is not loaded, the
+    parts are declined; then the first of them are rendered nevertheless, which loads both, and their sums are discarded.
+
+    report_compiling: called with True before a kernel is loaded, and with False afterwards.
+    """
+    answering = ViewAnswers(worker, work)
+    if not answering.is_wanted():
+        return 0.0
+    answering.send("begun")
+    is_loading = work.compiled not in _ready
+    if is_loading:
+        answering.send("declined", is_loading=True)
+
+    def show(_: Block, is_compiling: bool) -> None:
+        nonlocal is_loading
+        if is_compiling and not is_loading:
+            is_loading = True
+            answering.send("declined", is_loading=True)
+        report_compiling(is_compiling)
+
+    batches = [
+        RenderBatch(str(part.number), work.watch, 0, work.compiled, part.tile, part.first, part.count, work.settings)
+        for part in work.parts
+    ]
+    samples, seconds = 0, 0.0
+    with ThreadPoolExecutor(1, thread_name_prefix="sums") as sender:
+        sending: list[Future[None]] = []
+        try:
+            for block, sums, took in render_blocks(worker, batches, show):
+                _set_ready(work.compiled)
+                if is_loading:
+                    break
+                samples, seconds = samples + block.samples, seconds + took
+                while len(sending) >= MAX_PACKED_BEHIND:
+                    sending.pop(0).result()
+                sending.append(sender.submit(_send_sums, answering, work, block, sums, took))
+                if not answering.is_wanted():
+                    break
+        except (UnusableError, ReturnedError) as error:
+            _wait_for(sending)
+            answering.send("declined", error=error.args[0])
+            return 0.0
+        except Exception as error:  # any error fails this message only, not the worker
+            log.exception("a view failed on a graphics card")
+            _wait_for(sending)
+            sentence = Sentence(
+                "worker-view-failed",
+                "{worker} could not render the view ({kind}: {error}).",
+                worker=worker.name,
+                kind=type(error).__name__,
+                error=error,
+            )
+            answering.send("declined", error=sentence)
+            return 0.0
+        _wait_for(sending)
+    answering.send("over")
+    return samples / seconds if seconds else 0.0
+
+
+def _wait_for(sending: list[Future[None]]) -> None:
+    for each in sending:
+        each.result()
+
+
+def _set_ready(compiled: str) -> None:
+    _ready.pop(compiled, None)
+    _ready[compiled] = None
+    if len(_ready) > MAX_READY:
+        del _ready[next(iter(_ready))]
+
+
+def _send_sums(answering: ViewAnswers, work: ViewParts, block: Block, sums: BatchSums, seconds: float) -> None:
+    """Sends the sums of each part of a block. seconds: rendering time of the block."""
+    area = block.tile.w * block.tile.h
+    for batch in block.batches:
+        x, y, w, h = batch.tile
+        left, top = x - block.tile.x, y - block.tile.y
+        part = np.ascontiguousarray(sums.sums[:, top : top + h, left : left + w])
+        packed = pack_sums(part if work.is_whole else view_planes(part, work.has_guides))
+        answering.send("part", packed, number=int(batch.batch), seconds=seconds * w * h / area)
