@@ -1,4 +1,4 @@
-"""Writes documentation generated from declarations: docs/scene-schema.json, and the settings table in docs/scene-format.md.
+"""Writes documentation from declarations: docs/scene-schema.json, and the table in docs/scene-format-settings.md.
 
     python docs/settings_table.py
 
@@ -22,7 +22,7 @@ from renderer.setting_docs import values
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = ROOT / "docs" / "scene-schema.json"
-GUIDE = ROOT / "docs" / "scene-format.md"
+GUIDE = ROOT / "docs" / "scene-format-settings.md"
 
 
 def schema_text(settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str:
@@ -58,7 +58,7 @@ def attribute_docs(path: Path, name: str) -> dict[str, str]:
 
 def guide_text(text: str, settings: Mapping[str, DeclaredSetting] = SCENE_SETTINGS) -> str:
     """Returns the guide's text with the settings table inserted between its marks."""
-    rows = ["| field | default | takes | |", "|---|---|---|---|", *(_row(each) for each in settings.values())]
+    rows = ["| field | default | |", "|---|---|---|", *(_row(each) for each in settings.values())]
     start, _, end = _split_at(text, "", "<!-- settings -->\n", "<!-- /settings -->\n")
     return start + "\n".join(rows) + "\n" + end
 
@@ -103,9 +103,11 @@ def _row(each: DeclaredSetting) -> str:
     said = [each.shown.help]
     if choices is not None:
         said += [f"`{name}`: {shown.help}" for name, shown in choices.shown.items() if name]
-    elif each.shown.integrators:
-        said.append(f"Of {', '.join(f'`{name}`' for name in each.shown.integrators)}.")
-    return f"| `{each.name}` | {default} | {values(each)} | {' '.join(said)} |"
+    else:
+        accepted = values(each)
+        said += [f"Takes {accepted}."] if accepted else []
+        said += [f"Of {', '.join(f'`{name}`' for name in each.shown.integrators)}."] if each.shown.integrators else []
+    return f"| `{each.name}` | {default} | {' '.join(said)} |"
 
 
 def _short(value: object) -> str:

@@ -1,4 +1,4 @@
-"""Renders the picture of shaped lights in docs/scene-format.md: python -m scenes.lamp_pictures
+"""Renders the picture of shaped lights in docs/scene-format-lights.md: python -m scenes.lamp_pictures
 
 A corner with three downlights with analytic IES profiles, a window image projected by a spot, and a projector.
 """

@@ -105,8 +105,8 @@ def test_scene_files_and_guide_have_a_new_setting() -> None:
     made = runpy.run_path(str(ROOT / "docs" / "settings_table.py"))
     text = made["schema_text"]({**SCENE_SETTINGS, **MORE})
     assert json.loads(text)["properties"]["settings"]["properties"] == settings
-    guide = made["guide_text"]((ROOT / "docs" / "scene-format.md").read_text(), {**SCENE_SETTINGS, **MORE})
-    assert "| `glitter` | `0` | 0.1 to 2; 0: dull | How much the snow sparkles. Of `path`. |" in guide
+    guide = made["guide_text"]((ROOT / "docs" / "scene-format-settings.md").read_text(), {**SCENE_SETTINGS, **MORE})
+    assert "| `glitter` | `0` | How much the snow sparkles. Takes 0.1 to 2; 0: dull. Of `path`. |" in guide
 
 
 def test_page_receives_a_new_setting() -> None:

@@ -104,9 +104,11 @@ async function findMovedSection() {
   const sections = await fetchSections().catch(() => []);
   const found = sections.filter((section) => section.anchor === anchor);
   const name = location.pathname.split("/").pop() ?? "";
-  const moved = found.find((section) => section.guide.startsWith(`${name}-`)) ?? found[0];
-  if (moved) location.replace(`${moved.guide}#${anchor}`);
-  else if (sections.some((section) => section.guide === anchor)) location.replace(anchor);
+  const own = found.find((section) => section.guide.startsWith(`${name}-`));
+  const pages = new Set(sections.map((section) => section.guide));
+  const targets = [own && `${own.guide}#${anchor}`, `${name}-${anchor}`, found[0] && `${found[0].guide}#${anchor}`, anchor];
+  const target = targets.find((each) => each && (each.includes("#") || pages.has(each)));
+  if (target) location.replace(target);
 }
 
 /** Fetches the text of all guides. @returns {Promise<Section[]>} */

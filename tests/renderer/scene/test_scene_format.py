@@ -1,4 +1,4 @@
-"""Tests that docs/scene-format.md, docs/scene-schema.json and scenes/ agree with the reader and the renderer."""
+"""Tests that the pages docs/scene-format*.md, docs/scene-schema.json and scenes/ agree with the reader and the renderer."""
 
 import io
 import json
@@ -80,9 +80,13 @@ def test_schema_choices_match_the_renderer():
     assert material["kind"]["enum"] == list(EVERY_KIND)
 
 
+def guides():
+    """Returns the text of all pages about scene files."""
+    return "".join(path.read_text() for path in sorted((Path(__file__).parents[3] / "docs").glob("scene-format*.md")))
+
+
 def examples():
-    text = (Path(__file__).parents[3] / "docs" / "scene-format.md").read_text()
-    return [part.split("```")[0] for part in text.split("```yaml\n")[1:]]
+    return [part.split("```")[0] for part in guides().split("```yaml\n")[1:]]
 
 
 @pytest.mark.parametrize("number", range(len(examples())))
@@ -111,8 +115,7 @@ def test_documented_examples_are_valid_scenes(scene, png, number):
 
 
 def test_the_documentation_names_every_field_of_the_schema():
-    root = Path(__file__).parents[3]
-    text = (root / "docs" / "scene-format.md").read_text()
+    text = guides()
 
     def fields(part):
         if isinstance(part, dict):
