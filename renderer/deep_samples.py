@@ -23,7 +23,10 @@ CHANNELS = ("A", "B", "G", "R", "Z", "ZBack")  # of a deep picture, in the order
 
 
 class Sight(NamedTuple):
-    """What the depth of a point is measured along: from `eye` in direction `forward`, a unit vector; None: radially."""
+    """The axis along which the depth of points is measured.
+
+    eye: its origin. forward: its unit direction; None if depth is the distance from the eye.
+    """
 
     eye: tuple[float, float, float]
     forward: tuple[float, float, float] | None

@@ -62,7 +62,13 @@ class Viewer:
                 continue
             said = json.loads(message)
             lists = {"state": self.states, "error": self.errors, "picked": self.picked, "people": self.people}
-            (lists | {"takes": self.take_changes})[said.pop("type")].append(said)
+            lists["takes"] = self.take_changes
+            lists[said.pop("type")].append(said)
+
+    def read_take_changes(self) -> list[dict[str, Any]]:
+        """Reads what has arrived; returns all messages about takes."""
+        self.read()
+        return self.take_changes
 
     def _take(self, message: bytes) -> None:
         version, kind, count, id, seq, width, height, _, _ = HEADER.unpack_from(message)

@@ -7,7 +7,7 @@ from typing import Any
 __all__ = ["MOST_POINTS", "mesh_of_points"]
 
 MOST_POINTS = 200_000
-# Up to so many points become icospheres of so many subdivisions.
+# (greatest number of points, subdivisions of the icosphere of each point)
 SUBDIVISIONS = ((2_500, 3), (25_000, 2), (MOST_POINTS, 1))
 
 

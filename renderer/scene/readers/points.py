@@ -17,7 +17,7 @@ from renderer.sentences import Sentence
 __all__ = ["MOST_POINTS", "add_points", "spacing", "sphere_mesh"]
 
 MOST_POINTS = 1_000_000
-# Up to so many points become spheres of icosahedra that are refined so often; more become octahedra.
+# (greatest number of points, refinements of the icosahedron of each point); larger clouds have octahedra
 _REFINEMENTS = ((2_500, 2), (25_000, 1), (200_000, 0))
 _SAMPLES = 48
 _GOLDEN = (1 + 5**0.5) / 2
@@ -53,7 +53,7 @@ def _refined(
 
 
 def _ball(count: int) -> tuple[npt.NDArray[np.float64], npt.NDArray[np.int64]]:
-    """Returns the corners and faces of the unit sphere that is drawn for each of so many points."""
+    """Returns the corners and faces of the unit sphere for each point of a cloud of `count` points."""
     levels = next((levels for most, levels in _REFINEMENTS if count <= most), None)
     if levels is None:
         return _octahedron()

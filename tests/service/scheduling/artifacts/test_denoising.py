@@ -198,7 +198,7 @@ def test_film_means_are_for_workers_only(service: Service, worker: PeerWorker) -
 
 @pytest.mark.long
 def test_frame_of_a_shot_is_denoised_with_its_neighbours(service: Service, worker: PeerWorker) -> None:
-    """Of its finished neighbours up to two on each side, without a gap, each with its motion vectors."""
+    """A frame is averaged with up to two finished neighbours on each side, and with none beyond a missing frame."""
     job = service.submit(service.ready_scene(), frames="3-6,8", turntable=2.0, camera=0)
     service.wait_for(job, "finished")
 
