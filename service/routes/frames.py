@@ -157,6 +157,8 @@ async def image(
     curve = await run_in_threadpool(farm.curves.find, tonemap_curve)
     job = await run_in_threadpool(find_job, id, farm)
     planes, in_layers = _requested_planes(aov, job)
+    if in_shot and not denoise:
+        raise Invalid(Sentence("in-shot-needs-denoise", "in_shot: only a denoised picture is averaged; add denoise=true."))
     if denoise and planes:
         raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
     gains = gains_of_mix(mix, group_names((job.settings or {}).get("light_groups", "")))

@@ -178,6 +178,7 @@ def test_denoising_job_without_samples_or_deleted(service: Service, worker: Peer
     worker.on_batch = lambda batch: None
     job = finished(service)
     assert "leave aov out" in problem(raw(service, job, "?denoise=true&aov=normal"), 422)
+    assert "add denoise=true" in problem(raw(service, job, "?in_shot=true"), 422)
     worker.on_denoise = lambda job: time.sleep(1)
     with ThreadPoolExecutor(1) as pool:
         reader = pool.submit(raw, service, job, "?denoise=true")
