@@ -31,6 +31,8 @@
  * @property {number | null} progress of preparing, 0..1
  * @property {number} created unix seconds
  * @property {number} bytes
+ * @property {string} [main] path of the file that is read first
+ * @property {{path: string, size: number}[]} [files] what was uploaded
  * @property {string | null} thumbnail URL
  * @property {string | null} [preview] URL of a mesh; while the scene is prepared it comes with cameras, bounds and defaults
  * @property {Camera[]} cameras the last one frames the whole scene

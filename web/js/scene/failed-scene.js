@@ -15,9 +15,8 @@ const FILES_SHOWN = 12;
 /** @param {Scene} scene @param {() => void} remove deletes it @returns {HTMLElement} */
 export function failedScene(scene, remove) {
   const place = placeOf(scene);
-  const others = scene.files.filter(({ path }) => path !== scene.main).sort((a, b) => a.path.localeCompare(b.path));
-  const main = scene.files.filter(({ path }) => path === scene.main);
-  const files = [...main, ...others];
+  const isMain = (/** @type {{path: string}} */ { path }) => path === scene.main;
+  const files = (scene.files ?? []).toSorted((a, b) => Number(isMain(b)) - Number(isMain(a)) || a.path.localeCompare(b.path));
   const rest = files.slice(FILES_SHOWN);
   return h(
     "div",
@@ -30,7 +29,7 @@ export function failedScene(scene, remove) {
         "section",
         { class: "panel stack", "aria-label": t("Uploaded") },
         h("h2", null, t("Uploaded")),
-        h("ul", { class: "uploaded-files" }, files.slice(0, FILES_SHOWN).map((file) => fileRow(file, file.path === scene.main))),
+        h("ul", { class: "uploaded-files" }, files.slice(0, FILES_SHOWN).map((file) => fileRow(file, isMain(file)))),
         rest.length > 0 && h("p", { class: "quiet small number" }, tn(rest.length, "{n} more file, {bytes}", "{n} more files, {bytes}", { bytes: bytes(rest.reduce((sum, { size }) => sum + size, 0)) })),
         h("h2", null, t("Help")),
         h("a", { href: "docs/guides/formats" }, t("What is read of each format")),
@@ -71,5 +70,5 @@ export function placeOf({ error, codes, main }) {
   const line = Number(found["line"] ?? lineInText);
   const column = Number(found["column"] ?? columnInText);
   const named = [found["file"], found["name"], fileInText].find((name) => typeof name === "string" && name.includes("."));
-  return line >= 1 && !error?.includes(`line ${line}`) ? { file: named ?? main, line, column: column >= 1 ? column : null } : null;
+  return line >= 1 && !error?.includes(`line ${line}`) ? { file: named ?? main ?? "", line, column: column >= 1 ? column : null } : null;
 }
