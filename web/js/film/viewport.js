@@ -50,12 +50,12 @@ export class Viewport {
     this.picture = { width: 1, height: 1 };
   }
 
-  /** Sets the largest scale that shows the whole picture; integers above 2, where uneven pixels would show. */
+  /** Sets the largest scale that shows the whole picture; integers above 4, where uneven pixels would show. */
   fit() {
     const { picture } = this;
     const canvas = { width: this.canvas.width / this.across, height: this.canvas.height };
     const scale = Math.min(canvas.width / picture.width, canvas.height / picture.height);
-    this.scale = clamp(scale > 2 && !this.isSnug ? Math.floor(scale) : scale);
+    this.scale = clamp(scale > 4 && !this.isSnug ? Math.floor(scale) : scale);
     this.centre();
     this.fitted = true;
   }
