@@ -145,10 +145,10 @@ def test_preview_is_renewed_when_samples_have_doubled(service: Service, worker: 
             made.append(int(answer.headers["x-samples"]))
     assert all(after >= 2 * before for before, after in pairwise(made[1:-1])), made
     assert len(worker.denoised) <= 8
-    before = len(worker.denoised)
     assert raw(service, job, "?denoise=true&preview=true").headers["x-samples"] == str(60 * pixels)
-    assert len(worker.denoised) == before + 1, "a finished picture is no preview"
-    assert not service.farm.engine._artifact_tasks.previews._made
+    tasks = service.farm.engine._artifact_tasks
+    assert [each.samples for each in tasks.denoising._made.values()] == [60 * pixels], "a finished picture is no preview"
+    assert not tasks.previews._made
 
 
 def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyPatch) -> None:
