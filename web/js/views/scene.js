@@ -218,7 +218,7 @@ function ready(page, scene, life) {
       h(
         "div",
         { class: "workspace-view" },
-        h("div", { class: "workspace-top" }, warnings(scene), view.element),
+        h("div", { class: "workspace-top" }, view.element),
         view.takes,
         renderStrip(scene.id, sides, life),
         facts(scene),
@@ -226,6 +226,7 @@ function ready(page, scene, life) {
       h(
         "div",
         { class: "workspace-side" },
+        warnings(scene), // above the view, they would move it
         h("section", { class: "panel", "aria-label": t("Render") }, form.element),
       ),
     ),
