@@ -47,10 +47,10 @@ const LEAST_SIDE = 16;
 const TAKE_SIDE = 320;
 /** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
-/** Samples per pixel after which a view that is not denoised yet replaces what was shown before; and one that is never denoised the preview mesh. */
+/** Samples per pixel after which a view that is never denoised replaces a finished picture; and the preview mesh. */
 const [CLEAN_SPP, MESH_SPP] = [8, 1];
-/** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised; busy workers take longer. */
-const DENOISED_MS = 3000;
+/** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised, and samples per pixel that end the wait: noise must not follow a clean picture. */
+const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
 /** Request fields that do not apply to a view. */
@@ -210,10 +210,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     state(told) {
       const { samples, bound, mean, noise, done, slots, denoised, message } = told;
       surface.dataset.samples = String(samples);
-      if (mean >= MESH_SPP) sampledAt ||= performance.now();
+      sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
-      if (denoised || done || mean >= (isCleanBelow || isDenoisedSoon ? CLEAN_SPP : MESH_SPP)) release();
+      if (denoised || done || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP)) release();
       surface.dataset.denoised = String(denoised);
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
