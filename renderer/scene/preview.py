@@ -51,13 +51,18 @@ class _Shape(NamedTuple):
     vertices: npt.NDArray[np.int64]  # of the mesh, for its colours and UVs
 
 
-def preview(description: SceneDescription, max_triangles: int = MOST_TRIANGLES) -> Preview | None:
-    """Returns the scene's triangles, decimated to about `max_triangles`; None if it has no surface."""
+def preview(
+    description: SceneDescription, max_triangles: int = MOST_TRIANGLES, textured_vertices: int = TEXTURED_VERTICES
+) -> Preview | None:
+    """Returns the scene's triangles, decimated to about `max_triangles`; None if it has no surface.
+
+    textured_vertices: textured meshes are subdivided as long as they have at most so many.
+    """
     shown = description.instances if description.subject is None else description.instances[:-1]  # without the studio's floor
     used = [each for each in shown if len(description.meshes[each.mesh].triangles)]
     used = used[:: -(-len(used) // MOST_INSTANCES) or 1]
     share = max_triangles / max(sum(len(description.meshes[each.mesh].triangles) for each in used), 1)
-    meshes = _subdivided(description, used)
+    meshes = _subdivided(description, used, textured_vertices)
     shapes: dict[int, _Shape] = {}
     colors: dict[tuple[int, int], U8] = {}
     parts: list[Preview] = []
@@ -86,15 +91,15 @@ def _material(description: SceneDescription, instance: Instance) -> tuple[int, M
     return number, description.materials[number] if number < len(description.materials) else Material()
 
 
-def _subdivided(description: SceneDescription, used: list[Instance]) -> list[Mesh]:
-    """Returns the scene's meshes, the textured ones of `used` with more vertices as long as TEXTURED_VERTICES allows it."""
+def _subdivided(description: SceneDescription, used: list[Instance], most: int) -> list[Mesh]:
+    """Returns the scene's meshes, the textured ones of `used` with more vertices, at most `most` of them."""
     textured = [each.mesh for each in used if _is_textured(description, each)]
     meshes = list(description.meshes)
     for _ in range(MOST_ROUNDS):
-        if 2 * sum(len(meshes[number].triangles) for number in textured) > TEXTURED_VERTICES:  # a quick check
+        if 2 * sum(len(meshes[number].triangles) for number in textured) > most:  # a quick check
             break
         halved = {number: _halved(meshes[number]) for number in set(textured)}
-        if sum(len(halved[number].positions) for number in textured) > TEXTURED_VERTICES:
+        if sum(len(halved[number].positions) for number in textured) > most:
             break
         meshes = [halved.get(number, mesh) for number, mesh in enumerate(meshes)]
     return meshes
