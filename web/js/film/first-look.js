@@ -2,17 +2,19 @@
 
 /** @typedef {import("./film.js").Film} Film */
 
-/** @type {{job: string, film: Film} | null} */
+/** @typedef {{film: Film, isSame: boolean}} FirstLook isSame: whether it is of the job's view; else the camera has turned since */
+
+/** @type {(FirstLook & {job: string}) | null} */
 let kept = null;
 
-/** @param {string} job @param {Film} film */
-export function keepFirstLook(job, film) {
-  kept = film.isBlank ? null : { job, film };
+/** @param {string} job @param {Film} film @param {boolean} isSame as FirstLook has it */
+export function keepFirstLook(job, film, isSame) {
+  kept = film.isBlank ? null : { job, film, isSame };
 }
 
-/** Returns and removes the picture that was kept for a job. @param {string} job @returns {Film | null} */
+/** Returns and removes the picture that was kept for a job. @param {string} job @returns {FirstLook | null} */
 export function takeFirstLook(job) {
-  const film = kept?.job === job ? kept.film : null;
-  if (film) kept = null;
-  return film;
+  const found = kept?.job === job ? kept : null;
+  if (found) kept = null;
+  return found;
 }

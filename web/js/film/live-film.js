@@ -74,11 +74,12 @@ export class LiveFilm {
         }),
     });
     const hasSamples = job.samples > 0 || job.state === "finished";
+    const first = takeFirstLook(job.id);
     /** The live view's last picture, of the same view: null if the job was not started from it. @type {Film | null} */
-    this.look = takeFirstLook(job.id);
+    this.look = first?.isSame ? first.film : null;
     /** Whether a poster is shown until the film is here. */
     this.hasPoster = hasSamples;
-    if (this.look) this.film.restart(this.look);
+    if (first) this.film.restart(first.film); // tiles of another view replace it one by one
     else this.film.isPartial = hasSamples;
     void this.fetch(hasSamples);
   }

@@ -72,8 +72,8 @@ const HAND_KEYS = [
  * @param {(view: View) => void} turned called when the user moves the camera
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides the pictures shown in place of the live view
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, made of their differences
- * @returns {{element: HTMLElement, takes: HTMLElement | null, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, film: () => import("../film/film.js").Film}}
- *   takes: the strip of the scene's takes. refresh: requests a new view after a change of the form
+ * @returns {{element: HTMLElement, takes: HTMLElement | null, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, film: () => import("../film/film.js").Film, isShown: () => boolean}}
+ *   isShown: whether the film is of the view that the form has now. takes: the strip of the scene's takes. refresh: requests a new view after a change of the form
  */
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
@@ -111,7 +111,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
-    return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), film: () => new Film(1, 1) };
+    return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), film: () => new Film(1, 1), isShown: () => false };
   }
   // A previous picture of the scene, or its preview mesh, until the first samples arrive.
   const mesh = new MeshCanvas(meshed);
@@ -215,6 +215,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
       if (denoised || done || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP)) release();
       surface.dataset.denoised = String(denoised);
+      film.film.isDenoised = denoised;
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
     },
@@ -455,6 +456,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     refresh,
     look: () => look.value,
     film: () => film.film,
+    isShown: () => !link.pending && Number(surface.dataset.view) === link.id,
     dispose() {
       clearTimeout(uncovering);
       resizing.disconnect();
