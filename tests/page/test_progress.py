@@ -71,7 +71,7 @@ def test_new_job_shows_live_view_picture(node: Node) -> None:
         const { Film } = await read("/js/film/film.js");
         const view = new Film(2, 1, new Uint32Array([7, 9]));
         view.isBlank = a.isBlank;
-        m.keepFirstLook("new", view, false);
+        m.keepFirstLook("new", { film: view, isSame: false, clean: "" });
         const film = new Film(4, 2);
         const [other, own, again] = ["old", "new", "new"].map((job) => m.takeFirstLook(job));
         if (own) film.restart(own.film);

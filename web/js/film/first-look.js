@@ -2,14 +2,19 @@
 
 /** @typedef {import("./film.js").Film} Film */
 
-/** @typedef {{film: Film, isSame: boolean}} FirstLook isSame: whether it is of the job's view; else the camera has turned since */
+/**
+ * isSame: whether it is of the job's view; else the camera has turned since. clean: URL of what was shown in place of the film until
+ * it is denoised; "": the film was shown.
+ *
+ * @typedef {{film: Film, isSame: boolean, clean: string}} FirstLook
+ */
 
 /** @type {(FirstLook & {job: string}) | null} */
 let kept = null;
 
-/** @param {string} job @param {Film} film @param {boolean} isSame as FirstLook has it */
-export function keepFirstLook(job, film, isSame) {
-  kept = film.isBlank ? null : { job, film, isSame };
+/** @param {string} job @param {FirstLook} look */
+export function keepFirstLook(job, look) {
+  kept = look.film.isBlank && !look.clean ? null : { job, ...look };
 }
 
 /** Returns and removes the picture that was kept for a job. @param {string} job @returns {FirstLook | null} */

@@ -72,8 +72,8 @@ const HAND_KEYS = [
  * @param {(view: View) => void} turned called when the user moves the camera
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides the pictures shown in place of the live view
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, made of their differences
- * @returns {{element: HTMLElement, takes: HTMLElement | null, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, film: () => import("../film/film.js").Film, isShown: () => boolean}}
- *   isShown: whether the film is of the view that the form has now. takes: the strip of the scene's takes. refresh: requests a new view after a change of the form
+ * @returns {{element: HTMLElement, takes: HTMLElement | null, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, firstLook: () => import("../film/first-look.js").FirstLook}}
+ *   firstLook: what a job that is started now shows first. takes: the strip of the scene's takes. refresh: requests a new view after a change of the form
  */
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
@@ -111,7 +111,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
-    return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), film: () => new Film(1, 1), isShown: () => false };
+    return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) };
   }
   // A previous picture of the scene, or its preview mesh, until the first samples arrive.
   const mesh = new MeshCanvas(meshed);
@@ -455,8 +455,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     takes: saved.element,
     refresh,
     look: () => look.value,
-    film: () => film.film,
-    isShown: () => !link.pending && Number(surface.dataset.view) === link.id,
+    firstLook() {
+      const isSame = !link.pending && Number(surface.dataset.view) === link.id;
+      const isHeld = isCovered && canvas.classList.contains("held-back");
+      return { film: film.film, isSame, clean: !isHeld ? "" : meshed.hidden ? meanwhile.url : meshPicture(mesh, meshed) };
+    },
     dispose() {
       clearTimeout(uncovering);
       resizing.disconnect();
@@ -490,6 +493,27 @@ function smallPicture(picture, canvas) {
   const url = small.toDataURL("image/webp", 0.85);
   const encoded = url.startsWith("data:image/webp") ? url : small.toDataURL("image/jpeg", 0.85); // Safari writes no WebP
   return encoded.slice(encoded.indexOf(",") + 1);
+}
+
+/**
+ * Returns a preview mesh before its background as the URL of a JPEG.
+ *
+ * @param {MeshCanvas} mesh
+ * @param {HTMLCanvasElement} canvas of the mesh
+ */
+function meshPicture(mesh, canvas) {
+  const { width, height } = canvas;
+  const whole = h("canvas", { width, height });
+  const brush = whole.getContext("2d");
+  if (!brush) return "";
+  const studio = brush.createLinearGradient(0, 0, 0, height); // as css/workspace.css has it
+  studio.addColorStop(0, "#b2b2b2");
+  studio.addColorStop(1, "#acacac");
+  brush.fillStyle = mesh.mesh?.background ? `rgb(${mesh.mesh.background.join(" ")})` : studio;
+  brush.fillRect(0, 0, width, height);
+  mesh.draw(); // WebGL keeps its picture only until the next frame
+  brush.drawImage(canvas, 0, 0);
+  return whole.toDataURL("image/jpeg", 0.92);
 }
 
 /**
