@@ -14,7 +14,7 @@ import numpy.typing as npt
 from renderer import cryptomatte, deep, jit
 from renderer.arrays.guide import empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
-from renderer.arrays.rows import CATCHER
+from renderer.arrays.rows import CATCHES
 from renderer.arrays.scene import example
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.arrays.spectrum import empty_spectrum_tables
@@ -108,7 +108,7 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     scene = with_light_choice(scene, settings.light_choice)
     if samples_caustics(settings):
         scene = with_caustics(scene)
-    catches = settings.is_transparent and bool((scene.material_flags & CATCHER).any())  # whose light only samples of it find
+    catches = settings.is_transparent and bool((scene.material_flags & CATCHES).any())  # whose light only samples of it find
     if settings.sampling == "light" or settings.integrator == "whitted" or catches:
         scene = environment_sampled_fully(scene)
     else:

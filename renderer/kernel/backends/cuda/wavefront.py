@@ -63,7 +63,7 @@ from renderer.kernel.backends.cuda.local_zeros import local_zeros
 from renderer.kernel.backends.scalar.first_hit import (
     FIRST_HIT_SLOTS,
     add_alpha,
-    is_caught,
+    catches_light_alone,
     is_finite_first_hit,
     store_first_hit,
     store_shadow,
@@ -390,7 +390,7 @@ def _add_to_film(job, pool, batch, path):
     radiance = vec.add(gather(pool, path, PathState).radiance, second.radiance)
     if vec.is_finite(radiance) and is_finite_first_hit(hit):
         sample = gather(pool, path, Sample)
-        if job.options.has_mattes and is_caught(hit):  # a shadow is black
+        if job.options.has_mattes and catches_light_alone(hit):  # a shadow is black
             store_shadow(hit, radiance)
             radiance = vec.sub(radiance, radiance)
         add_sample(sums, 0, 0, np.int64(sample.number), radiance, hit, job.options.scale, batch.origin)
