@@ -220,7 +220,9 @@ def test_both_backends_have_the_same_bits_of_reflections(kind: str, monkeypatch:
 
 
 @pytest.mark.long  # likewise
-@pytest.mark.parametrize(("kind", "roughness"), [("diffuse", None), ("metallic_roughness", 0.2), ("mirror", None), ("glass", None)])
+@pytest.mark.parametrize(
+    ("kind", "roughness"), [("diffuse", None), ("metallic_roughness", 0.2), ("mirror", None), ("glass", None)]
+)
 def test_a_catcher_over_the_floor_is_the_whole_picture(kind: str, roughness: float | None) -> None:
     """A floor that catches shadows and reflections, over the picture of the floor alone, is the picture of both.
 

@@ -30,18 +30,20 @@ __all__ = [
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _CATCHER, _REFLECTIONS = np.uint32(CATCHER), np.uint32(REFLECTIONS)
+_FIRST = np.uint32(0)  # in place of the material of vertices in media
 
 
 @device
-def catches_reflections(scene, material):
-    """Returns True if the material catches reflections."""
-    return has_flag(scene, material, _REFLECTIONS)
+def catches_reflections(scene, caught, material):
+    """Returns True if the vertex is on a catcher, `caught`, whose material catches reflections."""
+    return caught & has_flag(scene, where(caught, material, _FIRST), _REFLECTIONS)
 
 
 @device
-def ignores_shadows(scene, material):
-    """Returns True if the material catches reflections and no shadows."""
-    return has_flag(scene, material, _REFLECTIONS) & not_(has_flag(scene, material, _CATCHER))
+def ignores_shadows(scene, caught, material):
+    """Returns True if the vertex is on a catcher, `caught`, whose material catches reflections and no shadows."""
+    catches_shadows = has_flag(scene, where(caught, material, _FIRST), _CATCHER)
+    return catches_reflections(scene, caught, material) & not_(catches_shadows)
 
 
 @device

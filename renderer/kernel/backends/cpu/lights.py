@@ -123,8 +123,8 @@ def choose_light(scene, pool, rows, by_tree, options):
     number = gather(pool, rows, PathState).number
     branches = branches_to_light(light.alone, number, options)
     if scene.has.reflections is not None and options.has_mattes:
-        reflects = (number == _ZERO) & (gather(pool, rows, FirstHit).caught > _ZERO)
-        reflects = reflects & catches_reflections(scene, gather(pool, rows, Shading).material)
+        caught = (number == _ZERO) & (gather(pool, rows, FirstHit).caught > _ZERO)
+        reflects = catches_reflections(scene, caught, gather(pool, rows, Shading).material)
         branches = where(reflects, branches_at_catcher(scene, which, light.alone), branches)
     scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))
     scatter(pool, rows, Outcome((none, none, none), light.end, seen_by, none))

@@ -29,9 +29,8 @@ def _weigh_hit(options, ray, path, last, point, light_pdf):
 def is_from_catcher(scene, pool, rows, path, options):
     """Returns a mask of the paths whose ray is the first one from a catcher of reflections."""
     found = path.number != path.number
-    if scene.has.reflections is not None:
-        if options.has_mattes:
-            found = catch_reflections.is_from_catcher(path, gather(pool, first_rows(pool, rows), FirstHit).caught)
+    if scene.has.reflections is not None and options.has_mattes:
+        found = catch_reflections.is_from_catcher(path, gather(pool, first_rows(pool, rows), FirstHit).caught)
     return found
 
 

@@ -231,7 +231,7 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
     if is_lit is not None:
         branches = where(splits(path.number, shading.list == _RARE_SPECULAR), none + np.float32(options.splitting), branches)
     if scene.has.reflections is not None and options.has_mattes:
-        reflects = caught & catches_reflections(scene, m.material)
+        reflects = catches_reflections(scene, caught, m.material)
         branches = where(caught, none + _ONE, branches)
     start, end, is_cast = (none, none, none), (none, none, none), none
     if is_lit is not None and lit and not second:
@@ -249,7 +249,7 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
             bright = where(shadow.is_cast, on_film, none)
             scatter(pool, spare_where_not(pool, caught, rows), record_direct_light(hit, bright))
             if scene.has.reflections is not None:
-                unshaded = caught & ignores_shadows(scene, m.material)
+                unshaded = ignores_shadows(scene, caught, m.material)
                 white = none + _ONE, none + _ONE, none + _ONE
                 arrives = add_direct_light(path.radiance, shadow.brought, white, shadow.segments, options)
                 path = with_radiance(path, where3(unshaded & shadow.is_cast, arrives, path.radiance))

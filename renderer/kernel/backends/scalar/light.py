@@ -146,8 +146,9 @@ def add_direct(
     s, t, n = vertex.frame
     rays = 0
     reflects, unshaded = _NO, _NO
-    if scene.has.reflections is not None and caught:
-        reflects, unshaded = catches_reflections(scene, surface.material), ignores_shadows(scene, surface.material)
+    if scene.has.reflections is not None:
+        reflects = catches_reflections(scene, caught, surface.material)
+        unshaded = ignores_shadows(scene, caught, surface.material)
     count = options.light_samples if path.number == _ZERO else 1
     for k in range(count):
         own = substream(stream, k, count) if count > 1 else stream

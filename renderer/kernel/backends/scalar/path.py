@@ -247,9 +247,8 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
                 path, shadow_rays = add_caustic(scene, stack, vertex, ray, path, crossings, options, stream)
                 rays += shadow_rays
             record_light(log, row, DIRECT, path.radiance)
-        if caught:
-            if scene.has.reflections is None or not catches_reflections(scene, vertex.surface.material):
-                break
+        if caught and (scene.has.reflections is None or not catches_reflections(scene, caught, vertex.surface.material)):
+            break
 
         u = draw_scattering(stream, path.number)
         branches = np.float32(options.splitting) if splits(path.number, specular) and not caught else _ONE

@@ -321,8 +321,8 @@ class Nodes:
     def _material_of(self, node: Json, mesh: int) -> int | None:
         """Returns the index of a material to use in place of a mesh's own; None if the mesh keeps its own.
 
-        A replacement is needed if some kinds of rays ignore the node, if it is a holdout or a catcher, or if it has a light group or a
-        link set.
+        A replacement is needed if some kinds of rays ignore the node, if it is a holdout or a catcher, or if it has a
+        light group or a link set.
         """
         rays = node.extension(RAYS)
         seen_by = node.names_in_extras("visible_to", RAY_KINDS)
