@@ -114,6 +114,7 @@ def render_to(
     instead of writing the denoised frame. writes: whether to write the raw picture. on_picture: called with the raw picture,
     (h, w, 3).
     """
+    from renderer.denoise_guides import denoise_still
     from renderer.film import SAMPLES, mean
     from renderer.image import encode
     from renderer.render import RenderStats
@@ -150,10 +151,11 @@ def render_to(
     if writes and done.deep is not None:
         _write_deep(options.deep_name(output), done.deep, sums, settings)
     if order.denoise:
-        clean = _denoise_frame(sums, settings.film_exponent, order.threads)
         if hold is None or motion is None:
-            encode.write(options.denoised_name(output), clean.color, **looks)
+            still = denoise_still(sums, compiled, settings, order.threads)
+            encode.write(options.denoised_name(output), still, **looks)
         else:
+            clean = _denoise_frame(sums, settings.film_exponent, order.threads)
             number, material = (aovs.values(sums, settings.film_exponent, name) for name in ("object", "material"))
             hold(
                 DenoisedFrame(clean, number, material, motion),
