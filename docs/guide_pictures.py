@@ -90,7 +90,7 @@ def reflection_catcher() -> list[Panel]:
     catcher = floor | {"shadow_catcher": True, "reflection_catcher": True}
     whole, caught = (BALLS | {"materials": BALLS["materials"] | {"floor": each}} for each in (floor, catcher))
     bare = whole | {"shapes": BALLS["shapes"][:1]}
-    settings = SMALL | {"environment": "studio", "spp": 512}
+    settings = SMALL | {"environment": "studio", "spp": 128}
     picture = rayfarm.render(caught, background="transparent", **settings)
     plate = rayfarm.render(bare, **settings)["denoised"]
     composite = picture["denoised"] + (1 - picture["alpha"][..., None]) * plate
