@@ -13,7 +13,7 @@ import pytest
 import rayfarm
 from protocol.card import CardBatches
 from protocol.contract import RenderBatch, Result
-from protocol.sums import unpack_hits, unpack_sums
+from protocol.sums import PACKED, unpack_hits, unpack_sums
 from rayfarm import graphics_card
 from renderer.cuda import render as card_rendering
 from renderer.cuda.cards import (
@@ -275,7 +275,7 @@ def test_card_results_of_a_worker_message_equal_the_cpu(card: CardRenderer, monk
         tile = tiles[int(result.event["batch"])]
         assert (unpack_sums(result.sums, tile) == render_batch(scene, settings, tile, 1, 3).sums).all()
     with_mattes = replace(settings, cryptomatte=4)
-    parts = [replace(part, settings=with_mattes) for part in parts[:2]]
+    parts = [replace(part, settings=with_mattes, packing=PACKED) for part in parts[:2]]
     slot_card.render_on_card(worker, CardBatches(tuple(parts)), lambda block, is_compiling: None)
     for result, tile in zip(sent[-2:], tiles, strict=False):
         found, wanted = unpack_hits(result.sums, tile), render_batch(scene, with_mattes, tile, 1, 3).hits

@@ -331,11 +331,9 @@ class Nodes:
             for kind in RAY_KINDS
             if (rays is not None and rays.value.get(kind) is False) or (seen_by is not None and kind not in seen_by)
         ]
-        look = NodeLook(
-            tuple(hidden),
-            *(node.flag_in_extras(key) for key in MATTES),
-            *(node.name_in_extras(key) for key in ("light_group", "light_link", "shadow_link")),
-        )
+        held, shadows, reflections = (node.flag_in_extras(key) for key in MATTES)
+        named = (node.name_in_extras(key) for key in ("light_group", "light_link", "shadow_link"))
+        look = NodeLook(tuple(hidden), held, shadows, reflections, *named)
         return self._meshes.material_of_node(mesh, look) if any(look) else None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:
