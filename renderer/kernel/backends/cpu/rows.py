@@ -272,7 +272,7 @@ def first_rows(pool, rows):
     second = SECOND
     if pool.ndim == 2:  # a graphics card's
         second = np.uint32(pool.shape[1] // 2)
-    return u32(where(rows < second, rows, rows - second))
+    return where(rows < second, rows, u32(rows - second))
 
 
 @device
