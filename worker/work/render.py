@@ -28,6 +28,7 @@ __all__ = [
     "BatchOutcome",
     "batch_event",
     "failure_event",
+    "recalled_event",
     "render",
     "rendered_outcome",
     "returned_event",
@@ -51,7 +52,7 @@ class BatchOutcome:
         """Returns the result to send, with its sums packed."""
         if self.sums is None:
             return Result(self.event)
-        with step("pack sums"):
+        with step("pack sums", slot=slot()):
             return Result(self.event, pack_sums(self.sums.sums, self.packing, self.sums.hits, self.sums.deep))
 
 
@@ -65,7 +66,7 @@ def render(
     be compiled, since what waits for it would wait for minutes.
     """
     try:
-        with step("open scene"):
+        with step("open scene", slot=slot()):
             scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         variant = variant_for(batch.settings, scene)
         if not is_warm(batch.settings, variant):
@@ -135,6 +136,12 @@ def failure_event(worker: WorkerContext, batch: RenderBatch, error: str, trace: 
 def returned_event(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
     """Returns the result of a batch that this worker gives back because of a fault of its own, such as a full disk."""
     return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
+
+
+def recalled_event(worker: WorkerContext, batch: RenderBatch) -> Result:
+    """Returns the result of a batch that was not begun when the service recalled its message."""
+    sentence = Sentence("worker-message-recalled", "{worker} returned a batch that the service recalled", worker=worker.name)
+    return Result({**returned_event(worker, batch, sentence).event, "recalled": True})
 
 
 def unreadable_batch_event(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:
