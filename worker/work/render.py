@@ -61,9 +61,9 @@ def render(
 ) -> BatchOutcome:
     """Renders a batch. Returns its exact sums, or the event of a failed or returned batch with the reason.
 
-    compiling: called with True before the scene's kernel is made ready, and with False afterwards. begins: called before the
-    kernel runs, which needs no interpreter: the time for threads to do other work. Also called before that if the kernel has to
-    be compiled, since what waits for it would wait for minutes.
+    compiling: called with True before the scene's kernel is made ready, and with False afterwards. begins: called right before
+    the kernel runs, which needs no interpreter: the time for threads to do other work, which would delay this thread earlier.
+    Also called before that if the kernel has to be compiled, since what waits for it would wait for minutes.
     """
     try:
         with step("open scene", slot=slot()):
@@ -75,10 +75,9 @@ def render(
             with step("kernel"):
                 make_kernel_ready(worker.link, batch.settings, variant)
             compiling(False)
-        begins()
         begun = time.perf_counter()
         with step("trace paths", slot=slot(), first=batch.first, count=batch.count, tile=list(batch.tile)):
-            sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
+            sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count, begins=begins)
     except TemporaryError as error:
         failed = returned_event(
             worker,
