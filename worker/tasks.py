@@ -101,7 +101,7 @@ def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
     """
     worker, is_in_turn = context.current(), is_redelivered(task)
     recall = Recall(worker.results.redis, task.request.id)
-    with recall, SceneOpener(worker) as opener, SumsSender() as sender:
+    with SceneOpener(worker) as opener, SumsSender(every=recall.look) as sender:
 
         def begin(following: list[dict[str, Any]]) -> None:
             sender.begin()
@@ -118,7 +118,7 @@ def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
                 is_last = number == len(batches)  # sent at once, while the slot is still reported as busy with it
                 submit = sender.send_now if is_in_turn or is_last else sender.submit
                 if isinstance(batch, dict) and not is_mapped(batch.get("compiled")):
-                    sender.begin()  # the slot waits for the scene, for minutes if it is downloaded
+                    sender.begin_now()  # the slot waits for the scene, for minutes if it is downloaded
                 _render(task, worker, batch, submit, partial(begin, batches[number : number + 1]))
 
 

@@ -5,10 +5,11 @@ from __future__ import annotations
 import logging
 import threading
 from collections import OrderedDict
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import Any, Self
 
 from renderer.scene.compiled import CompiledScene
+from worker.exchange.polling_thread import PollingThread
 from worker.process.context import WorkerContext
 from worker.work.scenes import open_scene
 
@@ -52,17 +53,21 @@ class SceneOpener:
 
     def __init__(self, worker: WorkerContext) -> None:
         self._worker = worker
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="scene")
+        self._thread = PollingThread("scene")
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._thread.shutdown()
+        self._thread.close()
 
     def open(self, sha256: Any) -> None:
-        """Begins to map a scene, named by its hash. Errors are only logged: the batch maps the scene again, and reports them."""
-        self._thread.submit(self._open, sha256)
+        """Lets the thread map a scene, named by its hash, unless it is mapped.
+
+        Errors are only logged: the batch maps the scene again, and reports them.
+        """
+        if not is_mapped(sha256):
+            self._thread.submit(partial(self._open, sha256))
 
     def _open(self, sha256: Any) -> None:
         try:
