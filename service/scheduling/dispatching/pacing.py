@@ -28,7 +28,7 @@ BATCH_GROWTH = 1 / 16  # of the slot-seconds per slot that a job has used, so a 
 MESSAGE_GROWTH = 1 / 4  # the same for messages with several batches, which do not change how often pictures are updated
 MESSAGE_SHARE = 0.5  # of a batch's duration, at least, for a message with short batches of several frames
 MAX_GROWTH = 3.0  # multiple of the shortest batch; the wait of a new job for a slot
-MAX_RECALLABLE_GROWTH = 9.0  # the same for messages that are recalled when a new job or a view waits
+MAX_RECALLABLE_GROWTH = 12.0  # the same for messages that are recalled when a new job or a view waits
 RESULT_EVERY_S = 0.25  # interval of a long job's results with few slots, whose batches stay short; longer on a busy machine
 ASSUMED_BATCH_COST_S = (
     0.001  # core-seconds per batch, assumed until measured, so that a large farm does not start with short batches
@@ -149,7 +149,7 @@ class BatchSizing:
         """
         most_s = MAX_RECALLABLE_GROWTH * self._shortest_s if is_recallable else self.longest_message_s
         grown_s = 0.0 if self.is_pressed() else min(spent_s * MESSAGE_GROWTH, most_s)
-        self._grown_s = max(self._grown_s, grown_s)
+        self._grown_s = max(self._grown_s, min(grown_s, self.longest_message_s))  # longer ones are withdrawn from the queue
         return max(MESSAGE_SHARE * batch_s, grown_s)
 
     def card_message_s(self) -> float:
