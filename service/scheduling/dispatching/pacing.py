@@ -26,6 +26,7 @@ BACKLOG_AGE_S = 0.75  # a backlog of this age is not just a burst
 MAX_STRETCH = 20.0
 BATCH_GROWTH = 1 / 16  # of the slot-seconds per slot that a job has used, so a batch adds at most this fraction to a picture
 MESSAGE_GROWTH = 1 / 4  # the same for messages with several batches, which do not change how often pictures are updated
+RECALLABLE_GROWTH = 1.0  # the same for messages that are recalled when other work waits
 MESSAGE_SHARE = 0.5  # of a batch's duration, at least, for a message with short batches of several frames
 MAX_GROWTH = 3.0  # multiple of the shortest batch; the wait of a new job for a slot
 MAX_RECALLABLE_GROWTH = 12.0  # the same for messages that are recalled when a new job or a view waits
@@ -148,7 +149,8 @@ class BatchSizing:
         the duration; only the wait of new jobs and views for a slot does.
         """
         most_s = MAX_RECALLABLE_GROWTH * self._shortest_s if is_recallable else self.longest_message_s
-        grown_s = 0.0 if self.is_pressed() else min(spent_s * MESSAGE_GROWTH, most_s)
+        growth = RECALLABLE_GROWTH if is_recallable else MESSAGE_GROWTH
+        grown_s = 0.0 if self.is_pressed() else min(spent_s * growth, most_s)
         self._grown_s = max(self._grown_s, min(grown_s, self.longest_message_s))  # longer ones are withdrawn from the queue
         return max(MESSAGE_SHARE * batch_s, grown_s)
 

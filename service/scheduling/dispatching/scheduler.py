@@ -100,7 +100,7 @@ class Scheduler:
             cards = self._cards.of_kind(kind)
             has_room, has_long = room > 0 or any(card_worker.room > 0 for card_worker in cards), self.leases.has_long(kind)
             turns = self.job_queue.by_priority(kind) if has_room or has_long else {}
-            self._is_contended = others_wait or self._pace.is_pressed() or sum(map(len, turns.values())) > 1
+            self._is_contended = others_wait or self._pace.is_pressed() or self._has_job_without_slot(turns)
             if has_long and self._is_contended:
                 self._recall_long_messages(kind)
                 room = self._pace.scaled_room(self._window(slots, kind) - self.leases.occupied_slots(kind))
@@ -178,6 +178,17 @@ class Scheduler:
             groups = next_batch_groups(job, slots)
             groups = [replace(group, queue=card_worker.queue, only=card_worker.name) for group in groups]
         self._send_all(job, kind, groups)
+
+    def _has_job_without_slot(self, turns: dict[int, list[ActiveJob]]) -> bool:
+        """Returns True if a job may wait for slots of other jobs: it has no message out, or not all priorities are equal.
+
+        turns: the jobs by priority.
+        """
+        jobs = [job for equals in turns.values() for job in equals]
+        if len(jobs) < 2:
+            return False
+        held = self.leases.slots_by_job()
+        return len(turns) > 1 or not all(held[job.id] for job in jobs)
 
     def _may_serve(self, job: ActiveJob) -> bool:
         return self._bulkheads.may_render(job.id) and time.monotonic() >= job.rests_until and not job.is_done

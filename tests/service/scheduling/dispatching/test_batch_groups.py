@@ -60,9 +60,8 @@ def test_long_messages_are_recalled_when_another_job_comes(service: Service) -> 
         job = begin_long_messages(service, worker, scene)
         other = submit_shot(service, scene, "0-3", spp=1, seed=7)
         until(lambda: bool(worker.recalled), "its slot returns what it has not begun")
-        sent = len(worker.messages)
         service.wait_for(other, "finished", 30)
-        assert max(worker.messages[sent:]) <= 16
+        assert service.job(job)["state"] == "running"
         worker.on_batch = lambda batch: None
         service.wait_for(job, "finished", 60)
         assert len(worker.batches) == 4 * 200 + 4 * 4, "nothing is rendered twice"
