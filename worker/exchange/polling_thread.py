@@ -6,6 +6,7 @@ would lose them just before its kernel runs. So tasks are only put down, and the
 
 from __future__ import annotations
 
+import logging
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -17,12 +18,14 @@ POLL_S = 0.1
 
 Task = Callable[[], None]
 
+log = logging.getLogger(__name__)
+
 
 class PollingThread:
     """A thread for tasks in order, which begin within POLL_S. It starts with the first task, or with `start`."""
 
     def __init__(self, name: str, every: Task | None = None) -> None:
-        """Creates the object without a thread. every: called whenever the thread has looked for tasks. It must not raise."""
+        """Creates the object without a thread. every: called whenever the thread has looked for tasks, until it raises an error."""
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._every = every
         self._tasks: deque[tuple[Task, Future[None]]] = deque()
@@ -69,4 +72,8 @@ class PollingThread:
             if is_over:
                 return
             if self._every is not None:
-                self._every()
+                try:
+                    self._every()
+                except Exception:  # the tasks must be done in any case: others wait for them
+                    log.exception("%s: what is done several times a second failed", self._thread.name)
+                    self._every = None

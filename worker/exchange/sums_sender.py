@@ -23,7 +23,7 @@ class SumsSender:
     """
 
     def __init__(self, every: Send | None = None) -> None:
-        """Creates the object. every: called in the thread several times a second from `begin` on. It must not raise."""
+        """Creates the object. every: called in the thread several times a second from `begin` on."""
         self._thread = PollingThread("sums", every)
         self._held: Send | None = None
         self._pending: Future[None] | None = None
