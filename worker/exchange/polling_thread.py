@@ -25,7 +25,7 @@ class PollingThread:
     """A thread for tasks in order, which begin within POLL_S. It starts with the first task, or with `start`."""
 
     def __init__(self, name: str, every: Task | None = None) -> None:
-        """Creates the object without a thread. every: called whenever the thread has looked for tasks, until it raises an error."""
+        """Creates the object without a thread. every: called when the thread has looked for tasks, until it raises an error."""
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
         self._every = every
         self._tasks: deque[tuple[Task, Future[None]]] = deque()
