@@ -52,20 +52,12 @@ def with_spectrum(scene: CompiledScene) -> CompiledScene:
 
 
 def _check(scene: CompiledScene) -> None:
-    """Raises SettingsError if the scene has media of grids or thin films."""
+    """Raises SettingsError if the scene has media of grids."""
     if len(scene.volume) > 0:
         raise SettingsError(
             Sentence(
                 "spectral-media",
                 "spectral rendering does not support the heterogeneous media that the scene has; set spectral to off",
-            ),
-            field="spectral",
-        )
-    if (scene.material[:, rows.IRIDESCENCE] > 0).any():
-        raise SettingsError(
-            Sentence(
-                "spectral-films",
-                "spectral rendering does not support the iridescent materials that the scene has; set spectral to off",
             ),
             field="spectral",
         )

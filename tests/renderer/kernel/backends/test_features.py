@@ -44,7 +44,7 @@ LINKED = ("linked lights", "linked lights through cards", "linked lights in fog"
 BY_KIND = ("seen by some rays", "seen by some rays, through cards", "seen by some rays, in fog")
 SPECTRAL = (
     *("metal and plastic", "a rough metal", "an even metal", "textures", "coloured glass", "a prism", "a coat and cloth"),
-    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's"),
+    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's", "a soap film"),
     *("fog", "wax", "milk in glass"),
 )
 RARE = MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + HAIR + LINKED + BY_KIND
