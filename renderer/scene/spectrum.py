@@ -19,11 +19,9 @@ from renderer.arrays.spectrum import (
     SpectrumTables,
     read_only_tables,
 )
-from renderer.errors import SettingsError
 from renderer.scene.material import conductor_reflectance
 from renderer.scene.metal_spectra import measured_indices
 from renderer.scene.spectrum_tables import table_path
-from renderer.sentences import Sentence
 
 __all__ = ["with_spectrum"]
 
@@ -35,11 +33,7 @@ _kept: list[tuple[tuple[weakref.ref[Any], ...], SpectrumTables]] = []
 
 
 def with_spectrum(scene: CompiledScene) -> CompiledScene:
-    """Returns the scene with its SpectrumTables; those of the last scenes are kept, since each batch of a frame needs them again.
-
-    Raises SettingsError if the scene has what spectral rendering does not support.
-    """
-    _check(scene)
+    """Returns the scene with its SpectrumTables; those of the last scenes are kept, since each batch of a frame needs them."""
     arrays = scene.material, scene.material_kind
     for references, tables in list(_kept):
         if all(each() is array for each, array in zip(references, arrays, strict=True)):
@@ -49,18 +43,6 @@ def with_spectrum(scene: CompiledScene) -> CompiledScene:
     alive = [entry for entry in _kept if all(each() is not None for each in entry[0])]
     _kept[:] = [*alive[1 - _MOST_KEPT :], (tuple(map(weakref.ref, arrays)), made)]
     return scene._replace(spectrum=made)
-
-
-def _check(scene: CompiledScene) -> None:
-    """Raises SettingsError if the scene has media of grids."""
-    if len(scene.volume) > 0:
-        raise SettingsError(
-            Sentence(
-                "spectral-media",
-                "spectral rendering does not support the heterogeneous media that the scene has; set spectral to off",
-            ),
-            field="spectral",
-        )
 
 
 @cache

@@ -7,22 +7,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from renderer import render
+from renderer.deep import LIGHT
 from renderer.errors import SettingsError
-from renderer.film import COLOR, SAMPLES
-from renderer.render import is_for_cards, render_frame
-from renderer.scene.description import Environment, Material, Sphere
+from renderer.film import ALPHA_PLANES, COLOR, SAMPLES, alpha, group_planes
+from renderer.kernel import accumulate
+from renderer.render import RenderStats, is_for_cards, render_frame
+from renderer.scene.compile import compile_scene
+from renderer.scene.description import Environment, Instance, Light, Material, SceneDescription, Sphere, Volume
 from renderer.scene.observer import DAYLIGHT_WEIGHTS, WAVELENGTHS
-from renderer.scene.spectrum import with_spectrum
 from renderer.settings import RenderSettings, View
-from tests.renderer.builders import scene
+from tests.renderer.builders import box, gray, scene
 from tests.renderer.judge import assert_mean
-from tests.renderer.kernel.backends.features import made
+from tests.renderer.kernel.backends.features import PBR, VIEW, room
 from tests.renderer.kernel.bsdf.films import by_matrices
 from tests.renderer.kernel.spectrum.colors import at_wavelengths, to_rgb
 
 INSIDE = View((0.3, 0.2, 0.1), (0.9, -0.1, 0.3), fov=70.0)
 SETTINGS = RenderSettings(12, 12, INSIDE, max_depth=100, spectral="on")
-OTHERS = {"caustics": "on", "guiding": "on", "light_groups": "key", "light_paths": "on", "background": "transparent", "deep": 8}
+OTHERS = {"caustics": "on", "guiding": "on"}
 
 
 @pytest.mark.parametrize("name", OTHERS)
@@ -35,11 +38,6 @@ def test_some_settings_are_not_combined_with_spectral(name: str) -> None:
 def test_spectral_needs_an_estimating_integrator(integrator: str) -> None:
     with pytest.raises(SettingsError, match="spectral needs the integrator path or direct"):
         replace(SETTINGS, integrator=integrator)
-
-
-def test_scenes_that_spectral_does_not_support_are_refused() -> None:
-    with pytest.raises(SettingsError, match="heterogeneous"):
-        with_spectrum(made("smoke in a grid")[0])
 
 
 def test_spectral_pictures_are_for_processors() -> None:
@@ -99,3 +97,59 @@ def test_a_soap_film_has_the_color_of_airys_sum(thickness: float) -> None:
     wanted = DAYLIGHT_WEIGHTS @ spectrum
     np.testing.assert_allclose(found, wanted, rtol=0.01, atol=0.002 * wanted.mean())
     assert np.ptp(wanted) > 0.5 * wanted.mean()
+
+
+@pytest.mark.long
+def test_planes_of_spectral_pictures_add_up_to_the_color(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Light groups, light paths, deep samples and alpha over a shadow catcher: exactly, and equal in both backends."""
+    described = room(Material(**PBR, roughness=0.4))
+    described.lights = [Light("point", (9.0, 3.0, 1.0), (1.0, 2.0, 2.0), light_group="key")]
+    described.materials[2].light_group, described.environment_group = "ceiling", "sky"
+    floor = replace(described.materials[1], shadow_catcher=True)
+    described.materials.append(floor)
+    described.meshes[0] = replace(described.meshes[0], material=3)
+    compiled = compile_scene(described)
+    planes = {"light_groups": "key,sky", "light_paths": "on", "deep": 8}
+    settings = RenderSettings(24, 20, replace(VIEW, fov=70.0), background="transparent", spectral="on", **planes)
+    stats, of_one = RenderStats(), RenderStats()
+    pool = render_frame(compiled, settings, 8, stats=stats)
+    groups = len(settings.group_names)
+    for first, count in ((0, groups), (groups, len(settings.light_planes) - groups)):
+        parts = sum(pool[group_planes(k)] for k in range(first, first + count))
+        np.testing.assert_array_equal(parts, pool[COLOR])
+    assert all(pool[group_planes(k)].any() for k in range(groups))
+    np.testing.assert_array_equal(stats.deep.sums[:, LIGHT].sum(axis=0), pool[COLOR].sum(axis=(1, 2)))
+    off = {"light_groups": "", "light_paths": "off", "deep": 0, "spectral": "off"}
+    in_rgb = render_frame(compiled, replace(settings, **off), 8)
+    np.testing.assert_array_equal(pool[-ALPHA_PLANES], in_rgb[-ALPHA_PLANES])
+    shade, wanted = (alpha(sums, 24, len(settings.light_planes) if sums is pool else 0).mean() for sums in (pool, in_rgb))
+    assert shade == pytest.approx(wanted, rel=0.02)
+    with monkeypatch.context() as patched:
+        patched.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
+        patched.setattr(render, "has_variants", lambda _: False)
+        one = render_frame(compiled, settings, 8, stats=of_one)
+    np.testing.assert_array_equal(one, pool)
+    np.testing.assert_array_equal(of_one.deep.sums, stats.deep.sums)
+
+
+@pytest.mark.long
+def test_a_grid_attenuates_each_wavelength_by_beers_law() -> None:
+    sigma, depth = (0.1, 0.5, 1.5), 2.0
+    place = np.diag((8.0, 8.0, depth, 1.0))
+    place[:3, 3] = -4.0, -4.0, -depth / 2
+    grid = Volume(np.ones((2, 2, 2), np.float32), place)
+    body = box(0)
+    body.positions[:] *= np.array((3.0, 3.0, depth / 2), np.float32)
+    described = SceneDescription(
+        meshes=[body],
+        instances=[Instance(0)],
+        materials=[Material(kind="interface", sigma_a=sigma, volume="even")],
+        volumes={"even": grid},
+        environment=Environment(gray(1.0)),
+    )
+    view = View((0.0, 0.0, 50.0), (0.0, 0.0, 0.0), fov=0.5)
+    settings = RenderSettings(8, 8, view, max_depth=4, spectral="on")
+    sums = render_frame(compile_scene(described), settings, 4096)
+    found = (sums[COLOR] / sums[SAMPLES] / 2.0**settings.film_exponent).mean(axis=(1, 2))
+    wanted = to_rgb(np.exp(-depth * at_wavelengths([sigma], is_light=True)[0]))
+    np.testing.assert_allclose(found, wanted, rtol=0.01)

@@ -45,7 +45,7 @@ BY_KIND = ("seen by some rays", "seen by some rays, through cards", "seen by som
 SPECTRAL = (
     *("metal and plastic", "a rough metal", "an even metal", "textures", "coloured glass", "a prism", "a coat and cloth"),
     *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's", "a soap film"),
-    *("fog", "wax", "milk in glass"),
+    *("fog", "wax", "milk in glass", "smoke in a grid", "fire in a grid behind cards"),
 )
 RARE = MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + HAIR + LINKED + BY_KIND
 
