@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from renderer.scene.animation import DEFAULT_FPS, Clip
 from renderer.scene.given_spectra import GivenSpectrum
-from renderer.scene.material import AlphaMode, Material
+from renderer.scene.material import MOST_KELVINS, AlphaMode, Material
 from renderer.scene.parameters import MaterialKind, choice_parameter, flag_parameter, name_parameter, number, parameters_of
 from renderer.sentences import Sentence
 from renderer.settings import Vec3, View
@@ -212,6 +212,8 @@ class Light:
     emission: EmissionMap | None = None
     up: Vec3 = (0.0, 1.0, 0.0)
     name: str = "light"
+    temperature: float = number(0.0, high=MOST_KELVINS, kinds=(*_PLACED, *_DISTANT))
+    """Kelvins of a black body whose spectrum it has in spectral rendering; a grey light has its colour, too. 0: none."""
     light_group: str = name_parameter((*_PLACED, *_DISTANT))
     """Its group, for images of the light of each group."""
     light_link: str = name_parameter((*_PLACED, *_DISTANT))

@@ -17,7 +17,16 @@ from renderer.luminance import luminance
 from renderer.scene.observer import D65, DAYLIGHT_WEIGHTS, planck
 from renderer.settings import Vec3
 
-__all__ = ["MOST_GIVEN", "GivenSpectrum", "black_body", "given_index", "given_light", "given_reflectance", "spectrum_rows"]
+__all__ = [
+    "MOST_GIVEN",
+    "GivenSpectrum",
+    "black_body",
+    "black_body_light",
+    "given_index",
+    "given_light",
+    "given_reflectance",
+    "spectrum_rows",
+]
 
 F64 = npt.NDArray[np.float64]
 MOST_GIVEN = 64  # spectra of a scene; further ones are smooth
@@ -52,6 +61,19 @@ def given_light(color: Vec3, radiance: F64) -> GivenSpectrum:
 def black_body(color: Vec3, kelvin: float) -> GivenSpectrum:
     """Returns the spectrum of lights of a temperature in kelvins. color: in which they are rendered in RGB."""
     return given_light(color, planck(kelvin))
+
+
+def black_body_light(radiance: Vec3, kelvin: float, spectra: list[GivenSpectrum]) -> Vec3:
+    """Returns a light with a temperature in kelvins, and adds its spectrum to `spectra`.
+
+    Grey light gets the colour of the black body at the same luminance; other light has its colour already.
+    """
+    red, green, blue = radiance
+    if red == green == blue:
+        body = np.maximum(DAYLIGHT_WEIGHTS @ (planck(kelvin) / D65), 0.0)
+        red, green, blue = (float(c) for c in red * body / luminance(body))
+    spectra.append(black_body((red, green, blue), kelvin))
+    return red, green, blue
 
 
 def given_reflectance(color: Vec3, reflectance: F64) -> GivenSpectrum:
