@@ -82,8 +82,9 @@ def test_spectra_have_the_same_bits_in_both_backends(name: str, monkeypatch: pyt
     in_rgb, _ = _rendered(name, None)
     assert (pool[SAMPLES] == SPP).all()
     assert (pool[COLOR] != in_rgb[COLOR]).any()
-    first_hits = slice(ALBEDO.start, CHANNELS)  # which have no wavelengths
-    np.testing.assert_array_equal(pool[first_hits], in_rgb[first_hits])
+    if name not in GRIDS:  # where flights, which end at first hits, have wavelengths
+        first_hits = slice(ALBEDO.start, CHANNELS)
+        np.testing.assert_array_equal(pool[first_hits], in_rgb[first_hits])
 
 
 def test_the_features_ask_for_all_variants() -> None:
