@@ -31,8 +31,7 @@ PLACES = {
 LAMP = """<shape type="rectangle"><transform name="to_world"><scale value="0.5"/><rotate x="1" angle="90"/>
 <translate y="0.98"/></transform><emitter type="area">{}</emitter></shape>"""
 RADIANCE = '<rgb name="radiance" value="{}"/>'
-BLACK_BODY = """<spectrum type="blackbody" name="radiance"><float name="temperature" value="2500"/>
-<float name="scale" value="0.01"/></spectrum>"""
+BLACK_BODY = '<spectrum type="blackbody" name="radiance"><float name="temperature" value="2500"/></spectrum>'
 SKY = '<emitter type="constant"><rgb name="radiance" value="{}"/></emitter>'
 BALL = '<shape type="sphere"><float name="radius" value="1.6"/>{}</shape>'
 BAND = '<spectrum name="reflectance" value="400:0.05, 500:0.1, 530:0.9, 570:0.9, 600:0.1, 700:0.4"/>'
