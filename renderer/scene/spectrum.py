@@ -43,8 +43,8 @@ def with_spectrum(scene: CompiledScene) -> CompiledScene:
             return scene._replace(spectrum=tables)
     conductors, numbers = _conductors(scene)
     given = scene.given_spectrum[scene.given_spectrum[:, 0] <= GIVEN_REFLECTANCE]
-    tables = _stored("wavelength_cells", CELL_COLUMNS), _stored("sigmoid", 3), conductors, numbers
-    made = read_only_tables(*tables, given[:, (1, 2, 3, 0)], given[:, 4:].reshape(-1))
+    stored = _stored("wavelength_cells", CELL_COLUMNS), _stored("sigmoid", 3)
+    made = read_only_tables(*stored, conductors, numbers, given[:, (1, 2, 3, 0)], given[:, 4:].reshape(-1))
     alive = [entry for entry in _kept if all(each() is not None for each in entry[0])]
     _kept[:] = [*alive[1 - _MOST_KEPT :], (tuple(map(weakref.ref, arrays)), made)]
     return scene._replace(spectrum=made)
