@@ -15,6 +15,7 @@ from renderer.kernel import accumulate
 from renderer.render import RenderStats, is_for_cards, render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Instance, Light, Material, SceneDescription, Sphere, Volume
+from renderer.scene.given_spectra import black_body, given_index, given_reflectance
 from renderer.scene.observer import DAYLIGHT_WEIGHTS, WAVELENGTHS
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, scene
@@ -153,3 +154,23 @@ def test_a_grid_attenuates_each_wavelength_by_beers_law() -> None:
     found = (sums[COLOR] / sums[SAMPLES] / 2.0**settings.film_exponent).mean(axis=(1, 2))
     wanted = to_rgb(np.exp(-depth * at_wavelengths([sigma], is_light=True)[0]))
     np.testing.assert_allclose(found, wanted, rtol=0.01)
+
+
+@pytest.mark.long
+def test_given_spectra_have_the_same_bits_in_both_backends(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A lamp with a temperature over surfaces and a metal by spectra, which change the picture."""
+    described = room(Material(kind="conductor", eta=(0.3, 0.4, 1.4), k=(4.0, 2.4, 1.6), roughness=0.3))
+    band = np.where(np.abs(WAVELENGTHS - 540) < 30, 0.8, 0.05)
+    green = given_reflectance((0.2, 0.5, 0.1), band)
+    lamp, metal = described.materials[2], described.materials[0]
+    described.materials[1].base_color, lamp.emission = green.color, (9.0, 5.0, 2.0)
+    smooth = compile_scene(described)
+    index = given_index(metal.eta, metal.k, np.linspace(1.5, 0.2, len(band)), np.linspace(2.0, 4.0, len(band)))
+    described.spectra += [green, black_body(lamp.emission, 3500.0), *index]
+    given = compile_scene(described)
+    settings = RenderSettings(16, 16, VIEW, max_depth=6, spectral="on")
+    pool, without = (render_frame(each, settings, 4) for each in (given, smooth))
+    assert (pool[COLOR] != without[COLOR]).mean() > 0.5
+    monkeypatch.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
+    monkeypatch.setattr(render, "has_variants", lambda _: False)
+    np.testing.assert_array_equal(render_frame(given, settings, 4), pool)
