@@ -14,7 +14,7 @@ from renderer.jit import device, template
 from renderer.kernel import vec
 from renderer.kernel.material.material import has_flag
 from renderer.kernel.spectrum.upsampling import light_at
-from renderer.kernel.spectrum.wavelengths import to_rgb
+from renderer.kernel.spectrum.wavelengths import rgb_at
 from renderer.kernel.steps.emitted_light import add_light, background_counts, emitted_by_environment, emitted_by_sun
 from renderer.kernel.steps.state import with_radiance
 from renderer.wide.values import not_, where, zero_like
@@ -65,9 +65,7 @@ def branches_at_catcher(scene, choice, alone):
 @device
 def luminance_on_film(scene, stream, light):
     """Returns the luminance of a path's light as the film adds it. stream: of the sample's camera ray."""
-    if scene.spectrum is not None:
-        light = to_rgb(scene.spectrum, stream, light)
-    return vec.luminance(light)
+    return vec.luminance(rgb_at(scene, stream, light))
 
 
 @template

@@ -53,7 +53,6 @@ from renderer.kernel.backends.cpu.rows import (
     Sample,
     Shading,
     at,
-    camera_stream,
     column,
     gather,
     group_row,
@@ -245,8 +244,7 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
         shadow = sample_direct_light(scene, surface, path, light, wi, f, share, medium_stack, is_surface)
         start, end, is_cast = shadow.start, shadow.end, where(shadow.is_cast, _ONE, none)
         if options.has_mattes:
-            on_film = luminance_on_film(scene, camera_stream(gather(pool, rows, Sample), options), shadow.brought)
-            bright = where(shadow.is_cast, on_film, none)
+            bright = where(shadow.is_cast, luminance_on_film(scene, stream, shadow.brought), none)
             scatter(pool, spare_where_not(pool, caught, rows), record_direct_light(hit, bright))
             if scene.has.reflections is not None:
                 unshaded = ignores_shadows(scene, caught, m.material)
