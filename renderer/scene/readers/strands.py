@@ -1,17 +1,26 @@
-"""Converts hair, fur and wire curves to tubes in one mesh."""
+"""Converts hair, fur and wire curves to tubes or ribbons in one mesh."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Mesh
-from renderer.scene.readers.tubes import BASES, STEPS, sides_of, tubes, tubes_mesh
+from renderer.scene.readers.tubes import BASES, STEPS, ribbons, sides_of, tubes, tubes_mesh
 
 __all__ = ["Strand", "line_of", "strands_mesh"]
 
 F64 = npt.NDArray[np.float64]
-Strand = tuple[F64, F64]  # (S, 3) points along it, and (S,) radii
+
+
+class Strand(NamedTuple):
+    """A curve: a tube, or a ribbon. facing: the directions across it that a ribbon faces; None for a tube."""
+
+    points: F64  # (S, 3) along it
+    radii: F64  # (S,)
+    facing: F64 | None = None  # (S, 3)
 
 
 def line_of(points: F64, basis: str, steps: int = STEPS) -> F64:
@@ -28,12 +37,19 @@ def line_of(points: F64, basis: str, steps: int = STEPS) -> F64:
 
 
 def strands_mesh(strands: list[Strand], fibres: bool = False) -> Mesh:
-    """Returns one mesh with a tube for each curve; with many curves, tubes have fewer sides. fibres: of hair (tubes.py)."""
-    groups: dict[int, list[Strand]] = {}
+    """Returns one mesh with a tube or ribbon for each curve; with many curves, tubes have fewer sides.
+
+    fibres: whether they are fibres of hair (tubes.py), which are round.
+    """
+    groups: dict[tuple[int, bool], list[Strand]] = {}
     for strand in strands:
-        groups.setdefault(len(strand[0]), []).append(strand)
+        groups.setdefault((len(strand.points), strand.facing is None or fibres), []).append(strand)
     pieces, sides = [], sides_of(len(strands), fibres)
-    for group in groups.values():
-        lines, radii = (np.stack([strand[k] for strand in group]) for k in (0, 1))
-        pieces.append(tubes(lines, radii, None, sides, fibres))
+    for (_, is_round), group in groups.items():
+        lines, radii = np.stack([strand.points for strand in group]), np.stack([strand.radii for strand in group])
+        if is_round:
+            pieces.append(tubes(lines, radii, None, sides, fibres))
+        else:
+            facing = np.stack([strand.facing for strand in group if strand.facing is not None])
+            pieces.append(ribbons(lines, radii, facing, None))
     return tubes_mesh("curves", pieces)

@@ -278,7 +278,8 @@ class DescriptionBuilder:
         varies = UsdGeom.BasisCurves(prim).GetPointsAttr().ValueMightBeTimeVarying()
         key = ("curves", self._key(prim), surface)
         if key not in self._numbers:
-            mesh = tubes_of(prim, self._time, self._notes, surface.color)
+            fibres = self._surfaces.material(surface).kind == "hair"
+            mesh = tubes_of(prim, self._time, self._notes, surface.color, surface.uvs, fibres)
             self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
         self._add_instances(self._numbers[key], each)
 
