@@ -9,9 +9,10 @@ import numpy as np
 import numpy.typing as npt
 
 from .model import Mesh
+from .particles import strands_of
 from .tubes import MOST_POINTS, tubes
 
-__all__ = ["Corners", "extract", "hair", "shape", "spans", "stretched"]
+__all__ = ["Corners", "extract", "hair", "particle_hair", "shape", "spans", "stretched"]
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
@@ -65,10 +66,20 @@ def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
         return None
     points = _read_attribute(source.points, "position", 3 * count, np.float32).reshape(-1, 3)
     first = np.append(_read_attribute(source.curves, "first_point_index", len(source.curves), np.int32), np.int32(count))
-    made = tubes(points, _read_attribute(source.points, "radius", count, np.float32), first)
+    return _tubes(key, points, _read_attribute(source.points, "radius", count, np.float32), first)
+
+
+def particle_hair(thing: Any, system: Any, for_render: bool, key: str) -> tuple[Mesh, Corners] | None:
+    """Converts the hair of a particle system to a mesh of tubes, as `hair` does; arguments as for `strands_of`."""
+    found = strands_of(thing, system, for_render)
+    return None if found is None else _tubes(key, *found)
+
+
+def _tubes(key: str, points: F32, radii: F32, first: npt.NDArray[np.int32]) -> tuple[Mesh, Corners]:
+    made = tubes(points, radii, first)
     mesh = Mesh(key, made.positions, [(0, made.triangles.astype(np.uint32).ravel())], made.normals, fibres=made.fibres)
     nothing = np.zeros(0, np.int32)
-    return mesh, Corners((len(made.positions), count, len(made.triangles)), nothing, nothing, "POINT")
+    return mesh, Corners((len(made.positions), len(points), len(made.triangles)), nothing, nothing, "POINT")
 
 
 def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:
