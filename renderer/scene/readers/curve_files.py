@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.description import Mesh
 from renderer.scene.readers.strands import Strand, line_of, strands_mesh
-from renderer.scene.readers.tubes import steps_of
+from renderer.scene.readers.tubes import STEPS
 from renderer.sentences import Sentence
 
 __all__ = ["CURVE_BASES", "mesh_of_curves"]
@@ -30,7 +30,6 @@ def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bo
     strands: list[Strand] = []
     least = CURVE_BASES[basis]
     blocks = _blocks(data.decode("utf-8", "replace"), name)
-    steps = steps_of(len(blocks), fibres)
     for block in blocks:
         if len(block) < least or (basis == "bezier" and len(block) % 3 != 1):
             raise SceneError(
@@ -45,8 +44,8 @@ def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bo
                 )
             )
         placed = np.column_stack([block[:, :3] @ world[:3, :3].T + world[:3, 3], np.maximum(block[:, 3], 0)])
-        line = placed if basis == "linear" else line_of(placed, basis, steps)
-        strands.append(Strand(line[:, :3], line[:, 3]))
+        line = placed if basis == "linear" else line_of(placed, basis)
+        strands.append(Strand(line[:, :3], line[:, 3], steps=1 if basis == "linear" else STEPS))
     if not strands:
         raise SceneError(Sentence("curves-missing", "{name} has no curves; export it again", name=name))
     return strands_mesh(strands, fibres)

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Mesh
+from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.tubes import BASES, STEPS, ribbons, sides_of, tubes, tubes_mesh
 
 __all__ = ["Strand", "line_of", "strands_mesh"]
@@ -16,11 +17,16 @@ F64 = npt.NDArray[np.float64]
 
 
 class Strand(NamedTuple):
-    """A curve: a tube, or a ribbon. facing: the directions across it that a ribbon faces; None for a tube."""
+    """A curve: a tube, or a ribbon.
+
+    facing: the directions across it that a ribbon faces; None for a tube. steps: lines for each segment of the curve, of which a
+    fibre that is nearly straight keeps fewer.
+    """
 
     points: F64  # (S, 3) along it
     radii: F64  # (S,)
     facing: F64 | None = None  # (S, 3)
+    steps: int = 1
 
 
 def line_of(points: F64, basis: str, steps: int = STEPS) -> F64:
@@ -41,14 +47,16 @@ def strands_mesh(strands: list[Strand], fibres: bool = False) -> Mesh:
 
     fibres: whether they are fibres of hair (tubes.py), which are round.
     """
-    groups: dict[tuple[int, bool], list[Strand]] = {}
+    groups: dict[tuple[int, bool, int], list[Strand]] = {}
     for strand in strands:
-        groups.setdefault((len(strand.points), strand.facing is None or fibres), []).append(strand)
+        groups.setdefault((len(strand.points), strand.facing is None or fibres, strand.steps), []).append(strand)
     pieces, sides = [], sides_of(len(strands), fibres)
-    for (_, is_round), group in groups.items():
+    for (_, is_round, steps), group in groups.items():
         lines, radii = np.stack([strand.points for strand in group]), np.stack([strand.radii for strand in group])
-        if is_round:
-            pieces.append(tubes(lines, radii, None, sides, fibres))
+        if fibres:
+            pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, True) for k, kept in by_stride(lines, radii, steps)]
+        elif is_round:
+            pieces.append(tubes(lines, radii, None, sides))
         else:
             facing = np.stack([strand.facing for strand in group if strand.facing is not None])
             pieces.append(ribbons(lines, radii, facing, None))

@@ -17,20 +17,17 @@ __all__ = [
     "BASES",
     "MAX_FINE_CURVES",
     "STEPS",
-    "STEPS_OF_MANY",
     "Tubes",
     "curve_weights",
     "line_tangents",
     "ribbons",
     "sides_of",
-    "steps_of",
     "tubes",
     "tubes_mesh",
 ]
 
 F64 = npt.NDArray[np.float64]
 STEPS = 6  # lines per cubic segment
-STEPS_OF_MANY = 3  # of a fibre among many
 
 BASES = {
     "bezier": np.array([[1, 0, 0, 0], [-3, 3, 0, 0], [3, -6, 3, 0], [-1, 3, -3, 1]], np.float64),
@@ -61,11 +58,6 @@ def sides_of(curves: int, fibres: bool) -> int:
     return 6 if fibres else 4
 
 
-def steps_of(curves: int, fibres: bool) -> int:
-    """Returns the number of lines for each cubic segment of each of `curves` curves."""
-    return STEPS_OF_MANY if fibres and curves > MAX_FINE_CURVES else STEPS
-
-
 def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
     """Returns one mesh of all pieces, with colours if all have them."""
     offsets = np.cumsum([0, *(len(p.positions) for p in pieces)])
@@ -87,11 +79,10 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
     return mesh
 
 
-def curve_weights(count: int, basis: str, wrap: str, steps: int = STEPS) -> tuple[F64, F64]:
+def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
     """Returns the weights that interpolate a curve: (samples, count) for control points, (samples, varying) for segment ends.
 
-    count: control points; basis: linear or a key of BASES; wrap: nonperiodic, periodic or pinned, as in USD; steps: lines per
-    cubic segment.
+    count: control points; basis: linear or a key of BASES; wrap: nonperiodic, periodic or pinned, as in USD.
     """
     if basis == "linear":
         closed = wrap == "periodic" and count > 2
@@ -110,7 +101,7 @@ def curve_weights(count: int, basis: str, wrap: str, steps: int = STEPS) -> tupl
     varying = segments if wrap == "periodic" else segments + 1
     for s in range(segments):
         last = s == segments - 1
-        for u in np.arange(steps + last) / steps:
+        for u in np.arange(STEPS + last) / STEPS:
             own = np.array([1, u, u * u, u**3]) @ BASES[basis]
             row, end = np.zeros(count), np.zeros(varying)
             for k in range(4):

@@ -8,6 +8,7 @@ import numpy.typing as npt
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.strands import Strand, line_of
+from renderer.scene.readers.tubes import STEPS
 from renderer.sentences import Sentence
 
 __all__ = ["strand_of"]
@@ -53,7 +54,7 @@ def strand_of(source: Parameters, notes: Notes, is_fibre: bool) -> Strand:
     share = np.linspace(0, 1, len(line))
     radii = np.maximum(wide[0] * (1 - share) + wide[1] * share, 0) / 2
     if kind != "ribbon":
-        return Strand(line, radii)
+        return Strand(line, radii, steps=STEPS)
     if normals is None or len(normals) != segments + 1:
         raise source.place.error(
             Sentence(
@@ -62,7 +63,7 @@ def strand_of(source: Parameters, notes: Notes, is_fibre: bool) -> Strand:
                 segments=segments,
             )
         )
-    return Strand(line, radii, _turned(normals, share * segments))
+    return Strand(line, radii, _turned(normals, share * segments), STEPS)
 
 
 def _turned(normals: F64, at: F64) -> F64:

@@ -9,7 +9,8 @@ import numpy.typing as npt
 from pxr import UsdGeom
 
 from renderer.scene.description import F32, Mesh
-from renderer.scene.readers.tubes import BASES, curve_weights, ribbons, sides_of, steps_of, tubes, tubes_mesh
+from renderer.scene.readers.polylines import by_stride
+from renderer.scene.readers.tubes import BASES, STEPS, Tubes, curve_weights, ribbons, sides_of, tubes, tubes_mesh
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
@@ -107,7 +108,7 @@ def tubes_of(
     tint = primvars.find_primvar(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
     uvs = [_uvs(prim, name, time) for name in uv_sets]
-    sides, steps = sides_of(len(counts), fibres), steps_of(len(counts), fibres)
+    sides = sides_of(len(counts), fibres)
     normals, facing = _normals(prim, curves, time)
     if fibres and len(normals):
         notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbons of hair are drawn as round fibres"), path)
@@ -115,15 +116,11 @@ def tubes_of(
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
         spans[counts == count] = curve_weights(int(count), basis, wrap)[1].shape[1]
-    pieces = []
+    pieces: list[Tubes] = []
     total = 0
     for count in np.unique(counts):
-        weights, between = curve_weights(int(count), basis, wrap, steps)
+        weights, between = curve_weights(int(count), basis, wrap)
         which = np.flatnonzero(counts == count)
-        total += len(which) * (len(weights) + 2) * (sides + 1)
-        if total > MAX_VERTICES:
-            notes.add(Sentence("usd-curves-too-many", "Curves beyond the limit are left out"), path)
-            break
         if len(weights) < 2:
             notes.add(
                 Sentence(
@@ -140,14 +137,22 @@ def tubes_of(
         lines = np.einsum("sc,ncx->nsx", weights, own)
         along = which, first, spans, weights, between
         radii = np.maximum(_values_along(widths, interpolation, *along)[..., 0] / 2, 0)
+        groups = list(by_stride(lines, radii, STEPS if fibres and basis != "linear" else 1))
+        total += sum(len(k) * (lines[0, kept].shape[0] + 2) * (sides + 1) for k, kept in groups)
+        if total > MAX_VERTICES:
+            notes.add(Sentence("usd-curves-too-many", "Curves beyond the limit are left out"), path)
+            break
         shown = None
         if colors is not None and tint is not None:
             shown = _values_along(colors, tint.GetInterpolation(), *along)
         placed = [_values_along(values, by, *along) for values, by in uvs]
-        if len(normals):
-            pieces.append(ribbons(lines, radii, _values_along(normals, facing, *along), shown, placed))
-        else:
-            pieces.append(tubes(lines, radii, shown, sides, fibres, placed))
+        facings = _values_along(normals, facing, *along) if len(normals) else None
+        for k, kept in groups:
+            own_colors, own_uvs = None if shown is None else shown[k, kept], [each[k, kept] for each in placed]
+            if facings is not None:
+                pieces.append(ribbons(lines[k, kept], radii[k, kept], facings[k, kept], own_colors, own_uvs))
+            else:
+                pieces.append(tubes(lines[k, kept], radii[k, kept], own_colors, sides, fibres, own_uvs))
     if not pieces:
         return None
     return tubes_mesh(prim.GetName(), pieces)

@@ -1,0 +1,42 @@
+"""Chooses how finely fibres are divided into lines: by how far they bend, relative to their width."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+__all__ = ["by_stride"]
+
+F64 = npt.NDArray[np.float64]
+_TOLERANCE = 0.25  # distance from the curve, in mean radii
+
+
+def by_stride(lines: F64, radii: F64, steps: int) -> Iterator[tuple[npt.NDArray[np.int64], slice]]:
+    """Yields the polylines that are to be as fine as each other: (their indices, the slice of their points that are kept).
+
+    lines: (N, S, 3), `steps` lines for each segment of a cubic curve; radii: (N, S). A polyline keeps every point of which a
+    divisor of `steps` is the distance: the largest one that leaves it within a quarter of its mean radius of all its points.
+    """
+    rest = np.arange(len(lines))
+    for stride in (each for each in range(steps, 0, -1) if steps % each == 0):
+        far = _deviation(lines[rest], stride) > _TOLERANCE * radii[rest].mean(axis=1)
+        if stride > 1 and far.all():
+            continue
+        chosen = rest if stride == 1 else rest[~far]
+        rest = rest[far]
+        if len(chosen):
+            yield chosen, slice(None, None, stride)
+        if not len(rest):
+            break
+
+
+def _deviation(lines: F64, stride: int) -> F64:
+    """Returns (N,) the largest distance of a point from the line between the kept points around it, at equal shares of both."""
+    found = np.zeros(len(lines))
+    first, last = lines[:, :-1:stride], lines[:, stride::stride]
+    for k in range(1, stride):
+        apart = lines[:, k::stride] - (first + (last - first) * (k / stride))
+        found = np.maximum(found, np.sqrt((apart * apart).sum(axis=2)).max(axis=1, initial=0))
+    return found
