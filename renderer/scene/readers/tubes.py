@@ -22,6 +22,7 @@ __all__ = [
     "line_tangents",
     "ribbons",
     "sides_of",
+    "tolerance_of",
     "tubes",
     "tubes_mesh",
 ]
@@ -37,6 +38,7 @@ BASES = {
 
 
 MAX_FINE_CURVES = 500  # up to this many curves get more sides
+MAX_CURVES = 20_000  # likewise; of more, each is hardly wider than a pixel
 
 
 class Tubes(NamedTuple):
@@ -55,7 +57,12 @@ def sides_of(curves: int, fibres: bool) -> int:
     """Returns the number of sides of each of `curves` tubes; fibres get more, as their light depends on the normal."""
     if curves <= MAX_FINE_CURVES:
         return 12
-    return 6 if fibres else 4
+    return 6 if fibres and curves <= MAX_CURVES else 4
+
+
+def tolerance_of(curves: int) -> float:
+    """Returns how far each of `curves` fibres may be from the curve that it follows, in radii."""
+    return 0.1 if curves <= MAX_FINE_CURVES else 0.5
 
 
 def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:

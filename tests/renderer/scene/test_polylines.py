@@ -16,11 +16,11 @@ def arcs(bends: list[float], points: int = 13) -> np.ndarray:
 
 
 def test_fibres_keep_the_points_by_which_they_bend() -> None:
-    """Each strand keeps the fewest points that leave it within a quarter of its radius of its curve."""
+    """Each strand keeps the fewest points that leave it within the tolerance, a quarter of its radius."""
     bends = [1e-3, 0.5, 1.1, 1.6, 3.0, 0.5]
     lines, radii = arcs(bends), np.full((6, 13), 0.02)
     radii[5] *= 100
-    found = {int(n): kept.step for k, kept in by_stride(lines, radii, 6) for n in k}
+    found = {int(n): kept.step for k, kept in by_stride(lines, radii, 6, 0.25) for n in k}
     for n, bend in enumerate(bends):  # the sagitta of a chord of the arc's nth part
         sagittas = {stride: (1 - np.cos(bend * stride / 24)) / bend for stride in (6, 3, 2, 1)}
         assert found[n] == next(s for s, far in sagittas.items() if s == 1 or far <= 0.25 * radii[n, 0])
@@ -28,7 +28,7 @@ def test_fibres_keep_the_points_by_which_they_bend() -> None:
 
 
 def test_only_hair_is_thinned() -> None:
-    strands = [Strand(line, np.full(13, 0.02), steps=6) for line in arcs([1e-3, 0.7, 3.0])]
+    strands = [Strand(line, np.full(13, 0.02), steps=6) for line in arcs([1e-3, 0.25, 3.0])]
     fibres, wires = strands_mesh(strands, fibres=True), strands_mesh(strands)
     assert len(fibres.triangles) == 2 * 12 * (2 + 4 + 12)
     assert len(wires.triangles) == 3 * (2 * 12 * 12 + 2 * 10)
