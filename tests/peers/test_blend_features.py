@@ -26,6 +26,7 @@ NAMES = (
     *("ior", "tinted_glass", "shining_mask", "spaces", "mask", "mapped", "multiplied", "brushed_glossy"),
     *("plain", "of_each", "lamps", "profiles", "slides", "sky"),
     *("smoke", "ink", "juice", "fog", "wax", "skin", "marble", "dents", "moved", "cloud"),
+    *("fur", "strands"),
 )
 BLOCK, MOST, BRIGHTEST, SAMPLES = 8, 0.03, 4.0, 128
 

@@ -328,7 +328,7 @@ def _shape_at(thing: Any, export: _SceneExport, key: str) -> Any:
         return _shape_of(thing, exported)
     for system in hair_systems(thing, export.for_render):
         if system.name == name:
-            made = particle_hair(thing, system, export.for_render, key)
+            made = particle_hair(thing, system, export.for_render, key, exported[1])
             return None if made is None or made[1].counts != exported[1].counts else (made[0].positions, made[0].normals)
     return None
 
@@ -337,7 +337,7 @@ def _shape_of(thing: Any, exported: tuple[Mesh, Corners] | None) -> Any:
     if exported is None:
         return None
     if thing.type == "CURVES":
-        made = hair(thing.data, exported[0].key)
+        made = hair(thing.data, exported[0].key, exported[1])
         return None if made is None or made[1].counts != exported[1].counts else (made[0].positions, made[0].normals)
     if thing.type == "MESH":
         return shape(thing.data, exported[1])

@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import Mesh
 from renderer.scene.readers.polylines import by_stride
-from renderer.scene.readers.tubes import BASES, STEPS, ribbons, sides_of, tolerance_of, tubes, tubes_mesh
+from renderer.scene.readers.tubes import BASES, STEPS, fineness_of, ribbons, sides_of, tubes, tubes_mesh
 
 __all__ = ["Strand", "line_of", "strands_mesh"]
 
@@ -50,11 +50,11 @@ def strands_mesh(strands: list[Strand], fibres: bool = False) -> Mesh:
     groups: dict[tuple[int, bool, int], list[Strand]] = {}
     for strand in strands:
         groups.setdefault((len(strand.points), strand.facing is None or fibres, strand.steps), []).append(strand)
-    pieces, sides, tolerance = [], sides_of(len(strands), fibres), tolerance_of(len(strands))
+    pieces, sides = [], sides_of(len(strands), fibres)
     for (_, is_round, steps), group in groups.items():
         lines, radii = np.stack([strand.points for strand in group]), np.stack([strand.radii for strand in group])
         if fibres:
-            alike = by_stride(lines, radii, steps, tolerance)
+            alike = by_stride(lines, radii, steps, *fineness_of(len(strands)))
             pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, True) for k, kept in alike]
         elif is_round:
             pieces.append(tubes(lines, radii, None, sides))

@@ -19,10 +19,10 @@ __all__ = [
     "STEPS",
     "Tubes",
     "curve_weights",
+    "fineness_of",
     "line_tangents",
     "ribbons",
     "sides_of",
-    "tolerance_of",
     "tubes",
     "tubes_mesh",
 ]
@@ -60,9 +60,9 @@ def sides_of(curves: int, fibres: bool) -> int:
     return 6 if fibres and curves <= MAX_CURVES else 4
 
 
-def tolerance_of(curves: int) -> float:
-    """Returns how far each of `curves` fibres may be from the curve that it follows, in radii."""
-    return 0.1 if curves <= MAX_FINE_CURVES else 0.5
+def fineness_of(curves: int) -> tuple[float, int]:
+    """Returns how far each of `curves` fibres may be from its curve, in radii, and its largest number of lines per segment."""
+    return (0.1, STEPS) if curves <= MAX_FINE_CURVES else (0.5, 3)
 
 
 def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:

@@ -20,11 +20,13 @@ def test_fibres_keep_the_points_by_which_they_bend() -> None:
     bends = [1e-3, 0.5, 1.1, 1.6, 3.0, 0.5]
     lines, radii = arcs(bends), np.full((6, 13), 0.02)
     radii[5] *= 100
-    found = {int(n): kept.step for k, kept in by_stride(lines, radii, 6, 0.25) for n in k}
+    found = {int(n): kept.step for k, kept in by_stride(lines, radii, 6, 0.25, 6) for n in k}
     for n, bend in enumerate(bends):  # the sagitta of a chord of the arc's nth part
         sagittas = {stride: (1 - np.cos(bend * stride / 24)) / bend for stride in (6, 3, 2, 1)}
         assert found[n] == next(s for s, far in sagittas.items() if s == 1 or far <= 0.25 * radii[n, 0])
     assert {*found.values()} == {6, 3, 2, 1}
+    capped = {int(n): kept.step for k, kept in by_stride(lines, radii, 6, 0.25, 3) for n in k}
+    assert capped == {n: max(step, 2) for n, step in found.items()}
 
 
 def test_only_hair_is_thinned() -> None:

@@ -95,7 +95,7 @@ def test_hair_shaders_of_stages(strands, tmp_path, png):
         return material(made, "/look", "arnold:standard_hair", "arnold", **given)[0]
 
     found, hair, mesh = strands(arnold)
-    assert (hair.kind, hair.beta_m, hair.beta_n, math.degrees(hair.tilt)) == ("hair", *map(pytest.approx, (0.35, 0.35, 3)))
+    assert (hair.kind, hair.beta_m, hair.beta_n, math.degrees(hair.tilt)) == ("hair", *map(pytest.approx, (0.35, 0.35, -3)))
     assert found.images[found.textures[hair.base_color_texture].image].pixels[0, 0, :3].tolist() == [200, 100, 50]
     roots = np.where(mesh.positions[:, 2:] < 0.5, (0.25, 0.5), (0.75, 0.875))
     np.testing.assert_allclose(mesh.uvs, roots)

@@ -10,7 +10,7 @@ from pxr import UsdGeom
 
 from renderer.scene.description import F32, Mesh
 from renderer.scene.readers.polylines import by_stride
-from renderer.scene.readers.tubes import BASES, STEPS, Tubes, curve_weights, ribbons, sides_of, tolerance_of, tubes, tubes_mesh
+from renderer.scene.readers.tubes import BASES, STEPS, Tubes, curve_weights, fineness_of, ribbons, sides_of, tubes, tubes_mesh
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
@@ -138,7 +138,7 @@ def tubes_of(
         along = which, first, spans, weights, between
         radii = np.maximum(_values_along(widths, interpolation, *along)[..., 0] / 2, 0)
         steps = STEPS if fibres and basis != "linear" else 1
-        groups = list(by_stride(lines, radii, steps, tolerance_of(len(counts))))
+        groups = list(by_stride(lines, radii, steps, *fineness_of(len(counts))))
         total += sum(len(k) * (lines[0, kept].shape[0] + 2) * (sides + 1) for k, kept in groups)
         if total > MAX_VERTICES:
             notes.add(Sentence("usd-curves-too-many", "Curves beyond the limit are left out"), path)

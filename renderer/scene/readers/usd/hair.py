@@ -105,7 +105,7 @@ def _standard_hair(inputs: SurfaceInputs, read: Read) -> None:
     inputs.leave_out(_ARNOLD_NEUTRAL)
     along = inputs.number("roughness", 0.2)
     around = inputs.number("roughness_azimuthal", 0.2) if inputs.number("roughness_anisotropic", 0.0) else along
-    tilt, ior = math.radians(inputs.number("shift", 3.0)), inputs.number("ior", 1.55)
+    tilt, ior = -math.radians(inputs.number("shift", 3.0)), inputs.number("ior", 1.55)  # positive shifts are towards the root
     melanin, redness = inputs.number("melanin", 1.0), inputs.number("melanin_redness", 0.5)
     if melanin <= 0:
         name, base = read.material.name, inputs.number("base", 1.0)
