@@ -342,7 +342,7 @@ def strands(scene: Any) -> None:
     data.add_curves([8] * 324)
     data.points.foreach_set("position", [each for point in points for each in point])
     data.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", [0.02] * len(points))
-    data.materials.append(hair_material("hair", Color=(0.7, 0.5, 0.3, 1), Roughness=0.25, Offset=0.05))
+    data.materials.append(hair_material("hair", Color=(0.6, 0.4, 0.2, 1), Roughness=0.5, Radial_Roughness=0.6, Offset=0.05))
     scene.collection.objects.link(bpy.data.objects.new("strands", data))
     scene.cycles_curves.shape = "THICK"
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import NamedTuple
 
 import numpy as np
@@ -36,10 +37,15 @@ def line_of(points: F64, basis: str, steps: int = STEPS) -> F64:
     """
     step = 3 if basis == "bezier" else 1
     first = np.arange(0, len(points) - 3, step)
-    u = np.linspace(0, 1, steps + 1)
-    weights = np.stack([u**k for k in range(4)], axis=1) @ BASES[basis]
-    parts = np.einsum("uk,skx->sux", weights, points[first[:, None] + np.arange(4)])
+    parts = np.einsum("uk,skx->sux", _weights(basis, steps), points[first[:, None] + np.arange(4)])
     return np.concatenate([parts[:, :-1].reshape(-1, points.shape[1]), parts[-1:, -1]])
+
+
+@functools.cache
+def _weights(basis: str, steps: int) -> F64:
+    """Returns (steps + 1, 4) the weights of a segment's control points along it."""
+    u = np.linspace(0, 1, steps + 1)
+    return np.asarray(np.stack([u**k for k in range(4)], axis=1) @ BASES[basis])
 
 
 def strands_mesh(strands: list[Strand], fibres: bool = False) -> Mesh:
