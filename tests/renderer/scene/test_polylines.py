@@ -26,6 +26,8 @@ def test_fibres_keep_the_points_by_which_they_bend() -> None:
         assert found[n] == next(s for s, far in sagittas.items() if s == 1 or far <= 0.25 * radii[n, 0])
     assert {*found.values()} == {6, 3, 2, 1}
     capped = {int(n): kept.step for k, kept in by_stride(lines, radii, 6, 0.25, 3) for n in k}
+    (whole,) = by_stride(lines, radii, 6, None, 3)
+    assert whole[0].tolist() == list(range(6)) and whole[1].step == 2
     assert capped == {n: max(step, 2) for n, step in found.items()}
 
 

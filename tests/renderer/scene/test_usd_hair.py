@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from pxr import Gf, Sdf, UsdGeom, UsdShade
 
+from renderer.scene.animation import Moment
 from tests.renderer.scene.usd_files import TYPES, bind, material, read, stage
 
 F, C = TYPES.Float, TYPES.Color3f
@@ -101,3 +102,24 @@ def test_hair_shaders_of_stages(strands, tmp_path, png):
     np.testing.assert_allclose(mesh.uvs, roots)
     _, black, _ = strands(lambda made: material(made, "/look", "arnold:standard_hair", "arnold")[0])
     assert min(black.sigma_a) > 3
+
+
+def test_moving_hair_keeps_its_vertices(tmp_path):
+    """Hair that bends over time has as many vertices at all times, which motion blur needs."""
+    made = stage(tmp_path / "a.usda")
+    curves = UsdGeom.BasisCurves.Define(made, "/c")
+    curves.CreateTypeAttr("cubic")
+    curves.CreateBasisAttr("bspline")
+    curves.CreateCurveVertexCountsAttr([5])
+    for frame, bend in ((0, 0), (10, 3)):
+        curves.CreatePointsAttr().Set([(k, bend * (k % 2), 0) for k in range(5)], frame)
+    curves.CreateWidthsAttr([0.01])
+    curves.SetWidthsInterpolation("constant")
+    bind(curves, material(made, "/look", "arnold:standard_hair", "arnold")[0])
+    made.GetRootLayer().Save()
+    sizes = [len(read(tmp_path / "a.usda", Moment(frame)).meshes[0].positions) for frame in (0, 10)]
+    assert sizes[0] == sizes[1] == 12 * 13
+    curves.GetPointsAttr().Clear()
+    curves.CreatePointsAttr([(k, 0, 0) for k in range(5)])
+    made.GetRootLayer().Save()
+    assert len(read(tmp_path / "a.usda").meshes[0].positions) == 12 * 3

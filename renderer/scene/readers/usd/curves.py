@@ -69,12 +69,18 @@ def _widths(prim: Any, points: Any, time: Any) -> Any:
 
 
 def tubes_of(
-    prim: Any, time: Any, notes: Notes, color: str | None, uv_sets: tuple[str, ...] = (), fibres: bool = False
+    prim: Any,
+    time: Any,
+    notes: Notes,
+    color: str | None,
+    uv_sets: tuple[str, ...] = (),
+    fibres: bool = False,
+    bends: bool = False,
 ) -> Mesh | None:
     """Returns all curves of a prim as one mesh: tubes, or ribbons if they have normals; None, with a note, if they are damaged.
 
     color: name of the primvar with their colours, or None. uv_sets: names of those with their UVs. fibres: whether their material
-    is hair: they are then fibres (tubes.py), with or without normals.
+    is hair: they are then fibres (tubes.py), with or without normals. bends: whether they deform over time.
     """
     curves = UsdGeom.BasisCurves(prim)
     points = primvars.array(curves.GetPointsAttr().Get(time), 3).astype(np.float64)
@@ -138,7 +144,8 @@ def tubes_of(
         along = which, first, spans, weights, between
         radii = np.maximum(_values_along(widths, interpolation, *along)[..., 0] / 2, 0)
         steps = STEPS if fibres and basis != "linear" else 1
-        groups = list(by_stride(lines, radii, steps, *fineness_of(len(counts))))
+        tolerance, most = fineness_of(len(counts))
+        groups = list(by_stride(lines, radii, steps, None if bends else tolerance, most))
         total += sum(len(k) * (lines[0, kept].shape[0] + 2) * (sides + 1) for k, kept in groups)
         if total > MAX_VERTICES:
             notes.add(Sentence("usd-curves-too-many", "Curves beyond the limit are left out"), path)
