@@ -19,8 +19,8 @@ def by_stride(
 
     lines: (N, S, 3), `steps` lines for each segment of a cubic curve; radii: (N, S). A polyline keeps every point of which a
     divisor of `steps` is the distance: the largest one that leaves all its points within `tolerance` times its mean radius of it,
-    or else the one that leaves `most` lines for each segment. tolerance: None keeps as many points of every polyline, whatever its
-    shape, since polylines that bend over time must keep the same points.
+    or else the one that leaves `most` lines for each segment. tolerance: None keeps as many points of each polyline, whatever
+    its shape, since polylines that bend over time must keep the same points.
     """
     rest = np.arange(len(lines))
     strides = [each for each in range(steps, 0, -1) if steps % each == 0 and steps // each <= most]

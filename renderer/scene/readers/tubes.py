@@ -62,7 +62,9 @@ def sides_of(curves: int, fibres: bool) -> int:
 
 def fineness_of(curves: int) -> tuple[float, int]:
     """Returns how far each of `curves` fibres may be from its curve, in radii, and its largest number of lines per segment."""
-    return (0.1, STEPS) if curves <= MAX_FINE_CURVES else (0.5, 3)
+    if curves <= MAX_FINE_CURVES:
+        return 0.1, STEPS
+    return (0.5 if curves <= MAX_CURVES else 1.0), 3
 
 
 def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
