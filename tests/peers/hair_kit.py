@@ -39,6 +39,12 @@ def main(folder: Path) -> None:
     strands.select_set(True)
     bpy.ops.wm.alembic_export(filepath=str(folder / "hair.abc"), start=1, end=1, as_background_job=False)
 
+    shown = bpy.data.collections.new("instanced")  # of a second object with the same hair, which is in no other collection
+    shown.objects.link(bpy.data.objects.new("lock", data))
+    carrier = bpy.data.objects.new("carrier", None)
+    carrier.instance_type, carrier.instance_collection, carrier.location = "COLLECTION", shown, (0, 0, 5)
+    scene.collection.objects.link(carrier)
+
     bpy.ops.mesh.primitive_uv_sphere_add(radius=1, location=(0.5, 2, 0), rotation=(0.3, 0, 0))
     ball = bpy.context.object
     for material in (bpy.data.materials.new("skin"), hair):

@@ -31,7 +31,8 @@ def test_hair_curves_and_particle_hair_are_fibres(made: Path) -> None:
     """Axes and diameters of fibres are Blender's, with all children that it renders; their material is hair of its colour."""
     found = read(made, "hair.blend")
     shown = {each.name.split("/")[1]: each for each in found.instances}
-    assert shown.keys() == {"Sphere", "Sphere fur", "strands hair"}
+    assert shown.keys() == {"Sphere", "Sphere fur", "strands hair", "carrier instance"}
+    np.testing.assert_allclose(shown["carrier instance"].transform[:3, 3], (0, 5, 0), atol=1e-6)
     told = np.array(json.loads((made / "told.json").read_text())) @ TO_Y_UP.T
     mesh = found.meshes[shown["Sphere fur"].mesh]
     place = shown["Sphere fur"].transform
@@ -44,7 +45,7 @@ def test_hair_curves_and_particle_hair_are_fibres(made: Path) -> None:
     along = mesh.tangents.reshape(*told.shape[:2], SIDES, 4)[:, 0, 0, :3] @ place[:3, :3].T
     steps = told[:, 1] - told[:, 0]
     np.testing.assert_allclose(along, steps / np.linalg.norm(steps, axis=1, keepdims=True), atol=1e-4)
-    for name in ("Sphere fur", "strands hair"):
+    for name in ("Sphere fur", "strands hair", "carrier instance"):
         hair = found.materials[found.meshes[shown[name].mesh].material]
         assert hair.kind == "hair" and hair.beta_m == pytest.approx(0.25)
         np.testing.assert_allclose(hair.base_color, (0.5, 0.25, 0.125), rtol=1e-5)

@@ -8,13 +8,13 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .instances import VISIBLE, is_left_out
+from .instances import VISIBLE, MakeHair, is_left_out
 from .large import Taken, stand_in
 from .point_clouds import mesh_of_points
 from .principled_materials import modules_of
 from .sentences import Sentence
 
-__all__ = ["hair_and_points_as_meshes", "particle_hair_as_objects"]
+__all__ = ["hair_and_points_as_meshes", "hair_maker", "particle_hair_as_objects"]
 
 
 def particle_hair_as_objects(bpy: Any, scene: Any, shown: set[str], addon: Path | None, taken: Taken, notes: list[str]) -> None:
@@ -87,14 +87,27 @@ def hair_and_points_as_meshes(
 
 
 def _hair_of(bpy: Any, scene: Any, thing: Any, data: Any, modules: Any, taken: Taken, notes: list[str]) -> Any:
+    mesh = _stand_in_of_hair(bpy, thing, data, modules, taken, notes)
+    return None if mesh is None else _object_of(bpy, scene, thing, mesh, "hair")
+
+
+def _stand_in_of_hair(bpy: Any, thing: Any, data: Any, modules: Any, taken: Taken, notes: list[str]) -> Any:
+    """Returns a stand-in for hair curves (`data`, a bpy.types.Curves), whose fibres `taken` receives; None without strands."""
     found = modules.meshes.hair(data, thing.name)
     if found is None:
         if len(data.points):
             notes.append(_too_large(thing, modules))
         return None
-    mesh = stand_in(bpy, thing.name, list(thing.data.materials)[:1])
+    mesh = stand_in(bpy, thing.name, [each.original if each is not None else None for each in data.materials[:1]])
     taken[mesh.name] = found[0]
-    return _object_of(bpy, scene, thing, mesh, "hair")
+    return mesh
+
+
+def hair_maker(bpy: Any, addon: Path | None, taken: Taken, notes: list[str]) -> MakeHair | None:
+    """Returns a function that converts an object's hair curves to a stand-in; None without the add-on's folder, `addon`."""
+    if addon is None:
+        return None
+    return lambda thing, data: _stand_in_of_hair(bpy, thing, data, modules_of(addon), taken, notes)
 
 
 def _object_of(bpy: Any, scene: Any, thing: Any, mesh: Any, what: str) -> Any:

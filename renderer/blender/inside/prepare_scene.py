@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from .deforming_meshes import DeformedShapes, armatures_disabled
-from .hair import particle_hair_as_objects
+from .hair import hair_maker, particle_hair_as_objects
 from .instances import VISIBLE, instances_as_objects
 from .keys import animated_paths
 from .large import Taken
@@ -52,7 +52,7 @@ def prepare(
             shown.remove(name)
             bpy.data.objects.remove(scene.objects[name])
     particle_hair_as_objects(bpy, scene, shown, addon, taken, notes)
-    instances_as_objects(bpy, scene, shown, frames, notes)
+    instances_as_objects(bpy, scene, shown, frames, hair_maker(bpy, addon, taken, notes), notes)
     _apply_modifiers(bpy, scene, shown, frames, exposed, notes)
     for thing in scene.objects:
         thing.hide_render = thing.name not in shown and thing.type not in ("EMPTY", "ARMATURE")
