@@ -276,10 +276,12 @@ class DescriptionBuilder:
     def _curves(self, each: PlacedPrim) -> None:
         prim = each.prim
         surface = self._surface(prim)
-        varies = UsdGeom.BasisCurves(prim).GetPointsAttr().ValueMightBeTimeVarying()
+        curves = UsdGeom.BasisCurves(prim)
+        varies = any(each.ValueMightBeTimeVarying() for each in (curves.GetPointsAttr(), curves.GetWidthsAttr()))
         key = ("curves", self._key(prim), surface)
         if key not in self._numbers:
-            mesh = tubes_of(prim, self._time, self._notes, surface.color)
+            fibres = self._surfaces.material(surface).kind == "hair"
+            mesh = tubes_of(prim, self._time, self._notes, surface.color, surface.uvs, fibres, varies)
             self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
         self._add_instances(self._numbers[key], each)
 

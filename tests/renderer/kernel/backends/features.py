@@ -28,7 +28,7 @@ from renderer.scene.description import (
     Volume,
 )
 from renderer.scene.material import with_visibility
-from renderer.scene.readers.strands import strands_mesh
+from renderer.scene.readers.strands import Strand, strands_mesh
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
 
@@ -71,7 +71,7 @@ def strands() -> Mesh:
     fibres = []
     for x, z, lean_x, lean_z in random.uniform(-1, 1, (60, 4)):
         points = np.column_stack([1.5 + 0.5 * x + 0.4 * lean_x * along**2, 1.5 * along, 0.5 * z + 0.4 * lean_z * along**2])
-        fibres.append((points, np.linspace(0.03, 0.01, len(points))))
+        fibres.append(Strand(points, np.linspace(0.03, 0.01, len(points))))
     return strands_mesh(fibres, fibres=True)
 
 
