@@ -121,6 +121,20 @@ def backgrounds() -> list[Panel]:
     return [opaque, *(_on_board(rayfarm.render(each, background="transparent", **settings)) for each in (bare, caught))]
 
 
+def reflection_catcher() -> list[Panel]:
+    """Returns balls on a glossy floor, what a catcher of shadows and reflections has of them, and that over a plate."""
+    floor = {"kind": "metallic_roughness", "color": 0.35, "roughness": 0.08}
+    catcher = floor | {"shadow_catcher": True, "reflection_catcher": True}
+    whole, caught = (BALLS | {"materials": BALLS["materials"] | {"floor": each}} for each in (floor, catcher))
+    bare = whole | {"shapes": BALLS["shapes"][:1]}
+    settings = SMALL | {"environment": "studio", "spp": 128}
+    picture = rayfarm.render(caught, background="transparent", **settings)
+    plate = rayfarm.render(bare, **settings)["denoised"]
+    composite = picture["denoised"] + (1 - picture["alpha"][..., None]) * plate
+    opaque = _shown(rayfarm.render(whole, **settings)["denoised"], "neutral")
+    return [opaque, _on_board(picture), _shown(composite, "neutral")]
+
+
 def motion_blur() -> list[Panel]:
     """Returns a frame of the caterpillar's shot with the shutter closed, open for half of a frame, and for two frames."""
     scene = ROOT / "scenes" / "caterpillar" / "caterpillar.yaml"
@@ -211,6 +225,7 @@ DRAWN: dict[str, tuple[Callable[[], list[Panel]], int]] = {
     "cameras": (cameras, 2),
     "tone-curves": (tone_curves, 5),
     "backgrounds": (backgrounds, 3),
+    "reflection-catcher": (reflection_catcher, 3),
     "denoising": (denoising, 3),
     "motion-blur": (motion_blur, 3),
     "spectral": (spectral, 2),

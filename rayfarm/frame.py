@@ -117,6 +117,7 @@ def render_to(
     instead of writing the denoised frame. writes: whether to write the raw picture. on_picture: called with the raw picture,
     (h, w, 3).
     """
+    from renderer.denoise_guides import denoise_still
     from renderer.film import SAMPLES, mean
     from renderer.image import encode
     from renderer.render import RenderStats
@@ -153,10 +154,11 @@ def render_to(
     if writes:
         encode.write(output, raw, **looks)
     if order.denoise:
-        clean = _denoise_frame(sums, settings.film_exponent, order.threads)
         if hold is None or motion is None:
-            encode.write(options.denoised_name(output), clean.color, **looks)
+            still = denoise_still(sums, compiled, settings, order.threads)
+            encode.write(options.denoised_name(output), still, **looks)
         else:
+            clean = _denoise_frame(sums, settings.film_exponent, order.threads)
             number, material = (aovs.values(sums, settings.film_exponent, name) for name in ("object", "material"))
             hold(
                 DenoisedFrame(clean, number, material, motion),

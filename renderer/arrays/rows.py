@@ -161,6 +161,8 @@ CLEAR = 131072  # smooth glass: most light passes in a discrete direction
 HOLDOUT = 262144  # before a transparent background, cuts a hole into the picture
 CATCHER = 524288  # before a transparent background, shows the shadows on it alone
 FROM_DIFFUSE, FROM_GLOSSY, FROM_TRANSMISSION, FROM_VOLUME = 1048576, 2097152, 4194304, 8388608  # invisible to such rays
+REFLECTIONS = 16777216  # before a transparent background, shows the reflections on it alone
+CATCHES = CATCHER | REFLECTIONS
 TRANSPARENT = MASKED | BLENDED
 UNSEEN_BY = (UNSEEN, SHADELESS, FROM_DIFFUSE, FROM_GLOSSY, FROM_TRANSMISSION, FROM_VOLUME)  # by kind (RAY_KINDS)
 

@@ -12,6 +12,7 @@ from numba import typeof, types
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import CompiledScene, example
 from renderer.bvh.compressed_tree import LEAF_NUMBERS, NODE_WORDS, CompressedTree
+from renderer.cryptomatte import NOT_FINITE
 from renderer.film import plane_count
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cpu.rows import LAYOUT
@@ -38,17 +39,19 @@ def wave_for(
     height: int,
     paths: int,
     second: bool = False,
+    recorded: int = 0,
 ) -> Wave:
     """Returns the Wave that renders a batch of a tile of width x height pixels into a zeroed film, `paths` - 1 paths at once.
 
-    scene: with a compressed tree, in the form that the variant's kernels expect. The rows and lists of the paths are not
-    initialised.
+    scene: with a compressed tree, in the form that the variant's kernels expect. recorded: number of columns of the records of
+    samples; 0 for no records. The rows and lists of the paths are not initialised.
     """
     pool, lists = np.empty((LAYOUT.width, 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
     lengths, branches = np.zeros(LISTS, np.int64), np.empty(paths, np.int64)
     film = np.zeros((plane_count(0, options.transparent_background), height, width), np.int64)
     counters = np.zeros(COUNTERS, np.int64)
-    return Wave(scene, camera, options, batch, film, counters, pool, lists, lengths, branches, np.bool_(second))
+    records = np.full((width * height * batch.count if recorded else 0, recorded or 2), NOT_FINITE, np.uint32)
+    return Wave(scene, camera, options, batch, film, counters, pool, lists, lengths, branches, records, np.bool_(second))
 
 
 def wave_type(variant: str) -> Any:

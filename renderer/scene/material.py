@@ -152,6 +152,8 @@ class Material:
     """Before a transparent background it cuts a hole into the picture; everything but the camera sees it."""
     shadow_catcher: bool = flag_parameter(kinds=SURFACES)
     """Before a transparent background the camera sees only the shadows on it, as opaque black."""
+    reflection_catcher: bool = flag_parameter(kinds=SURFACES)
+    """Before a transparent background the camera sees only what objects reflect onto it; with shadow_catcher both."""
     facing: bool = flag_parameter(kinds=SURFACES)
     """A sphere's light is that of a disk through its middle which faces whoever looks: Cycles' soft falloff."""
     metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")
