@@ -8,14 +8,17 @@ import os
 import re
 import shutil
 import signal
+import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import hypothesis
 import pytest
+from execnet import XSpec
 from xdist.remote import Producer
 from xdist.scheduler import EachScheduling
 
+from tests.fork_server import ForkServer
 from tests.grids import leave_out_long
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import get_ready, ready_first
@@ -113,6 +116,15 @@ class ByPart(EachScheduling):
         session = self.config.pluginmanager.get_plugin("session")
         assert isinstance(session, pytest.Session)
         session.testscollected = sum(len(collected) for collected in self.node2collection.values())
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config, specs: list[XSpec]) -> None:
+    """Forks the processes from one that has imported their libraries (tests/fork_server.py), where forks are safe."""
+    if sys.platform == "linux":
+        server = ForkServer()
+        server.use_for(specs)
+        config.add_cleanup(server.stop)
 
 
 @pytest.hookimpl(optionalhook=True)
