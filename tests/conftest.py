@@ -14,6 +14,7 @@ from pathlib import Path
 
 import hypothesis
 import pytest
+from _pytest.runner import runtestprotocol
 from execnet import XSpec
 from xdist.remote import Producer
 from xdist.scheduler import EachScheduling
@@ -105,6 +106,21 @@ def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str
         return None
     marks = [*getattr(obj, "pytestmark", ()), *collector.iter_markers()]
     return [] if any(mark.name == "long" for mark in marks) else None
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Makes a process of xdist report only calls, and what fails or is skipped before or after them.
+
+    Otherwise six messages are sent for each test, and the process that controls the others takes longer for them than any part for
+    its smaller half.
+    """
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return None
+    for report in runtestprotocol(item, log=False, nextitem=nextitem):
+        if report.when == "call" or not report.passed:
+            item.ihook.pytest_runtest_logreport(report=report)
+    return True
 
 
 class ByPart(EachScheduling):
