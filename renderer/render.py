@@ -42,6 +42,7 @@ from renderer.kernel.options import group_rows, kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
 from renderer.parallel_compile import Helpers, variant_suffix
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
+from renderer.reference import Packed
 from renderer.replay import Replay, read_log
 from renderer.scene.caustics import example_tables, with_caustics
 from renderer.scene.compiled import CompiledScene
@@ -149,7 +150,7 @@ def _render(
         settings = replace(settings, caustics="off")
     kernel = renderer_of(settings)
     bad_count, rays = kernel(
-        scene,
+        Packed(scene),
         new_scratch(kernel, tile.w, tile.h, planes, rows),
         camera,
         kernel_options(settings, scene),
