@@ -6,6 +6,7 @@ that sends its standard streams to the server, where a fork takes them over, and
 
 from __future__ import annotations
 
+import contextlib
 import importlib
 import os
 import shlex
@@ -14,6 +15,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import warnings
 from types import ModuleType
 from typing import TYPE_CHECKING
 
@@ -66,12 +68,16 @@ def serve(listener: socket.socket) -> None:
 
     gc.disable()
     for name in PRELOADED:
-        importlib.import_module(name)
-    _load_declarations()
+        with contextlib.suppress(Exception):  # raised again in the tests that import it
+            importlib.import_module(name)
+    with contextlib.suppress(ImportError):
+        _load_declarations()
     gc.freeze()
     while True:
         connection, _ = listener.accept()
-        if os.fork() == 0:
+        with warnings.catch_warnings(action="ignore"):  # Python 3.12 warns of OpenBLAS's threads, which stop before a fork
+            forked = os.fork()
+        if forked == 0:
             break
         connection.close()
     from renderer.child_processes import die_with_parent
