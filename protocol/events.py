@@ -83,10 +83,14 @@ class WorkMade(_Work):
 
 
 class Denoised(WorkMade):
-    """A frame was denoised and stored as a blob. version, samples: version and number of samples of the film at that time."""
+    """A frame was denoised and stored as a blob. version, samples: version and number of samples of the film at that time.
+
+    seconds: duration of the denoising.
+    """
 
     version: str
     samples: int
+    seconds: float
 
 
 class WorkFailed(_Work):

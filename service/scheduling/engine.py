@@ -209,9 +209,18 @@ class Engine:
 
         frames: as in DenoiseFrame.
         """
+        self._artifact_tasks.previews.release(job, frame)
         request = DenoiseFrame("", job, frame, film.width, film.height, frames)
         version = VERSION_SEPARATOR.join(film.version(each) for each, _ in frames or ((frame, ""),))
         return self._with_wake_up(self._artifact_tasks.denoising.request(request, version))
+
+    def denoise_preview(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
+        """Returns the latest preview of a frame that is being rendered, or requests one if it is due (previews.py).
+
+        Raises Unavailable if no worker can denoise.
+        """
+        request = DenoiseFrame("", job, frame, film.width, film.height, is_preview=True)
+        return self._with_wake_up(self._artifact_tasks.previews.latest(request, film.samples(frame)))
 
     def vectors(self, request: FrameVectors) -> Future[ArtifactResult]:
         """Requests that a worker compute a frame's motion vectors. Raises Unavailable if no worker can."""

@@ -41,7 +41,7 @@ from protocol.view_parts import (
     view_key,
     view_queue,
 )
-from renderer.denoise import denoise, denoise_with_guides, is_available
+from renderer.denoise import denoise, denoise_fast, denoise_with_guides, is_available
 from renderer.film import COLOR, DEPTH, NORMAL, SAMPLES
 from renderer.image import rgbe9995
 from renderer.render import render_batch
@@ -315,6 +315,10 @@ def test_frame_is_denoised_from_film_means(bench: Bench) -> None:
     assert np.abs(clean - truth).mean() < np.abs(noisy - truth).mean() / 4
     again = denoised(bench, DenoiseFrame("again", "job", 0, 60, 40))
     assert again["sha256"] == event["sha256"]
+    preview = denoised(bench, DenoiseFrame("preview", "job", 0, 60, 40, is_preview=True))
+    quick = np.frombuffer(bench.service.blobs[preview["sha256"]], "<f4").reshape(40, 60, 3)
+    np.testing.assert_allclose(quick, denoise_fast(noisy, truth, normal), rtol=1e-3, atol=1e-3)
+    assert 0 < preview["seconds"] < 60
 
 
 @pytest.mark.long

@@ -195,6 +195,7 @@ class DenoiseDone(_Denoise):
     sha256: Id
     version: Id
     samples: Annotated[int, Field(ge=0, lt=1 << 63)]
+    seconds: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0  # that the denoiser took; 0 from earlier releases
 
 
 class DenoiseFailed(_Denoise):

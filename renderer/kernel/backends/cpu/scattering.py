@@ -68,6 +68,7 @@ from renderer.kernel.backends.cpu.rows import (
 from renderer.kernel.light.light_sample import LightSample
 from renderer.kernel.light.visibility import shadow_root_of
 from renderer.kernel.light_paths import share_after_vertex, store_sampled_share, store_share
+from renderer.kernel.spectrum.wavelengths import rgb_at
 from renderer.kernel.steps import scatter as scattering
 from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end
@@ -239,7 +240,8 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
         shadow = sample_direct_light(scene, surface, path, light, wi, f, share, medium_stack, is_surface)
         start, end, is_cast = shadow.start, shadow.end, where(shadow.is_cast, _ONE, none)
         if options.has_mattes:
-            bright = where(shadow.is_cast, vec.luminance(shadow.brought), none)
+            unshadowed = vec.luminance(rgb_at(scene, stream, shadow.brought))
+            bright = where(shadow.is_cast, unshadowed, none)
             scatter(pool, spare_where_not(pool, caught, rows), record_direct_light(hit, bright))
         root = shadow.medium_stack  # unused
         if scene.has.visibility is not None:

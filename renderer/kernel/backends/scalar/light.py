@@ -30,6 +30,7 @@ from renderer.kernel.manifold.estimate import estimate_caustic
 from renderer.kernel.material.material import eval_diffuse_lobes, eval_material
 from renderer.kernel.sampling.sampler import substream
 from renderer.kernel.spectrum.upsampling import light_at
+from renderer.kernel.spectrum.wavelengths import rgb_at
 from renderer.kernel.steps.aim import NOT_AIMED, mixture_pdf, targets_in_view
 from renderer.kernel.steps.emitted_light import (
     add_light,
@@ -171,7 +172,7 @@ def add_direct(
             shadow = sample_direct_light(scene, surface, path, light, wi, f, weight, crossings.medium_stack, is_surface)
             if shadow.is_cast:
                 if caught:
-                    store_direct_light(found, shadow.brought)
+                    store_direct_light(found, rgb_at(scene, stream, shadow.brought))
                 rays += 1
                 known = shadow, crossings.counts, options, time, own, path.number, root
                 left = shadow_transmittance(scene, stack, *known, wavelengths)

@@ -38,6 +38,7 @@ from renderer.kernel.path_trace import (
     record_second_branch,
     record_surface,
 )
+from renderer.kernel.spectrum.light_planes import planes_to_rgb
 from renderer.kernel.spectrum.wavelengths import to_rgb, wavelengths_of
 from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
 from renderer.kernel.steps.continue_or_end import continue_or_end, is_last
@@ -96,6 +97,8 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
         brought = path.radiance
         if scene.spectrum is not None:
             brought = to_rgb(scene.spectrum, camera.stream, brought)
+            if scene.has.by_light is not None:
+                planes_to_rgb(scene.spectrum, camera.stream, first, groups, options)
         light = vec.add(light, brought)
         if not splits_here:
             break

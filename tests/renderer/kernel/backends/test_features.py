@@ -44,8 +44,8 @@ LINKED = ("linked lights", "linked lights through cards", "linked lights in fog"
 BY_KIND = ("seen by some rays", "seen by some rays, through cards", "seen by some rays, in fog")
 SPECTRAL = (
     *("metal and plastic", "a rough metal", "an even metal", "textures", "coloured glass", "a prism", "a coat and cloth"),
-    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's"),
-    *("fog", "wax", "milk in glass"),
+    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's", "a soap film"),
+    *("fog", "wax", "milk in glass", "smoke in a grid", "fire in a grid behind cards"),
 )
 RARE = MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + HAIR + LINKED + BY_KIND
 
@@ -82,8 +82,9 @@ def test_spectra_have_the_same_bits_in_both_backends(name: str, monkeypatch: pyt
     in_rgb, _ = _rendered(name, None)
     assert (pool[SAMPLES] == SPP).all()
     assert (pool[COLOR] != in_rgb[COLOR]).any()
-    first_hits = slice(ALBEDO.start, CHANNELS)  # which have no wavelengths
-    np.testing.assert_array_equal(pool[first_hits], in_rgb[first_hits])
+    if name not in GRIDS:  # where flights, which end at first hits, have wavelengths
+        first_hits = slice(ALBEDO.start, CHANNELS)
+        np.testing.assert_array_equal(pool[first_hits], in_rgb[first_hits])
 
 
 def test_the_features_ask_for_all_variants() -> None:

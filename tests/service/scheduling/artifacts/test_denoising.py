@@ -8,13 +8,18 @@ from __future__ import annotations
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from types import SimpleNamespace
 
 import httpx
 import numpy as np
 import pytest
 
 from renderer.image import rgbe9995
+from service.scheduling.artifacts import previews
+from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
+from service.scheduling.artifacts.previews import DenoisedPreviews
 from service.store.bands import bands
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
@@ -125,6 +130,43 @@ def test_denoising_during_rendering(service: Service, worker: PeerWorker) -> Non
     assert answer.status_code == 200
     assert 0 < int(answer.headers["x-samples"]) < 64 * 48 * 60
     service.wait_for(job, "finished")
+
+
+@pytest.mark.long
+def test_preview_is_renewed_when_samples_have_doubled(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=60)
+    until(lambda: service.job(job)["samples"] > 0, "it has begun")
+    pixels, made = 64 * 48, [0]
+    while service.job(job)["state"] != "finished":
+        answer = raw(service, job, "?denoise=true&preview=true")
+        assert answer.status_code == 200, answer.text
+        if int(answer.headers["x-samples"]) != made[-1]:
+            made.append(int(answer.headers["x-samples"]))
+    assert all(after >= 2 * before for before, after in pairwise(made[1:-1])), made
+    assert len(worker.denoised) <= 8
+    assert raw(service, job, "?denoise=true&preview=true").headers["x-samples"] == str(60 * pixels)
+    tasks = service.farm.engine._artifact_tasks
+    assert [each.samples for each in tasks.denoising._made.values()] == [60 * pixels], "a finished picture is no preview"
+    assert not tasks.previews._made
+
+
+def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(previews, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    task = DenoisedPreviews.__new__(DenoisedPreviews)
+    monkeypatch.setattr(task, "_able_workers", lambda: [SimpleNamespace(slots=2), SimpleNamespace(slots=8)])
+    made = ArtifactResult("0" * 64, "v", samples=1000, seconds=1.5)
+    task._record_made(made)
+    for after, samples, is_recent in (
+        (0.0, 1999, True),
+        (2.8, 5000, True),  # doubled, but the farm rests for 19 * 1.5 s / 10 slots
+        (2.9, 1999, True),
+        (2.9, 2000, False),
+        (0.0, 999, False),  # the film was lost, and begun again
+    ):
+        now[0] = 100.0 + after
+        assert task._is_recent(made, samples) is is_recent, (after, samples)
 
 
 def problem(answer: httpx.Response, status: int) -> str:
