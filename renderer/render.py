@@ -130,15 +130,22 @@ def _pilot_variant(variant: str) -> str:
 
 
 def _render(
-    scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, log: npt.NDArray[np.float64] = _NO_LOG
+    scene: CompiledScene,
+    settings: RenderSettings,
+    tile: Tile,
+    first: int,
+    count: int,
+    log: npt.NDArray[np.float64] = _NO_LOG,
+    begins: Callable[[], None] = lambda: None,
 ) -> tuple[BatchSums, int]:
     """Renders a batch; returns (its sums, number of rays). scene: from `_prepared`.
 
-    log: rows in which the kernel records the path of the last sample.
+    log: rows in which the kernel records the path of the last sample. begins: called right before the first kernel.
     """
     step = max(1, _DEEP_AT_ONCE // max(1, tile.w * tile.h))
     if settings.deep and count > step:
         ranges = ((begin, min(step, first + count - begin)) for begin in range(first, first + count, step))
+        begins()
         return _added([_render(scene, settings, tile, *each, log) for each in ranges])
     planes, rows = len(settings.light_planes), group_rows(settings)
     sums = np.zeros((plane_count(planes, settings.is_transparent), tile.h, tile.w), np.int64)
@@ -149,14 +156,12 @@ def _render(
     if scene.caustics is None and samples_caustics(settings):  # nothing to sample
         settings = replace(settings, caustics="off")
     kernel = renderer_of(settings)
-    bad_count, rays = kernel(
-        Packed(scene),
-        new_scratch(kernel, tile.w, tile.h, planes, rows),
-        camera,
-        kernel_options(settings, scene),
-        Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent)),
-        Output(sums, bad, log, sums.reshape(-1), records, path_scratch(rows)),
-    )
+    scratch, options = new_scratch(kernel, tile.w, tile.h, planes, rows), kernel_options(settings, scene)
+    batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
+    output = Output(sums, bad, log, sums.reshape(-1), records, path_scratch(rows))
+    packed = Packed(scene)
+    begins()
+    bad_count, rays = kernel(packed, scratch, camera, options, batch, output)
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
     by_pixel = records.reshape(tile.w * tile.h, count if recorded else 0, records.shape[1])
     hits = count_samples(by_pixel[..., :2]) if settings.cryptomatte else None
@@ -222,17 +227,25 @@ def check_for_cards(settings: RenderSettings) -> None:
 
 
 def render_batch(
-    scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, card: CardRenderer | None = None
+    scene: CompiledScene,
+    settings: RenderSettings,
+    tile: Tile,
+    first: int,
+    count: int,
+    card: CardRenderer | None = None,
+    begins: Callable[[], None] = lambda: None,
 ) -> BatchSums:
     """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe without a `card`.
 
     The sums do not depend on the card or on how a frame is divided into batches: its batches always add up to the same bits.
-    card: a graphics card, which renders the batch if `is_for_cards(settings)`. Raises CardError if the card fails.
+    card: a graphics card, which renders the batch if `is_for_cards(settings)`. begins: called when everything is ready for the
+    kernel, which needs no interpreter. Raises CardError if the card fails.
     """
     prepared = _prepared(scene, settings)
     if card is not None and is_for_cards(settings):
+        begins()
         return _render_on(card, prepared, settings, tile, first, count)[0]
-    return _render(prepared, settings, tile, first, count)[0]
+    return _render(prepared, settings, tile, first, count, begins=begins)[0]
 
 
 def render_frame(
