@@ -43,6 +43,7 @@ from renderer.kernel.steps.emitted_light import (
 from renderer.kernel.steps.guide import choose_guided, guided_pdf
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.pass_through import counts_emission
+from renderer.kernel.steps.portals import NO_PORTAL
 from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.ray_kind import visible_lobes
 from renderer.kernel.steps.record_first_hit import record_background
@@ -159,7 +160,7 @@ def add_direct(
                 scatter_pdf = mixture_pdf(scene, here, targets, light.direction, scatter_pdf, NOT_AIMED)
             if scene.path_guide is not None:
                 guided = choose_guided(scene, surface.point, n, _NO, is_surface, _ONE, (_ZERO, _ZERO))
-                scatter_pdf = guided_pdf(scene, guided, light.direction, scatter_pdf)
+                scatter_pdf = guided_pdf(scene, guided, light.direction, scatter_pdf, NO_PORTAL)
             branches = branches_to_light(light.alone, path.number, options)
             weight = weigh_light(options, light, scatter_pdf, branches, surface.point)
             if caught:
