@@ -1,4 +1,4 @@
-"""Learns a guide of portals (renderer/arrays/guide.py) from records of pilot paths: where much light crosses a small part of space.
+"""Learns a guide of portals (renderer/arrays/guide.py) from records of pilot paths: where much light crosses a small space.
 
 A door that is ajar, a small window, and the patch of floor that a lamp lights through them are such places. Segments of paths
 are drawn in proportion to their part of the light that arrives in their cube, and counted in voxels of three sizes. The voxel
@@ -28,6 +28,7 @@ from renderer.arrays.guide import (
     portal_guide,
 )
 from renderer.guiding.histograms import Records, arriving, cells_of, cubes_of, frame_of, integers, sums
+from renderer.guiding.voxels import Voxels
 from renderer.kernel.guiding.pilot import RECORD_DIRECTION, RECORD_LINKED, RECORD_NORMAL, RECORD_POINT, RECORD_SCALE
 
 __all__ = ["Segments", "learn_portals", "moment_left", "segments_of"]
@@ -42,7 +43,8 @@ _MARGIN = 0.1  # on each side, relative to the longest side
 _RADIUS = 0.75  # of a portal, in sizes of its voxel
 _DRAWN = 1 << 14  # segments that are counted
 _LEAST_PART = 0.002  # of the drawn segments, for a portal
-_PRIOR = 4.0  # steradians of dark directions added to a cube's: a few records would show too much radiance
+_LEVELS = 4  # cubes of 1, 2, 4, 8 times the size
+_PRIOR = 32.0  # steradians of directions with the radiance of the cube of twice the size, added to those of a cube's records
 _LEAST_COSINE = 1e-3
 _MIN_DISTANCE2 = 1.02  # as in renderer/kernel/steps/portals.py
 _MOST = 0.5  # likewise
@@ -94,13 +96,17 @@ def learn_portals(segments: Segments) -> Guide | None:
     table = np.array(portals, np.float32)
     solid, unit = integers(segments.solid)
     light, its_unit = integers(segments.radiance * segments.solid)
+    levels = [_parents(cube, frame, level) for level in range(_LEVELS)]
     radiance, is_other = np.zeros((cubes, RADIANCE_COLUMNS)), np.ones(len(cube), bool)
     for k, portal in enumerate(table.astype(np.float64)):
         through = _crosses(portal, segments)
         first = through & is_other
-        dark = _PRIOR / unit
-        brought = sums(cube[first], light[first], cubes) * its_unit
-        radiance[:, k] = brought / ((sums(cube[through], solid[through], cubes) + dark) * unit)
+        its_radiance = np.zeros(1)
+        for of_segment, of_parent, count in reversed(levels):
+            brought = sums(of_segment[first], light[first], count) * its_unit
+            seen = sums(of_segment[through], solid[through], count) * unit
+            its_radiance = (brought + _PRIOR * its_radiance[of_parent]) / (seen + _PRIOR)
+        radiance[:, k] = its_radiance
         is_other &= ~through
     beside = sums(cube[is_other], solid[is_other], cubes) * unit
     other = sums(cube[is_other], light[is_other], cubes) * its_unit / np.maximum(beside, unit)
@@ -110,7 +116,7 @@ def learn_portals(segments: Segments) -> Guide | None:
 
 
 def moment_left(guide: Guide, segments: Segments) -> float:
-    """Returns the fraction that a guide of portals leaves of the second moment at diffuse vertices, relative to their cube's light.
+    """Returns the fraction that a guide leaves of the second moments at diffuse vertices, relative to their cube's light.
 
     segments: not those from which the guide was learned.
     """
@@ -149,6 +155,31 @@ def _cube_of(segments: Segments, frame: npt.NDArray[np.float32]) -> tuple[I64, i
     return (x * counts[1] + y) * counts[2] + z, int(counts.prod())
 
 
+def _parents(cube: I64, frame: npt.NDArray[np.float32], level: int) -> tuple[I64, I64, int]:
+    """Returns (each segment's cube of a level, for each of these cubes that of the next level, the number of these cubes)."""
+    counts = frame[COUNT:].astype(np.int64)
+    fine = _ceil_shift(counts, level)
+    coarse = _ceil_shift(counts, level + 1) if level + 1 < _LEVELS else np.ones(3, np.int64)
+    x, y, z = _places(cube, counts)
+    i, j, k = _places(np.arange(int(fine.prod())), fine)
+    shift = 1 if level + 1 < _LEVELS else 62
+    own = ((x >> level) * fine[1] + (y >> level)) * fine[2] + (z >> level)
+    parent = ((i >> shift) * coarse[1] + (j >> shift)) * coarse[2] + (k >> shift)
+    return own, parent, int(fine.prod())
+
+
+def _ceil_shift(counts: I64, level: int) -> I64:
+    shifted: I64 = -(-counts >> level)
+    return shifted
+
+
+def _places(number: I64, counts: I64) -> tuple[I64, I64, I64]:
+    """Returns the coordinates of cubes from their numbers."""
+    rest, z = np.divmod(number, counts[2])
+    x, y = np.divmod(rest, counts[1])
+    return x, y, z
+
+
 def _parts(segments: Segments, cube: I64, cubes: int) -> F64:
     """Returns each segment's estimate of the irradiance over the mean of its cube, (n,)."""
     light = segments.radiance * segments.solid * segments.cosine
@@ -174,7 +205,7 @@ def _find(segments: Segments, part: F64) -> list[F64]:
     low, high = low - _MARGIN * longest, high + _MARGIN * longest
     if not longest > 0:
         return []
-    grids = [_Voxels(of, low, high, (1 + 2 * _MARGIN) * longest / voxels) for voxels in _VOXELS]
+    grids = [Voxels(of.point, of.direction, of.length, low, high, (1 + 2 * _MARGIN) * longest / voxels) for voxels in _VOXELS]
     portals: list[F64] = []
     while len(portals) < MOST_PORTALS:
         most = [grid.largest(number) for grid in grids]
@@ -197,45 +228,3 @@ def _crosses(portal: F64, segments: Segments) -> Mask:
     hits = (along > 0) & (square - along * along <= radius * radius) & (along < segments.length + radius)
     crosses: Mask = hits & (square > _MIN_DISTANCE2 * radius * radius)
     return crosses
-
-
-class _Voxels:
-    """A grid of cubic voxels, and the pairs of a segment and a voxel that it crosses, but not those in which it begins."""
-
-    def __init__(self, segments: Segments, low: F64, high: F64, size: float) -> None:
-        self.size, self._low = size, low
-        self._counts = np.ceil((high - low) / size - 1e-9).astype(np.int64)
-        pairs: list[tuple[I64, I64]] = []
-        alive = np.arange(len(segments.point))
-        own = last = self._voxels(segments.point)
-        for step in range(1, 2 * int(self._counts.max())):
-            at = step * size
-            point = segments.point[alive] + at * segments.direction[alive]
-            inside = ((point >= low) & (point < high)).all(axis=1) & (at < segments.length[alive])
-            alive, point, last, own = alive[inside], point[inside], last[inside], own[inside]
-            if not len(alive):
-                break
-            voxel = self._voxels(point)
-            new = (voxel != last) & (voxel != own)
-            pairs.append((alive[new], voxel[new]))
-            last = voxel
-        self._segment, self._voxel = (
-            np.concatenate([pair[k] for pair in pairs]) if pairs else np.zeros(0, np.int64) for k in (0, 1)
-        )
-
-    def _voxels(self, point: F64) -> I64:
-        x, y, z = np.clip(((point - self._low) / self.size).astype(np.int64), 0, self._counts - 1).T
-        return (x * self._counts[1] + y) * self._counts[2] + z
-
-    def largest(self, number: I64) -> tuple[int, int]:
-        """Returns (how often a voxel is crossed, the voxel) for the one that is crossed most. number: how often each segment counts."""
-        crossed = sums(self._voxel, number[self._segment], int(self._counts.prod()))
-        voxel = int(np.argmax(crossed))
-        return int(crossed[voxel]), voxel
-
-    def center(self, voxel: int) -> F64:
-        """Returns the centre of a voxel, (3,)."""
-        rest, z = divmod(voxel, int(self._counts[2]))
-        x, y = divmod(rest, int(self._counts[1]))
-        center: F64 = self._low + (np.array([x, y, z]) + 0.5) * self.size
-        return center

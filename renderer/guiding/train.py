@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from renderer.arrays.guide import Guide, empty_guide
+from renderer.arrays.rows import CONDUCTOR, GLASS, MIRROR
 from renderer.arrays.scene import CompiledScene, flat
 from renderer.bvh.traverse import new_stack
 from renderer.guiding.emitters import Emitters, emitters_of
@@ -30,13 +31,14 @@ from renderer.settings import RenderSettings
 
 __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
-ROUNDS = (1 << 15, 1 << 16, 1 << 17)  # camera paths
+ROUNDS = (1 << 16, 1 << 16, 1 << 17)  # camera paths; the first round also tells whether portals are of use
 PHOTONS = 1 << 18
 # Fraction of the second moments. If more is left, `auto` renders without a guide, and `on` learns the share of each cell. If less
 # is left, a share of a half everywhere is better: there are too few pilot paths to estimate the shares of single cells.
 MOST_LEFT = 0.4
-MOST_LEFT_BY_PORTALS = 0.75  # likewise, of the second moments relative to their cube's light, for a guide of portals
+MOST_LEFT_BY_PORTALS = 0.85  # likewise, of the second moments relative to their cube's light, for a guide of portals
 PORTAL_PATHS = 1 << 17  # camera paths of the second round of a guide of portals
+_FOCUSING = (MIRROR, GLASS, CONDUCTOR)  # materials without which `auto` does not try histograms, which pay for caustics alone
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
 _MOST_KEPT = 4
@@ -68,6 +70,8 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
             guide = learn_portals(segments_of(first))
             last = pilot.follow(PORTAL_PATHS, guide or learned)
             return learn_portals(segments_of(np.concatenate((first, last)))) or learned
+    if settings.guiding == "auto" and not np.isin(scene.material_kind, _FOCUSING).any():
+        return empty_guide()
     of_photons = pilot.follow_photons(emitters, photons)
     return _histograms(pilot, first, of_photons, emitters.power / max(photons, 1), rounds[1:], settings.guiding == "auto")
 

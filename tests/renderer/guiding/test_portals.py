@@ -31,18 +31,18 @@ def _segments(count: int, seed: int, beyond: float) -> Segments:
 
 
 def test_a_hole_through_which_light_comes_is_a_portal():
-    guide = learn_portals(_segments(40_000, 1, 200.0))
+    guide = learn_portals(_segments(20_000, 1, 200.0))
     assert guide is not None and 0 < len(guide.portal) <= MOST_PORTALS
     first = guide.portal[0].astype(np.float64)
     assert np.linalg.norm(first[PORTAL_CENTER : PORTAL_CENTER + 3] - HOLE) < 0.6 and first[PORTAL_RADIUS] < 0.6
     seen = guide.radiance[guide.radiance[:, OTHER_RADIANCE] > 0]
     assert seen[:, 0].mean() > 20 * seen[:, OTHER_RADIANCE].mean()
-    assert moment_left(guide, _segments(40_000, 2, 200.0)) < 0.6 * MOST_LEFT_BY_PORTALS
+    assert moment_left(guide, _segments(20_000, 2, 200.0)) < 0.6 * MOST_LEFT_BY_PORTALS
 
 
 def test_even_light_has_no_portal_that_is_of_use():
-    guide = learn_portals(_segments(40_000, 1, 1.0))
-    assert guide is None or moment_left(guide, _segments(40_000, 2, 1.0)) > MOST_LEFT_BY_PORTALS
+    guide = learn_portals(_segments(20_000, 1, 1.0))
+    assert guide is None or moment_left(guide, _segments(20_000, 2, 1.0)) > MOST_LEFT_BY_PORTALS
     dark = _segments(1_000, 3, 1.0)
     assert learn_portals(dark._replace(radiance=np.zeros(1_000))) is None
     assert learn_portals(Segments(*(column[:0] for column in dark))) is None

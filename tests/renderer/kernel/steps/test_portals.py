@@ -23,7 +23,11 @@ def _guide(other: float):
 @entry
 def _portals(guide, u, found, pdf):
     """Writes the direction sampled for each u, and the pdf of the directions in `found` before that; returns the chance."""
-    point, normal, cube = (np.float32(0), np.float32(0), np.float32(0)), (np.float32(0), np.float32(1), np.float32(0)), np.uint32(0)
+    point, normal, cube = (
+        (np.float32(0), np.float32(0), np.float32(0)),
+        (np.float32(0), np.float32(1), np.float32(0)),
+        np.uint32(0),
+    )
     chance = np.float32(0)
     for i in range(len(found)):
         view = portals_in_view(guide, cube, point, normal, u[i, 0])
