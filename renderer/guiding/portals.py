@@ -1,10 +1,10 @@
 """Learns a guide of portals (renderer/arrays/guide.py) from records of pilot paths: where much light crosses a small space.
 
 A door that is ajar, a small window, and the patch of floor that a lamp lights through them are such places. Segments of paths
-are drawn in proportion to their part of the light that arrives in their cube, and counted in voxels of three sizes. The voxel
-that saves most becomes a portal, a sphere about it, and the segments through it do not count for the next. The second moment that
-a portal saves is in proportion to its squared count over its squared size; the exponent of the size is 1.5 here, since few large
-portals cost less than many small ones.
+are drawn in proportion to their part of the light that arrives in their cube, and counted in voxels of two sizes. The voxel
+that saves most becomes a portal: a sphere about it, moved to where its segments come nearest to each other. They do not count for
+the next. The second moment that a portal saves is in proportion to its squared count over its squared size; the exponent of the
+size is 1.5 here, since few large portals cost less than many small ones.
 
 All sums are of integers, and segments are drawn without random numbers, so a guide is a function of the records.
 """
@@ -38,7 +38,7 @@ I64 = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
 _CUBES = 8  # along the longest side of the region of the records
-_VOXELS = (64, 32, 16)  # along that of the region with a margin
+_VOXELS = (48, 24)  # along that of the region with a margin
 _MARGIN = 0.1  # on each side, relative to the longest side
 _RADIUS = 0.75  # of a portal, in sizes of its voxel
 _DRAWN = 1 << 14  # segments that are counted
@@ -48,6 +48,9 @@ _PRIOR = 32.0  # steradians of directions with the radiance of the cube of twice
 _LEAST_COSINE = 1e-3
 _MIN_DISTANCE2 = 1.02  # as in renderer/kernel/steps/portals.py
 _MOST = 0.5  # likewise
+_MOST_SHIFT = 3.0  # of a portal that is moved, in its radii
+_LEAST_SHRINK = 0.25  # of its radius
+_KEPT = 0.99  # of its segments, which the shrunk portal contains
 _FAR = 1e30
 
 
@@ -216,9 +219,51 @@ def _find(segments: Segments, part: F64) -> list[F64]:
             break
         portal = np.zeros(PORTAL_COLUMNS)
         portal[:PORTAL_RADIUS], portal[PORTAL_RADIUS] = grids[best].center(voxel), _RADIUS * grids[best].size
+        portal = _focused(portal, of, number)
         portals.append(portal)
         number = np.where(_crosses(portal, of), 0, number)
     return portals
+
+
+def _focused(portal: F64, segments: Segments, number: I64) -> F64:
+    """Returns a portal moved to where the segments through it come nearest to each other, and shrunk to nearly all of them.
+
+    number: how often each segment counts.
+    """
+    through = np.flatnonzero(_crosses(portal, segments) & (number > 0))
+    d, weight = segments.direction[through], number[through].astype(np.float64)
+    offset = segments.point[through] - portal[:PORTAL_RADIUS]
+    along = _dot(offset, d)
+    across = offset - along[:, None] * d
+    # The nearest point solves sum (I - d d^T) x = sum of the lines' offsets; Cramer's rule has the same bits everywhere.
+    matrix = [[_total(weight * ((i == j) - d[:, i] * d[:, j])) for j in range(3)] for i in range(3)]
+    right = [_total(weight * across[:, i]) for i in range(3)]
+    whole = _determinant(matrix)
+    if not abs(whole) > 1e-6 * _total(weight) ** 3:
+        return portal
+    moved = portal.copy()
+    for j in range(3):
+        moved[j] += _determinant([[right[i] if k == j else matrix[i][k] for k in range(3)] for i in range(3)]) / whole
+    shift = moved[:PORTAL_RADIUS] - portal[:PORTAL_RADIUS]
+    if _dot(shift[None], shift[None])[0] > (_MOST_SHIFT * portal[PORTAL_RADIUS]) ** 2:
+        return portal
+    from_line = across - shift + _dot(d, np.broadcast_to(shift, d.shape))[:, None] * d
+    distance = np.sqrt(_dot(from_line, from_line))
+    order = np.argsort(distance, kind="stable")
+    counted = number[through][order].cumsum()
+    reach = distance[order][np.searchsorted(counted, int(_KEPT * counted[-1]))]
+    moved[PORTAL_RADIUS] = min(max(float(reach), _LEAST_SHRINK * portal[PORTAL_RADIUS]), portal[PORTAL_RADIUS])
+    return moved
+
+
+def _total(values: F64) -> float:
+    """Returns a sum that is taken in order, with the same bits on every processor."""
+    return float(values.cumsum()[-1])
+
+
+def _determinant(m: list[list[float]]) -> float:
+    (a, b, c), (d, e, f), (g, h, i) = m
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g)
 
 
 def _crosses(portal: F64, segments: Segments) -> Mask:

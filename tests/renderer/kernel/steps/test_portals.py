@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
 from renderer.arrays.guide import FRAME_COLUMNS, OTHER_RADIANCE, RADIANCE_COLUMNS, portal_guide
 from renderer.jit import entry
@@ -44,6 +45,7 @@ def _run(u: np.ndarray, at: np.ndarray, other: float = 1.0):
     return _portals(_guide(other), np.array(u, np.float32), found, pdf), found, pdf
 
 
+@pytest.mark.long
 def test_directions_towards_portals_follow_their_density():
     start = np.tile(np.float32((0, 1, 0)), (N, 1))
     _, found, _ = _run(np.random.default_rng(3).random((N, 2), np.float32), start)
@@ -51,6 +53,7 @@ def test_directions_towards_portals_follow_their_density():
     assert (_run(np.zeros((N, 2)), found)[2] > 0).mean() > 0.999
 
 
+@pytest.mark.long
 def test_portals_are_sampled_as_often_as_they_bring_light():
     one = np.float32([(0, 1, 0)])
     chances = [_run(np.zeros((1, 2)), one, other)[0] for other in (0.0, 10.0, 1000.0)]
