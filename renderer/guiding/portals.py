@@ -139,6 +139,8 @@ def moment_left(guide: Guide, segments: Segments) -> float:
     share = np.minimum(total / np.maximum(total + 0.5 * radiance[:, OTHER_RADIANCE], 1e-300), _MOST)
     mixture = (1 - share) * lambertian + share * found / (2 * math.pi * np.maximum(total, 1e-300))
     part = _parts(segments, cube, cubes)
+    if not part.any():
+        return 1.0
     moments = np.stack((part * part / (segments.solid * lambertian), part * part / (segments.solid * mixture)))
     units, unit = integers(moments[0])
     after = np.ceil(np.minimum(moments[1] / unit, 2.0**21)).astype(np.int64)

@@ -67,8 +67,7 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
     if len(known) and len(rest):
         learned = learn_portals(segments_of(known))
         if learned is not None and moment_left(learned, segments_of(rest)) < MOST_LEFT_BY_PORTALS:
-            guide = learn_portals(segments_of(first))
-            last = pilot.follow(PORTAL_PATHS, guide or learned)
+            last = pilot.follow(PORTAL_PATHS, learned)
             return learn_portals(segments_of(np.concatenate((first, last)))) or learned
     if settings.guiding == "auto" and not np.isin(scene.material_kind, _FOCUSING).any():
         return empty_guide()

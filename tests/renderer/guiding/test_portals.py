@@ -43,6 +43,7 @@ def test_a_hole_through_which_light_comes_is_a_portal():
 def test_even_light_has_no_portal_that_is_of_use():
     guide = learn_portals(_segments(20_000, 1, 1.0))
     assert guide is None or moment_left(guide, _segments(20_000, 2, 1.0)) > MOST_LEFT_BY_PORTALS
-    dark = _segments(1_000, 3, 1.0)
-    assert learn_portals(dark._replace(radiance=np.zeros(1_000))) is None
+    dark = _segments(1_000, 3, 1.0)._replace(radiance=np.zeros(1_000))
+    assert learn_portals(dark) is None
+    assert guide is None or moment_left(guide, dark) == 1
     assert learn_portals(Segments(*(column[:0] for column in dark))) is None
