@@ -26,6 +26,7 @@ from renderer.kernel.guiding.photons import Photons, follow_photons
 from renderer.kernel.guiding.pilot import MOST_ROWS, RECORD_COLUMNS, Pilot, follow_pilot_paths
 from renderer.kernel.options import kernel_options
 from renderer.kernel.path_trace import COLUMNS
+from renderer.reference import Packed
 from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings
 
@@ -89,13 +90,13 @@ class _PilotPaths:
         scene, records = self._scene._replace(path_guide=guide), np.zeros((count * _RECORDS, RECORD_COLUMNS), np.float32)
         pilot = Pilot(self._first, count, self._settings.width, self._settings.height)
         self._first += count
-        return records[: follow_pilot_paths(scene, self._stack, self._camera, self._options, pilot, self._log, records)]
+        return records[: follow_pilot_paths(Packed(scene), self._stack, self._camera, self._options, pilot, self._log, records)]
 
     def follow_photons(self, emitters: Emitters, count: int) -> Records:
         """Returns the records of photons, whose numbers are below those of all paths."""
         scene, records = self._scene._replace(path_guide=empty_guide()), np.zeros((count * _RECORDS, RECORD_COLUMNS), np.float32)
         photons = Photons(0, count, emitters.table, emitters.cdf)
-        return records[: follow_photons(scene, self._stack, self._options, photons, self._log, records)]
+        return records[: follow_photons(Packed(scene), self._stack, self._options, photons, self._log, records)]
 
 
 def _histograms(
