@@ -9,6 +9,7 @@ service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
 worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
 worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
 service --- key pause_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
+service --- key recall_key(message) --> slot       while it exists, the slot returns the batches that it has not begun
 worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), with a token
 
 A worker that cannot reach Redis sends all of this through the service: channel.py.
@@ -56,6 +57,7 @@ __all__ = [
     "denoise_queue",
     "pause_key",
     "prepare_queue",
+    "recall_key",
     "render_queue",
     "worker_key",
 ]
@@ -73,7 +75,7 @@ HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
 # Fields of reports that are omitted if they have the default.
-_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport", "denoises_views", "views_on_cards")
+_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport", "denoises_views", "views_on_cards", "recalls")
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
@@ -131,6 +133,11 @@ def worker_key(name: str) -> str:
 def pause_key(name: str) -> str:
     """Returns the Redis key that pauses a worker while it exists. Its value is the reason, as a sentence."""
     return f"rayfarm:order:{name}"
+
+
+def recall_key(message: str) -> str:
+    """Returns the Redis key that recalls a message while it exists: its slot returns the batches that it has not begun."""
+    return f"rayfarm:recall:{message}"
 
 
 @dataclass(frozen=True)
@@ -428,6 +435,7 @@ class WorkerReport:
     blurs: bool = False  # whether it prepares them with an open shutter
     vectors: bool = False  # whether it makes motion vectors
     several: bool = False  # whether it takes several batches in one message
+    recalls: bool = False  # whether it returns those that it has not begun when the service recalls the message
     views: bool = False  # whether it renders interactive views (protocol.view_parts)
     explains: bool = False  # whether it explains pixels (protocol.explained)
     denoises_views: bool = False  # whether it denoises interactive views

@@ -61,6 +61,7 @@ class BatchReturned(_Batch):
 
     error: str
     for_cpu: NotRequired[bool]  # whether only a graphics card cannot render it (card.py)
+    recalled: NotRequired[bool]  # whether it was not begun when the service recalled its message
 
 
 class BatchFailed(_Batch):

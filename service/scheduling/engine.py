@@ -316,7 +316,7 @@ class Engine:
         self._artifact_tasks.fill_artifacts()
         with self._pace.measuring():
             self._answers.count_unread()
-            self._scheduler.dispatch_work(self._lifecycle.can_start)
+            self._scheduler.dispatch_work(self._lifecycle.can_start, self._artifact_tasks.wait_for_slots)
 
     def _clean_up_previous_run(self) -> None:
         """Deletes queued messages of a previous run, and films and logs of deleted jobs. Queues unfinished jobs and scenes."""

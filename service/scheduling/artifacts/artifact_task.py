@@ -78,6 +78,11 @@ class ArtifactTask(ABC, Generic[Request]):
         self._unfit = UnfitMachines()
         self._made: dict[Key, ArtifactResult] = {}
 
+    @property
+    def has_requests(self) -> bool:
+        """Returns True if a client waits for an artifact. Thread-safe."""
+        return bool(self._wanted)
+
     @abstractmethod
     def _kind(self) -> str | None:
         """Returns the worker kind that can make this artifact; None if there is none."""

@@ -40,6 +40,11 @@ class ArtifactTasks:
         self.previews = DenoisedPreviews(dispatcher, workers, blobs, events)
         self._aside = (self.denoising, self.previews, self.vectors, self.environments)
 
+    @property
+    def wait_for_slots(self) -> bool:
+        """Returns True if scenes or clients' requests wait for a slot or are being worked on. Frames of shots are not counted."""
+        return len(self.preparing.leases) > 0 or any(each.has_requests for each in self._aside)
+
     def fill_artifacts(self) -> None:
         """Sends clients' open artifact requests to workers. Raises QueueError."""
         for each in self._aside:

@@ -176,6 +176,7 @@ class BatchReturned(_Batch):
     type: Literal["batch-returned"]
     error: SentSentence
     for_cpu: bool = False  # whether only a graphics card cannot render it (protocol.card)
+    recalled: bool = False  # whether it was not begun when the service recalled its message
 
 
 class _Denoise(BaseModel):

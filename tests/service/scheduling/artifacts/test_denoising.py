@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 
 from renderer.image import rgbe9995
+from service.jobs.lookup import find_film
 from service.scheduling.artifacts import previews
 from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
@@ -42,7 +43,7 @@ def test_denoised_picture_is_made_by_worker_and_raw_one_is_unchanged(service: Se
     answer = raw(service, job, "?denoise=true")
     assert answer.status_code == 200, answer.text
     assert answer.headers["x-samples"] == str(64 * 48 * 8)
-    color = np.concatenate(list(bands(service.farm.films._films[job], 0, ["color"])))
+    color = np.concatenate(list(bands(find_film(job, 0, service.farm), 0, ["color"])))
     expected = color / 2 + np.array([0, 0, 1], np.float32)  # the peer's formula; its albedo is black, its normals are +Z
     np.testing.assert_array_equal(np.frombuffer(answer.content, "<u4").reshape(48, 64), rgbe9995.pack(expected))
     for extension in ("png", "jpg", "exr", "hdr"):
@@ -251,7 +252,7 @@ def test_frame_of_a_shot_is_denoised_with_its_neighbours(service: Service, worke
         assert answer.headers["x-samples"] == str(64 * 48 * 8)
         return np.frombuffer(answer.content, "<u4").reshape(48, 64)
 
-    film = service.farm.films._films[job]
+    film = find_film(job, 3, service.farm)
     colors = {frame: np.concatenate(list(bands(film, 2 * frame, ["color"]))) for frame in (3, 4, 5, 6, 8)}
     for frame, around in ((4, (3, 4, 5, 6)), (6, (4, 5, 6))):
         expected = np.mean([colors[each] for each in around], axis=0, dtype=np.float32)
