@@ -73,9 +73,13 @@ export function warnings(scene) {
       "div",
       { class: "grow" },
       warningList(scene, sentences.slice(0, WARNINGS_SHOWN)),
-      rest.length > 0 && h("details", { class: "more-warnings" }, h("summary", null, tn(rest.length, "{n} more warning", "{n} more warnings")), warningList(scene, rest)),
+      h(
+        "div",
+        { class: "row wraps spread" },
+        rest.length > 0 && h("details", { class: "more-warnings" }, h("summary", null, tn(rest.length, "{n} more warning", "{n} more warnings")), warningList(scene, rest)),
+        addButton(scene, sentences.map((sentence) => codedOf(scene, sentence))),
+      ),
     ),
-    addButton(scene, sentences.map((sentence) => codedOf(scene, sentence))),
   );
   return notice;
 }
@@ -98,5 +102,5 @@ function warning(scene, sentence) {
  */
 function addButton(scene, messages) {
   if (!messages.some((coded) => hasCode(coded, MISSING_FILE))) return null;
-  return h("button", { class: "button for-submit", type: "button", onclick: () => addFiles(scene) }, icon("plus"), t("Add files"));
+  return h("button", { class: "button small for-submit", type: "button", onclick: () => addFiles(scene) }, icon("plus"), t("Add files"));
 }
