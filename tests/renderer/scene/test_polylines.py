@@ -46,7 +46,7 @@ def test_only_hair_is_thinned() -> None:
 
 @pytest.mark.parametrize("basis", ["linear", *BASES])
 @pytest.mark.parametrize("wrap", ["nonperiodic", "pinned", "periodic"])
-def test_curves_may_have_many_points(basis, wrap):
+def test_curves_may_have_many_points(basis: str, wrap: str) -> None:
     """Control points at even distances on a line make a curve along it, whose memory is in proportion to their number."""
     count = 10_000
     points, ends = curve_weights(count, basis, wrap)
