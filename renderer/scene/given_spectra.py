@@ -84,8 +84,11 @@ def given_reflectance(color: Vec3, reflectance: F64) -> GivenSpectrum:
 
 
 def given_index(eta: Vec3, k: Vec3, etas: F64, ks: F64) -> tuple[GivenSpectrum, GivenSpectrum]:
-    """Returns the spectra, (W,) each, of conductors with a given eta and k at red, green and blue."""
-    return _given(GIVEN_ETA, eta, etas), _given(GIVEN_K, k, ks)
+    """Returns the spectra, (W,) each, of conductors with a given eta and k at red, green and blue.
+
+    Negative values, with which a metal would reflect more light than it gets, become 0.
+    """
+    return _given(GIVEN_ETA, eta, np.maximum(etas, 0.0)), _given(GIVEN_K, k, np.maximum(ks, 0.0))
 
 
 def spectrum_rows(spectra: list[GivenSpectrum]) -> npt.NDArray[np.float32]:

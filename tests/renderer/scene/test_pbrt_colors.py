@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from renderer.arrays.spectrum import GIVEN_ETA, GIVEN_K, GIVEN_LIGHT, GIVEN_REFLECTANCE
-from renderer.scene.given_spectra import GivenSpectrum, given_reflectance, spectrum_rows
+from renderer.scene.given_spectra import GivenSpectrum, given_index, given_reflectance, spectrum_rows
 from renderer.scene.observer import D65, DAYLIGHT_WEIGHTS, MATCHING, WAVELENGTHS, at_wavelengths, planck
 from renderer.scene.readers.coats import dielectric_albedo, effective_albedo_under_coat
 from renderer.scene.readers.pbrt.conductors import _match_reflectance, normal_reflectance
@@ -27,6 +27,11 @@ def test_black_body_colors(kelvin):
 def test_coldest_black_bodies_are_red():
     cold = DAYLIGHT_WEIGHTS @ (planck(1.0) / D65)
     assert cold[0] > 10 * abs(cold[2])
+
+
+def test_indices_of_metals_are_not_negative():
+    for each in given_index((1.0, 2.0, 3.0), (1.0, 2.0, 3.0), np.full(len(D65), -0.5), np.linspace(-1, 1, len(D65))):
+        assert min(each.values) == 0
 
 
 def test_spectra_that_float32_cannot_hold_are_smooth():
