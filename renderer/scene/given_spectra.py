@@ -31,6 +31,8 @@ __all__ = [
 F64 = npt.NDArray[np.float64]
 MOST_GIVEN = 64  # spectra of a scene; further ones are smooth
 
+_MOST = float(np.finfo(np.float32).max)
+
 
 class GivenSpectrum(NamedTuple):
     """The spectrum of a colour.
@@ -82,18 +84,21 @@ def given_reflectance(color: Vec3, reflectance: F64) -> GivenSpectrum:
 
 
 def given_index(eta: Vec3, k: Vec3, etas: F64, ks: F64) -> tuple[GivenSpectrum, GivenSpectrum]:
-    """Returns the spectra, (W,) each, of conductors with a given eta and k at red, green and blue."""
-    return _given(GIVEN_ETA, eta, etas), _given(GIVEN_K, k, ks)
+    """Returns the spectra, (W,) each, of conductors with a given eta and k at red, green and blue.
+
+    Negative values, with which a metal would reflect more light than it gets, become 0.
+    """
+    return _given(GIVEN_ETA, eta, np.maximum(etas, 0.0)), _given(GIVEN_K, k, np.maximum(ks, 0.0))
 
 
 def spectrum_rows(spectra: list[GivenSpectrum]) -> npt.NDArray[np.float32]:
     """Returns (g, GIVEN_COLUMNS) the rows of CompiledScene.given_spectrum.
 
-    They are the first of each kind and colour, at most MOST_GIVEN.
+    They are the first of each kind and colour, at most MOST_GIVEN, without those whose numbers float32 cannot hold.
     """
     found: dict[tuple[int, Vec3], GivenSpectrum] = {}
     for each in spectra:
-        if max(each.color) > 0:
+        if 0 < max(each.color) <= _MOST and max(map(abs, each.values)) <= _MOST:  # false for NaN
             found.setdefault((each.kind, each.color), each)
     rows = [(each.kind, *each.color, *each.values) for each in list(found.values())[:MOST_GIVEN]]
     return np.array(rows, np.float32).reshape(len(rows), GIVEN_COLUMNS)

@@ -48,11 +48,16 @@ REC709 = np.linalg.inv(_XYZ[:, :3] * np.linalg.solve(_XYZ[:, :3], _XYZ[:, 3]))
 DAYLIGHT_WEIGHTS = REC709 @ (MATCHING * D65)
 DAYLIGHT_WEIGHTS = DAYLIGHT_WEIGHTS / DAYLIGHT_WEIGHTS.sum(axis=1, keepdims=True)  # (3, W) of wavelengths; each row sums to 1
 
+_COLDEST = 30.0
 _H, _C, _K = 6.62606957e-34, 299792458.0, 1.3806488e-23
 
 
 def planck(kelvin: float) -> F64:
-    """Returns (W,) the relative spectral radiance of a black body at WAVELENGTHS."""
+    """Returns (W,) the relative spectral radiance of a black body at WAVELENGTHS.
+
+    Below _COLDEST kelvins, where it is as red as it can be, that of _COLDEST, since it would be smaller than any number.
+    """
+    kelvin = max(kelvin, _COLDEST)
     metres = WAVELENGTHS * 1e-9
     exponent = np.minimum(_H * _C / (metres * _K * kelvin), 700.0)
     return np.asarray(1e-30 / (metres**5 * np.expm1(exponent)))

@@ -42,8 +42,8 @@ class PollingThread:
     def start(self) -> None:
         """Starts the thread, unless it has started."""
         if not self._has_started:
+            self._thread.start()  # raises RuntimeError if the machine has no room for another thread
             self._has_started = True
-            self._thread.start()
 
     def hasten(self) -> None:
         """Wakes the thread, so that it begins its tasks at once."""

@@ -17,6 +17,7 @@ __all__ = [
     "BASES",
     "MAX_FINE_CURVES",
     "STEPS",
+    "CurveWeights",
     "Tubes",
     "curve_weights",
     "fineness_of",
@@ -51,6 +52,31 @@ class Tubes(NamedTuple):
     tangents: F64 | None  # (V, 4), of fibres
     diameters: F64 | None  # (V,), of fibres
     uvs: tuple[F64, ...] = ()  # (V, 2), up to two sets
+
+
+class CurveWeights(NamedTuple):
+    """The weights that interpolate values along a curve: few for each of its S points, so that a curve may have many points.
+
+    length: number of values. which, weight: (S, k), of the values that a point depends on.
+    """
+
+    length: int
+    which: npt.NDArray[np.int64]
+    weight: F64
+
+    @property
+    def samples(self) -> int:
+        """The number of points."""
+        return len(self.which)
+
+    def interpolate(self, values: F64) -> F64:
+        """Returns (n, S, w) the values along n curves. values: (n, length, w)."""
+        order = np.argsort(self.which, axis=1, kind="stable")
+        which, weight = np.take_along_axis(self.which, order, axis=1), np.take_along_axis(self.weight, order, axis=1)
+        found = np.zeros((len(values), self.samples, values.shape[2]))
+        for k in range(which.shape[1]):
+            found += weight[:, k, None] * values[:, which[:, k]]
+        return found
 
 
 def sides_of(curves: int, fibres: bool) -> int:
@@ -88,47 +114,46 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
     return mesh
 
 
-def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
-    """Returns the weights that interpolate a curve: (samples, count) for control points, (samples, varying) for segment ends.
+def curve_weights(count: int, basis: str, wrap: str) -> tuple[CurveWeights, CurveWeights]:
+    """Returns the weights of the points along a curve: those of its control points, and those of values at its segments' ends.
 
     count: control points; basis: linear or a key of BASES; wrap: nonperiodic, periodic or pinned, as in USD.
     """
     if basis == "linear":
-        closed = wrap == "periodic" and count > 2
-        lines = np.eye(count)
-        return (np.concatenate([lines, lines[:1]]),) * 2 if closed else (lines, lines)
+        at = np.arange(count + (wrap == "periodic" and count > 2))[:, None]
+        lines = CurveWeights(count, at % max(count, 1), np.ones(at.shape))
+        return lines, lines
     step = 3 if basis == "bezier" else 1
+    pinned = wrap == "pinned" and basis != "bezier"
     if wrap == "periodic":
-        segments, index = count // step, lambda k: k % count
-    elif wrap == "pinned" and basis != "bezier":
-        segments, index = count - 1, lambda k: k - 1
+        segments = count // step
     else:
-        segments, index = (count - 4) // step + 1, lambda k: k
+        segments = count - 1 if pinned else (count - 4) // step + 1
     if count < (2 if wrap == "pinned" else 3) or segments < 1:
-        return np.zeros((0, count)), np.zeros((0, 1))
-    rows, ends = [], []
+        none = np.zeros((0, 1), np.int64), np.zeros((0, 1))
+        return CurveWeights(count, *none), CurveWeights(1, *none)
+    sample = np.arange(segments * STEPS + 1)
+    segment = np.minimum(sample // STEPS, segments - 1)
+    step_of_segment = sample - segment * STEPS
+    own = np.array([np.array([1, u, u * u, u**3]) @ BASES[basis] for u in np.arange(STEPS + 1) / STEPS])[step_of_segment]
+    u = step_of_segment / STEPS
+    index = segment[:, None] * step + np.arange(4)
+    if wrap == "periodic":
+        index %= count
+        if count == 3:
+            own[:, 0] += own[:, 3]  # the same point
+            own[:, 3] = 0
+    elif pinned:
+        # Pinned curves get phantom end points, such as 2 p0 - p1, so that they begin and end at their own points.
+        index -= 1
+        for rows, phantom, point, next_point in ((segment == 0, 0, 1, 2), (segment == segments - 1, 3, 2, 1)):
+            own[rows, point] += 2 * own[rows, phantom]
+            own[rows, next_point] -= own[rows, phantom]
+            own[rows, phantom] = 0
+        index = index.clip(0, count - 1)
     varying = segments if wrap == "periodic" else segments + 1
-    for s in range(segments):
-        last = s == segments - 1
-        for u in np.arange(STEPS + last) / STEPS:
-            own = np.array([1, u, u * u, u**3]) @ BASES[basis]
-            row, end = np.zeros(count), np.zeros(varying)
-            for k in range(4):
-                at = index(s * step + k)
-                # Pinned curves get phantom end points, such as 2 p0 - p1, so that they begin and end at their own points.
-                if at < 0:
-                    row[0] += 2 * own[k]
-                    row[1] -= own[k]
-                elif at >= count:
-                    row[count - 1] += 2 * own[k]
-                    row[count - 2] -= own[k]
-                else:
-                    row[at] += own[k]
-            end[s] += 1 - u
-            end[(s + 1) % varying] += u
-            rows.append(row)
-            ends.append(end)
-    return np.array(rows), np.array(ends)
+    ends, shares = np.stack([segment, (segment + 1) % varying], axis=1), np.stack([1 - u, u], axis=1)
+    return CurveWeights(count, index, own), CurveWeights(varying, ends, shares)
 
 
 def line_tangents(lines: F64) -> F64:

@@ -13,6 +13,8 @@ __all__ = ["DenoisedPreviews"]
 
 REST = 19.0  # times the slot-seconds of the last preview until the farm makes another: previews take a twentieth of its time
 
+MOST_SECONDS = 60.0  # that a preview counts, whatever its worker reports
+
 
 class DenoisedPreviews(Denoising):
     """Denoised previews, renewed as samples come.
@@ -39,4 +41,5 @@ class DenoisedPreviews(Denoising):
 
     def _record_made(self, result: ArtifactResult) -> None:
         slots = sum(report.slots for report in self._able_workers())
-        self._rests_until = time.monotonic() + REST * result.seconds / max(slots, 1)
+        seconds = min(result.seconds, MOST_SECONDS)
+        self._rests_until = time.monotonic() + REST * seconds / max(slots, 1)

@@ -46,6 +46,7 @@ class Lease:
     message: str = ""  # id of its message, which may contain other batches
     message_s: float = 0.0  # expected duration of its message, if one slot renders several batches of it; else 0
     is_long: bool = False  # whether its message is recalled when other work waits for a slot
+    is_recalled: bool = False  # whether its message was recalled, so that its worker may return it
     is_joint: bool = False  # whether the batches of its message are rendered in parallel by slots of one machine
 
     def __post_init__(self) -> None:

@@ -441,8 +441,13 @@ class Scheduler:
     def handle_recalled(self, job: ActiveJob, lease: str, batch: Range, worker: str, reason: str) -> None:
         """Handles a batch of a recalled message that its slot has not begun: puts it back into the plan. It is nobody's fault.
 
-        lease: its id. The other arguments are those of `handle_return`.
+        lease: its id. The other arguments are those of `handle_return`, which handles a batch that was not recalled: a worker
+        that returns all of its work counts as faulty.
         """
+        known = self.leases.get(lease)
+        if known is not None and not known.is_recalled:
+            self.handle_return(job, lease, batch, worker, reason)
+            return
         ended = self._end_lease(job, lease)
         if ended is not None:
             self.shares.correct_charge(ended.kind, job.share, -ended.charged_s)
@@ -451,15 +456,18 @@ class Scheduler:
     def _recall_long_messages(self, kind: str) -> None:
         """Takes back the long messages of a worker kind, since other work waits for its slots.
 
-        Those in a queue are withdrawn. The slots that render one return the batches that they have not begun.
+        Those in a queue are withdrawn. The slots that render one return the batches that they have not begun. If Redis fails,
+        the next call tries again.
         """
         out = self.leases.long_leases(kind)
-        self.leases.forget_long(kind)
         taken: set[str] = set()
+        for lease in out:
+            lease.is_recalled = True
         try:
             for queue in {lease.queue for lease in out}:
                 taken |= self._dispatcher.withdraw(queue, {lease.message for lease in out})
             self._dispatcher.recall({lease.message for lease in out} - taken)
+            self.leases.forget_long(kind)
         except redis.RedisError as error:
             log.warning("long messages are not recalled: %s", error)
         for lease in out:
@@ -500,6 +508,8 @@ class Scheduler:
                 taken = self._dispatcher.withdraw(queue, {lease.message for lease in mine})
                 mine += [lease for lease in self.leases.leases_of(job.id) if lease.message in taken and lease not in mine]
                 if kept := {lease.message for lease in mine if lease.queue == queue and lease.message_s} - taken:
+                    for lease in self.leases.leases_of(job.id):  # of other frames, too
+                        lease.is_recalled = lease.is_recalled or lease.message in kept
                     self._dispatcher.recall(kept)
             except redis.RedisError as error:
                 log.warning("batches of job %s stay in the queue: %s", job.id, error, extra=ids(job=job.id))

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from renderer.arrays.spectrum import GIVEN_ETA, GIVEN_K, GIVEN_LIGHT, GIVEN_REFLECTANCE
-from renderer.scene.given_spectra import spectrum_rows
-from renderer.scene.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck
+from renderer.scene.given_spectra import GivenSpectrum, given_index, given_reflectance, spectrum_rows
+from renderer.scene.observer import D65, DAYLIGHT_WEIGHTS, MATCHING, WAVELENGTHS, at_wavelengths, planck
 from renderer.scene.readers.coats import dielectric_albedo, effective_albedo_under_coat
 from renderer.scene.readers.pbrt.conductors import _match_reflectance, normal_reflectance
 from renderer.scene.readers.pbrt.named_spectra import METALS
@@ -22,6 +22,29 @@ LOCUS = {2000: (0.5267, 0.4133), 2856: (0.4476, 0.4074), 4000: (0.3805, 0.3768),
 def test_black_body_colors(kelvin):
     xyz = MATCHING @ planck(kelvin)
     np.testing.assert_allclose((xyz / xyz.sum())[:2], LOCUS[kelvin], atol=4e-4)
+
+
+def test_coldest_black_bodies_are_red():
+    cold = DAYLIGHT_WEIGHTS @ (planck(1.0) / D65)
+    assert cold[0] > 10 * abs(cold[2])
+
+
+def test_indices_of_metals_are_not_negative():
+    for each in given_index((1.0, 2.0, 3.0), (1.0, 2.0, 3.0), np.full(len(D65), -0.5), np.linspace(-1, 1, len(D65))):
+        assert min(each.values) == 0
+
+
+def test_spectra_that_float32_cannot_hold_are_smooth():
+    wave = np.linspace(0.1, 0.9, len(D65))
+    spectra = [GivenSpectrum(GIVEN_ETA, (1.0, 2.0, 3.0), tuple(scale * wave)) for scale in (1e300, np.nan)]
+    assert len(spectrum_rows([*spectra, given_reflectance((0.1, 0.2, 0.3), wave)])) == 1
+
+
+@pytest.mark.parametrize("scale", [1e-320, 1e308])
+def test_scale_of_a_lights_spectrum_does_not_matter(scene, scale):
+    lamp = 'LightSource "point" "spectrum I" [400 {0} 700 {0}]\n'
+    found = [scene("a.pbrt", world(lamp.format(each) + BALL)).lights[0].intensity for each in (1, scale)]
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-3)
 
 
 def test_daylight_is_white():

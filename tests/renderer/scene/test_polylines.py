@@ -7,6 +7,7 @@ import pytest
 
 from renderer.scene.readers.polylines import by_stride
 from renderer.scene.readers.strands import Strand, strands_mesh
+from renderer.scene.readers.tubes import BASES, curve_weights
 
 
 def arcs(bends: list[float], points: int = 13) -> np.ndarray:
@@ -41,3 +42,15 @@ def test_only_hair_is_thinned() -> None:
     np.testing.assert_allclose(fibres.diameters, 0.04 * np.pi / 12 / np.sin(np.pi / 12))
     ends = [np.linalg.norm(fibres.positions - strand.points[-1], axis=1).min() for strand in strands]
     assert ends == pytest.approx([fibres.diameters[0] / 2] * 3, rel=1e-4)
+
+
+@pytest.mark.parametrize("basis", ["linear", *BASES])
+@pytest.mark.parametrize("wrap", ["nonperiodic", "pinned", "periodic"])
+def test_curves_may_have_many_points(basis: str, wrap: str) -> None:
+    """Control points at even distances on a line make a curve along it, whose memory is in proportion to their number."""
+    count = 10_000
+    points, ends = curve_weights(count, basis, wrap)
+    for weights in (points, ends):
+        inner = weights.interpolate(np.arange(weights.length, dtype=float)[None, :, None])[0, 20:-20, 0]
+        np.testing.assert_allclose(np.diff(inner), inner[1] - inner[0], rtol=1e-6)
+        assert weights.which.shape[1] <= 4

@@ -217,6 +217,11 @@ def test_curve_widths_and_ribbons(tmp_path):
         low, high = y[own].min(), y[own].max()
         got = [np.ptp(x[own & (np.abs(y - end) < 0.01)]) for end in (low, high)]
         np.testing.assert_allclose(got, ends, atol=1e-4)
+    curves.GetWidthsAttr().Set([0.2, 0.4, 0.6])
+    made.GetRootLayer().Save()
+    found = read(tmp_path / "a.usda")
+    assert np.ptp(found.meshes[0].positions[found.meshes[0].positions[:, 0] < 2, 0]) == pytest.approx(0.2, abs=1e-4)
+    assert any("number of widths is wrong" in each for each in found.warnings)
 
 
 def lattice(made, how, split=False):

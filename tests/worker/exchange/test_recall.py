@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import redis
+from redis.backoff import NoBackoff
+from redis.retry import Retry
 
 from protocol.contract import recall_key
 from worker.exchange.recall import Recall
@@ -23,6 +25,6 @@ def test_recall_of_one_message_is_noticed(redis_url: str) -> None:
 
 
 def test_message_goes_on_without_redis() -> None:
-    recall = Recall(redis.Redis(port=1, socket_connect_timeout=0.1), "m", every_s=0.0)
+    recall = Recall(redis.Redis(port=1, socket_connect_timeout=0.1, retry=Retry(NoBackoff(), 0)), "m", every_s=0.0)
     recall.look()
     assert not recall.is_recalled

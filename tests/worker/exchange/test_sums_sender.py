@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import threading
+from functools import partial
 
 import pytest
 
+from worker.exchange.polling_thread import PollingThread
 from worker.exchange.sums_sender import SumsSender
 
 
@@ -57,3 +59,21 @@ def test_error_of_sending_is_raised_at_the_next_result_or_at_the_end() -> None:
         sender.submit(lambda: pytest.fail("sent after an error"))
     with pytest.raises(OSError, match="no line"), SumsSender() as sender:
         sender.submit(broken)
+
+
+def test_thread_that_cannot_start_loses_no_result(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    sent: list[int] = []
+    thread = PollingThread("sums")
+    with monkeypatch.context() as patched:
+        patched.setattr(threading.Thread, "start", refuse)
+        for number in range(2):
+            with pytest.raises(RuntimeError, match="new thread"):
+                thread.submit(partial(sent.append, number))
+        thread.close()
+    thread = PollingThread("sums")
+    thread.submit(partial(sent.append, 2)).result(10)
+    thread.close()
+    assert sent == [2]

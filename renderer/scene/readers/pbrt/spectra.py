@@ -196,6 +196,9 @@ class Colors:
         return values
 
     def _light_color(self, spectrum: F64, found: Parameter) -> Vec3:
+        most = float(np.abs(spectrum).max())
+        if not 1e-200 < most < 1e200:  # the sums below are of any scale
+            spectrum = spectrum / max(most, 1e-300)
         xyz = MATCHING @ spectrum
         if not xyz[1] > 0:
             raise found.place.error(

@@ -10,7 +10,18 @@ from pxr import UsdGeom
 
 from renderer.scene.description import F32, Mesh
 from renderer.scene.readers.polylines import by_stride
-from renderer.scene.readers.tubes import BASES, STEPS, Tubes, curve_weights, fineness_of, ribbons, sides_of, tubes, tubes_mesh
+from renderer.scene.readers.tubes import (
+    BASES,
+    STEPS,
+    CurveWeights,
+    Tubes,
+    curve_weights,
+    fineness_of,
+    ribbons,
+    sides_of,
+    tubes,
+    tubes_mesh,
+)
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
@@ -19,6 +30,7 @@ __all__ = ["PointSpheres", "spheres_of_points", "tubes_of"]
 
 F64 = npt.NDArray[np.float64]
 MAX_VERTICES = 1 << 25
+_TOO_MANY = Sentence("usd-curves-too-many", "Curves beyond the limit are left out")
 _WIDTHS = Sentence("usd-point-width-count-wrong", "Points whose number of widths is wrong are shown with width 1")
 
 
@@ -121,13 +133,19 @@ def tubes_of(
         normals = normals[:0]
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
-        spans[counts == count] = curve_weights(int(count), basis, wrap)[1].shape[1]
+        spans[counts == count] = curve_weights(int(count), basis, wrap)[1].length
+    expected = {"uniform": len(counts), "varying": spans.sum(), "vertex": len(points)}.get(str(interpolation), 1)
+    if len(widths) not in (1, expected):
+        notes.add(
+            Sentence("usd-curve-width-count-wrong", "Curves whose number of widths is wrong have the first width all along"), path
+        )
+        widths = widths[:1]
     pieces: list[Tubes] = []
     total = 0
     for count in np.unique(counts):
         weights, between = curve_weights(int(count), basis, wrap)
         which = np.flatnonzero(counts == count)
-        if len(weights) < 2:
+        if weights.samples < 2:
             notes.add(
                 Sentence(
                     "usd-curves-too-short",
@@ -138,9 +156,12 @@ def tubes_of(
                 path,
             )
             continue
+        if total + len(which) * (2 + 2) * (sides + 1) > MAX_VERTICES:  # even if each has two points: not even interpolated
+            notes.add(_TOO_MANY, path)
+            break
         first = (np.cumsum(counts) - counts)[which]
         own = points[first[:, None] + np.arange(count)]
-        lines = np.einsum("sc,ncx->nsx", weights, own)
+        lines = weights.interpolate(own)
         along = which, first, spans, weights, between
         radii = np.maximum(_values_along(widths, interpolation, *along)[..., 0] / 2, 0)
         steps = STEPS if fibres and basis != "linear" else 1
@@ -148,7 +169,7 @@ def tubes_of(
         groups = list(by_stride(lines, radii, steps, None if bends else tolerance, most))
         total += sum(len(k) * (lines[0, kept].shape[0] + 2) * (sides + 1) for k, kept in groups)
         if total > MAX_VERTICES:
-            notes.add(Sentence("usd-curves-too-many", "Curves beyond the limit are left out"), path)
+            notes.add(_TOO_MANY, path)
             break
         shown = None
         if colors is not None and tint is not None:
@@ -191,23 +212,23 @@ def _values_along(
     curve_indices: npt.NDArray[np.int64],
     first: npt.NDArray[np.int64],
     spans: npt.NDArray[np.int64],
-    weights: F64,
-    between: F64,
+    weights: CurveWeights,
+    between: CurveWeights,
 ) -> F64:
     """Interpolates a primvar along several curves that have the same number of points.
 
     curve_indices: (n,) indices of the curves; first: (n,) index of each curve's first point; spans: for each curve of the prim,
-    its number of varying values; weights, between: (samples, k) interpolation weights of vertex and of varying values.
+    its number of varying values; weights, between: those of vertex and of varying values.
 
     Returns (n, samples, w) values; the first value everywhere if the number of values does not fit the interpolation.
     """
-    samples, (_, points) = len(weights), weights.shape
-    shape = (len(curve_indices), samples, values.shape[1])
+    points = weights.length
+    shape = (len(curve_indices), weights.samples, values.shape[1])
     if interpolation == "uniform" and len(values) == len(spans):
         return np.broadcast_to(values[curve_indices][:, None], shape)
     if interpolation == "varying" and len(values) == spans.sum():
         begin = (np.cumsum(spans) - spans)[curve_indices]
-        return np.einsum("sc,ncx->nsx", between, values[begin[:, None] + np.arange(between.shape[1])])
+        return between.interpolate(values[begin[:, None] + np.arange(between.length)])
     if interpolation == "vertex" and len(values) >= int(first.max()) + points:
-        return np.einsum("sc,ncx->nsx", weights, values[first[:, None] + np.arange(points)])
+        return weights.interpolate(values[first[:, None] + np.arange(points)])
     return np.broadcast_to(values[0], shape)

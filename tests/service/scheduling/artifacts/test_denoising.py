@@ -277,3 +277,11 @@ def test_frame_of_a_shot_is_denoised_with_its_neighbours(service: Service, worke
     worker.on_vectors = fail
     assert service.http.get(f"/api/jobs/{other}/frames/1/image.png?denoise=true&in_shot=true").status_code == 200
     assert worker.denoised[-1] == other, "without motion vectors it is denoised alone"
+
+
+def test_false_duration_of_a_preview_does_not_stop_renewals() -> None:
+    workers = SimpleNamespace(roster=SimpleNamespace(ready_reports=list))
+    made = DenoisedPreviews(None, workers, None, None)  # type: ignore[arg-type]
+    made._record_made(ArtifactResult("", seconds=1e308))
+    assert made._rests_until - time.monotonic() <= previews.REST * previews.MOST_SECONDS
+    made.close()
