@@ -47,8 +47,8 @@ def _rate(irradiance):
 def sampling_rates(scene, p, caster, importance):
     """Returns the probabilities with which transmitted and reflected light by a caster is worth a walk from the point p.
 
-    They grow with the light that photons have brought there, by the finest level that any have reached, and with the importance,
-    the part of that light that the path brings. They are never 0, since photons may be missing.
+    They grow with the light that photons have brought there, by the finest level that any have reached, and with the vertex's
+    importance, up to 1. They are never 0, since photons may be missing.
     """
     tables = scene.caustics
     if len(tables.brightness) == 0:

@@ -37,6 +37,7 @@ _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 _YES, _NO = np.bool_(True), np.bool_(False)
+_INDIRECT = np.float32(0.35)  # importance of a vertex that the camera does not see, at throughput 1
 _SAME2 = np.float32(1e-6)  # squared distance up to which two unit directions are the same solution: walks end within some 3e-4
 
 
@@ -99,10 +100,10 @@ def _solution_light(scene, stack, vertex, path, counts, lamp, walk, options):
 
 @device
 def _importance(path, roulette_weight):
-    """Returns the part of a vertex's light that its path brings, at most 1, which it is at those that the camera sees."""
+    """Returns the importance of a vertex: 1 if the camera sees it, also through glass, else less, by the path's throughput."""
     if path.number == _ZERO:
         return _ONE
-    return min(vec.maximum(path.throughput) * roulette_weight, _ONE)
+    return _INDIRECT * min(vec.maximum(path.throughput) * roulette_weight, _ONE)
 
 
 @subroutine
