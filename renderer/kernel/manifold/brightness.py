@@ -26,7 +26,7 @@ _FINER = np.float32(1 / REFINEMENT)
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NONE = np.int32(-1)
-_GAIN = np.float32(4.0)  # sampling rate over relative irradiance
+_GAIN = np.float32(12.0)  # sampling rate over relative irradiance
 _LEAST_RATE = np.float32(0.06)
 
 

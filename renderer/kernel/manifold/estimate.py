@@ -37,7 +37,7 @@ _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 _YES, _NO = np.bool_(True), np.bool_(False)
-_INDIRECT = np.float32(0.35)  # importance of a vertex that the camera does not see, at throughput 1
+_INDIRECT = np.float32(0.12)  # importance of a vertex that the camera does not see, at throughput 1
 _SAME2 = np.float32(1e-6)  # squared distance up to which two unit directions are the same solution: walks end within some 3e-4
 
 
