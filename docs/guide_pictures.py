@@ -52,6 +52,43 @@ BALLS: dict[str, Any] = {
         {"type": "sphere", "material": "glass", "center": [1.15, 0.6, -0.3], "radius": 0.6},
     ],
 }
+STRIPS: dict[str, Any] = {
+    "cameras": [{"eye": [0.35, 0.9, 5.2], "target": [0.35, 0.72, 0], "fov": 31}],
+    "materials": {
+        "floor": {"color": 0.5},
+        "strip": {"color": 0, "emission": 6, "double_sided": True},
+        "lamp": {"color": 0, "emission": 14, "emission_temperature": 5000},
+        "prism": {"kind": "glass", "ior": 1.5, "dispersion": 4.0},
+        "gold": {"kind": "conductor", "metal": "gold", "roughness": 0.1},
+        "copper": {"kind": "conductor", "metal": "copper", "roughness": 0.1},
+        "bubble": {
+            "kind": "metallic_roughness",
+            "color": 0,
+            "metallic": 1,
+            "roughness": 0.05,
+            "iridescence": 1,
+            "iridescence_ior": 1.33,
+            "iridescence_thickness": [380, 380],
+        },
+    },
+    "environment": {"color": 0.04},
+    "shapes": [
+        {"type": "quad", "material": "floor", "transform": [{"scale": 30}, {"rotate": {"axis": "x", "degrees": -90}}]},
+        *(
+            {"type": "quad", "material": "strip", "transform": [{"scale": [0.02, 1.6, 1]}, {"translate": [x, 1.2, -2.6]}]}
+            for x in (-1.2, -0.45, 0.3)
+        ),
+        {
+            "type": "quad",
+            "material": "lamp",
+            "transform": [{"scale": 0.7}, {"rotate": {"axis": "x", "degrees": 90}}, {"translate": [0.6, 3.4, 1.4]}],
+        },
+        {"type": "sphere", "material": "prism", "center": [-0.35, 0.85, 0], "radius": 0.85},
+        {"type": "sphere", "material": "gold", "center": [1.3, 0.45, -0.5], "radius": 0.45},
+        {"type": "sphere", "material": "copper", "center": [0.72, 0.24, 0.85], "radius": 0.24},
+        {"type": "sphere", "material": "bubble", "center": [1.35, 0.3, 0.75], "radius": 0.3},
+    ],
+}
 SMALL: dict[str, Any] = {"width": 288, "height": 192, "spp": 96, "max_depth": 8, "denoise": True}
 
 
@@ -82,6 +119,20 @@ def backgrounds() -> list[Panel]:
     settings = SMALL | {"environment": "noon", "spp": 192}
     opaque = _shown(rayfarm.render(BALLS, **settings)["denoised"], "neutral")
     return [opaque, *(_on_board(rayfarm.render(each, background="transparent", **settings)) for each in (bare, caught))]
+
+
+def reflection_catcher() -> list[Panel]:
+    """Returns balls on a glossy floor, what a catcher of shadows and reflections has of them, and that over a plate."""
+    floor = {"kind": "metallic_roughness", "color": 0.35, "roughness": 0.08}
+    catcher = floor | {"shadow_catcher": True, "reflection_catcher": True}
+    whole, caught = (BALLS | {"materials": BALLS["materials"] | {"floor": each}} for each in (floor, catcher))
+    bare = whole | {"shapes": BALLS["shapes"][:1]}
+    settings = SMALL | {"environment": "studio", "spp": 128}
+    picture = rayfarm.render(caught, background="transparent", **settings)
+    plate = rayfarm.render(bare, **settings)["denoised"]
+    composite = picture["denoised"] + (1 - picture["alpha"][..., None]) * plate
+    opaque = _shown(rayfarm.render(whole, **settings)["denoised"], "neutral")
+    return [opaque, _on_board(picture), _shown(composite, "neutral")]
 
 
 def motion_blur() -> list[Panel]:
@@ -130,6 +181,12 @@ def rolling_shutter() -> list[Panel]:
     return [*found, np.array(ID_COLORS, np.uint8)[ids]]
 
 
+def spectral() -> list[Panel]:
+    """Returns a dispersive ball before strips of light, gold, copper and a soap film, in RGB and by wavelength."""
+    settings: dict[str, Any] = {"width": 380, "height": 340, "spp": 96, "max_depth": 10, "denoise": True}
+    return [_shown(rayfarm.render(STRIPS, spectral=each, **settings)["denoised"], "neutral") for each in ("off", "on")]
+
+
 def denoising() -> list[Panel]:
     """Returns a still life at 8 samples a pixel, the same denoised, and at 256 samples."""
     scene = ROOT / "scenes" / "still-life.yaml"
@@ -168,8 +225,10 @@ DRAWN: dict[str, tuple[Callable[[], list[Panel]], int]] = {
     "cameras": (cameras, 2),
     "tone-curves": (tone_curves, 5),
     "backgrounds": (backgrounds, 3),
+    "reflection-catcher": (reflection_catcher, 3),
     "denoising": (denoising, 3),
     "motion-blur": (motion_blur, 3),
+    "spectral": (spectral, 2),
     "rolling-shutter": (rolling_shutter, 3),
 }
 

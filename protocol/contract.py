@@ -9,6 +9,7 @@ service --- Celery task ENVIRONMENT --> worker     ShowEnvironment
 worker ---- stream RESULTS -----------> service    Result: an event and, for a rendered batch, its packed sums
 worker ---- key worker_key(name) -----> service    WorkerReport, expires after HEARTBEAT_TTL_S
 service --- key pause_key(name) ------> worker     the reason for a pause; without the key the worker takes tasks
+service --- key recall_key(message) --> slot       while it exists, the slot returns the batches that it has not begun
 worker ---- HTTP /api/farm/... -------> service    join, manifests, films' means, blobs (both ways), with a token
 
 A worker that cannot reach Redis sends all of this through the service: channel.py.
@@ -56,6 +57,7 @@ __all__ = [
     "denoise_queue",
     "pause_key",
     "prepare_queue",
+    "recall_key",
     "render_queue",
     "worker_key",
 ]
@@ -73,7 +75,7 @@ HEARTBEAT_EVERY_S, HEARTBEAT_TTL_S = 1.0, 6
 VERSION_HEADER = "X-Film-Version"  # HTTP headers of a film's means: the film's version and its number of samples
 SAMPLES_HEADER = "X-Samples"
 # Fields of reports that are omitted if they have the default.
-_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport", "denoises_views", "views_on_cards")
+_LATER_FIELDS = ("cards", "has_card_queue", "cards_unused", "transport", "denoises_views", "views_on_cards", "recalls")
 _settings_json = lru_cache(64)(RenderSettings.to_json)  # cached: a third of a message's cost, equal for all batches of a frame
 
 
@@ -131,6 +133,11 @@ def worker_key(name: str) -> str:
 def pause_key(name: str) -> str:
     """Returns the Redis key that pauses a worker while it exists. Its value is the reason, as a sentence."""
     return f"rayfarm:order:{name}"
+
+
+def recall_key(message: str) -> str:
+    """Returns the Redis key that recalls a message while it exists: its slot returns the batches that it has not begun."""
+    return f"rayfarm:recall:{message}"
 
 
 @dataclass(frozen=True)
@@ -331,6 +338,9 @@ class DenoiseFrame:
     and averages them along the vectors (renderer/temporal_denoise.py). Their means have the object and material planes behind
     them, one value per pixel. The version in its answer is theirs, joined by VERSION_SEPARATOR. Empty: the frame alone, as by
     workers of earlier releases.
+
+    is_preview: of a frame that is being rendered: in a seventh of the processor time, by one thread, with edges that are less
+    sharp.
     """
 
     work: str  # unique for every time it is handed out
@@ -339,6 +349,7 @@ class DenoiseFrame:
     width: int
     height: int
     frames: tuple[tuple[int, str], ...] = ()
+    is_preview: bool = False
 
     @classmethod
     def from_json(cls, data: Any) -> DenoiseFrame:
@@ -350,8 +361,8 @@ class DenoiseFrame:
         return cls(**{**known, "frames": tuple((int(frame), str(sha256)) for frame, sha256 in frames)})
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the request as JSON data. Omits `frames` if it is empty, as in earlier releases."""
-        return {name: value for name, value in asdict(self).items() if name != "frames" or value}
+        """Returns the request as JSON data. Omits `frames` and `is_preview` where they are not set, as in earlier releases."""
+        return {name: value for name, value in asdict(self).items() if value or name not in ("frames", "is_preview")}
 
 
 @dataclass(frozen=True)
@@ -424,6 +435,7 @@ class WorkerReport:
     blurs: bool = False  # whether it prepares them with an open shutter
     vectors: bool = False  # whether it makes motion vectors
     several: bool = False  # whether it takes several batches in one message
+    recalls: bool = False  # whether it returns those that it has not begun when the service recalls the message
     views: bool = False  # whether it renders interactive views (protocol.view_parts)
     explains: bool = False  # whether it explains pixels (protocol.explained)
     denoises_views: bool = False  # whether it denoises interactive views

@@ -61,6 +61,7 @@ class BatchReturned(_Batch):
 
     error: str
     for_cpu: NotRequired[bool]  # whether only a graphics card cannot render it (card.py)
+    recalled: NotRequired[bool]  # whether it was not begun when the service recalled its message
 
 
 class BatchFailed(_Batch):
@@ -83,10 +84,14 @@ class WorkMade(_Work):
 
 
 class Denoised(WorkMade):
-    """A frame was denoised and stored as a blob. version, samples: version and number of samples of the film at that time."""
+    """A frame was denoised and stored as a blob. version, samples: version and number of samples of the film at that time.
+
+    seconds: duration of the denoising.
+    """
 
     version: str
     samples: int
+    seconds: float
 
 
 class WorkFailed(_Work):

@@ -24,7 +24,7 @@ class MeshHead(NamedTuple):
     and colours as four u8 (sRGB, and 255; 0: drawn unshaded). Then three u32 for every triangle.
     """
 
-    reserved: Annotated[int, U16, "0"]
+    background: Annotated[int, U16, "the world's sRGB colour, 5 bits each from the highest, and 1; 0: the studio, or not known"]
     vertices: Annotated[int, U32, "number of vertices"]
     triangles: Annotated[int, U32, "number of triangles"]
 
@@ -36,12 +36,14 @@ class Mesh(NamedTuple):
     """A preview mesh in world space, with V vertices and T triangles.
 
     normals: unit vectors, or 0 for flat shading. colors: sRGB, and a fourth value: 255, or 0 for vertices drawn unshaded.
+    background: of the world behind the scene, sRGB, in steps of 8; None: the studio, which then lights the scene, or not known.
     """
 
     positions: npt.NDArray[np.float64]  # (V, 3)
     normals: npt.NDArray[np.float32]  # (V, 3)
     colors: npt.NDArray[np.uint8]  # (V, 4)
     triangles: npt.NDArray[np.uint32]  # (T, 3)
+    background: tuple[int, int, int] | None = None
 
 
 def encode_mesh(mesh: Mesh) -> bytes:
@@ -51,7 +53,7 @@ def encode_mesh(mesh: Mesh) -> bytes:
     count = len(mesh.positions)
     return b"".join(
         [
-            MESH.pack(MeshHead(0, count, len(mesh.triangles))),
+            MESH.pack(MeshHead(_packed(mesh.background), count, len(mesh.triangles))),
             np.concatenate([low, high]).astype("<f8").tobytes(),
             _padded(np.rint(shares * STEPS), "<u2"),
             _padded(np.rint(mesh.normals * 127.0), "i1"),
@@ -72,7 +74,16 @@ def decode_mesh(packet: bytes) -> Mesh:
     normals = np.frombuffer(packet, "i1", 4 * count, at + 8 * count).reshape(count, 4)[:, :3] / np.float32(127.0)
     colors = np.frombuffer(packet, "u1", 4 * count, at + 12 * count).reshape(count, 4)
     triangles = np.frombuffer(packet, "<u4", 3 * head.triangles, at + VERTEX * count).reshape(-1, 3)
-    return Mesh(low + shares * (high - low), normals.astype(np.float32), colors, triangles)
+    red, green, blue = ((head.background >> shift & 31) << 3 for shift in (11, 6, 1))
+    background = (red, green, blue) if head.background else None
+    return Mesh(low + shares * (high - low), normals.astype(np.float32), colors, triangles, background)
+
+
+def _packed(background: tuple[int, int, int] | None) -> int:
+    if background is None:
+        return 0
+    red, green, blue = (value >> 3 for value in background)
+    return red << 11 | green << 6 | blue << 1 | 1
 
 
 def _padded(values: npt.NDArray[Any], kind: str) -> bytes:

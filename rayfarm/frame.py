@@ -75,7 +75,10 @@ class PictureOrder:
         return replace(settings, view=orbit(settings.view, turns, summary["up"]), views=views)
 
     def files(self, output: Path) -> list[Path]:
-        """Returns the paths of a frame's files: its picture and, if requested, the denoised and the deep one."""
+        """Returns the paths of a frame's files: its picture and, if requested, the denoised and the deep one.
+
+        A deep one that only the scene's own settings request is not among them. It is written before the picture.
+        """
         denoised = [options.denoised_name(output)] if self.denoise else []
         return [output, *denoised, *([options.deep_name(output)] if self.picture.given.get("deep") else [])]
 
@@ -114,6 +117,7 @@ def render_to(
     instead of writing the denoised frame. writes: whether to write the raw picture. on_picture: called with the raw picture,
     (h, w, 3).
     """
+    from renderer.denoise_guides import denoise_still
     from renderer.film import SAMPLES, mean
     from renderer.image import encode
     from renderer.render import RenderStats
@@ -145,15 +149,16 @@ def render_to(
     looks["gain_map"] = order.gain_map
     raw = mean(sums, settings.film_exponent)
     on_picture(raw)
+    if writes and done.deep is not None:  # before the picture: a run that continues renders frames without one
+        _write_deep(options.deep_name(output), done.deep, sums, settings)
     if writes:
         encode.write(output, raw, **looks)
-    if writes and done.deep is not None:
-        _write_deep(options.deep_name(output), done.deep, sums, settings)
     if order.denoise:
-        clean = _denoise_frame(sums, settings.film_exponent, order.threads)
         if hold is None or motion is None:
-            encode.write(options.denoised_name(output), clean.color, **looks)
+            still = denoise_still(sums, compiled, settings, order.threads)
+            encode.write(options.denoised_name(output), still, **looks)
         else:
+            clean = _denoise_frame(sums, settings.film_exponent, order.threads)
             number, material = (aovs.values(sums, settings.film_exponent, name) for name in ("object", "material"))
             hold(
                 DenoisedFrame(clean, number, material, motion),

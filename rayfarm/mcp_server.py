@@ -164,7 +164,7 @@ class _Tools:
         for file in files.values():
             if not any(file.resolve().is_relative_to(folder) for folder in self._folders):
                 raise CommandError(f"{file} leads outside the folders whose scenes may be uploaded.")
-        return self._farm.upload(files, name=scene.name, **options)
+        return self._farm.upload(files, **options)
 
     def submit_job(
         self,

@@ -140,9 +140,9 @@ def _raise_if_failed(job: str, frames: list[Frame]) -> None:
 def _fetch(farm: Client, job: Job, shot: FarmShot, frame: Frame) -> None:
     path = shot.file(frame.number)
     format = path.suffix.lower().lstrip(".").replace("jpeg", "jpg")
-    write(path, farm.image(job.id, format, frame.number, aov=f"color,{shot.aov}" if shot.aov else "color"))
-    if (job.settings or {}).get("deep"):
+    if (job.settings or {}).get("deep"):  # before the picture: a run that continues fetches frames without one
         write(options.deep_name(path), farm.deep_image(job.id, frame.number))
+    write(path, farm.image(job.id, format, frame.number, aov=f"color,{shot.aov}" if shot.aov else "color"))
 
 
 def _fetch_denoised(farm: Client, job: Job, shot: FarmShot, frame: float) -> None:

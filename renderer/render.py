@@ -14,7 +14,7 @@ import numpy.typing as npt
 from renderer import cryptomatte, deep, jit
 from renderer.arrays.guide import empty_guide
 from renderer.arrays.kernel_variant import strip_absent_features, variant_of
-from renderer.arrays.rows import CATCHER
+from renderer.arrays.rows import CATCHES
 from renderer.arrays.scene import example
 from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.arrays.spectrum import empty_spectrum_tables
@@ -38,11 +38,12 @@ from renderer.kernel.accumulate import (
     samples_caustics,
     samples_guide,
 )
-from renderer.kernel.camera import PANORAMA, camera_frame
+from renderer.kernel.camera import PANORAMA, Camera, camera_frame
 from renderer.kernel.options import group_rows, kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
 from renderer.parallel_compile import Helpers, variant_suffix
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
+from renderer.reference import Packed
 from renderer.replay import Replay, read_log
 from renderer.scene.caustics import example_tables, with_caustics
 from renderer.scene.compiled import CompiledScene
@@ -79,6 +80,7 @@ PLAIN, FULL, MOVING, MEDIA, MOVING_MEDIA, *_ = KERNEL_VARIANTS
 _TILE = 32
 _SAMPLES_AT_ONCE = 64
 _MOST_PARTS = 256  # of Cryptomatte's counts, before they are added up
+_CARD_RECORDS = 1 << 26  # numbers in the records of one batch on a graphics card
 _DEEP_AT_ONCE = 1 << 18  # samples whose records are in memory, for deep pixels
 _LAST_TILES = 2  # per thread: the last tiles' samples are divided into
 _CUTS = 4  # parts, so that the threads end together
@@ -109,7 +111,7 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     scene = with_light_choice(scene, settings.light_choice)
     if samples_caustics(settings):
         scene = with_caustics(scene)
-    catches = settings.is_transparent and bool((scene.material_flags & CATCHER).any())  # whose light only samples of it find
+    catches = settings.is_transparent and bool((scene.material_flags & CATCHES).any())  # whose light only samples of it find
     if settings.sampling == "light" or settings.integrator == "whitted" or catches:
         scene = environment_sampled_fully(scene)
     else:
@@ -132,41 +134,62 @@ def _pilot_variant(variant: str) -> str:
 
 
 def _render(
-    scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, log: npt.NDArray[np.float64] = _NO_LOG
+    scene: CompiledScene,
+    settings: RenderSettings,
+    tile: Tile,
+    first: int,
+    count: int,
+    log: npt.NDArray[np.float64] = _NO_LOG,
+    begins: Callable[[], None] = lambda: None,
 ) -> tuple[BatchSums, int]:
     """Renders a batch; returns (its sums, number of rays). scene: from `_prepared`.
 
-    log: rows in which the kernel records the path of the last sample.
+    log: rows in which the kernel records the path of the last sample. begins: called right before the first kernel.
     """
     step = max(1, _DEEP_AT_ONCE // max(1, tile.w * tile.h))
     if settings.deep and count > step:
         ranges = ((begin, min(step, first + count - begin)) for begin in range(first, first + count, step))
+        begins()
         return _added([_render(scene, settings, tile, *each, log) for each in ranges])
     planes, rows = len(settings.light_planes), group_rows(settings)
     sums = np.zeros((plane_count(planes, settings.is_transparent), tile.h, tile.w), np.int64)
     bad = np.empty((MAX_BAD, 3), np.int64)
-    recorded = tile.w * tile.h * count if settings.cryptomatte or settings.deep else 0
-    records = np.full((recorded, 2 + RECORD if settings.deep else 2), NOT_FINITE, np.uint32)
+    columns = _record_columns(settings)
+    records = np.full((tile.w * tile.h * count if columns else 0, columns or 2), NOT_FINITE, np.uint32)
     camera = camera_frame(settings_relative_to_origin(settings, scene.origin))
     if scene.caustics is None and samples_caustics(settings):  # nothing to sample
         settings = replace(settings, caustics="off")
     kernel = renderer_of(settings)
-    bad_count, rays = kernel(
-        scene,
-        new_scratch(kernel, tile.w, tile.h, planes, rows),
-        camera,
-        kernel_options(settings, scene),
-        Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent)),
-        Output(sums, bad, log, sums.reshape(-1), records, path_scratch(rows)),
-    )
+    scratch, options = new_scratch(kernel, tile.w, tile.h, planes, rows), kernel_options(settings, scene)
+    batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
+    output = Output(sums, bad, log, sums.reshape(-1), records, path_scratch(rows))
+    packed = Packed(scene)
+    begins()
+    bad_count, rays = kernel(packed, scratch, camera, options, batch, output)
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
-    by_pixel = records.reshape(tile.w * tile.h, count if recorded else 0, records.shape[1])
-    hits = count_samples(by_pixel[..., :2]) if settings.cryptomatte else None
-    found = None
-    if settings.deep:
-        sight = Sight(_floats(camera.eye), None if camera.kind == PANORAMA else _floats(camera.forward))
-        found = sum_samples(by_pixel[..., 0], by_pixel[..., 2:].view(np.float32), sight, settings.film_exponent, settings.deep)
+    hits, found = _counted(records, settings, tile, camera)
     return BatchSums(sums, listed, int(bad_count), hits, found), int(rays)
+
+
+def _record_columns(settings: RenderSettings) -> int:
+    """Returns the number of columns of the records of samples (Output in renderer/kernel/accumulate.py); 0 without records."""
+    return 2 + RECORD if settings.deep else 2 if settings.cryptomatte else 0
+
+
+def _counted(
+    records: npt.NDArray[np.uint32], settings: RenderSettings, tile: Tile, camera: Camera
+) -> tuple[Hits | None, Deep | None]:
+    """Returns Cryptomatte's counts and the deep pixels of a batch, as far as the settings ask for them.
+
+    records: of its samples, pixel by pixel.
+    """
+    pixels = tile.w * tile.h
+    by_pixel = records.reshape(pixels, len(records) // max(pixels, 1), records.shape[1])
+    hits = count_samples(by_pixel[..., :2]) if settings.cryptomatte else None
+    if not settings.deep:
+        return hits, None
+    sight = Sight(_floats(camera.eye), None if camera.kind == PANORAMA else _floats(camera.forward))
+    return hits, sum_samples(by_pixel[..., 0], by_pixel[..., 2:].view(np.float32), sight, settings.film_exponent, settings.deep)
 
 
 def _floats(vector: tuple[np.float32, np.float32, np.float32]) -> tuple[float, float, float]:
@@ -192,22 +215,25 @@ def _render_on(
     card: CardRenderer, scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int
 ) -> tuple[BatchSums, int]:
     """Renders a batch on a graphics card; returns (its sums, number of rays). Raises CardError if the card fails."""
+    recorded = _record_columns(settings)
+    step = max(1, _CARD_RECORDS // max(1, tile.w * tile.h * recorded))
+    if recorded and count > step:
+        ranges = ((begin, min(step, first + count - begin)) for begin in range(first, first + count, step))
+        return _added([_render_on(card, scene, settings, tile, *each) for each in ranges])
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
     variant = next(name for name, has in KERNEL_VARIANTS.items() if has == scene.has)
-    found = card.render(scene, variant, camera, options, batch, tile.w, tile.h)
+    found = card.render(scene, variant, camera, options, batch, tile.w, tile.h, recorded)
     bad: list[BadSample] = []
     if found.bad_count:  # a card counts them: the CPU lists those of the pixels that lack samples
         for y, x in np.argwhere(found.sums[SAMPLES] < count)[:MAX_BAD]:
             bad += _render(scene, settings, Tile(tile.x + int(x), tile.y + int(y), 1, 1), first, count)[0].bad
-    return BatchSums(found.sums, bad[:MAX_BAD], found.bad_count), found.rays
+    return BatchSums(found.sums, bad[:MAX_BAD], found.bad_count, *_counted(found.records, settings, tile, camera)), found.rays
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render these settings: default strategy, RGB, no guide, light planes, deep samples."""
-    if not has_variants(settings) or samples_guide(settings) or settings.is_spectral:
-        return False
-    return not (settings.light_planes or settings.cryptomatte or settings.deep)
+    """Returns True if a graphics card can render these settings: the default strategy, in RGB, without guide and light planes."""
+    return has_variants(settings) and not (samples_guide(settings) or settings.is_spectral or settings.light_planes)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -217,24 +243,32 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, guiding off, spectral off, no light groups, light paths off, no Cryptomatte, no deep "
-                "samples and no mistake; leave out the card",
+                "sample, caustics off, guiding off, spectral off, no light groups, light paths off and no mistake; leave out "
+                "the card",
             )
         )
 
 
 def render_batch(
-    scene: CompiledScene, settings: RenderSettings, tile: Tile, first: int, count: int, card: CardRenderer | None = None
+    scene: CompiledScene,
+    settings: RenderSettings,
+    tile: Tile,
+    first: int,
+    count: int,
+    card: CardRenderer | None = None,
+    begins: Callable[[], None] = lambda: None,
 ) -> BatchSums:
     """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe without a `card`.
 
     The sums do not depend on the card or on how a frame is divided into batches: its batches always add up to the same bits.
-    card: a graphics card, which renders the batch if `is_for_cards(settings)`. Raises CardError if the card fails.
+    card: a graphics card, which renders the batch if `is_for_cards(settings)`. begins: called when everything is ready for the
+    kernel, which needs no interpreter. Raises CardError if the card fails.
     """
     prepared = _prepared(scene, settings)
     if card is not None and is_for_cards(settings):
+        begins()
         return _render_on(card, prepared, settings, tile, first, count)[0]
-    return _render(prepared, settings, tile, first, count)[0]
+    return _render(prepared, settings, tile, first, count, begins=begins)[0]
 
 
 def render_frame(

@@ -677,10 +677,6 @@ class RenderSettings:
         others = {
             "caustics": self.caustics == "on",
             "guiding": self.guiding != "off",
-            "light_groups": bool(self.light_groups),
-            "light_paths": self.has_light_paths,
-            "background": self.is_transparent,
-            "deep": self.deep > 0,
         }
         for name, is_used in others.items():
             if is_used:

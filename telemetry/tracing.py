@@ -16,6 +16,7 @@ import importlib.util
 import json
 import logging
 import os
+import random
 import re
 import subprocess
 import sys
@@ -146,7 +147,7 @@ def span(name: str, parent: SpanIds | None = None, **attributes: Any) -> Iterato
     if _pipe is None or parent is None:
         yield attributes
         return
-    own, error = SpanIds(parent.trace, os.urandom(8).hex()), None
+    own, error = SpanIds(parent.trace, _new_id()), None
     before, begun = _here.set(own), time.time()
     try:
         yield attributes
@@ -175,7 +176,7 @@ def record_span(
     """
     if _pipe is None or (parent is None and own is None):
         return
-    place = own or SpanIds(parent.trace if parent else "", os.urandom(8).hex())
+    place = own or SpanIds(parent.trace if parent else "", _new_id())
     said: dict[str, Any] = {
         "name": name,
         "begun": begun,
@@ -191,6 +192,11 @@ def record_span(
     if len(line) > PIPE_BUF:
         line = json.dumps(said | {"attributes": {}, "links": [], "error": "" if error else None}).encode() + b"\n"
     _write(line)
+
+
+def _new_id() -> str:
+    """Returns a random span id, without a system call, in which other threads would run. Python seeds anew after a fork."""
+    return f"{random.getrandbits(64) or 1:016x}"
 
 
 def _write(line: bytes) -> None:

@@ -35,6 +35,7 @@ from renderer.sentences import Sentence
 from renderer.settings import Tile
 from telemetry.log_lines import about
 from worker.exchange.errors import MachineError, RefusedError, TemporaryError, UnfitError, WorkerError, WorkError
+from worker.exchange.recall import Recall
 from worker.exchange.retry import retry_temporary
 from worker.exchange.sums_sender import Send, SumsSender
 from worker.process import context
@@ -49,7 +50,7 @@ from worker.work.frames import prepare_frames
 from worker.work.joint_render import remaining_pieces, render_waiting_piece, share_pieces
 from worker.work.open_scenes import SceneOpener, is_mapped
 from worker.work.prepare import prepare_scene
-from worker.work.render import failure_event, unreadable_batch_event
+from worker.work.render import failure_event, recalled_event, unreadable_batch_event
 from worker.work.scenes import discard_damaged
 from worker.work.slot import SlotTask, rendering_batch
 from worker.work.slot_card import Block, render_on_card, return_to_cpus
@@ -94,11 +95,13 @@ def _render_batch(task: Any, batch: dict[str, Any]) -> None:
 def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
     """Renders batches one after another. Meanwhile threads send the previous batch's sums, and open the next one's scene.
 
+    If the service recalls the message meanwhile, the batches that have not begun are returned.
     The task ends after all are sent, so the message of a killed slot is delivered again. A redelivered message may contain the
     batch that killed the slot: then each batch is sent before the next one begins.
     """
     worker, is_in_turn = context.current(), is_redelivered(task)
-    with SceneOpener(worker) as opener, SumsSender() as sender:
+    recall = Recall(worker.results.redis, task.request.id)
+    with SceneOpener(worker) as opener, SumsSender(every=recall.look) as sender:
 
         def begin(following: list[dict[str, Any]]) -> None:
             sender.begin()
@@ -107,12 +110,27 @@ def _render_batches(task: Any, batches: list[dict[str, Any]]) -> None:
                     opener.open(each.get("compiled"))
 
         for number, batch in enumerate(batches, 1):
+            if recall.is_recalled:
+                sender.wait()
+                _return_recalled(worker, batches[number - 1 :])
+                return
             with about(**message_ids(batch)):
                 is_last = number == len(batches)  # sent at once, while the slot is still reported as busy with it
                 submit = sender.send_now if is_in_turn or is_last else sender.submit
                 if isinstance(batch, dict) and not is_mapped(batch.get("compiled")):
-                    sender.begin()  # the slot waits for the scene, for minutes if it is downloaded
+                    sender.begin_now()  # the slot waits for the scene, for minutes if it is downloaded
                 _render(task, worker, batch, submit, partial(begin, batches[number : number + 1]))
+
+
+def _return_recalled(worker: context.WorkerContext, batches: list[dict[str, Any]]) -> None:
+    """Returns batches (RenderBatch.to_json) that have not begun to the service, which dispatches them again."""
+    for batch in batches:
+        try:
+            work = RenderBatch.from_json(batch)
+        except (RayfarmError, KeyError, TypeError, ValueError) as error:
+            worker.results.send(unreadable_batch_event(worker, batch, error))
+        else:
+            worker.results.send(recalled_event(worker, work))
 
 
 def _render(
@@ -148,7 +166,7 @@ def _render(
 
         def send() -> None:
             result = outcome.result()
-            with step("send sums"):
+            with step("send sums", slot=slot()):
                 worker.results.send(result)
             reset_deaths(task, worker, work.batch)
 

@@ -173,7 +173,8 @@ def submit(
     with farm_client(server) as farm:
         main = relative_to_root(scene, root) if root is not None else scene.name if is_numbered(scene) else None
         files = files_to_upload(scene, root)
-        uploaded = farm.upload(files, main=main, name=scene.name, project=project, **picture.placement()._asdict())
+        name = scene.name if is_numbered(scene) else None
+        uploaded = farm.upload(files, main=main, name=name, project=project, **picture.placement()._asdict())
         ready = _wait_until_prepared(farm, uploaded)
         warnings = options.relevant_warnings(ready.warnings, picture.environment())
         refuse_warnings(scene.name, warnings, strict)

@@ -36,7 +36,7 @@ _COLOR = ("R", "G", "B")
 
 def upload_and_submit(farm: Client, scene: Path, arguments: RenderArguments) -> Job:
     """Uploads the scene and submits a job. Raises ClientError, or SettingsError for settings that a farm does not support."""
-    uploaded = farm.upload(files_to_upload(scene), name=scene.stem, **arguments.picture.placement()._asdict())
+    uploaded = farm.upload(files_to_upload(scene), **arguments.picture.placement()._asdict())
     return submit_ready_scene(farm, farm.wait_for_scene(uploaded.id), arguments)
 
 

@@ -22,6 +22,7 @@ from renderer.work import most_samples
 
 if TYPE_CHECKING:
     from renderer.film import Sums
+    from renderer.scene.compiled import CompiledScene
     from renderer.settings import RenderSettings
 
 __all__ = ["SceneWarning", "passes"]
@@ -70,7 +71,7 @@ def passes(scene: Path, arguments: RenderArguments, at_once: bool) -> Generator[
 
         if at_once:
             sums = frame(None if picture.noise is None else quiet_enough)
-            yield _image(sums, settings, of, planes, motion, arguments, True)
+            yield _image(sums, compiled, settings, of, planes, motion, arguments, True)
             return
         ready: queue.Queue[tuple[Sums, bool] | BaseException] = queue.Queue()
         is_left = threading.Event()
@@ -99,7 +100,7 @@ def passes(scene: Path, arguments: RenderArguments, at_once: bool) -> Generator[
                 if isinstance(found, BaseException):
                     raise found
                 sums, is_final = found
-                yield _image(sums, settings, of, planes, motion, arguments, is_final)
+                yield _image(sums, compiled, settings, of, planes, motion, arguments, is_final)
         finally:
             is_left.set()
             worker.join()
@@ -107,6 +108,7 @@ def passes(scene: Path, arguments: RenderArguments, at_once: bool) -> Generator[
 
 def _image(
     sums: Sums,
+    compiled: CompiledScene,
     settings: RenderSettings,
     total: int | None,
     planes: list[str],
@@ -123,7 +125,10 @@ def _image(
             return mean(sums, exponent)
         if name == "denoised":
             from renderer.denoise import denoise_with_guides
+            from renderer.denoise_guides import denoise_still
 
+            if is_final:
+                return denoise_still(sums, compiled, settings, arguments.threads)
             color, albedo, normal = (mean(sums, exponent, each) for each in (COLOR, ALBEDO, NORMAL))
             return denoise_with_guides(color, albedo, normal, arguments.threads).color
         if name == aovs.MOTION:

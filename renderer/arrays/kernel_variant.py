@@ -46,6 +46,7 @@ def variant_of(scene: CompiledScene, camera_moves: bool = False) -> str:
         "grids": len(scene.volume) > 0,
         "hair": "hair" in parts,
         "visibility": len(scene.bvh.ray_roots) > 2,
+        "reflections": bool(flags & rows.REFLECTIONS),
     }
     wanted = {part for part, needed in needs.items() if needed}
     return next(name for name, has in KERNEL_VARIANTS.items() if all(getattr(has, part) for part in wanted))

@@ -98,7 +98,8 @@ IS_PANE = COLUMNS + 5  # 0 or 1: glass does not refract
 FILM_MEAN = COLUMNS + 6  # reflectance over the hemisphere with a film: metal, then dielectric
 HAS_BECKMANN = COLUMNS + 12  # 0 or 1: facets are distributed by Beckmann, else GGX
 HAS_NONLINEAR = COLUMNS + 13  # 0 or 1: for plastic
-LAYER_SLOTS = COLUMNS + 14
+FILM_WAVELENGTHS = COLUMNS + 14  # nanometres, of a path with wavelengths and a material with a thin film; 0 in RGB
+LAYER_SLOTS = COLUMNS + 17
 
 # Slots of `material_texture`, int32: the texture's row, or -1.
 BASE_TEXTURE = 0
@@ -160,6 +161,8 @@ CLEAR = 131072  # smooth glass: most light passes in a discrete direction
 HOLDOUT = 262144  # before a transparent background, cuts a hole into the picture
 CATCHER = 524288  # before a transparent background, shows the shadows on it alone
 FROM_DIFFUSE, FROM_GLOSSY, FROM_TRANSMISSION, FROM_VOLUME = 1048576, 2097152, 4194304, 8388608  # invisible to such rays
+REFLECTIONS = 16777216  # before a transparent background, shows the reflections on it alone
+CATCHES = CATCHER | REFLECTIONS
 TRANSPARENT = MASKED | BLENDED
 UNSEEN_BY = (UNSEEN, SHADELESS, FROM_DIFFUSE, FROM_GLOSSY, FROM_TRANSMISSION, FROM_VOLUME)  # by kind (RAY_KINDS)
 

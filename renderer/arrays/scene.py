@@ -33,6 +33,7 @@ from renderer.arrays.rows import (
     VOLUME_GRID_COLUMNS,
 )
 from renderer.arrays.scene_features import EVERYTHING, SceneFeatures
+from renderer.arrays.spectrum import GIVEN_COLUMNS
 from renderer.bvh.layout import INSTANCE, KEY_COLUMNS, NEVER, NODE_ROWS, PACKET_ROWS, RAY_KINDS, ROW_CHILD, WIDTH, Bvh
 from renderer.errors import SceneError
 
@@ -136,6 +137,9 @@ class CompiledScene(NamedTuple):
     # (renderer/light_groups.py), not stored.
     group_plane: Any = None
 
+    # Spectra that the file gives for lights, reflectances and metals (renderer/arrays/spectrum.py), for spectral rendering.
+    given_spectrum: Array = np.zeros((0, GIVEN_COLUMNS), np.float32)  # (c, GIVEN_COLUMNS) f32
+
     # Light links (renderer/kernel/light/links.py); no rows if every light illuminates everything.
     light_link: Array = np.zeros(0, np.int32)  # (L,) i32: the number of each light's link set; 0: it illuminates everything
     object_links: Array = np.zeros(0, np.int32)  # (o,) i32: bit k is set if lights of link set k illuminate the object
@@ -230,6 +234,7 @@ LAYOUT: dict[str, tuple[str, tuple[int | str, ...]]] = {
     "majorant": ("<f4", ("y", 2)),
     "texel": ("|u1", ("Q", 4)),
     "group_name": ("|u1", ("g",)),
+    "given_spectrum": ("<f4", ("c", GIVEN_COLUMNS)),
 }
 
 _LEAST = dict.fromkeys("NHWABm", 1) | {"r": 2}  # lengths in LAYOUT that are never 0: nodes, the environment, media, roots

@@ -29,6 +29,7 @@ class SceneFeatures(NamedTuple):
     light_paths: Any = None  # planes by light path, likewise (RenderSettings.light_paths)
     by_light: Any = None  # either
     visibility: Any = None  # of objects and lights by kind of ray, and shadow links (renderer/kernel/steps/ray_kind.py)
+    reflections: Any = None  # on reflection catchers (renderer/kernel/steps/catch_reflections.py)
 
 
 # From the fastest to compile and run to the most complete. All combinations would be 4,096 variants, each compiled at its first
@@ -47,5 +48,9 @@ KERNEL_VARIANTS = {
     "hair": SceneFeatures(True, True, True, True, None, None, None, None, None, None, True, None),
     "moving-hair": SceneFeatures(True, True, True, True, True, True, True, True, True, True, True, None),
     "visibility": SceneFeatures(True, True, True, True, True, True, True, True, True, True, True, None, visibility=True),
+    "catchers": SceneFeatures(True, True, True, True, None, None, None, None, None, None, None, None, reflections=True),
+    "moving-catchers": SceneFeatures(
+        True, True, True, True, True, True, True, True, True, True, True, None, visibility=True, reflections=True
+    ),
 }
 EVERYTHING = KERNEL_VARIANTS["full"]  # of static scenes

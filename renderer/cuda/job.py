@@ -1,17 +1,16 @@
-"""The argument of the GPU kernels, a Wave: its type for each kernel variant, and its bytes in memory."""
+"""The argument of the GPU kernels, a Wave: its type for each kernel variant."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from numba import typeof, types
+from numba import typeof
 
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import CompiledScene, example
 from renderer.bvh.compressed_tree import LEAF_NUMBERS, NODE_WORDS, CompressedTree
+from renderer.cryptomatte import NOT_FINITE
 from renderer.film import plane_count
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cpu.rows import LAYOUT
@@ -20,13 +19,11 @@ from renderer.kernel.camera import Camera, camera_frame
 from renderer.kernel.options import Options, kernel_options
 from renderer.settings import RenderSettings, View
 
-__all__ = ["BYTES_PER_PATH", "packed", "wave_for", "wave_type"]
+__all__ = ["BYTES_PER_PATH", "wave_for", "wave_type"]
 
 BYTES_PER_PATH = 2 * 4 * (LAYOUT.width + LISTS) + 8  # of a Wave's arrays
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 _NOTHING: Any = None  # replaces the arrays of the processor's tree
-_TUPLE: Any = types.BaseTuple  # which Numba's annotations do not declare as iterable
-_SCALARS: dict[types.Type, str] = {types.boolean: "?", types.none: "u8"}
 
 
 def wave_for(
@@ -38,17 +35,19 @@ def wave_for(
     height: int,
     paths: int,
     second: bool = False,
+    recorded: int = 0,
 ) -> Wave:
     """Returns the Wave that renders a batch of a tile of width x height pixels into a zeroed film, `paths` - 1 paths at once.
 
-    scene: with a compressed tree, in the form that the variant's kernels expect. The rows and lists of the paths are not
-    initialised.
+    scene: with a compressed tree, in the form that the variant's kernels expect. recorded: number of columns of the records of
+    samples; 0 for no records. The rows and lists of the paths are not initialised.
     """
     pool, lists = np.empty((LAYOUT.width, 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
     lengths, branches = np.zeros(LISTS, np.int64), np.empty(paths, np.int64)
     film = np.zeros((plane_count(0, options.transparent_background), height, width), np.int64)
     counters = np.zeros(COUNTERS, np.int64)
-    return Wave(scene, camera, options, batch, film, counters, pool, lists, lengths, branches, np.bool_(second))
+    records = np.full((width * height * batch.count if recorded else 0, recorded or 2), NOT_FINITE, np.uint32)
+    return Wave(scene, camera, options, batch, film, counters, pool, lists, lengths, branches, records, np.bool_(second))
 
 
 def wave_type(variant: str) -> Any:
@@ -57,43 +56,3 @@ def wave_type(variant: str) -> Any:
     tree = CompressedTree(np.zeros((1, NODE_WORDS), np.uint32), np.zeros((1, LEAF_NUMBERS), np.float32))
     scene = scene._replace(bvh=scene.bvh._replace(node=_NOTHING, packet=_NOTHING, compressed=tree))
     return typeof(wave_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0, paths=1))
-
-
-def packed(value: Any, place: Callable[[npt.NDArray[Any]], int]) -> bytes:
-    """Returns a named tuple's bytes in the layout that kernels read: a C struct, in which each array is a Numba array structure.
-
-    place: returns the address of an array's data.
-    """
-    data = bytearray()
-    _append(data, value, typeof(value), place)
-    data.extend(bytes(-len(data) % _alignment(typeof(value))))
-    return bytes(data)
-
-
-def _append(data: bytearray, value: Any, kind: Any, place: Callable[[npt.NDArray[Any]], int]) -> None:
-    data.extend(bytes(-len(data) % _alignment(kind)))
-    if isinstance(kind, _TUPLE):
-        for part, part_kind in zip(value, kind, strict=True):
-            _append(data, part, part_kind, place)
-        data.extend(bytes(-len(data) % _alignment(kind)))
-    elif isinstance(kind, types.Array):
-        # Numba's array structure: two owners, which kernels do not read; count, item size, data, shape, strides.
-        words = [0, 0, value.size, value.itemsize, place(value), *value.shape, *value.strides]
-        data.extend(np.array(words, np.uint64).tobytes())
-    else:
-        data.extend(np.array(0 if value is None else value, _format(kind)).tobytes())
-
-
-def _format(kind: Any) -> str:
-    """Returns numpy's name for the Numba type of a number. Raises TypeError if a Wave cannot contain it."""
-    if kind in _SCALARS:
-        return _SCALARS[kind]
-    if isinstance(kind, types.Integer | types.Float):
-        return kind.name
-    raise TypeError(f"waves cannot contain {kind}")
-
-
-def _alignment(kind: Any) -> int:
-    if isinstance(kind, _TUPLE):
-        return max((_alignment(each) for each in kind), default=1)
-    return 8 if isinstance(kind, types.Array) else np.dtype(_format(kind)).itemsize

@@ -15,7 +15,7 @@ from renderer.bvh.compress import compressed
 from renderer.bvh.layout import Bvh
 from renderer.cuda.artefacts import ptx_of
 from renderer.cuda.driver import LIBRARY, Card, Device, Driver, DriverError, Kernel
-from renderer.cuda.job import BYTES_PER_PATH, packed, wave_for
+from renderer.cuda.job import BYTES_PER_PATH, wave_for
 from renderer.cuda.turns import paths_for, take_turns
 from renderer.errors import MachineError, SceneError
 from renderer.film import Sums
@@ -24,6 +24,7 @@ from renderer.kernel.backends.cuda.ptx import THREADS
 from renderer.kernel.backends.cuda.wavefront import ACTIVE, BAD, RAYS, Wave
 from renderer.kernel.camera import Camera
 from renderer.kernel.options import Options
+from renderer.reference import packed
 from renderer.sentences import Sentence
 from renderer.threads import Team
 
@@ -48,6 +49,7 @@ class Rendered(NamedTuple):
     sums: Sums
     bad_count: int
     rays: int
+    records: npt.NDArray[np.uint32]  # of Wave
 
 
 class CardRenderer:
@@ -88,14 +90,22 @@ class CardRenderer:
             ) from error
 
     def render(
-        self, scene: CompiledScene, variant: str, camera: Camera, options: Options, batch: Batch, width: int, height: int
+        self,
+        scene: CompiledScene,
+        variant: str,
+        camera: Camera,
+        options: Options,
+        batch: Batch,
+        width: int,
+        height: int,
+        recorded: int = 0,
     ) -> Rendered:
         """Renders a batch of a tile of width x height pixels. Raises CardError if that fails.
 
-        scene: in the form that the variant's kernels expect (`strip_absent_features`).
+        scene: in the form that the variant's kernels expect (`strip_absent_features`). recorded: as for `wave_for`.
         """
         try:
-            return self._render(scene, variant, camera, options, batch, width, height)
+            return self._render(scene, variant, camera, options, batch, width, height, recorded)
         except DriverError as error:
             number, name = self.card.number, self.card.name
             if error.code == _OUT_OF_MEMORY:
@@ -121,13 +131,21 @@ class CardRenderer:
         self._device.close()
 
     def _render(
-        self, scene: CompiledScene, variant: str, camera: Camera, options: Options, batch: Batch, width: int, height: int
+        self,
+        scene: CompiledScene,
+        variant: str,
+        camera: Camera,
+        options: Options,
+        batch: Batch,
+        width: int,
+        height: int,
+        recorded: int,
     ) -> Rendered:
         paths = paths_for(width * height * batch.count, self.card.memory, BYTES_PER_PATH)
         scene = scene._replace(bvh=self._compressed(scene.bvh))
-        wave = wave_for(scene, camera, options, batch, width, height, paths)
+        wave = wave_for(scene, camera, options, batch, width, height, paths, recorded=recorded)
         self._free_others(wave)
-        with self._results(wave.film, wave.counters, wave.lengths) as own:
+        with self._results(wave.film, wave.counters, wave.lengths, wave.records) as own:
             own.update(self._path_memory(wave, paths))
             address = self._addresses(own)
             data = [packed(wave._replace(second=np.bool_(second)), address) for second in (False, True)]
@@ -140,7 +158,7 @@ class CardRenderer:
                 self._launch(variant, kernel, data[second], threads)
 
             take_turns(launch, count_active, wave.scene, wave.options, paths)
-            return self._rendered(own, wave.film, wave.counters)
+            return self._rendered(own, wave)
 
     @contextlib.contextmanager
     def _results(self, *arrays: npt.NDArray[Any]) -> Iterator[dict[int, int]]:
@@ -189,12 +207,13 @@ class CardRenderer:
             raise AssertionError(f"a wave has {len(data)} bytes, and its kernels take {size}")
         self._device.launch(kernels[kernel], -(-threads // THREADS), THREADS, [data, threads.to_bytes(8, "little")])
 
-    def _rendered(self, own: dict[int, int], film: npt.NDArray[np.int64], counters: npt.NDArray[np.int64]) -> Rendered:
+    def _rendered(self, own: dict[int, int], wave: Wave) -> Rendered:
         """Returns the results of the launched kernels, once they have ended. own: id -> address."""
         self._device.synchronize()
-        for array in (film, counters):
-            self._device.download(own[id(array)], array)
-        return Rendered(film, int(counters[BAD]), int(counters[RAYS]))
+        for array in (wave.film, wave.counters, wave.records):
+            if array.size:
+                self._device.download(own[id(array)], array)
+        return Rendered(wave.film, int(wave.counters[BAD]), int(wave.counters[RAYS]), wave.records)
 
     def _compressed(self, bvh: Bvh) -> Bvh:
         """Returns the tree `bvh` in compressed form; the result is kept until another tree is passed."""

@@ -23,6 +23,7 @@ from renderer.kernel.guiding.photons import Photons, follow_photons
 from renderer.kernel.guiding.pilot import MOST_ROWS, RECORD_COLUMNS, Pilot, follow_pilot_paths
 from renderer.kernel.options import kernel_options
 from renderer.kernel.path_trace import COLUMNS
+from renderer.reference import Packed
 from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings
 
@@ -61,13 +62,13 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
     flux = emitters.power / max(photons, 1)
     of_photons = np.zeros((photons * _RECORDS, RECORD_COLUMNS), np.float32)
     of_photons = of_photons[
-        : follow_photons(scene, stack, options, Photons(0, photons, emitters.table, emitters.cdf), log, of_photons)
+        : follow_photons(Packed(scene), stack, options, Photons(0, photons, emitters.table, emitters.cdf), log, of_photons)
     ]
     records = np.zeros((sum(rounds) * _RECORDS, RECORD_COLUMNS), np.float32)
     first, found = photons, 0  # samples are numbered through, so that all paths are independent
     for number, count in enumerate(rounds):
         pilot, known = Pilot(first, count, settings.width, settings.height), found
-        found += follow_pilot_paths(scene, stack, camera, options, pilot, log, records[found:])
+        found += follow_pilot_paths(Packed(scene), stack, camera, options, pilot, log, records[found:])
         first, earlier, guide = first + count, guide, guide_of(records[:found], of_photons, flux)
         if number > 0:
             learned, left = learn_shares(guide, earlier, records[known:found])

@@ -33,7 +33,7 @@ __all__ = [
 ]
 
 _ZERO = np.float32(0.0)
-_NONE = np.int64(0)
+_NONE, _ANY = np.int64(0), np.int64(-1)
 _ENVIRONMENT = _FIRST = np.uint32(0)
 
 
@@ -106,10 +106,10 @@ def forget_groups(table, row, count):
 
 
 @device
-def _whole(total, scale, whole):
-    """Converts a sum of light groups to fixed point, clamped to at most `whole` if `whole` is not negative."""
+def _whole(total, scale, most):
+    """Converts a sum of light groups to fixed point, clamped to at most `most` if `most` is not negative."""
     found = fixed(total, scale)
-    return min(found, whole) if whole >= _NONE else found
+    return min(found, most) if most >= _NONE else found
 
 
 @device
@@ -118,22 +118,26 @@ def add_sample_by_group(planes, place, stride, table, first, second, count, radi
 
     The groups are rounded as a running sum: group k adds what the sum of the groups up to k, rounded, has more than that of the
     groups before it. The last group that has light ends at the colour itself. So each group is within one unit of its own rounded
-    value, apart from the rounding of float32 sums, and is 0 where it has no light.
+    value, apart from the rounding of float32 sums, and is 0 where it has no light. No group is negative unless some light is, as
+    light at a wavelength can be in Rec.709.
 
     planes: flat int64 array, with three channels for each group. place: index of the first channel. stride: from one channel to
     the next. table: float32 rows (GROUP_ROW). first, second: first rows of the path's two branches. count: number of groups.
     radiance: the sample's colour. scale: 2**film_exponent.
     """
     for channel in range(3):
-        whole, last = fixed(radiance[channel], scale), _NONE
+        whole, last, most = fixed(radiance[channel], scale), _NONE, fixed(radiance[channel], scale)
         for k in range(count):
             a, b = (np.uintp(first) + np.uintp(k)) * _WIDTH, (np.uintp(second) + np.uintp(k)) * _WIDTH
-            if table[a + np.uintp(channel)] + table[b + np.uintp(channel)] != _ZERO:
+            light = table[a + np.uintp(channel)] + table[b + np.uintp(channel)]
+            if light != _ZERO:
                 last = np.int64(k)
+            if light < _ZERO:
+                most = _ANY
         total, before = _ZERO, _NONE
         for k in range(count):
             a, b = (np.uintp(first) + np.uintp(k)) * _WIDTH, (np.uintp(second) + np.uintp(k)) * _WIDTH
             total += table[a + np.uintp(channel)] + table[b + np.uintp(channel)]
-            upto = whole if np.int64(k) >= last else _whole(total, scale, whole)
+            upto = whole if np.int64(k) >= last else _whole(total, scale, most)
             planes[place + (np.uintp(3 * k) + np.uintp(channel)) * stride] += upto - before
             before = upto

@@ -17,7 +17,7 @@ import numpy as np
 
 from renderer.jit import device
 from renderer.kernel import vec
-from renderer.kernel.light_groups import GROUP_ROW, add_group_light
+from renderer.kernel.light_groups import GROUP_ROW, GroupLight, add_group_light, scatter_group
 from renderer.settings import LIGHT_PATHS
 from renderer.wide.fields import Float, Layout, Vector, accessors
 from renderer.wide.values import as_wide, u32, where, where3, zero_like
@@ -30,6 +30,7 @@ __all__ = [
     "add_path_light",
     "add_sampled_path_light",
     "diffuse_fraction",
+    "forget_lights",
     "share_after_vertex",
     "store_sampled_share",
     "store_share",
@@ -79,6 +80,17 @@ def share_after_vertex(diffuse, f, wi, is_surface):
     """
     kind = where(wi[2] > _ZERO, zero_like(wi[2]) + _REFLECTED, zero_like(wi[2]) + _TRANSMITTED)
     return PathShare(diffuse_fraction(diffuse, f), where(is_surface, kind, zero_like(kind) + _SCATTERED))
+
+
+@device
+def forget_lights(table, row, options):
+    """Sets to 0 what one path or eight have gathered of each light group and light path. row: of the first light group."""
+    none = as_wide(_ZERO, row)
+    dark = GroupLight((none, none, none))
+    for k in range(np.int64(options.groups)):
+        scatter_group(table, row + np.uint32(k), dark)
+    for k in range(np.int64(options.paths)):
+        scatter_group(table, row + (options.groups + _BEHIND + np.uint32(k)), dark)
 
 
 @device

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from renderer.arrays.rows import CATCHER, HOLDOUT, TRANSPARENT
+from renderer.arrays.rows import CATCHES, HOLDOUT, TRANSPARENT
 from renderer.arrays.scene import CompiledScene
 from renderer.kernel.light_paths import OTHER_ROWS
 from renderer.settings import (
@@ -73,7 +73,7 @@ class Options(NamedTuple):
     paths: np.uint32  # number of light paths with planes in the film, or 0
     group_rows: np.uint32  # of the table of light_groups.py and light_paths.py for one branch of a path
     transparent_background: bool  # whether camera rays see no background, and the film has planes of alpha
-    has_mattes: bool  # whether some materials before it are holdouts or shadow catchers
+    has_mattes: bool  # whether some materials before it are holdouts or catch shadows or reflections
 
 
 def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
@@ -109,7 +109,7 @@ def kernel_options(settings: RenderSettings, scene: CompiledScene) -> Options:
         paths=np.uint32(len(settings.light_planes) - len(settings.group_names)),
         group_rows=np.uint32(group_rows(settings)),
         transparent_background=settings.is_transparent,
-        has_mattes=settings.is_transparent and bool((scene.material_flags & (HOLDOUT | CATCHER)).any()),
+        has_mattes=settings.is_transparent and bool((scene.material_flags & (HOLDOUT | CATCHES)).any()),
     )
 
 

@@ -31,6 +31,7 @@ from renderer.scene.environment import (
 )
 from renderer.scene.frame_reuse import PartOffsets, ShotCache
 from renderer.scene.geometry import NO_PLACEMENT, Geometry, by_triangle
+from renderer.scene.given_spectra import spectrum_rows
 from renderer.scene.guiding_targets import list_guides
 from renderer.scene.light_groups import names_of, tabulate_groups
 from renderer.scene.light_links import tabulate_links
@@ -196,6 +197,7 @@ def _compile(description: SceneDescription, say: Progress, brute: bool, team: Te
         material_group=groups.material,
         environment_group=groups.environment,
         group_name=groups.name,
+        given_spectrum=spectrum_rows(description.spectra),
         light_link=links.light,
         object_links=links.object,
         light_visibility=seen.light,

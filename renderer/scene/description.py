@@ -14,7 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.animation import DEFAULT_FPS, Clip
-from renderer.scene.material import AlphaMode, Material
+from renderer.scene.given_spectra import GivenSpectrum
+from renderer.scene.material import MOST_KELVINS, AlphaMode, Material
 from renderer.scene.parameters import MaterialKind, choice_parameter, flag_parameter, name_parameter, number, parameters_of
 from renderer.sentences import Sentence
 from renderer.settings import Vec3, View
@@ -211,6 +212,8 @@ class Light:
     emission: EmissionMap | None = None
     up: Vec3 = (0.0, 1.0, 0.0)
     name: str = "light"
+    temperature: float = number(0.0, high=MOST_KELVINS, kinds=(*_PLACED, *_DISTANT))
+    """Kelvins of a black body whose spectrum it has in spectral rendering; a grey light has its colour, too. 0: none."""
     light_group: str = name_parameter((*_PLACED, *_DISTANT))
     """Its group, for images of the light of each group."""
     light_link: str = name_parameter((*_PLACED, *_DISTANT))
@@ -331,6 +334,7 @@ class SceneDescription:
     light_links: dict[str, LightLink] = field(default_factory=dict)  # by name; lights and materials refer to them
     volumes: dict[str, Volume] = field(default_factory=dict)  # by name: the densities of media
     medium: Medium | None = None  # of the world; the camera is in it unless inside an object
+    spectra: list[GivenSpectrum] = field(default_factory=list)  # of colours that lights, surfaces and metals have
     cameras: list[Camera] = field(default_factory=list)
     up: Vec3 = (0.0, 1.0, 0.0)
     up_axis: str | None = None  # the axis of the file that became Y, if its format states none: one of renderer.formats.UP_AXES

@@ -38,6 +38,7 @@ __all__ = [
     "HAIR_IOR",
     "MOST_DENSE",
     "MOST_FORWARD",
+    "MOST_KELVINS",
     "PARAMETERS",
     "AlphaMode",
     "Distribution",
@@ -74,6 +75,7 @@ _DIFFUSE = "KHR_materials_diffuse_transmission."
 _DISPLACEMENT = "RAYFARM_materials_displacement."
 
 MOST_DENSE = 1e9  # largest absorption or scattering coefficient of media, per scene unit
+MOST_KELVINS = 1e5  # temperature of a light
 MOST_FORWARD = 0.999  # largest absolute value of a phase function's g
 HAIR_IOR = 1.55
 _EUMELANIN = (0.419, 0.697, 1.37)  # absorption per concentration and radius, rgb
@@ -129,6 +131,8 @@ class Material:
     emission: Vec3 = color(0.0, high=1e9, kinds=SURFACES, form="radiance")
     """Radiance: what has some is a light."""
     emission_texture: int | None = texture(None, kinds=SURFACES, srgb=True)
+    emission_temperature: float = number(0.0, high=MOST_KELVINS, kinds=SURFACES)
+    """Kelvins of a black body whose spectrum its light has in spectral rendering; grey light has its colour, too. 0: none."""
     light_group: str = name_parameter(SURFACES)
     """The group of its light, for images of the light of each group."""
     light_link: str = name_parameter(SURFACES)
@@ -148,6 +152,8 @@ class Material:
     """Before a transparent background it cuts a hole into the picture; everything but the camera sees it."""
     shadow_catcher: bool = flag_parameter(kinds=SURFACES)
     """Before a transparent background the camera sees only the shadows on it, as opaque black."""
+    reflection_catcher: bool = flag_parameter(kinds=SURFACES)
+    """Before a transparent background the camera sees only what objects reflect onto it; with shadow_catcher both."""
     facing: bool = flag_parameter(kinds=SURFACES)
     """A sphere's light is that of a disk through its middle which faces whoever looks: Cycles' soft falloff."""
     metallic: float = number(0.0, rows.METALLIC, gltf=_PBR + "metallicFactor", mtl="Pm")

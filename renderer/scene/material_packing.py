@@ -151,7 +151,8 @@ def _flags(m: Material, used: list[int], texels: Texels, absorbs: bool) -> int:
         rows.UNSEEN: m.unseen,
         rows.SHADELESS: m.shadeless,
         rows.HOLDOUT: m.holdout,
-        rows.CATCHER: m.shadow_catcher,
+        rows.CATCHER: m.shadow_catcher or (m.reflection_catcher and m.kind == "unlit"),
+        rows.REFLECTIONS: m.reflection_catcher and m.kind != "unlit",  # which reflects nothing
         **{flag: kind in m.hidden_from for kind, flag in zip(RAY_KINDS, rows.UNSEEN_BY, strict=True) if kind in SCATTERED_RAYS},
         rows.FACING: m.facing and m.emission_texture is None,
         rows.ABSORBING: transmits and not m.thin and absorbs,

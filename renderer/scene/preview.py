@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from renderer.image.tonemap import decode_srgb, encode_srgb
 from renderer.scene.description import Image, Material, Mesh, SceneDescription, Texture
+from renderer.scene.studio import STUDIO
 
 __all__ = ["MOST_TRIANGLES", "Preview", "preview"]
 
@@ -35,6 +36,7 @@ class Preview(NamedTuple):
     normals: F32  # (V, 3)
     colors: U8  # (V, 4)
     triangles: npt.NDArray[np.uint32]  # (T, 3)
+    background: tuple[int, int, int] | None = None  # of the world
 
 
 class _Shape(NamedTuple):
@@ -71,7 +73,26 @@ def preview(description: SceneDescription, max_triangles: int = MOST_TRIANGLES) 
         normals = _unit(shape.normals @ _cofactors(to_world[:3, :3]).T)
         parts.append(Preview(positions, normals, colors[instance.mesh, number], shape.triangles.astype(np.uint32)))
     parts += _spheres(description)
-    return _joined(parts)
+    joined = _joined(parts)
+    return joined and joined._replace(background=_background(description))
+
+
+def _background(description: SceneDescription) -> tuple[int, int, int] | None:
+    """Returns the world's colour around the horizon, sRGB; None for the studio and for skies."""
+    environment = description.environment
+    if environment is None:
+        return None if description.studio_for_accents else (0, 0, 0)
+    if environment.sky is not None:
+        return None
+    color = environment.strength * np.asarray(environment.color, np.float64)
+    if environment.image is not None:
+        image = description.images[environment.image]
+        if image.name == STUDIO:
+            return None
+        rows = len(image.pixels)
+        color = color * image.pixels[rows // 4 : -(-3 * rows // 4), ::8, :3].mean(axis=(0, 1), dtype=np.float64)
+    red, green, blue = np.rint(255 * encode_srgb(np.clip(np.nan_to_num(color), 0, 1).astype(np.float32))).astype(int).tolist()
+    return red, green, blue
 
 
 def _joined(parts: list[Preview]) -> Preview | None:

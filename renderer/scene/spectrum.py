@@ -15,15 +15,16 @@ from renderer.arrays.spectrum import (
     CELL_COLUMNS,
     CONDUCTOR_NODES,
     FIRST_NM,
+    GIVEN_ETA,
+    GIVEN_K,
+    GIVEN_REFLECTANCE,
     LAST_NM,
     SpectrumTables,
     read_only_tables,
 )
-from renderer.errors import SettingsError
 from renderer.scene.material import conductor_reflectance
 from renderer.scene.metal_spectra import measured_indices
 from renderer.scene.spectrum_tables import table_path
-from renderer.sentences import Sentence
 
 __all__ = ["with_spectrum"]
 
@@ -35,40 +36,18 @@ _kept: list[tuple[tuple[weakref.ref[Any], ...], SpectrumTables]] = []
 
 
 def with_spectrum(scene: CompiledScene) -> CompiledScene:
-    """Returns the scene with its SpectrumTables; those of the last scenes are kept, since each batch of a frame needs them again.
-
-    Raises SettingsError if the scene has what spectral rendering does not support.
-    """
-    _check(scene)
-    arrays = scene.material, scene.material_kind
+    """Returns the scene with its SpectrumTables; those of the last scenes are kept, since each batch of a frame needs them."""
+    arrays = scene.material, scene.material_kind, scene.given_spectrum
     for references, tables in list(_kept):
         if all(each() is array for each, array in zip(references, arrays, strict=True)):
             return scene._replace(spectrum=tables)
     conductors, numbers = _conductors(scene)
-    made = read_only_tables(_stored("wavelength_cells", CELL_COLUMNS), _stored("sigmoid", 3), conductors, numbers)
+    given = scene.given_spectrum[scene.given_spectrum[:, 0] <= GIVEN_REFLECTANCE]
+    stored = _stored("wavelength_cells", CELL_COLUMNS), _stored("sigmoid", 3)
+    made = read_only_tables(*stored, conductors, numbers, given[:, (1, 2, 3, 0)], given[:, 4:].reshape(-1))
     alive = [entry for entry in _kept if all(each() is not None for each in entry[0])]
     _kept[:] = [*alive[1 - _MOST_KEPT :], (tuple(map(weakref.ref, arrays)), made)]
     return scene._replace(spectrum=made)
-
-
-def _check(scene: CompiledScene) -> None:
-    """Raises SettingsError if the scene has media of grids or thin films."""
-    if len(scene.volume) > 0:
-        raise SettingsError(
-            Sentence(
-                "spectral-media",
-                "spectral rendering does not support the heterogeneous media that the scene has; set spectral to off",
-            ),
-            field="spectral",
-        )
-    if (scene.material[:, rows.IRIDESCENCE] > 0).any():
-        raise SettingsError(
-            Sentence(
-                "spectral-films",
-                "spectral rendering does not support the iridescent materials that the scene has; set spectral to off",
-            ),
-            field="spectral",
-        )
 
 
 @cache
@@ -83,12 +62,22 @@ def _conductors(scene: CompiledScene) -> tuple[F64, npt.NDArray[np.int32]]:
     found: list[F64] = []
     for number in np.flatnonzero(scene.material_kind == rows.CONDUCTOR):
         eta, k = (scene.material[number, first : first + 3] for first in (rows.ETA, rows.K))
-        indices = measured_indices(eta, k, wavelengths)
+        indices = _given_indices(scene, eta, k) or measured_indices(eta, k, wavelengths)
         if indices is None:
             indices = np.interp(wavelengths, _CENTRES, eta[::-1]), np.interp(wavelengths, _CENTRES, k[::-1])
         numbers[number] = len(found) * CONDUCTOR_NODES
         found.append(np.stack([*indices, _mean_reflectance(*indices)], axis=1))
     return np.concatenate(found) if found else np.zeros((CONDUCTOR_NODES, 3)), numbers
+
+
+def _given_indices(scene: CompiledScene, eta: npt.NDArray[np.float32], k: npt.NDArray[np.float32]) -> tuple[F64, F64] | None:
+    """Returns eta and k at CONDUCTOR_NODES wavelengths that the file gives for a conductor; None if it gives none."""
+    found = []
+    for kind, color in ((GIVEN_ETA, eta), (GIVEN_K, k)):
+        rows_of = scene.given_spectrum
+        rows_of = rows_of[(rows_of[:, 0] == kind) & (rows_of[:, 1:4] == color).all(axis=1)]
+        found.extend(rows_of[:1, 4:].astype(np.float64))
+    return (found[0], found[1]) if len(found) == 2 else None
 
 
 def _mean_reflectance(eta: F64, k: F64) -> F64:

@@ -13,7 +13,16 @@ from renderer.scene.bounds import bounds_of
 from renderer.scene.description import F32, Environment, Image, Instance, Material, Mesh, SceneDescription
 from renderer.sentences import Sentence
 
-__all__ = ["FLOOR", "NO_LIGHTS_WARNING", "STUDIO_NOTES", "WEAK_LIGHTS_WARNING", "add_floor", "light_studio", "studio_image"]
+__all__ = [
+    "FLOOR",
+    "NO_LIGHTS_WARNING",
+    "STUDIO",
+    "STUDIO_NOTES",
+    "WEAK_LIGHTS_WARNING",
+    "add_floor",
+    "light_studio",
+    "studio_image",
+]
 
 # Warnings about it. Neither applies to a picture whose settings set its lighting.
 NO_LIGHTS_WARNING = Sentence(
@@ -34,6 +43,7 @@ _LAMPS = (
 _GROUND, _HORIZON, _ZENITH = 0.2, 0.5, 0.65
 
 FLOOR = "studio floor"
+STUDIO = "studio"  # name of the environment's image
 _REACH = 30.0  # half of the floor's side, relative to the diagonal of the scene's bounds
 _GAP = 1e-4  # distance from the floor to the lowest point, likewise relative: at equal height, rounding would decide visibility
 
@@ -53,7 +63,7 @@ def studio_image() -> F32:
 
 def light_studio(description: SceneDescription) -> None:
     """Sets the studio lighting as the scene's environment."""
-    description.images.append(Image("studio", studio_image(), srgb=False))
+    description.images.append(Image(STUDIO, studio_image(), srgb=False))
     description.environment = Environment(image=len(description.images) - 1)
 
 

@@ -37,6 +37,7 @@ class TextureShelf:
         self._textures: dict[Texture, int] = {}
         self._bytes = 0
         self.colors = TextureColors(files, self.warn_of_surface)
+        self.spectra = description.spectra
 
     def warn_of_surface(self, sentence: str) -> None:
         """Adds a warning about a material's appearance, unless the description already has it."""

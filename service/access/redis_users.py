@@ -50,7 +50,7 @@ RULES = (
     "(~rayfarm:worker:* ~rayfarm:offer:* ~rayfarm:vitals:* ~rayfarm:log:* ~rayfarm:joining ~rayfarm:deaths:* ~rayfarm:site:* "
     "~rayfarm:site-secret:* +set +setex +get +mget +del +unlink +exists +expire +incr +incrby +ttl)",
     # The service's messages to workers.
-    "(~rayfarm:order:* ~rayfarm:terms:* ~rayfarm:log-wanted:* ~rayfarm:view:* +get +mget +exists +ttl)",
+    "(~rayfarm:order:* ~rayfarm:terms:* ~rayfarm:log-wanted:* ~rayfarm:view:* ~rayfarm:recall:* +get +mget +exists +ttl)",
 )
 # For Redis 6.2, in which a user has one list of commands for all keys.
 REDIS_6_RULES = (

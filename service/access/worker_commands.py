@@ -14,7 +14,7 @@ from typing import Any
 
 from protocol.card import CARD_QUEUES
 from protocol.channel import HTTPS
-from protocol.contract import RESULTS, WorkerReport, pause_key, prepare_queue, worker_key
+from protocol.contract import RESULTS, WorkerReport, pause_key, prepare_queue, recall_key, worker_key
 from protocol.explained import explained_key
 from protocol.joint import HELP_QUEUES
 from protocol.lifeline import lifeline
@@ -62,7 +62,7 @@ class WorkerCommands:
             "XADD": (_first, (_is_results,)),
             "SET": (_first, (*own, _is_joining)),
             "GET": (_first, (*own, self._is_own_order, _is_view)),
-            "EXISTS": (_all, (*own, self._is_own_order)),
+            "EXISTS": (_all, (*own, self._is_own_order, _is_recall)),
             "DEL": (_all, (*own, _is_counter)),
             "UNLINK": (_all, (*own, _is_counter)),
             "INCR": (_first, (_is_counter,)),
@@ -228,6 +228,10 @@ def _is_joining(key: str) -> bool:
 
 def _is_view(key: str) -> bool:
     return key.startswith(view_key(""))
+
+
+def _is_recall(key: str) -> bool:
+    return key.startswith(recall_key(""))
 
 
 def _first(arguments: list[str]) -> list[str]:

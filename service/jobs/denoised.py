@@ -21,12 +21,16 @@ __all__ = ["denoised_artifact"]
 _ATTEMPTS = 2
 
 
-async def denoised_artifact(job: Job, n: float, film: Film, farm: Farm, in_shot: bool = False) -> ArtifactResult:
+async def denoised_artifact(
+    job: Job, n: float, film: Film, farm: Farm, *, in_shot: bool = False, is_preview: bool = False
+) -> ArtifactResult:
     """Returns a denoised frame once a worker has made it. Occupies no thread meanwhile, since many clients may wait.
 
     in_shot: averages it with its finished neighbours along their motion vectors. It is denoised alone if it has none, or if the
-    vectors cannot be made. Raises FarmError.
+    vectors cannot be made. is_preview: the latest preview, of an unfinished film. Raises FarmError.
     """
+    if is_preview:
+        return await asyncio.shield(asyncio.wrap_future(await run_sync(farm.engine.denoise_preview, job.id, frame_key(n), film)))
     frames = await _with_neighbours(job, n, film, farm) if in_shot else ()
     for _ in range(_ATTEMPTS):
         made = await run_sync(farm.engine.denoise, job.id, frame_key(n), film, frames)

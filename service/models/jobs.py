@@ -189,9 +189,7 @@ class JobIn(QueueOptionsIn):
     verify: float | None = Field(
         None, ge=0, le=1, description="share of the batches that is rendered twice and compared; null: the farm's setting"
     )
-    denoise: bool = Field(
-        False, description="whether the page shows and saves denoised pictures by default once the job is finished"
-    )
+    denoise: bool = Field(False, description="whether the page shows and saves denoised pictures by default")
     strict: bool = Field(False, description="whether warnings of the scene are errors")
     fresh: bool = Field(False, description="whether to render from the first sample, without reusing samples of earlier jobs")
 
@@ -428,7 +426,7 @@ class JobOut(QueueOut):
     variant: str | None = Field(description="as requested")
     up: str | None = Field(description="as requested")
     floor: str | None = Field(description="as requested")
-    denoise: bool = Field(description="whether the page shows and saves denoised pictures by default once the job is finished")
+    denoise: bool = Field(description="whether the page shows and saves denoised pictures by default")
     pinned: bool = Field(description="whether retention rules keep it")
     note: str | None = Field(description="plain text")
     review: ReviewOut | None = Field(default=None, description="null: neither notes nor a verdict")

@@ -67,6 +67,10 @@ IN_SHOT_HELP = (
     "with denoise, of a shot's frame: averaged along the motion vectors with up to two finished frames before and after it, so "
     "that the shot flickers less; waits for the vectors, too"
 )
+PREVIEW_HELP = (
+    "with denoise, while the job renders: a quick denoised preview, of the samples that X-Samples says; it is renewed when they "
+    "have doubled, and for at most a twentieth of the workers' time"
+)
 MIX_HELP = (
     "the colour as a weighted sum of the job's light groups: NAME:GAIN or NAME:RED/GREEN/BLUE, separated by commas, as "
     "key:0.5,fill:1/0.8/0.6; groups that are left out have the gain 1"
@@ -139,6 +143,7 @@ async def image(
     aov: Annotated[str, Query(max_length=200, description=AOV_HELP)] = "color",
     denoise: Annotated[bool, Query(description="denoised; the request waits for a worker")] = False,
     in_shot: Annotated[bool, Query(description=IN_SHOT_HELP)] = False,
+    preview: Annotated[bool, Query(description=PREVIEW_HELP)] = False,
     exposure: Annotated[float, Query(ge=-32, le=32, allow_inf_nan=False, description="stops; not for exr, hdr and rgb9e5")] = 0.0,
     tonemap_curve: CurveName = "neutral",
     width: Annotated[int | None, Query(ge=16, description="a smaller copy, at least this wide")] = None,
@@ -159,6 +164,7 @@ async def image(
     planes, in_layers = _requested_planes(aov, job)
     if in_shot and not denoise:
         raise Invalid(Sentence("in-shot-needs-denoise", "in_shot: only a denoised picture is averaged; add denoise=true."))
+    is_preview = preview and denoise and not in_shot and job.state not in FINAL_STATES
     if denoise and planes:
         raise Invalid(Sentence("denoise-only-colour", "denoise: only the colour can be denoised; leave aov out."))
     gains = gains_of_mix(mix, group_names((job.settings or {}).get("light_groups", "")))
@@ -169,10 +175,13 @@ async def image(
     PictureRequest(extension, planes, in_layers, curve=curve, width=width, gain_map=gain_map).check()
     film, version, samples = await run_in_threadpool(_film_state_with_samples, id, n, farm)
     asks_head = is_head(request)
-    denoised = await denoised_artifact(job, n, film, farm, in_shot) if denoise and not asks_head else None
+    denoised = (
+        await denoised_artifact(job, n, film, farm, in_shot=in_shot, is_preview=is_preview) if denoise and not asks_head else None
+    )
     if denoised is not None:
         version, samples = denoised.version, denoised.samples
-    key = f"{version} {denoise} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains} {gain_map}"
+    clean = f"{denoise}{is_preview}"
+    key = f"{version} {clean} {extension} {planes} {in_layers} {exposure} {key_of(curve)} {width} {visible} {gains} {gain_map}"
     headers = {"ETag": f'"{hashlib.sha256(key.encode()).hexdigest()[:32]}"', "Cache-Control": "no-cache"}
     headers[SAMPLES_HEADER] = str(samples)
     known = request.headers.get("if-none-match", "")

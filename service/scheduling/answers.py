@@ -380,6 +380,8 @@ class Answers:
                 batch = batch_of(message, job) if job else None
                 if job is not None and batch is not None:
                     handle = self._scheduler.handle_card_return if message.for_cpu else self._scheduler.handle_return
+                    if message.recalled:
+                        handle = self._scheduler.handle_recalled
                     handle(job, message.batch, batch, message.worker, message.error)
                     self._record_change("job", job.id)
             case PrepareStarted():

@@ -209,9 +209,18 @@ class Engine:
 
         frames: as in DenoiseFrame.
         """
+        self._artifact_tasks.previews.release(job, frame)
         request = DenoiseFrame("", job, frame, film.width, film.height, frames)
         version = VERSION_SEPARATOR.join(film.version(each) for each, _ in frames or ((frame, ""),))
         return self._with_wake_up(self._artifact_tasks.denoising.request(request, version))
+
+    def denoise_preview(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
+        """Returns the latest preview of a frame that is being rendered, or requests one if it is due (previews.py).
+
+        Raises Unavailable if no worker can denoise.
+        """
+        request = DenoiseFrame("", job, frame, film.width, film.height, is_preview=True)
+        return self._with_wake_up(self._artifact_tasks.previews.latest(request, film.samples(frame)))
 
     def vectors(self, request: FrameVectors) -> Future[ArtifactResult]:
         """Requests that a worker compute a frame's motion vectors. Raises Unavailable if no worker can."""
@@ -307,7 +316,7 @@ class Engine:
         self._artifact_tasks.fill_artifacts()
         with self._pace.measuring():
             self._answers.count_unread()
-            self._scheduler.dispatch_work(self._lifecycle.can_start)
+            self._scheduler.dispatch_work(self._lifecycle.can_start, self._artifact_tasks.wait_for_slots)
 
     def _clean_up_previous_run(self) -> None:
         """Deletes queued messages of a previous run, and films and logs of deleted jobs. Queues unfinished jobs and scenes."""

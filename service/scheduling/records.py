@@ -417,8 +417,7 @@ def _write_shot(session: Session, job: ActiveJob, requested: Shot) -> None:
     """
     if not job.unwritten:
         return
-    row = session.get(Job, job.id)
-    shot = Shot.parse(row.shot) if row is not None else None
+    shot = Shot.parse(session.scalar(select(Job.shot).where(Job.id == job.id)))  # the row has the request, with all its views
     changed = list(job.unwritten)
     names: tuple[str, ...]
     if shot is None or shot.revision != requested.revision:

@@ -39,6 +39,7 @@ class PixelExplainer:
         self._dispatcher = dispatcher
         self._board = board
         self._room = threading.BoundedSemaphore(MAX_CONCURRENT)
+        self._pending: set[object] = set()  # requests that are being answered
         self._stop = threading.Event()
 
     def stop(self) -> None:
@@ -73,6 +74,11 @@ class PixelExplainer:
             )
         return kinds
 
+    @property
+    def has_requests(self) -> bool:
+        """Returns True if a client waits for an explanation. Thread-safe."""
+        return bool(self._pending)
+
     def explain(self, work: ExplainPixel, kind: str) -> dict[str, Any]:
         """Sends a request to a worker of this kind, and returns its explanation (worker/work/explain.py).
 
@@ -81,6 +87,8 @@ class PixelExplainer:
         """
         if not self._room.acquire(blocking=False):
             raise Unavailable(Sentence("pixel-requests-busy", "Other pixels are being explained. Try again in a moment."), 2.0)
+        request = object()
+        self._pending.add(request)
         try:
             unfit, queue, losses = UnfitMachines(), view_queue(kind), 0
             while losses < MAX_ATTEMPTS:
@@ -103,6 +111,7 @@ class PixelExplainer:
         except (redis.RedisError, QueueError) as error:
             raise redis_unavailable(error) from None
         finally:
+            self._pending.discard(request)
             self._room.release()
 
     def _answer_of(self, work: ExplainPixel, queue: str) -> dict[str, Any] | MachineFault | None:

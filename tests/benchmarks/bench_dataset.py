@@ -6,8 +6,8 @@
 `rayfarm.dataset` renders views of the Cornell box, with boxes and materials varied for each, on a local farm, and annotates them
 in its own process. A slot has work while it traces paths or compiles the scenes of the next views. It has none while it opens a
 scene, packs and sends sums, and takes the next message, unless it traces paths meanwhile. What counts is the time from the first
-work of any slot to the last one's end. Target: no slot without work for more than 3 % of it. Prints the machine's load, processor
-time by kind of process, the slowest phases, and the growth of memory and files, as Markdown tables.
+work of any slot to the last one's end. Target: no slot without work for more than 3 % of it. Prints the gaps by cause, the
+machine's load, processor time by kind of process, the slowest phases, and the growth of memory and files, as Markdown tables.
 
 With --folder, views and farm are kept in DIR: a run that was interrupted continues with the same command, and its table counts
 its own views. For the proof on 10,000 views, on two quiet cores:
@@ -23,6 +23,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import statistics
 import sys
 import tempfile
 import time
@@ -35,7 +36,7 @@ import rayfarm
 from rayfarm import Cameras
 from tests.benchmarks.dataset.peer import Comparison, rendered_by_blenderproc
 from tests.benchmarks.dataset.processes import FarmSampler
-from tests.benchmarks.dataset.slots import Gap, PhaseReceiver, SlotTime, slot_times
+from tests.benchmarks.dataset.slots import Gap, PhaseReceiver, SlotTime, gaps_by_cause, slot_times
 from tests.helpers import ROOT, start_farm, stop_farm
 
 CORNELL = ROOT / "scenes" / "cornell-box.yaml"
@@ -81,6 +82,7 @@ class Run:
                 stop_farm(farm)
         self.views, self.annotation_s = progress.views, made.seconds["annotation"]
         self.slots = slot_times(receiver.work, options.slots)
+        self.gaps = gaps_by_cause(self.slots, receiver.packed)
         self.phases, self.sampler = receiver.phases(), sampler
 
     @property
@@ -158,6 +160,15 @@ def table(options: argparse.Namespace, run: Run) -> list[str]:
     lines += [
         "",
         f"Target: at most {100 * TARGET:.0f} % without work.",
+        "",
+        "| without work | gaps | s | of the slots' time | median |",
+        "|---|---|---|---|---|",
+    ]
+    length = sum(slot.length for slot in run.slots)
+    for cause, gaps in run.gaps.items():
+        share, median = 100 * sum(gaps) / length, 1000 * statistics.median(gaps)
+        lines.append(f"| {cause} | {len(gaps)} | {sum(gaps):.1f} | {share:.2f} % | {median:.1f} ms |")
+    lines += [
         "",
         "| processor time | s | a view | |",
         "|---|---|---|---|",

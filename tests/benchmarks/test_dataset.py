@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.benchmarks.dataset.slots import slot_times, worked
+from tests.benchmarks.dataset.slots import gaps_by_cause, slot_times, worked
 from tests.rayfarm.otlp_receiver import Span
 
 SECOND = 1_000_000_000
@@ -29,5 +29,9 @@ def test_only_rendering_and_preparing_are_work() -> None:
     assert (first.length, first.rendering, first.preparing, first.idle) == pytest.approx((8.0, 5.0, 2.0, 1.0))
     assert [(gap.begun, gap.ended, gap.after) for gap in first.gaps] == [(5.0, 6.0, "trace paths")]
     assert [(gap.begun, gap.ended, gap.after) for gap in second.gaps] == [(0.0, 1.0, "start"), (4.0, 8.0, "trace paths")]
+    last_sums, other_sums = (0, 5 * SECOND + 1), (1, int(2.5 * SECOND))
+    found = gaps_by_cause([first, second], [last_sums, other_sums])
+    assert found == {"at the start or at the end": [1.0, 4.0], "after a message": [1.0]}
+    assert list(gaps_by_cause([first], [])) == ["between two batches of a message"]
     with pytest.raises(SystemExit, match="no span arrived"):
         slot_times([], 2)

@@ -86,6 +86,18 @@ def test_constant_lamp_nodes_are_evaluated() -> None:
         assert found == (None if wanted is None else pytest.approx(wanted, rel=1e-6))
 
 
+def test_lamps_have_the_temperature_of_their_setting_or_node() -> None:
+    warm = {"use_temperature": True, "temperature": 2700.0, "temperature_color": tuple(blackbody(2700.0))}
+    assert lamp("AREA", **warm).lamp_materials["lamp"]["emission_temperature"] == 2700.0
+    assert lamp("SUN", **warm).lights[0]["temperature"] == 2700.0
+    assert "temperature" not in lamp("SUN", **warm, color=(1.0, 0.5, 0.5)).lights[0]
+    body, shines = Node("BLACKBODY", {"Temperature": 3000.0}), Node("EMISSION", {"Color": None, "Strength": 1.0}, ("Emission",))
+    end = linked(linked(body, shines, "Color"), Node("OUTPUT_LIGHT", {"Surface": None}, ()), "Surface")
+    tree = SimpleNamespace(get_output_node=lambda engine: end)
+    assert lamp("SPOT", use_nodes=True, node_tree=tree).lights[0]["temperature"] == 3000.0
+    assert "temperature" not in lamp("SPOT", use_nodes=True, node_tree=tree, **warm).lights[0]
+
+
 def test_blackbody_color_matches_blender() -> None:
     assert blackbody(3000) == pytest.approx([1.7708, 0.8443, 0.2722])
     assert blackbody(100) == blackbody(800)

@@ -205,7 +205,7 @@ def test_hair_has_its_colour() -> None:
 def test_hair_keeps_its_roughness() -> None:
     said = {"Color": (0.1, 0.1, 0.1, 1.0), "Roughness": 0.25, "Radial Roughness": 0.4, "Offset": 0.05, "IOR": 1.45}
     found, warnings = material(Node("BSDF_HAIR_PRINCIPLED", said, BSDF, parametrization="COLOR", model="CHIANG"))
-    assert found["extensions"][HAIR] == {"betaM": 0.25, "betaN": 0.4, "tilt": 0.05, "ior": 1.45}
+    assert found["extensions"][HAIR] == {"betaM": 0.25, "betaN": 0.4, "tilt": -0.05, "ior": 1.45}
     assert warnings == []
     assert HAIR not in material(beneath(0.0))[0].get("extensions", {})
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from protocol.mesh import Mesh, encode_mesh
+from protocol.mesh import Mesh, decode_mesh, encode_mesh
 from tests.page.node import Node
 
 VIEW: dict[str, Any] = {"eye": [3, 2, 5], "target": [0.5, 1, -1], "up": [0, 1, 0], "fov": 40}
@@ -17,11 +17,16 @@ LOW, HIGH = [-1.0, 0.0, -2.0], [2.0, 3.0, 1.0]
 
 def test_mesh_packet_is_decoded_as_python_encodes_it(node: Node) -> None:
     positions = np.array([[-1.0, 0, -2], [2, 3, 1], [0.5, 1.5, -0.5]])
-    mesh = Mesh(positions, np.eye(3, dtype=np.float32), np.uint8([[1, 2, 3, 255]] * 3), np.uint32([[0, 1, 2]]))
+    mesh = Mesh(positions, np.eye(3, dtype=np.float32), np.uint8([[1, 2, 3, 255]] * 3), np.uint32([[0, 1, 2]]), (255, 128, 9))
     body = """
-        const { low, high, positions, normals, colors, indices } = m.decodeMesh(new Uint8Array(a).buffer);
-        return [low, high, [...positions], [...normals], [...colors], [...indices]];"""
-    low, high, shares, normals, colors, indices = node.call("news/mesh-packet", body, list(encode_mesh(mesh)))
+        const { low, high, positions, normals, colors, indices, background } = m.decodeMesh(new Uint8Array(a).buffer);
+        return [low, high, [...positions], [...normals], [...colors], [...indices], background];"""
+    low, high, shares, normals, colors, indices, background = node.call("news/mesh-packet", body, list(encode_mesh(mesh)))
+    assert tuple(background) == decode_mesh(encode_mesh(mesh)).background == (248, 128, 8)
+    black, studio = (
+        node.call("news/mesh-packet", body, list(encode_mesh(mesh._replace(background=b))))[6] for b in ((0, 0, 0), None)
+    )
+    assert (black, studio) == ([0, 0, 0], None)
     assert (low, high, indices) == (LOW, HIGH, [0, 1, 2])
     assert shares == [0, 0, 0, 0, 65535, 65535, 65535, 0, 32768, 32768, 32768, 0]
     assert normals == [127, 0, 0, 0, 0, 127, 0, 0, 0, 0, 127, 0]

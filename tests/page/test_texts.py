@@ -107,3 +107,18 @@ def test_channels_equal_service_list(node: Node) -> None:
         "help": "Distance from the eye to the first surface",
         "values": ["Distance"],
     }
+
+
+def test_place_of_an_error_is_said_where_its_sentence_does_not(node: Node) -> None:
+    body = "return a.map(([error, params]) => m.placeOf({ error, codes: { error: { params } }, main: 'a.usda' }));"
+    found = node.call(
+        "scene/failed-scene",
+        body,
+        [
+            ["b.usda:11:9: expected a comma", {"name": "b.usda"}],
+            ["expected a comma", {"file": "c.xml", "error": {"code": "e", "params": {"line": 3}}}],
+            ["a.usda is damaged (line 11, column 9)", {"error": {"params": {"line": 11, "column": 9}}}],
+            ["it has no shapes", {}],
+        ],
+    )
+    assert found == [{"file": "b.usda", "line": 11, "column": 9}, {"file": "c.xml", "line": 3, "column": None}, None, None]

@@ -306,12 +306,54 @@ def cloud(scene: Any) -> None:
     ball.modifiers.new("points", "NODES").node_group = tree
 
 
+def hair_material(name: str, **values: Any) -> Any:
+    """Returns a material of Principled Hair by a colour, in the model of Chiang. values: inputs."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes.clear()
+    node, output = tree.nodes.new("ShaderNodeBsdfHairPrincipled"), tree.nodes.new("ShaderNodeOutputMaterial")
+    node.model, node.parametrization = "CHIANG", "COLOR"
+    for key, value in values.items():
+        node.inputs[key.replace("_", " ")].default_value = value
+    tree.links.new(node.outputs[0], output.inputs[0])
+    return material
+
+
+def fur(scene: Any) -> None:
+    """Adds particle hair with children to the ball."""
+    ball, _ = stage(scene, Roughness=0.9)
+    ball.data.materials.append(hair_material("fur", Color=(0.5, 0.3, 0.15, 1), Roughness=0.3, Radial_Roughness=0.4))
+    ball.modifiers.new("fur", "PARTICLE_SYSTEM")
+    settings = ball.particle_systems[0].settings
+    settings.type, settings.count, settings.hair_length, settings.material = "HAIR", 150, 0.5, 2
+    settings.child_type, settings.child_percent, settings.rendered_child_count = "INTERPOLATED", 2, 6
+    settings.brownian_factor, settings.render_step = 0.05, 4
+    settings.radius_scale, settings.root_radius, settings.tip_radius = 0.03, 1.0, 0.3
+    scene.cycles_curves.shape = "THICK"
+
+
+def strands(scene: Any) -> None:
+    """Replaces the ball by hair curves."""
+    ball, _ = stage(scene)
+    bpy.data.objects.remove(ball)
+    points = [(0.12 * (k % 18 - 9) + 0.2 * math.sin(i + k), 0.12 * (k // 18 - 9), 0.25 * i) for k in range(324) for i in range(8)]
+    data = bpy.data.hair_curves.new("strands")
+    data.add_curves([8] * 324)
+    data.points.foreach_set("position", [each for point in points for each in point])
+    data.attributes.new("radius", "FLOAT", "POINT").data.foreach_set("value", [0.02] * len(points))
+    data.materials.append(hair_material("hair", Color=(0.6, 0.4, 0.2, 1), Roughness=0.5, Radial_Roughness=0.6, Offset=0.05))
+    scene.collection.objects.link(bpy.data.objects.new("strands", data))
+    scene.cycles_curves.shape = "THICK"
+
+
 SCENES: dict[str, Callable[[Any], None]] = {
     each.__name__: each
     for each in (
         *(ior, tinted_glass, shining_mask, spaces, mask, mapped, multiplied, brushed_glossy),
         *(plain, of_each, lamps, profiles, slides, sky),
         *(smoke, ink, juice, fog, wax, skin, marble, dents, moved, cloud),
+        *(fur, strands),
     )
 }
 

@@ -26,8 +26,10 @@ NAMES = (
     *("ior", "tinted_glass", "shining_mask", "spaces", "mask", "mapped", "multiplied", "brushed_glossy"),
     *("plain", "of_each", "lamps", "profiles", "slides", "sky"),
     *("smoke", "ink", "juice", "fog", "wax", "skin", "marble", "dents", "moved", "cloud"),
+    *("fur", "strands"),
 )
 BLOCK, MOST, BRIGHTEST, SAMPLES = 8, 0.03, 4.0, 128
+MOST_OF = {"strands": 0.05}  # noise: strands against the light
 
 
 @pytest.fixture(scope="module")
@@ -57,5 +59,5 @@ def test_the_picture_of_cycles(name: str, made: Path, tmp_path: Path) -> None:
     print(f"{name}: differs by {difference:.2%}; means {both[0].mean():.4f} and {both[1].mean():.4f}")
     assert both[1].std() > 0.1 * both[1].mean() > 0
     assert abs(both[0].mean() / both[1].mean() - 1) < MOST
-    assert difference < MOST
+    assert difference < MOST_OF.get(name, MOST)
     assert found.warnings == []

@@ -19,7 +19,8 @@ SCENE = """<scene version="3.0.0"><integrator type="path"><integer name="max_dep
 up="0, 1, 0"/></transform><film type="hdrfilm"><integer name="width" value="16"/><integer name="height" value="16"/>
 <rfilter type="box"/></film></sensor>{inside}</scene>"""
 WALL = """<shape type="rectangle"><transform name="to_world">{place}</transform>
-<bsdf type="twosided"><bsdf type="diffuse"><rgb name="reflectance" value="{color}"/></bsdf></bsdf></shape>"""
+<bsdf type="twosided"><bsdf type="diffuse">{color}</bsdf></bsdf></shape>"""
+COLOR = '<rgb name="reflectance" value="{}"/>'
 PLACES = {
     "floor": '<rotate x="1" angle="-90"/><translate y="-1"/>',
     "ceiling": '<rotate x="1" angle="90"/><translate y="1"/>',
@@ -28,14 +29,20 @@ PLACES = {
     "right": '<rotate y="1" angle="-90"/><translate x="1"/>',
 }
 LAMP = """<shape type="rectangle"><transform name="to_world"><scale value="0.5"/><rotate x="1" angle="90"/>
-<translate y="0.98"/></transform><emitter type="area"><rgb name="radiance" value="{}"/></emitter></shape>"""
+<translate y="0.98"/></transform><emitter type="area">{}</emitter></shape>"""
+RADIANCE = '<rgb name="radiance" value="{}"/>'
+BLACK_BODY = '<spectrum type="blackbody" name="radiance"><float name="temperature" value="2500"/></spectrum>'
 SKY = '<emitter type="constant"><rgb name="radiance" value="{}"/></emitter>'
 BALL = '<shape type="sphere"><float name="radius" value="1.6"/>{}</shape>'
+BAND = '<spectrum name="reflectance" value="400:0.05, 500:0.1, 530:0.9, 570:0.9, 600:0.1, 700:0.4"/>'
+INDEX = '<bsdf type="conductor"><spectrum name="eta" value="400:1.6, 500:1.1, 600:0.2, 700:0.2"/>{}</bsdf>'
 METAL = '<bsdf type="conductor"><string name="material" value="{}"/></bsdf>'
 
 
 def box(colors: dict[str, str], radiance: str) -> str:
-    return "".join(WALL.format(place=PLACES[wall], color=color) for wall, color in colors.items()) + LAMP.format(radiance)
+    walls = {wall: color if color.startswith("<") else COLOR.format(color) for wall, color in colors.items()}
+    lamp = LAMP.format(radiance if radiance.startswith("<") else RADIANCE.format(radiance))
+    return "".join(WALL.format(place=PLACES[wall], color=color) for wall, color in walls.items()) + lamp
 
 
 WHITE = "0.73 0.73 0.73"
@@ -44,6 +51,12 @@ SCENES = {
     "Cornell box": (box(CORNELL, "8 8 8"), 6),
     "saturated box": (box(dict.fromkeys(PLACES, "0.2 0.35 0.8"), "8 8 8"), 8),
     "coloured lamp": (box(CORNELL, "9 4 1"), 6),
+    "black body": (box(CORNELL, BLACK_BODY), 6),
+    "bands": (box(CORNELL | {"left": BAND, "floor": BAND}, "8 8 8"), 6),
+    "metal of spectra": (
+        BALL.format(INDEX.format('<spectrum name="k" value="400:1.9, 500:1.9, 600:3.0, 700:3.8"/>')) + SKY.format("1 1 1"),
+        3,
+    ),
     "gold": (BALL.format(METAL.format("Au")) + SKY.format("1 1 1"), 3),
     "copper": (BALL.format(METAL.format("Cu")) + SKY.format("1 1 1"), 3),
 }

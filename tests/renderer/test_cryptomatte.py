@@ -23,7 +23,7 @@ from renderer import film as film_math
 from renderer.cryptomatte import NOT_FINITE, Hits, channel_names, count_samples, hash_of, header, layers, merged, moved
 from renderer.film import COLOR, SAMPLES
 from renderer.image import encode
-from renderer.render import RenderStats, is_for_cards, render_batch, render_frame
+from renderer.render import RenderStats, render_batch, render_frame
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.description import Environment, Instance, Material, SceneDescription, Sphere
 from renderer.settings import RenderSettings, Tile, View, tiles_of
@@ -243,8 +243,3 @@ def test_objects_with_one_name_share_a_matte() -> None:
     assert found[0, 0, 1:4].tolist() == [1.0, 0.0, 0.0]
     unnamed = layers(hits, np.array([[4]]), 2, {})
     assert unnamed[0, 0, :1].view(np.uint32)[0] == hash_of("object 0")
-
-
-def test_cards_do_not_support_mattes() -> None:
-    assert is_for_cards(replace(SETTINGS, cryptomatte=0))
-    assert not is_for_cards(SETTINGS)

@@ -269,9 +269,8 @@ def test_shadow_catchers_cover_as_much_as_in_the_picture(tmp_path: Path) -> None
     np.testing.assert_allclose(color, film_math.mean(sums, 24), atol=1e-6)
 
 
-def test_cards_do_not_render_deep_pictures() -> None:
-    assert is_for_cards(replace(SETTINGS, deep=0))
-    assert not is_for_cards(SETTINGS)
+def test_cards_render_deep_pictures() -> None:
+    assert is_for_cards(SETTINGS)
     assert deep_module.MOST_DEEP == 64
 
 

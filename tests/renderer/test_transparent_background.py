@@ -201,3 +201,40 @@ def test_light_groups_of_a_shadow_catcher_are_black() -> None:
     groups = sums[film.CHANNELS : alpha_plane(2)].reshape(2, 3, *sums.shape[1:])
     np.testing.assert_array_equal(groups.sum(axis=0), sums[COLOR])
     assert sums[alpha_plane(2) + 1].any()
+
+
+@pytest.mark.long  # compiles the kernel for reflection catchers
+@pytest.mark.parametrize("kind", ["diffuse", "metallic_roughness", "mirror", "glass", "unlit"])
+def test_both_backends_have_the_same_bits_of_reflections(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    settings = replace(transparent(RenderSettings(24, 16, FLOOR)), light_groups="key")
+    floor = Material(kind=kind, base_color=gray(0.7), roughness=0.2, emission=gray(0.1), reflection_catcher=True)
+    scene = over_a_floor(floor, Material(base_color=(0.9, 0.5, 0.2), light_group="key", emission=gray(0.2)))
+    pool = render_frame(scene, settings, 16)
+    monkeypatch.setattr(render, "renderer_of", lambda *_: accumulate._render_special_path)
+    monkeypatch.setattr(render, "has_variants", lambda _: False)
+    np.testing.assert_array_equal(render_frame(scene, settings, 16), pool)
+    groups = pool[film.CHANNELS : alpha_plane(2)].reshape(2, 3, *pool.shape[1:])
+    np.testing.assert_array_equal(groups.sum(axis=0), pool[COLOR])
+    on_catcher = (pool[OBJECT] == 1) & (pool[ALPHA + 6] == 0)
+    assert pool[COLOR][:, on_catcher].any() == (kind != "unlit")
+
+
+@pytest.mark.long  # likewise
+@pytest.mark.parametrize(
+    ("kind", "roughness"), [("diffuse", None), ("metallic_roughness", 0.2), ("mirror", None), ("glass", None)]
+)
+def test_a_catcher_over_the_floor_is_the_whole_picture(kind: str, roughness: float | None) -> None:
+    """A floor that catches shadows and reflections, over the picture of the floor alone, is the picture of both.
+
+    The lights are grey, as a pixel has one alpha. The floor is flat, so it reflects no light that it has reflected already.
+    """
+    settings = RenderSettings(12, 12, replace(FLOOR, target=(0.5, 0.0, -0.2), fov=25.0), filter="box")
+    floor, ball = Material(kind=kind, base_color=gray(0.7), roughness=roughness), Material(base_color=(0.9, 0.5, 0.2))
+    whole, plate = (means(render_frame(over_a_floor(floor, ball, has_ball), settings, 1024)) for has_ball in (True, False))
+    catcher = replace(floor, shadow_catcher=True, reflection_catcher=True)
+    sums = render_frame(over_a_floor(catcher, ball), transparent(settings), 1024)
+    alpha = film.alpha(sums, 24, 0).astype(np.float64)[..., None]
+    composite = means(sums) + (1 - alpha) * plate
+    assert np.abs(plate - whole).max() > 0.1
+    assert np.abs(composite - whole).max() < 0.02
+    assert abs((composite - whole).mean()) < 3e-4

@@ -37,6 +37,7 @@ from protocol.contract import (
     own_prepare_queue,
     pause_key,
     prepare_queue,
+    recall_key,
     render_queue,
     worker_key,
 )
@@ -106,6 +107,7 @@ class PeerWorker:
         blurs: bool = True,
         knows_vectors: bool = True,
         several: bool = True,
+        recalls: bool = False,
         views: bool = True,
         explains: bool = True,
         tags: tuple[str, ...] | None = None,
@@ -128,6 +130,9 @@ class PeerWorker:
         self.blurs = blurs
         self.knows_vectors = knows_vectors
         self.several = several
+        self.recalls = recalls
+        self.sample_s = 0.001  # reported rendering time of a sample of a tile
+        self.recalled: list[str] = []  # batches that were returned since their message was recalled
         self.views = views
         self.explains = explains
         self.tags = tags
@@ -200,6 +205,7 @@ class PeerWorker:
             blurs=self.blurs,
             vectors=self.knows_vectors,
             several=self.several,
+            recalls=self.recalls,
             views=self.views,
             explains=self.explains,
             denoises_views=self.denoises,
@@ -221,7 +227,8 @@ class PeerWorker:
         """Renders a batch and sends its sums."""
         sums = expected_sums(work.tile, work.first, work.count, work.settings.seed + 1000 * work.frame)
         self.send(
-            {"type": "batch", **self._about(work), "seconds": 0.001 * work.count, "bad": [], "bad_count": 0}, pack_sums(sums)
+            {"type": "batch", **self._about(work), "seconds": self.sample_s * work.count, "bad": [], "bad_count": 0},
+            pack_sums(sums),
         )
 
     def _beat(self) -> None:
@@ -278,7 +285,12 @@ class PeerWorker:
                 batches = arguments["batches"] if "batches" in arguments else [arguments["batch"]]
                 self.messages.append(len(batches))
                 for batch in batches:
-                    self._render(RenderBatch.from_json(batch), id)
+                    work = RenderBatch.from_json(batch)
+                    if len(batches) > 1 and self.recalls and self.redis.exists(recall_key(id)):
+                        self.recalled.append(work.batch)
+                        self.send({"type": "batch-returned", **self._about(work), "error": "recalled", "recalled": True})
+                    else:
+                        self._render(work, id)
 
     def _explain(self, work: ExplainPixel) -> None:
         self.explained.append(work)

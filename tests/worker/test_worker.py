@@ -27,6 +27,7 @@ from protocol.contract import (
     SceneInfo,
     denoise_queue,
     pause_key,
+    recall_key,
     render_queue,
 )
 from protocol.sums import unpack_sums
@@ -41,7 +42,7 @@ from protocol.view_parts import (
     view_key,
     view_queue,
 )
-from renderer.denoise import denoise, denoise_with_guides, is_available
+from renderer.denoise import denoise, denoise_fast, denoise_with_guides, is_available
 from renderer.film import COLOR, DEPTH, NORMAL, SAMPLES
 from renderer.image import rgbe9995
 from renderer.render import render_batch
@@ -315,6 +316,10 @@ def test_frame_is_denoised_from_film_means(bench: Bench) -> None:
     assert np.abs(clean - truth).mean() < np.abs(noisy - truth).mean() / 4
     again = denoised(bench, DenoiseFrame("again", "job", 0, 60, 40))
     assert again["sha256"] == event["sha256"]
+    preview = denoised(bench, DenoiseFrame("preview", "job", 0, 60, 40, is_preview=True))
+    quick = np.frombuffer(bench.service.blobs[preview["sha256"]], "<f4").reshape(40, 60, 3)
+    np.testing.assert_allclose(quick, denoise_fast(noisy, truth, normal), rtol=1e-3, atol=1e-3)
+    assert 0 < preview["seconds"] < 60
 
 
 @pytest.mark.long
@@ -424,8 +429,8 @@ def kill_slots_until_result(bench: Bench, name: str) -> None:
 
 
 def test_batch_of_killed_slot_is_rendered_again(bench: Bench, info: SceneInfo) -> None:
-    bench.render(batch_of(info, "long", 0, 8000))
-    kill_the_slot_with(bench, 8000)
+    bench.render(batch_of(info, "long", 0, 3000))
+    kill_the_slot_with(bench, 3000)
     event = bench.next("batch", "batch-failed").event
     assert (event["type"], event["batch"]) == ("batch", "long"), event
 
@@ -457,6 +462,26 @@ def test_only_killing_batch_of_message_fails(bench: Bench, info: SceneInfo) -> N
     kinds = {name: event["type"] for name, event in answered.items()}
     assert kinds == {"before": "batch", "killer": "batch-failed", "after": "batch"}
     assert "died 3 times" in answered["killer"]["error"]
+
+
+@pytest.mark.long
+def test_recalled_message_returns_the_batches_that_are_not_begun(bench: Bench, info: SceneInfo) -> None:
+    batches = [batch_of(info, name, 0, 6000) for name in ("one", "two", "three", "four")]
+    bench.celery.send_task(
+        RENDER_BATCHES,
+        kwargs={"batches": [batch.to_json() for batch in batches]},
+        queue=render_queue(info.kind),
+        task_id="recalled",
+        ignore_result=True,
+    )
+    wait_until(lambda: busy_with(bench, 6000), 30, "a slot renders the first one")
+    bench.store.set(recall_key("recalled"), 1, ex=60)
+    answered = [bench.next("batch", "batch-failed", "batch-returned").event for _ in batches]
+    assert [event["batch"] for event in answered] == ["one", "two", "three", "four"]
+    returned = [event for event in answered if event["type"] == "batch-returned"]
+    assert {event["type"] for event in answered} == {"batch", "batch-returned"}
+    assert answered[-len(returned) :] == returned
+    assert all(event["recalled"] for event in returned)
 
 
 @pytest.mark.long

@@ -8,6 +8,9 @@ kernels.py            download and upload of compiled kernels
 ready.py              downloads or compiles a kernel
 kernel_precompile.py  compiles the full-featured kernel in advance
 results.py            sends events and sums on the Redis stream of results
+sums_sender.py        sends a slot's sums in a thread while it renders
+polling_thread.py     a thread that begins its tasks by itself, a little later
+recall.py             whether the service has recalled a slot's message
 chunked_socket.py     Redis connection whose timeout applies to each chunk of a large command
 heartbeat_message.py  a heartbeat's commands to Redis, and the replies
 errors.py             the errors, by their cause

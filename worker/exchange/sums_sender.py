@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
 from contextvars import copy_context
 from functools import partial
 from typing import Self
+
+from worker.exchange.polling_thread import PollingThread
 
 __all__ = ["Send", "SumsSender"]
 
@@ -20,8 +22,9 @@ class SumsSender:
     result is held back until the next kernel runs: packing it would delay the next rendering, since both need that lock.
     """
 
-    def __init__(self) -> None:
-        self._thread = ThreadPoolExecutor(1, thread_name_prefix="sums")
+    def __init__(self, every: Send | None = None) -> None:
+        """Creates the object. every: called in the thread several times a second from `begin` on."""
+        self._thread = PollingThread("sums", every)
         self._held: Send | None = None
         self._pending: Future[None] | None = None
 
@@ -33,7 +36,7 @@ class SumsSender:
         try:
             self.wait()
         finally:
-            self._thread.shutdown()
+            self._thread.close()
 
     def submit(self, send: Send) -> None:
         """Holds `send` back until `begin`, after the previous result is sent. Raises the error of the previous `send`."""
@@ -41,10 +44,14 @@ class SumsSender:
         self._held = partial(copy_context().run, send)
 
     def begin(self) -> None:
-        """Begins to send the result that is held back, if any, in the thread. Called when the next kernel is about to run."""
-        held, self._held = self._held, None
-        if held is not None:
-            self._pending = self._thread.submit(held)
+        """Lets the thread send the result that is held back, if any. Called when the next kernel is about to run."""
+        self._release()
+        self._thread.start()
+
+    def begin_now(self) -> None:
+        """Does the same, and wakes the thread. Called when the slot is about to wait for something else than a kernel."""
+        self._release()
+        self._thread.hasten()
 
     def send_now(self, send: Send) -> None:
         """Calls `send` in this thread, after the previous result is sent. Raises the error of either `send`."""
@@ -53,7 +60,14 @@ class SumsSender:
 
     def wait(self) -> None:
         """Waits until the submitted result is sent. Raises the error of `send`."""
-        self.begin()
+        self._release()
         pending, self._pending = self._pending, None
         if pending is not None:
+            if not pending.done():
+                self._thread.hasten()
             pending.result()
+
+    def _release(self) -> None:
+        held, self._held = self._held, None
+        if held is not None:
+            self._pending = self._thread.submit(held)

@@ -120,6 +120,7 @@ class WorkerContext:
             blurs=True,
             vectors=True,
             several=True,
+            recalls=True,
             views=view_queue(self.kind) in self.queues,
             explains=True,
             denoises_views=denoise.is_available(),

@@ -6,6 +6,7 @@ A separate process is used because the library does not release its threads and 
 from __future__ import annotations
 
 import os
+import time
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -29,7 +30,7 @@ DENOISED = "denoised.f32"
 
 
 def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
-    """Denoises a frame. Returns the blob's hash, and the film's version and number of samples.
+    """Denoises a frame. Returns the blob's hash, the film's version and number of samples, and the seconds that it took.
 
     Raises WorkerError and OSError.
     """
@@ -38,10 +39,14 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
             return _denoise_in_shot(worker, work, room)
         means = room.scene / "means.f32"
         version, samples = retry_temporary(lambda: _fetch(worker, work, means), PATIENCE_S)
-        job = partial(denoise, os.fsencode(means), os.fsencode(room.out / DENOISED), work.width, work.height)
+        paths = os.fsencode(means), os.fsencode(room.out / DENOISED)
+        threads = 1 if work.is_preview else None  # the other cores render
+        job = partial(denoise, *paths, work.width, work.height, is_preview=work.is_preview, threads=threads)
+        began = time.monotonic()
         room.run(job, "The picture", SECONDS, memory=MEMORY_BYTES + BYTES_A_PIXEL * work.width * work.height)
+        seconds = time.monotonic() - began
         blob = retry_temporary(lambda: worker.link.store(room.result(DENOISED)), PATIENCE_S)
-    return {"sha256": blob.sha256, "version": version, "samples": samples}
+    return {"sha256": blob.sha256, "version": version, "samples": samples, "seconds": seconds}
 
 
 def _denoise_in_shot(worker: WorkerContext, work: DenoiseFrame, room: ReaderFolder) -> dict[str, Any]:

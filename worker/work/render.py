@@ -28,6 +28,7 @@ __all__ = [
     "BatchOutcome",
     "batch_event",
     "failure_event",
+    "recalled_event",
     "render",
     "rendered_outcome",
     "returned_event",
@@ -51,7 +52,7 @@ class BatchOutcome:
         """Returns the result to send, with its sums packed."""
         if self.sums is None:
             return Result(self.event)
-        with step("pack sums"):
+        with step("pack sums", slot=slot()):
             return Result(self.event, pack_sums(self.sums.sums, self.packing, self.sums.hits, self.sums.deep))
 
 
@@ -60,12 +61,12 @@ def render(
 ) -> BatchOutcome:
     """Renders a batch. Returns its exact sums, or the event of a failed or returned batch with the reason.
 
-    compiling: called with True before the scene's kernel is made ready, and with False afterwards. begins: called before the
-    kernel runs, which needs no interpreter: the time for threads to do other work. Also called before that if the kernel has to
-    be compiled, since what waits for it would wait for minutes.
+    compiling: called with True before the scene's kernel is made ready, and with False afterwards. begins: called right before
+    the kernel runs, which needs no interpreter: the time for threads to do other work, which would delay this thread earlier.
+    Also called before that if the kernel has to be compiled, since what waits for it would wait for minutes.
     """
     try:
-        with step("open scene"):
+        with step("open scene", slot=slot()):
             scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
         variant = variant_for(batch.settings, scene)
         if not is_warm(batch.settings, variant):
@@ -74,10 +75,9 @@ def render(
             with step("kernel"):
                 make_kernel_ready(worker.link, batch.settings, variant)
             compiling(False)
-        begins()
         begun = time.perf_counter()
         with step("trace paths", slot=slot(), first=batch.first, count=batch.count, tile=list(batch.tile)):
-            sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count)
+            sums = render_batch(scene, batch.settings, batch.tile, batch.first, batch.count, begins=begins)
     except TemporaryError as error:
         failed = returned_event(
             worker,
@@ -135,6 +135,12 @@ def failure_event(worker: WorkerContext, batch: RenderBatch, error: str, trace: 
 def returned_event(worker: WorkerContext, batch: RenderBatch, error: str) -> Result:
     """Returns the result of a batch that this worker gives back because of a fault of its own, such as a full disk."""
     return Result({**batch_event(worker, batch, "batch-returned"), "error": error})
+
+
+def recalled_event(worker: WorkerContext, batch: RenderBatch) -> Result:
+    """Returns the result of a batch that was not begun when the service recalled its message."""
+    sentence = Sentence("worker-message-recalled", "{worker} returned a batch that the service recalled", worker=worker.name)
+    return Result({**returned_event(worker, batch, sentence).event, "recalled": True})
 
 
 def unreadable_batch_event(worker: WorkerContext, batch: dict[str, Any], error: Exception) -> Result:

@@ -80,9 +80,11 @@ class ReturnedError(Exception):
 def blocks_of(batches: Sequence[RenderBatch], most: int = BLOCK_SAMPLES) -> list[Block]:
     """Groups batches of adjacent tiles into rectangular blocks: first within a row of tiles, then across rows.
 
-    Only batches of the same frame and the same samples are grouped. most: maximum number of samples of a block, over all
-    pixels.
+    Only batches of the same frame and the same samples are grouped, and none whose samples are recorded (Cryptomatte, deep
+    pixels): their counts are by tile. most: maximum number of samples of a block, over all pixels.
     """
+    if any(batch.settings.cryptomatte or batch.settings.deep for batch in batches):
+        return [Block(batch.tile, [batch]) for batch in batches]
     groups: dict[object, list[RenderBatch]] = {}
     for batch in batches:
         groups.setdefault((batch.job, batch.frame, batch.compiled, batch.first, batch.count), []).append(batch)
@@ -238,7 +240,8 @@ def _send(worker: WorkerContext, block: Block, sums: BatchSums, seconds: float) 
         bad = [each for each in sums.bad if x <= each.x < x + w and y <= each.y < y + h]
         count = w * h * batch.count - int(part[SAMPLES].sum())
         share = w * h / (block.tile.w * block.tile.h)
-        worker.results.send(rendered_outcome(worker, batch, BatchSums(part, bad, count), seconds * share).result())
+        own = BatchSums(part, bad, count, sums.hits, sums.deep)  # blocks with these have one batch
+        worker.results.send(rendered_outcome(worker, batch, own, seconds * share).result())
 
 
 def _load(worker: WorkerContext, renderer: CardRenderer, variant: str) -> None:

@@ -19,7 +19,10 @@ LEAST = 1e-4
 
 
 def hair(surface: Any) -> dict[str, Any] | None:
-    """Returns the glTF extension of a surface that is hair; None for other surfaces. Inputs with nodes get their defaults."""
+    """Returns the glTF extension of a surface that is hair; None for other surfaces. Inputs with nodes get their defaults.
+
+    Cycles tilts by the opposite of Chiang's angle (bsdf_principled_hair_chiang.h, `bsdf_principled_hair_setup`).
+    """
     if surface.input("Hair") is None:
         return None
     names = {
@@ -29,7 +32,8 @@ def hair(surface: Any) -> dict[str, Any] | None:
         "ior": ("IOR", 1.55),
     }
     found = {key: (constant_value(surface.input(f"Hair {name}")), default) for key, (name, default) in names.items()}
-    return {key: value if isinstance(value, float) else default for key, (value, default) in found.items()}
+    numbers = {key: value if isinstance(value, float) else default for key, (value, default) in found.items()}
+    return {**numbers, "tilt": -numbers["tilt"]}
 
 
 def hair_color(source: Source) -> Any:

@@ -15,8 +15,9 @@ import numpy.typing as npt
 from . import lights
 from .cycles import Flags, warn_of_passes, warn_of_settings, warn_of_volumes
 from .lights import is_linked_to_lights
-from .meshes import Corners, extract, hair, shape, stretched
+from .meshes import Corners, extract, hair, particle_hair, shape, stretched
 from .model import Mesh, Node, Scene
+from .particles import hair_systems
 from .subsurface import has_volumes
 from .surfaces import Surfaces
 from .world import Bake, read_world
@@ -77,14 +78,16 @@ class _SceneExport:
         self._taken: dict[str, int] = {}
         self._names: dict[str, int] = {}
         self.made: set[str] = set()
-        self.places: dict[Any, Node] = {}  # by the identity of an instance at all times
+        self.places: dict[Any, list[Node]] = {}  # by the identity of an instance at all times
+        self.systems: dict[str, str] = {}  # by the key of a mesh of particle hair: the name of its system
+        self.for_render = graph.mode == "RENDER"
         self.primary: set[str] = set()
         self.surfaces = Surfaces(scene, self.primary)
 
     def instance(self, found: Any) -> bool:
         """Exports an instance of the dependency graph; returns True if this converted a mesh, which takes time."""
         thing = found.object
-        if not found.show_self:
+        if not (found.show_self or found.show_particles):
             return False
         if thing.type in (*SURFACES, "LIGHT") and not np.isfinite(_matrix(found.matrix_world)).all():
             self.scene.warn(f"{thing.name}: lies at a place that is no number, and is left out.")
@@ -101,23 +104,53 @@ class _SceneExport:
         if not any(seen.values()):
             return False
         self.flags.inspect(thing)
-        place = _matrix(found.matrix_world)
-        made, key = self._mesh(thing, place)
-        known = self.known.get(key)
-        if known is None:
-            if thing.type == "CURVES" and len(thing.data.points):
+        place, made = _matrix(found.matrix_world), False
+        if found.show_self:
+            made, key = self._mesh(thing, place)
+            if self.known.get(key) is not None:
+                self._add_node(found, thing.name, key, None, seen)
+            elif thing.type == "CURVES" and len(thing.data.points):
                 self.scene.warn(f"{thing.name}: is hair of too many points, and left out.")
-            return made
-        if any(each.settings.type == "HAIR" and each.settings.render_type == "PATH" for each in thing.particle_systems):
-            self.scene.warn(f"{thing.name}: hair of its particles is left out; convert it to hair curves.")
+        if found.show_particles:
+            for system in hair_systems(thing, self.for_render):
+                converted, key = self._particle_hair(thing, system)
+                made = made or converted
+                if self.known.get(key) is not None:
+                    self._add_node(found, f"{thing.name} {system.name}", key, system.settings.material - 1, seen)
+                elif len(system.particles):
+                    self.scene.warn(f"{thing.name}: has hair of too many points, which is left out.")
+        return made
+
+    def _add_node(self, found: Any, name: str, key: str, slot: int | None, seen: dict[str, bool]) -> None:
+        """Adds a node that shows a known mesh. slot: the index of its only material among the object's, None for all of them."""
+        thing, place = found.object, _matrix(found.matrix_world)
+        known = self.known[key]
+        assert known is not None
         density = _Density(known[0], place)
-        shown = [self._override or slot.material for slot in thing.material_slots] or [self._override]
+        shown = [self._override or each.material for each in thing.material_slots] or [self._override]
+        if slot is not None:
+            shown = [shown[min(max(slot, 0), len(shown) - 1)]]
         materials = tuple(self._default_material() if each is None else self.surfaces.add(each, density) for each in shown)
         matte, hidden = self._matte(thing), tuple(kind for kind, is_seen in seen.items() if not is_seen)
-        node = Node(self._unique(thing.name), key, materials, place, number=thing.pass_index, hidden_from=hidden, matte=matte)
+        node = Node(self._unique(name), key, materials, place, number=thing.pass_index, hidden_from=hidden, matte=matte)
         self.scene.nodes.append(node)
-        self.places[_identity(found)] = node
-        return made
+        self.places.setdefault(_identity(found), []).append(node)
+
+    def _particle_hair(self, thing: Any, system: Any) -> tuple[bool, str]:
+        """Returns whether the hair of a particle system had to be converted, and the key of its mesh."""
+        pointer = system.as_pointer()
+        if pointer in self._keys:
+            return False, self._keys[pointer]
+        name = f"{thing.name_full} {system.name}"
+        count = self._taken[name] = self._taken.get(name, 0) + 1
+        key = self._keys[pointer] = name if count == 1 else f"{name}#{count}"
+        self.systems[key] = system.name
+        is_new = key not in self.known or self._changed(thing, thing.data)
+        if is_new:
+            self.known[key] = particle_hair(thing, system, self.for_render, key)
+            self.made.add(key)
+        self._add_known_mesh(key)
+        return is_new, key
 
     def _rays(self, found: Any, thing: Any) -> dict[str, bool]:
         """Returns a dict of kind of ray -> whether such rays hit the object. Warns of light linking, which is not exported.
@@ -269,13 +302,11 @@ def over_the_shutter(found: _SceneExport, keys: Sequence[tuple[float, Callable[[
     for _, go in keys:
         seen: set[str] = set()
         for instance in go().object_instances:
-            node = found.places.get(_identity(instance))
-            if node is None:
-                continue
-            places[id(node)].append(_matrix(instance.matrix_world))
-            if node.mesh not in seen:
-                seen.add(node.mesh)
-                shapes[node.mesh].append(_shape_of(instance.object, found.known[node.mesh]))
+            for node in found.places.get(_identity(instance), ()):
+                places[id(node)].append(_matrix(instance.matrix_world))
+                if node.mesh not in seen:
+                    seen.add(node.mesh)
+                    shapes[node.mesh].append(_shape_at(instance.object, found, node.mesh))
     for node in scene.nodes:
         told = places[id(node)]
         if len(told) == len(keys) and any(np.abs(each - node.place).max() > 1e-7 for each in told):
@@ -290,11 +321,23 @@ def over_the_shutter(found: _SceneExport, keys: Sequence[tuple[float, Callable[[
             mesh.shapes = tuple(over)
 
 
+def _shape_at(thing: Any, export: _SceneExport, key: str) -> Any:
+    """Returns the positions and normals of an exported mesh as its object now is; None if it is divided otherwise."""
+    exported, name = export.known[key], export.systems.get(key)
+    if name is None or exported is None:
+        return _shape_of(thing, exported)
+    for system in hair_systems(thing, export.for_render):
+        if system.name == name:
+            made = particle_hair(thing, system, export.for_render, key, exported[1])
+            return None if made is None or made[1].counts != exported[1].counts else (made[0].positions, made[0].normals)
+    return None
+
+
 def _shape_of(thing: Any, exported: tuple[Mesh, Corners] | None) -> Any:
     if exported is None:
         return None
     if thing.type == "CURVES":
-        made = hair(thing.data, exported[0].key)
+        made = hair(thing.data, exported[0].key, exported[1])
         return None if made is None or made[1].counts != exported[1].counts else (made[0].positions, made[0].normals)
     if thing.type == "MESH":
         return shape(thing.data, exported[1])

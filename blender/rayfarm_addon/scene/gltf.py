@@ -27,6 +27,7 @@ FLOAT, UINT = 5126, 5125
 WRAPS = {"repeat": 10497, "clamp": 33071, "mirror": 33648}
 INSTANCING = "EXT_mesh_gpu_instancing"
 RAYS = "RAYFARM_node_rays"
+MATTES = {"shadow_catcher": ("shadow_catcher", "reflection_catcher")}  # extras; Cycles' catchers show reflections, too
 
 
 def gltf_files(scene: Scene) -> dict[str, bytes]:
@@ -116,7 +117,7 @@ class _Writer:
             self._used.add(RAYS)
             said["extensions"] = {RAYS: dict.fromkeys(node.hidden_from, False)}
         if node.matte:
-            said["extras"] = {node.matte: True}
+            said["extras"] = dict.fromkeys(MATTES.get(node.matte, (node.matte,)), True)
         if len(group) > 1:
             self._used.add(INSTANCING)
             t, r, s, _ = decompose(np.stack([each.place for each in group]))

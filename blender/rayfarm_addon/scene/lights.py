@@ -18,13 +18,14 @@ from .image_nodes import Painter
 from .model import TO_Y_UP, Scene, to_y_up
 from .nodes import constant_value, output_of, source_of
 
-__all__ = ["add_light", "bounce_limit", "constant_emission_factor", "is_linked_to_lights", "is_stretched", "lobes_lit"]
+__all__ = ["add_light", "bounce_limit", "constant_emission_factor", "is_linked_to_lights", "is_stretched", "kelvins", "lobes_lit"]
 
 F64 = npt.NDArray[np.float64]
 MIN_SIZE = 1e-6  # smaller sizes are treated as 0
 NEAR = 1e-3
 MAX_SPOT_RADIUS = 0.1  # radius from which on a spot has no sharp cone edge
 ALL_BOUNCES = 64
+MOST_KELVINS = 1e5
 
 
 def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
@@ -41,7 +42,7 @@ def add_light(scene: Scene, thing: Any, name: str, place: F64) -> None:
         said = {"type": "directional", "direction": to_y_up(-place[:3, 2]), "intensity": [c * sun_area(light) for c in strength]}
         if angle > MIN_SIZE:
             said["seen"] = "always" if getattr(thing, "visible_camera", True) else "mirrored"
-        scene.lights.append({"name": name, **said, "angle": math.degrees(angle), **lobes_lit(thing)})
+        scene.lights.append({"name": name, **said, "angle": math.degrees(angle), **_temperature(light), **lobes_lit(thing)})
     elif light.type == "AREA":
         _add_area(scene, thing, name, place, strength)
     elif light.type in ("POINT", "SPOT"):
@@ -60,6 +61,30 @@ def _strength(scene: Scene, light: Any, name: str) -> list[float]:
         else:
             color = [c * f for c, f in zip(color, factor, strict=True)]
     return [max(c * energy, 0.0) for c in color]
+
+
+def kelvins(light: Any) -> float | None:
+    """Returns the temperature of a lamp whose colour is that of a black body alone, by its setting or its node; else None."""
+    found: list[float] = []
+    if getattr(light, "use_temperature", False):
+        found.append(float(light.temperature))
+    if light.use_nodes and light.node_tree is not None:
+        source = output_of(light.node_tree)
+        if source is None or source.node.type != "EMISSION":
+            return None
+        body, last = source_of(source.input("Color"))
+        if body is not None and body.node.type == "BLACKBODY":
+            found.append(constant_value(body.input("Temperature")))
+        elif last is None or len(set(list(last.socket.default_value)[:3])) > 1:
+            return None
+    is_white = len(set(light.color)) == 1
+    return found[0] if is_white and len(found) == 1 and isinstance(found[0], float) and 0 < found[0] <= MOST_KELVINS else None
+
+
+def _temperature(light: Any) -> dict[str, float]:
+    """Returns the field `temperature` of a light; empty if it has none."""
+    kelvin = kelvins(light)
+    return {} if kelvin is None else {"temperature": kelvin}
 
 
 def is_linked_to_lights(thing: Any) -> bool:
@@ -169,12 +194,14 @@ def _add_small(scene: Scene, thing: Any, name: str, place: F64, strength: list[f
         full = dark + (1 - dark) * float(light.spot_blend)
         said |= {"direction": to_y_up(-place[:3, 2]), "outer_cone": min(math.degrees(half), 180.0), "falloff": "smooth"}
         said |= {"inner_cone": min(math.degrees(math.acos(min(max(full, -1.0), 1.0))), said["outer_cone"])}
-    scene.lights.append(said | lobes_lit(thing))
+    scene.lights.append(said | _temperature(light) | lobes_lit(thing))
 
 
 def _emissive_material(thing: Any, radiance: list[float]) -> dict[str, Any]:
     """Returns the emissive material, as glTF JSON, of a lamp that is exported as a surface."""
-    said = {"color": 0, "emission": radiance, "lamp": True}
+    said: dict[str, Any] = {"color": 0, "emission": radiance, "lamp": True}
+    if (kelvin := kelvins(thing.data)) is not None:
+        said["emission_temperature"] = kelvin
     return said if getattr(thing, "visible_camera", True) else {**said, "unseen": True}
 
 

@@ -9,9 +9,11 @@ import numpy as np
 import numpy.typing as npt
 
 from .model import Mesh
+from .particles import strands_of
+from .smooth_strands import divided, lines_per_segment
 from .tubes import MOST_POINTS, tubes
 
-__all__ = ["Corners", "extract", "hair", "shape", "spans", "stretched"]
+__all__ = ["Corners", "extract", "hair", "particle_hair", "shape", "spans", "stretched"]
 
 F32 = npt.NDArray[np.float32]
 I32 = npt.NDArray[np.int32]
@@ -55,20 +57,34 @@ def extract(source: Any, key: str, color: str | None = None, all_uvs: bool = Fal
     return mesh, Corners((len(positions), len(vertex_of), count), vertex, corner, domain)
 
 
-def hair(source: Any, key: str) -> tuple[Mesh, Corners] | None:
+def hair(source: Any, key: str, like: Corners | None = None) -> tuple[Mesh, Corners] | None:
     """Converts a bpy.types.Curves to a mesh of tubes; returns (Mesh, its Corners), or None without points or with too many.
 
-    key: identifies the mesh in the exported scene.
+    key: identifies the mesh in the exported scene. like: the Corners of an earlier conversion, whose division is used.
     """
     count = len(source.points)
     if not 0 < count <= MOST_POINTS:
         return None
     points = _read_attribute(source.points, "position", 3 * count, np.float32).reshape(-1, 3)
     first = np.append(_read_attribute(source.curves, "first_point_index", len(source.curves), np.int32), np.int32(count))
-    made = tubes(points, _read_attribute(source.points, "radius", count, np.float32), first)
+    return _tubes(key, points, _read_attribute(source.points, "radius", count, np.float32), first, like)
+
+
+def particle_hair(
+    thing: Any, system: Any, for_render: bool, key: str, like: Corners | None = None
+) -> tuple[Mesh, Corners] | None:
+    """Converts the hair of a particle system to a mesh of tubes, as `hair` does; other arguments as for `strands_of`."""
+    found = strands_of(thing, system, for_render)
+    return None if found is None else _tubes(key, *found, like)
+
+
+def _tubes(key: str, points: F32, radii: F32, first: I32, like: Corners | None) -> tuple[Mesh, Corners]:
+    is_alike = like is not None and len(like.vertex) == len(first) - 1
+    lines = like.vertex if like is not None and is_alike else lines_per_segment(points, radii, first, MOST_POINTS)
+    made = tubes(*divided(points, radii, first, lines))
     mesh = Mesh(key, made.positions, [(0, made.triangles.astype(np.uint32).ravel())], made.normals, fibres=made.fibres)
     nothing = np.zeros(0, np.int32)
-    return mesh, Corners((len(made.positions), count, len(made.triangles)), nothing, nothing, "POINT")
+    return mesh, Corners((len(made.positions), len(points), len(made.triangles)), lines, nothing, "POINT")
 
 
 def shape(source: Any, corners: Corners) -> tuple[F32, F32 | None] | None:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 from .point_clouds import MOST_POINTS, mesh_of_points
 from .sentences import Sentence, first_items
 
-__all__ = ["LEFT_OUT", "VISIBLE", "instances_as_objects", "is_left_out"]
+__all__ = ["LEFT_OUT", "VISIBLE", "MakeHair", "instances_as_objects", "is_left_out"]
 
 MOST_INSTANCES = 200_000
 MOST_PLACES = 2_000_000  # of all instances over all frames
@@ -20,6 +21,7 @@ LEFT_OUT = {
     "GREASEPENCIL": Sentence("blend-grease-pencil", "Grease pencil drawings"),
 }
 VISIBLE = tuple(f"visible_{kind}" for kind in ("camera", "shadow", "diffuse", "glossy", "transmission", "volume_scatter"))
+MakeHair = Callable[[Any, Any], Any]  # an object, and its data: hair curves; returns a mesh, or None
 ON_MESHES = ("VERTS", "FACES")
 NEAR = 1e-6
 SHEARED = 1e-5
@@ -39,14 +41,17 @@ class _ShownInstance(NamedTuple):
     place: Any
 
 
-def instances_as_objects(bpy: Any, scene: Any, visible_names: set[str], frames: list[int], notes: list[str]) -> None:
+def instances_as_objects(
+    bpy: Any, scene: Any, visible_names: set[str], frames: list[int], make_hair: MakeHair | None, notes: list[str]
+) -> None:
     """Creates an object for each instance at the current frame, and animates it over the other frames.
 
-    visible_names: names of the visible objects; the names of the new objects are added. notes: receives warnings.
+    visible_names: names of the visible objects; the names of the new objects are added. make_hair: converts hair; None: it is
+    left out. notes: receives warnings.
     """
-    found = _find_instances(bpy, visible_names)
-    _note_left_out(bpy, visible_names, notes)
-    moves = _transforms_over_frames(bpy, scene, visible_names, frames, found, notes)
+    found = _find_instances(bpy, visible_names, make_hair)
+    _note_left_out(bpy, visible_names, make_hair is not None, notes)
+    moves = _transforms_over_frames(bpy, scene, visible_names, frames, found, make_hair is not None, notes)
     for each in found:
         thing = bpy.data.objects.new(f"{each.parent.name} instance", each.mesh)
         for flag in VISIBLE:
@@ -75,16 +80,19 @@ def instances_as_objects(bpy: Any, scene: Any, visible_names: set[str], frames: 
         notes.append(Sentence("blend-instance-limit", "Only the first {count} instances are shown", count=f"{MOST_INSTANCES:,}"))
 
 
-def _find_instances(bpy: Any, visible_names: set[str]) -> list[_ShownInstance]:
+def _find_instances(bpy: Any, visible_names: set[str], make_hair: MakeHair | None) -> list[_ShownInstance]:
     graph = bpy.context.evaluated_depsgraph_get()
     made: dict[Any, Any] = {}  # by evaluated mesh: its copy
     found: list[_ShownInstance] = []
     for instance in graph.object_instances:
-        if not _is_exported(instance, visible_names) or len(found) >= MOST_INSTANCES:
+        if not _is_exported(instance, visible_names, make_hair is not None) or len(found) >= MOST_INSTANCES:
             continue
         thing, data = instance.object, instance.object.data
         if data not in made:
-            made[data] = _mesh_of(bpy, thing, data, graph)
+            is_hair = make_hair is not None and thing.type == "CURVES"
+            made[data] = make_hair(thing, data) if make_hair is not None and is_hair else _mesh_of(bpy, thing, data, graph)
+        if made[data] is None:
+            continue
         found.append(
             _ShownInstance(
                 _instance_key(instance), instance.parent.original, thing.original, made[data], instance.matrix_world.copy()
@@ -93,9 +101,11 @@ def _find_instances(bpy: Any, visible_names: set[str]) -> list[_ShownInstance]:
     return found
 
 
-def _is_exported(instance: Any, visible_names: set[str]) -> bool:
+def _is_exported(instance: Any, visible_names: set[str], has_hair: bool) -> bool:
     if not instance.is_instance or instance.parent is None or instance.parent.original.name not in visible_names:
         return False
+    if has_hair and instance.object.type == "CURVES":
+        return True
     return instance.object.type in KINDS and instance.object.data is not None and not is_left_out(instance.object)
 
 
@@ -104,10 +114,12 @@ def is_left_out(thing: Any) -> bool:
     return thing.type in LEFT_OUT and not (thing.type == "POINTCLOUD" and 0 < len(thing.data.points) <= MOST_POINTS)
 
 
-def _note_left_out(bpy: Any, visible_names: set[str], notes: list[str]) -> None:
+def _note_left_out(bpy: Any, visible_names: set[str], has_hair: bool, notes: list[str]) -> None:
     """Adds notes on instanced objects and results of geometry nodes that are not exported because they are not surfaces."""
     names: dict[str, dict[str, None]] = {}
     for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        if has_hair and instance.object.type == "CURVES":
+            continue
         if is_left_out(instance.object) and instance.is_instance and instance.parent is not None:
             owner = instance.parent.original.name
             if owner in visible_names:
@@ -128,7 +140,13 @@ def _instance_key(instance: Any) -> Any:
 
 
 def _transforms_over_frames(
-    bpy: Any, scene: Any, visible_names: set[str], frames: list[int], found: list[_ShownInstance], notes: list[str]
+    bpy: Any,
+    scene: Any,
+    visible_names: set[str],
+    frames: list[int],
+    found: list[_ShownInstance],
+    has_hair: bool,
+    notes: list[str],
 ) -> dict[Any, list[Any]]:
     """Returns a dict of instance key -> transforms at all frames, with only the instances that move."""
     if len(frames) < 2 or not found:
@@ -150,7 +168,7 @@ def _transforms_over_frames(
         scene.frame_set(frame)
         seen = 0
         for instance in bpy.context.evaluated_depsgraph_get().object_instances:
-            if not _is_exported(instance, visible_names):
+            if not _is_exported(instance, visible_names, has_hair):
                 continue
             seen += 1
             key = _instance_key(instance)

@@ -1,4 +1,4 @@
-"""Bypasses the glTF exporter for large meshes, since it takes several seconds for a million triangles.
+"""Bypasses the glTF exporter for fibres of hair, and for large meshes, since it takes several seconds for a million triangles.
 
 The exporter gets a stand-in for each large mesh, with one triangle per material, and writes it with its materials; afterwards
 the real geometry is written into the file.
@@ -12,7 +12,7 @@ from typing import Any
 from .glb import Glb
 from .principled_materials import modules_of
 
-__all__ = ["replace_by_stand_ins", "restore_large_meshes"]
+__all__ = ["Taken", "replace_by_stand_ins", "restore_large_meshes", "stand_in"]
 
 MIN_FACES = 20_000  # faces
 COLORED = {
@@ -99,6 +99,17 @@ def _stand_in(bpy: Any, mesh: Any, slots: list[int]) -> Any:
     return made
 
 
+def stand_in(bpy: Any, name: str, materials: list[Any]) -> Any:
+    """Returns a new mesh of one triangle with these materials, to stand in for a mesh without UVs."""
+    made = bpy.data.meshes.new(name)
+    made.from_pydata([(0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)], [], [(0, 1, 2)])
+    for material in materials:
+        made.materials.append(material)
+    made.polygons[0].use_smooth = True
+    made.update()
+    return made
+
+
 def _add_mesh(glb: Glb, primitives: list[dict[str, Any]], mesh: Any) -> None:
     import numpy as np
 
@@ -109,6 +120,9 @@ def _add_mesh(glb: Glb, primitives: list[dict[str, Any]], mesh: Any) -> None:
     if mesh.normals is not None:
         attributes["NORMAL"] = glb.array(to_y_up(mesh.normals), "VEC3", FLOAT)
     attributes |= {f"TEXCOORD_{i}": glb.array(uv, "VEC2", FLOAT) for i, uv in enumerate(mesh.uvs)}
+    if mesh.fibres is not None:
+        along = np.column_stack([to_y_up(mesh.fibres[:, :3]), mesh.fibres[:, 3]])
+        attributes["_FIBRE"] = glb.array(along, "VEC4", FLOAT)
     for primitive, (_, corners) in zip(primitives, mesh.parts, strict=True):
         primitive["attributes"] = attributes
         primitive["indices"] = glb.array(corners, "SCALAR", UINT)

@@ -86,11 +86,15 @@ class Lights:
             group |= links.fields_for(thing)
             lobes = [kind for kind in LOBES if getattr(thing, KINDS[kind], True)]
             visible = {"visible_to": lobes} if len(lobes) < len(LOBES) else {}
+            kelvin = self._known.kelvins(thing.data) if self._known is not None else None
             if "emission" not in said:
-                lights.append({"name": name, **_kind(thing, self._thrown.get(thing.name)), **said, **group, **visible})
+                warm = {} if kelvin is None else {"temperature": kelvin}
+                lights.append({"name": name, **_kind(thing, self._thrown.get(thing.name)), **said, **warm, **group, **visible})
                 continue
             material = f"light {name}"
             materials[material] = {"color": 0, "emission": said["emission"], "lamp": True, **group}
+            if kelvin is not None:
+                materials[material]["emission_temperature"] = kelvin
             if not getattr(thing, "visible_camera", True):
                 materials[material]["unseen"] = True
             elif visible:

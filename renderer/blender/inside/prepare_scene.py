@@ -6,11 +6,14 @@ Modifiers are applied, and instances become objects with meshes.
 from __future__ import annotations
 
 import math
+from pathlib import Path
 from typing import Any
 
 from .deforming_meshes import DeformedShapes, armatures_disabled
+from .hair import hair_maker, particle_hair_as_objects
 from .instances import VISIBLE, instances_as_objects
 from .keys import animated_paths
+from .large import Taken
 from .sentences import Sentence, first_items
 
 __all__ = ["VISIBLE", "prepare"]
@@ -18,10 +21,13 @@ __all__ = ["VISIBLE", "prepare"]
 GREY = 0.8
 
 
-def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: list[str]) -> list[Any]:
+def prepare(
+    bpy: Any, scene: Any, frames: list[int], exposed: list[int], addon: Path | None, taken: Taken, notes: list[str]
+) -> list[Any]:
     """Prepares the open scene at the first of `frames`; returns the visible objects.
 
-    exposed: the frames, extended by those that the shutter overlaps. notes: receives warnings.
+    exposed: the frames, extended by those that the shutter overlaps. addon: the add-on's folder, or None. taken: receives the
+    fibres of particle hair (hair.py). notes: receives warnings.
     """
     _copy_render_settings_to_viewport(bpy, scene)
     bpy.context.view_layer.update()
@@ -45,7 +51,8 @@ def prepare(bpy: Any, scene: Any, frames: list[int], exposed: list[int], notes: 
         for name in nowhere:  # objects with a non-finite transform cannot be exported, even if hidden
             shown.remove(name)
             bpy.data.objects.remove(scene.objects[name])
-    instances_as_objects(bpy, scene, shown, frames, notes)
+    particle_hair_as_objects(bpy, scene, shown, addon, taken, notes)
+    instances_as_objects(bpy, scene, shown, frames, hair_maker(bpy, addon, taken, notes), notes)
     _apply_modifiers(bpy, scene, shown, frames, exposed, notes)
     for thing in scene.objects:
         thing.hide_render = thing.name not in shown and thing.type not in ("EMPTY", "ARMATURE")
@@ -72,7 +79,9 @@ def _copy_render_settings_to_viewport(bpy: Any, scene: Any) -> None:
         if thing.type in ("CURVE", "SURFACE", "FONT") and thing.data.render_resolution_u:
             thing.data.resolution_u = thing.data.render_resolution_u
         for system in getattr(thing, "particle_systems", ()):
-            system.settings.display_percentage = 100
+            settings = system.settings
+            settings.display_percentage, settings.display_step = 100, settings.render_step
+            settings.child_percent = settings.rendered_child_count
 
 
 def _visible_as_rendered(bpy: Any) -> None:

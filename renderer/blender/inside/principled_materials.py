@@ -23,14 +23,15 @@ MODULES = (
     "cycles",
     "cycles_differences",
     "displacement",
+    "fibres",
     "image_nodes",
     "lights",
     "meshes",
     "nodes",
+    "particles",
     "shader_mix",
     "skies",
     "subsurface",
-    "tubes",
 )  # of the add-on's folder `scene`
 GLASS, LEAST_IOR = 1.5, 1e-4
 
@@ -172,6 +173,8 @@ class _Simplifier:
             return float(found) if isinstance(found, float) else default
 
         said: dict[str, Any] = {}
+        if (fibres := self._modules.fibres.hair(surface)) is not None:
+            said[self._modules.fibres.HAIR] = fibres
         if (beneath := self._modules.subsurface.subsurface(surface)) is not None:
             said[self._modules.subsurface.SUBSURFACE] = beneath
         if (weight := number("Translucent Weight")) > 0:

@@ -39,9 +39,13 @@ def ray_flags_of(objects: list[Any], layer: Any) -> dict[str, Flags]:
 
 
 def matte_flags_of(thing: Any, layer: Any) -> Flags:
-    """Returns the flags `holdout` and `shadow_catcher` of an object that has them; before a transparent film only."""
+    """Returns the flags of an object that is a holdout or a shadow catcher; before a transparent film only.
+
+    Cycles' shadow catchers show reflections and bounced light, too.
+    """
     is_held = getattr(thing, "is_holdout", False) or (layer is not None and thing.holdout_get(view_layer=layer))
-    flags = {"holdout": bool(is_held), "shadow_catcher": bool(getattr(thing, "is_shadow_catcher", False))}
+    catches = bool(getattr(thing, "is_shadow_catcher", False))
+    flags = {"holdout": bool(is_held), "shadow_catcher": catches, "reflection_catcher": catches}
     return {name: True for name, is_set in flags.items() if is_set}
 
 

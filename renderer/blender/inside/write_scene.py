@@ -11,7 +11,7 @@ from .cameras import Cameras
 from .hair import hair_and_points_as_meshes
 from .instances import LEFT_OUT
 from .keys import frames_of, is_animated, over_frames, scripted, shutter_frames
-from .large import replace_by_stand_ins, restore_large_meshes
+from .large import Taken, replace_by_stand_ins, restore_large_meshes
 from .light_groups import layer_groups, light_group_of
 from .light_links import LinkSets
 from .lights import Lights
@@ -60,9 +60,9 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     exposed = shutter_frames(frames, settings) if is_animated(bpy, scene) else frames
     scene.frame_set(frames[0])
     note_settings(bpy.data.scenes, scene, layer, notes, cycles)
-    shown = hair_and_points_as_meshes(bpy, scene, prepare(bpy, scene, frames, exposed, notes), addon, notes)
+    taken: Taken = {}
+    shown = hair_and_points_as_meshes(bpy, scene, prepare(bpy, scene, frames, exposed, addon, taken, notes), addon, taken, notes)
     _note_left_out(shown, notes)
-    _note_hair(shown, notes)
     solid = [thing for thing in shown if thing.type in MESHES]
     replace_movies_by_stills(bpy, _materials(solid), notes)
     surfaces = simplify(bpy, solid, addon, notes)
@@ -87,7 +87,7 @@ def write_scene(bpy: Any, out: Path, addon: Path | None = None, has_settings: bo
     links = LinkSets(_object_names(solid, scene.name), notes)
     lamps, materials, shapes = lights.scene_file_lights(_states_of_kind("light", seen), exposed, fps, links)
     if solid:
-        taken = replace_by_stand_ins(bpy, solid, addon)
+        taken |= replace_by_stand_ins(bpy, solid, addon)
         scene.frame_start, scene.frame_end = exposed[0], exposed[-1]
         _write_glb(bpy, out / "blender-scene.glb", is_moving=len(exposed) > 1)
         restore_large_meshes(out / "blender-scene.glb", taken)
@@ -190,16 +190,6 @@ def _note_unknown_nodes(bpy: Any, notes: list[str]) -> None:
                 names=first_items(trees, 5),
             )
         )
-
-
-def _note_hair(objects: list[Any], notes: list[str]) -> None:
-    for thing in objects:
-        if any(each.settings.type == "HAIR" and each.settings.render_type == "PATH" for each in thing.particle_systems):
-            notes.append(
-                Sentence(
-                    "blend-particle-hair", "{object}: particle hair is left out; convert it to hair curves", object=thing.name
-                )
-            )
 
 
 def _note_flags(scene: Any, layer: Any, objects: list[Any], modules: Any, notes: list[str]) -> None:

@@ -2,7 +2,7 @@
 
 Belcour & Barla, "A Practical Extension to Microfacet Theory for the Modeling of Varying Iridescence" (SIGGRAPH 2017): Airy
 summation of the film's reflections, integrated over the eye's sensitivities in Fourier space. The base under the film is
-given by its F0, as in the extension.
+given by its F0, as in the extension. At the wavelengths of a path (kernel/spectrum), the sum is exact for each polarisation.
 """
 
 from __future__ import annotations
@@ -15,12 +15,14 @@ from renderer.jit import device, subroutine
 from renderer.kernel.bsdf.fresnel import fresnel_dielectric, schlick_weight
 from renderer.kernel.polynomial import exp, sincos_turns
 
-__all__ = ["film_reflectance"]
+__all__ = ["film_reflectance", "film_reflectance_at"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
+_FOUR = np.float32(4.0)
+_GRAZING = np.float32(1e-4)  # least cosine of an angle of incidence
 _METRES = np.float32(1e-9)
 _MOST_F0 = np.float32(0.9999)
 _FADE = np.float32(1.0 / 30.0)  # thinner films (nanometres) fade into none
@@ -116,4 +118,44 @@ def film_reflectance(f0, film_ior, thickness, cosine):
         _airy(r12, r0, t121, first[0], second[0]),
         _airy(r12, r1, t121, first[1], second[1]),
         _airy(r12, r2, t121, first[2], second[2]),
+    )
+
+
+@device
+def _interference(outer, inner, sine2):
+    """Returns the reflectance of a film for one polarisation: Airy's sum over all orders (Born & Wolf, 7.6).
+
+    outer, inner: amplitudes that its two boundaries reflect. sine2: squared sine of half the phase difference between orders.
+    """
+    waves = _FOUR * outer * inner * sine2
+    total, least = outer + inner, _ONE + outer * inner
+    return min(max(total * total - waves, _ZERO) / (least * least - waves), _ONE)
+
+
+@device
+def _film_at(f0, film, thickness, outside, inside, wavelength):
+    index = _index(f0, _ONE)
+    sine2 = (_ONE - outside * outside) / (index * index)
+    beyond = math.sqrt(_ONE - sine2)
+    half, _ = sincos_turns(film * thickness * inside / wavelength)
+    half2 = half * half
+    s12, p12 = (outside - film * inside) / (outside + film * inside), (film * outside - inside) / (film * outside + inside)
+    n2, n3 = film * inside, index * beyond
+    s23, p23 = (n2 - n3) / (n2 + n3), (index * inside - film * beyond) / (index * inside + film * beyond)
+    return _HALF * (_interference(s12, s23, half2) + _interference(p12, p23, half2))
+
+
+@subroutine
+def film_reflectance_at(f0, film_ior, thickness, cosine, wavelengths):
+    """Returns the reflectance of a base under a thin film at three wavelengths, 0 ... 1.
+
+    f0, thickness, cosine: as for `film_reflectance`. wavelengths: nanometres.
+    """
+    outside = max(cosine, _GRAZING)
+    inside = math.sqrt(_ONE - (_ONE - outside * outside) / (film_ior * film_ior))
+    place = film_ior, thickness, outside, inside
+    return (
+        _film_at(f0[0], *place, wavelengths[0]),
+        _film_at(f0[1], *place, wavelengths[1]),
+        _film_at(f0[2], *place, wavelengths[2]),
     )

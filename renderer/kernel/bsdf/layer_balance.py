@@ -8,14 +8,14 @@ from __future__ import annotations
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import ALPHA_X, ALPHA_Y, FILM_MEAN, HAS_BECKMANN
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, FILM_MEAN, FILM_WAVELENGTHS, HAS_BECKMANN
 from renderer.jit import device, subroutine
 from renderer.kernel import vec
 from renderer.kernel.bsdf.brushed_energy import brushed_albedo, brushed_mean_albedo
 from renderer.kernel.bsdf.clearcoat import clearcoat_albedo, clearcoat_mean_albedo
 from renderer.kernel.bsdf.energy import multiple_scattering, schlick_mean
 from renderer.kernel.bsdf.fresnel import schlick
-from renderer.kernel.bsdf.iridescence import film_reflectance
+from renderer.kernel.bsdf.iridescence import film_reflectance, film_reflectance_at
 from renderer.kernel.bsdf.sheen import sheen_albedo, sheen_mean_albedo
 from renderer.kernel.polynomial import power
 
@@ -72,6 +72,15 @@ def _scattered_again(mean_fresnel, mean_albedo):
     )
 
 
+@device
+def _film(m, f0, cosine):
+    """Returns the reflectance, rgb or at the path's wavelengths, of a base of reflectance f0 under the material's thin film."""
+    film = f0, m[rows.IRIDESCENCE_IOR], m[rows.THICKNESS], cosine
+    if m[FILM_WAVELENGTHS] > _ZERO:
+        return film_reflectance_at(*film, rgb(m, FILM_WAVELENGTHS))
+    return film_reflectance(*film)
+
+
 @subroutine
 def fresnels(m, cosine):
     """Returns the Fresnel reflectances (metal, dielectric), rgb each, at a microfacet, including iridescence."""
@@ -81,8 +90,8 @@ def fresnels(m, cosine):
     dielectric = schlick(f0, m[rows.SPECULAR], cosine)
     film = m[rows.IRIDESCENCE]
     if film > _ZERO:
-        metal = _mix(metal, film_reflectance(base, m[rows.IRIDESCENCE_IOR], m[rows.THICKNESS], cosine), film)
-        dielectric = _mix(dielectric, film_reflectance(f0, m[rows.IRIDESCENCE_IOR], m[rows.THICKNESS], cosine), film)
+        metal = _mix(metal, _film(m, base, cosine), film)
+        dielectric = _mix(dielectric, _film(m, f0, cosine), film)
     return metal, dielectric
 
 

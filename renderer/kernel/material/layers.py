@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from renderer.arrays import rows
-from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, CONDUCTOR, FILM_MEAN, IS_PANE
+from renderer.arrays.rows import ALPHA_X, ALPHA_Y, COAT_NORMAL, CONDUCTOR, FILM_MEAN, FILM_WAVELENGTHS, IS_PANE
 from renderer.arrays.scene_features import SceneFeatures
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel.bsdf.layer_balance import fresnels
@@ -16,6 +16,7 @@ from renderer.kernel.bsdf.microfacet import MIN_ALPHA
 from renderer.kernel.material.texture import lookup
 from renderer.kernel.spectrum.indices import conductor_at
 from renderer.kernel.spectrum.upsampling import reflectance
+from renderer.kernel.spectrum.wavelengths import nanometres
 
 __all__ = ["Textures", "resolve"]
 
@@ -86,6 +87,10 @@ def resolve(kind, material, textures, base, metallic, roughness, pane, m):
         _resolve_layers(textures, base, metallic, pane, m)
     _set_alphas(m, roughness)
     if textures.has.layers is not None and m[rows.IRIDESCENCE] > _ZERO:
+        m[FILM_WAVELENGTHS] = _ZERO
+        if textures.spectrum is not None:
+            first, second, third = textures.wavelengths
+            _store(m, FILM_WAVELENGTHS, (nanometres(first), nanometres(second), nanometres(third)))
         _film_means(m)
 
 

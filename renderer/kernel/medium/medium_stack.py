@@ -11,7 +11,7 @@ from renderer.arrays.rows import MEDIUM_COLUMNS, MOST_MEDIA
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
-from renderer.kernel.spectrum.upsampling import light_at, reflectance_at
+from renderer.kernel.spectrum.upsampling import coefficients_at, reflectance_at
 from renderer.wide.values import lookup, u32, where
 
 __all__ = ["NO_MEDIUM", "beneath", "coefficients", "crossed", "entered", "holds", "innermost", "left", "medium_albedo"]
@@ -90,7 +90,7 @@ def coefficients(scene, medium_stack, wavelengths):
     sigma_t, sigma_s = (ar + sr, ag + sg, ab + sb), (sr, sg, sb)
     if scene.spectrum is not None:
         albedo = sr / max(sigma_t[0], _LEAST), sg / max(sigma_t[1], _LEAST), sb / max(sigma_t[2], _LEAST)
-        sigma_t = light_at(scene, sigma_t, wavelengths)
+        sigma_t = coefficients_at(scene, sigma_t, wavelengths)
         sigma_s = vec.mul(sigma_t, reflectance_at(scene, albedo, wavelengths))
     return sigma_t, sigma_s, g
 

@@ -25,7 +25,7 @@ from renderer.kernel.medium.henyey_greenstein import sample_henyey_greenstein
 from renderer.kernel.polynomial import exp
 from renderer.kernel.sampling.sampler import draw1, draw4
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
-from renderer.kernel.spectrum.upsampling import light_at
+from renderer.kernel.spectrum.upsampling import coefficients_at
 from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import Surface, surface_at
 
@@ -122,7 +122,7 @@ def _walk(scene, stack, surface, normal, color, throughput, stream, first, time,
     never_inline()
     g = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_ANISOTROPY, 1)[0]
     radius = columns(scene.material, surface.material, COLUMNS, rows.SUBSURFACE_RADIUS, 3)
-    radius = light_at(scene, radius, wavelengths)
+    radius = coefficients_at(scene, radius, wavelengths)
     least = _FOUR * surface.error  # shorter distances are below the rounding error
     sigma_t = _ONE / max(radius[0], least), _ONE / max(radius[1], least), _ONE / max(radius[2], least)
     sigma_s = vec.mul(albedo_of(color, g), sigma_t)

@@ -21,6 +21,7 @@ from renderer.kernel import vec
 from renderer.kernel.fetch import columns, row
 from renderer.kernel.polynomial import log
 from renderer.kernel.sampling.sampler import INDEPENDENT, uniform4
+from renderer.kernel.spectrum.upsampling import light_at
 from renderer.wide.values import lookup, to_float, u32
 
 __all__ = ["flight_block", "fly_through_volume", "shadow_block", "volume_of", "volume_transmittance"]
@@ -218,24 +219,25 @@ def _depth(u):
 
 
 @subroutine
-def fly_through_volume(scene, medium, o, d, near, far, throughput, seed, pixel, sample, block, u, v):
+def fly_through_volume(
+    scene, medium, sigma_t, sigma_s, o, d, near, far, throughput, seed, pixel, sample, block, u, v, wavelengths
+):
     """Samples a free flight in a heterogeneous medium; returns (scatters, distance of the end, throughput there, emission).
 
-    medium: row of `medium`, which has a volume. o, d: the ray. near, far: the flight begins and ends there, at a surface or at
-    infinity. seed, pixel, sample: of the path's Stream. block: from `flight_block`. u, v: the first numbers for the distance and
-    for the channel. The emission is what the medium emits on the way, multiplied by the throughput. A medium that scatters
-    nothing only attenuates.
+    medium: row of `medium`, which has a volume. sigma_t, sigma_s: its coefficients at density 1. o, d: the ray. near, far: the
+    flight begins and ends there, at a surface or at infinity. seed, pixel, sample: of the path's Stream. block: from
+    `flight_block`. u, v: the first numbers for the distance and for the channel. wavelengths: of the path (kernel/spectrum); None
+    in RGB. The emission is what the medium emits on the way, multiplied by the throughput. A medium that scatters nothing only
+    attenuates.
     """
     never_inline()
-    ar, ag, ab, sr, sg, sb, _, number = row(scene.medium, medium, MEDIUM_COLUMNS)
-    volume = np.int64(number) - np.int64(1)
-    sigma_s, sigma_t = (sr, sg, sb), (ar + sr, ag + sg, ab + sb)
+    volume = np.int64(volume_of(scene, medium)) - np.int64(1)
     red, green, blue = throughput
     total = red + green + blue
     emitted = _BLACK
     if not total > _ZERO:
         return _NO, far, _BLACK, emitted
-    color = columns(scene.volume, volume, VOLUME_COLUMNS, VOLUME_EMISSION, 3)
+    color = light_at(scene, columns(scene.volume, volume, VOLUME_COLUMNS, VOLUME_EMISSION, 3), wavelengths)
     can_scatter = vec.maximum(sigma_s) > _ZERO
     at = v * total
     sigma = sigma_t[0] if at < red else sigma_t[1] if at < red + green else sigma_t[2]
@@ -272,15 +274,13 @@ def fly_through_volume(scene, medium, o, d, near, far, throughput, seed, pixel, 
 
 
 @subroutine
-def volume_transmittance(scene, medium, o, d, near, far, seed, pixel, sample, block):
+def volume_transmittance(scene, medium, sigma_t, o, d, near, far, seed, pixel, sample, block):
     """Estimates the transmittance of a heterogeneous medium along a ray; returns (rgb, the next unused block).
 
     The arguments are those of `fly_through_volume`.
     """
     never_inline()
-    ar, ag, ab, sr, sg, sb, _, number = row(scene.medium, medium, MEDIUM_COLUMNS)
-    volume = np.int64(number) - np.int64(1)
-    sigma_t = ar + sr, ag + sg, ab + sb
+    volume = np.int64(volume_of(scene, medium)) - np.int64(1)
     left = _WHITE
     way, place = _begin(scene, volume, o, d, near, far)
     for _step in range(_MOST_STEPS):

@@ -10,13 +10,21 @@ import math
 
 import numpy as np
 
-from renderer.arrays.spectrum import FIRST_SHADE, LAST_SHADE, SHADES, SIDES
+from renderer.arrays.spectrum import (
+    CONDUCTOR_NODES,
+    FIRST_SHADE,
+    GIVEN_LIGHT,
+    GIVEN_REFLECTANCE,
+    LAST_SHADE,
+    SHADES,
+    SIDES,
+)
 from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fetch import row
-from renderer.wide.values import any_of, not_, to_float, to_int, u32, where, where3, zero_like
+from renderer.wide.values import any_of, lookup, not_, to_float, to_int, u32, where, where3, zero_like
 
-__all__ = ["light_at", "reflectance", "reflectance_at", "unbounded"]
+__all__ = ["coefficients_at", "light", "light_at", "reflectance", "reflectance_at", "unbounded"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -33,6 +41,9 @@ _SHADES, _SIDES = np.uint32(SHADES), np.uint32(SIDES)
 _SHEET = np.uint32(SIDES * SIDES)
 _RED, _GREEN, _BLUE = np.uint32(0), np.uint32(1), np.uint32(2)
 _NEXT = np.uint32(1)
+_LIGHT, _SURFACE = np.float32(GIVEN_LIGHT), np.float32(GIVEN_REFLECTANCE)
+_STEPS, _LAST_STEP, _NODES = np.float32(CONDUCTOR_NODES - 1), np.uint32(CONDUCTOR_NODES - 2), np.uint32(CONDUCTOR_NODES)
+_TOLERANCE = np.float32(1e-5)  # of colours, by which given spectra are recognised
 
 
 @device
@@ -89,8 +100,41 @@ def _sigmoid(coefficients, wavelength):
 
 
 @device
-def reflectance(tables, rgb, wavelengths):
-    """Returns the reflectances at three wavelengths of a surface whose colour in daylight is rgb, 0 ... 1."""
+def _given_value(tables, first, wavelength):
+    number, share = _node(wavelength * _STEPS, _LAST_STEP)
+    at = u32(first + number)
+    a, b = lookup(tables.given_value, at), lookup(tables.given_value, u32(at + _NEXT))
+    return a + share * (b - a)
+
+
+@device
+def _where_given(tables, kind, rgb, scale, wavelengths, found):
+    """Returns `found`, and where rgb is `scale` times the colour of a given spectrum of this kind, that spectrum's values."""
+    tolerance = _TOLERANCE * scale
+    for k in range(len(tables.given_color)):
+        red, green, blue, which = (
+            tables.given_color[k, 0],
+            tables.given_color[k, 1],
+            tables.given_color[k, 2],
+            tables.given_color[k, 3],
+        )
+        if which == kind:
+            is_it = (
+                (abs(rgb[0] - scale * red) <= tolerance)
+                & (abs(rgb[1] - scale * green) <= tolerance)
+                & (abs(rgb[2] - scale * blue) <= tolerance)
+            )
+            if any_of(is_it):
+                first = u32(np.uint32(k) * _NODES)
+                x, y, z = wavelengths
+                values = _given_value(tables, first, x), _given_value(tables, first, y), _given_value(tables, first, z)
+                found = where3(is_it, vec.scale(values, scale), found)
+    return found
+
+
+@device
+def _smooth(tables, rgb, wavelengths):
+    """Returns the values at three wavelengths of the smooth reflectance whose colour in daylight is rgb, 0 ... 1."""
     most = vec.maximum(rgb)
     is_grey = (rgb[0] == rgb[1]) & (rgb[1] == rgb[2])
     found = rgb
@@ -108,7 +152,27 @@ def unbounded(tables, rgb, wavelengths):
     """Returns the values at three wavelengths of a smooth spectrum of colour rgb, not negative, relative to daylight."""
     scale = _TWO * vec.maximum(rgb)
     safe = _ONE / max(scale, _LEAST)
-    return vec.scale(reflectance(tables, vec.scale(rgb, safe), wavelengths), scale)
+    return vec.scale(_smooth(tables, vec.scale(rgb, safe), wavelengths), scale)
+
+
+@device
+def reflectance(tables, rgb, wavelengths):
+    """Returns the reflectances at three wavelengths of a surface whose colour in daylight is rgb, 0 ... 1.
+
+    They are those of a given spectrum with that colour, else smooth.
+    """
+    found = _smooth(tables, rgb, wavelengths)
+    return _where_given(tables, _SURFACE, rgb, _ONE, wavelengths, found)
+
+
+@device
+def light(tables, rgb, wavelengths):
+    """Returns light of colour rgb at three wavelengths, relative to daylight.
+
+    It is that of a given spectrum with the light's chromaticity, else `unbounded`.
+    """
+    found = unbounded(tables, rgb, wavelengths)
+    return _where_given(tables, _LIGHT, rgb, vec.maximum(rgb), wavelengths, found)
 
 
 @device
@@ -122,7 +186,16 @@ def reflectance_at(scene, rgb, wavelengths):
 
 @device
 def light_at(scene, rgb, wavelengths):
-    """Returns light of a colour at a path's wavelengths, `unbounded`; the colour itself in kernels without spectra."""
+    """Returns `light` of a colour at a path's wavelengths; the colour itself in kernels without spectra."""
+    found = rgb
+    if scene.spectrum is not None:
+        found = light(scene.spectrum, rgb, wavelengths)
+    return found
+
+
+@device
+def coefficients_at(scene, rgb, wavelengths):
+    """Returns coefficients, `unbounded`, at a path's wavelengths; the colour's own in kernels without spectra."""
     found = rgb
     if scene.spectrum is not None:
         found = unbounded(scene.spectrum, rgb, wavelengths)

@@ -15,7 +15,7 @@ from renderer.kernel.sampling.sampler import draw4
 from renderer.prune_absent_features import function_if
 from renderer.wide.values import to_float, to_int, u32, where
 
-__all__ = ["nanometres", "sample_wavelengths", "to_rgb", "wavelengths_of"]
+__all__ = ["nanometres", "rgb_at", "sample_wavelengths", "to_rgb", "wavelengths_of"]
 
 _ONE = np.float32(1.0)
 _THIRD = np.float32(1.0 / 3.0)
@@ -99,3 +99,12 @@ def to_rgb(tables, stream, light):
     second = _response(tables, u, _THIRD, light[1])
     third = _response(tables, u, _THIRDS, light[2])
     return vec.scale(vec.add(vec.add(first, second), third), _THIRD)
+
+
+@device
+def rgb_at(scene, stream, light):
+    """Returns `to_rgb` of light at a path's wavelengths; the light itself in kernels without spectra."""
+    found = light
+    if scene.spectrum is not None:
+        found = to_rgb(scene.spectrum, stream, light)
+    return found

@@ -67,9 +67,9 @@ def medium_event(scene, ray, path, crossings, reach, stream, row, wavelengths):
         medium = innermost(crossings.medium_stack)
         is_grid = volume_of(scene, medium) > _ZERO
         if any_of(is_grid):
-            known = medium, ray.o, ray.d, crossings.behind, reach, path.throughput
+            known = medium, sigma_t, sigma_s, ray.o, ray.d, crossings.behind, reach, path.throughput
             random = stream.seed, stream.pixel, stream.sample, flight_block(to_int(row)), u[0], u[1]
-            ends, end, carried, emitted = each_lane(fly_through_volume, is_grid, (scene, *known, *random))
+            ends, end, carried, emitted = each_lane(fly_through_volume, is_grid, (scene, *known, *random, wavelengths))
             scatters, distance = where(is_grid, ends, scatters), where(is_grid, end, distance)
             throughput = where3(is_grid, carried, throughput)
     return MediumEvent(scatters, distance, throughput, albedo, g, emitted)

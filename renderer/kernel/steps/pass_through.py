@@ -13,7 +13,7 @@ from renderer.kernel.fetch import columns
 from renderer.kernel.material.material import has_flag, opacity
 from renderer.kernel.medium.medium_stack import crossed
 from renderer.kernel.polynomial import exp
-from renderer.kernel.spectrum.upsampling import light_at
+from renderer.kernel.spectrum.upsampling import coefficients_at
 from renderer.kernel.steps.depths import is_blocked, with_layer
 from renderer.kernel.steps.random_blocks import draw_passing
 from renderer.kernel.steps.state import Crossings
@@ -71,7 +71,7 @@ def absorb(scene, surface, through, throughput, start, wavelengths):
     if scene.has.layers is not None and scene.has.media is None:
         inside = not_(surface.front | through) & has_flag(scene, surface.material, _ABSORBING)
         if any_of(inside):
-            taken = light_at(scene, columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3), wavelengths)
+            taken = coefficients_at(scene, columns(scene.material, surface.material, COLUMNS, ABSORPTION, 3), wavelengths)
             throughput = where3(inside, absorbed(throughput, taken, start, surface.point), throughput)
     return throughput
 

@@ -26,11 +26,13 @@ __all__ = [
     "record_catcher",
     "record_direct_light",
     "record_first_hit",
+    "record_reflection",
     "with_albedo",
 ]
 
 _NEXT, _NONE = np.uint32(1), np.uint32(0)
 _THREE = np.float32(3.0)
+_UNKNOWN = np.float32(-1.0)
 
 
 class FirstHit(NamedTuple):
@@ -44,9 +46,9 @@ class FirstHit(NamedTuple):
     material: Int  # 1 + its number
     # 0 unless the background is transparent:
     uncovered: Float  # 1 - alpha, apart from shadows that are caught
-    caught: Float  # the same, if the vertex is on a shadow catcher
-    unshadowed: Float  # luminance of the direct light at the shadow catcher without occlusion
-    shadowed: Float  # and with it; set when the film adds the sample
+    caught: Float  # the same, if the vertex is on a catcher of shadows or reflections
+    unshadowed: Float  # luminance of the light that arrives at the catcher without occlusion
+    shadowed: Float  # and with it; negative while that is the path's radiance, until it meets an object or its end
 
 
 @device
@@ -105,28 +107,31 @@ def _uncovered(throughput):
 
 @device
 def record_catcher(hit, throughput):
-    """Returns the FirstHit `hit`, whose vertex is on a shadow catcher."""
+    """Returns the FirstHit `hit`, whose vertex is on a catcher of shadows or reflections."""
     weight = _uncovered(throughput)
     none = zero_like(weight)
-    return FirstHit(hit.albedo, hit.distance, hit.normal, hit.object, hit.point, hit.material, weight, weight, none, none)
+    return _with_caught(hit, weight, weight, none, none + _UNKNOWN)
 
 
 @device
 def record_direct_light(hit, light):
-    """Returns the FirstHit `hit` of a vertex on a shadow catcher with more direct light. light: its luminance if unoccluded."""
-    unshadowed = hit.unshadowed + light
-    return FirstHit(
-        hit.albedo,
-        hit.distance,
-        hit.normal,
-        hit.object,
-        hit.point,
-        hit.material,
-        hit.uncovered,
-        hit.caught,
-        unshadowed,
-        hit.shadowed,
-    )
+    """Returns the FirstHit `hit` of a vertex on a catcher with more direct light. light: its luminance if unoccluded."""
+    return _with_caught(hit, hit.uncovered, hit.caught, hit.unshadowed + light, hit.shadowed)
+
+
+@device
+def record_reflection(hit, light):
+    """Returns the FirstHit `hit` of a vertex on a catcher whose path has met an object.
+
+    light: luminance of the light with occlusion that the vertex has received.
+    """
+    return _with_caught(hit, hit.uncovered, hit.caught, hit.unshadowed, light)
+
+
+@device
+def _with_caught(hit, uncovered, caught, unshadowed, shadowed):
+    alpha = uncovered, caught, unshadowed, shadowed
+    return FirstHit(hit.albedo, hit.distance, hit.normal, hit.object, hit.point, hit.material, *alpha)
 
 
 def _planes(integers: bool) -> npt.NDArray[np.uintp]:

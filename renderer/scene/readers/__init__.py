@@ -8,7 +8,7 @@ obj.py              Wavefront OBJ: obj_lines.py parses its statements, mtl.py an
 yaml/               Rayfarm's scene files (docs/scene-format.md), with built-in shapes in shapes.py and metals in metals.py
 mitsuba/, pbrt/     scenes of Mitsuba and of pbrt-v4
 threemf.py          3MF
-tubes.py            curves as tubes, for USD and pbrt
+tubes.py            curves as tubes, fibres of hair or ribbons; polylines.py how finely fibres are divided
 image_baking.py     procedural textures baked to images, for USD and pbrt
 trimesh_files.py    formats read by trimesh
 """

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from renderer.errors import SceneError
 from renderer.scene.description import Mesh
 from renderer.scene.readers.strands import Strand, line_of, strands_mesh
-from renderer.scene.readers.tubes import MAX_FINE_CURVES, STEPS
+from renderer.scene.readers.tubes import STEPS
 from renderer.sentences import Sentence
 
 __all__ = ["CURVE_BASES", "mesh_of_curves"]
@@ -19,7 +19,6 @@ __all__ = ["CURVE_BASES", "mesh_of_curves"]
 Matrix = npt.NDArray[np.float64]
 
 CURVE_BASES = {"bspline": 4, "bezier": 4, "linear": 2}  # minimum number of points
-_STEPS_OF_MANY = 3  # lines per cubic segment of a fibre among many
 
 
 def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bool = False) -> Mesh:
@@ -31,7 +30,6 @@ def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bo
     strands: list[Strand] = []
     least = CURVE_BASES[basis]
     blocks = _blocks(data.decode("utf-8", "replace"), name)
-    steps = _STEPS_OF_MANY if fibres and len(blocks) > MAX_FINE_CURVES else STEPS
     for block in blocks:
         if len(block) < least or (basis == "bezier" and len(block) % 3 != 1):
             raise SceneError(
@@ -46,8 +44,8 @@ def mesh_of_curves(basis: str, data: bytes, name: str, world: Matrix, fibres: bo
                 )
             )
         placed = np.column_stack([block[:, :3] @ world[:3, :3].T + world[:3, 3], np.maximum(block[:, 3], 0)])
-        line = placed if basis == "linear" else line_of(placed, basis, steps)
-        strands.append((line[:, :3], line[:, 3]))
+        line = placed if basis == "linear" else line_of(placed, basis)
+        strands.append(Strand(line[:, :3], line[:, 3], steps=1 if basis == "linear" else STEPS))
     if not strands:
         raise SceneError(Sentence("curves-missing", "{name} has no curves; export it again", name=name))
     return strands_mesh(strands, fibres)

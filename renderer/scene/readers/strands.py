@@ -1,17 +1,33 @@
-"""Converts hair, fur and wire curves to tubes in one mesh."""
+"""Converts hair, fur and wire curves to tubes or ribbons in one mesh."""
 
 from __future__ import annotations
+
+import functools
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.scene.description import Mesh
-from renderer.scene.readers.tubes import BASES, STEPS, sides_of, tubes, tubes_mesh
+from renderer.scene.readers.polylines import by_stride
+from renderer.scene.readers.tubes import BASES, STEPS, fineness_of, ribbons, sides_of, tubes, tubes_mesh
 
 __all__ = ["Strand", "line_of", "strands_mesh"]
 
 F64 = npt.NDArray[np.float64]
-Strand = tuple[F64, F64]  # (S, 3) points along it, and (S,) radii
+
+
+class Strand(NamedTuple):
+    """A curve: a tube, or a ribbon.
+
+    facing: the directions across it that a ribbon faces; None for a tube. steps: lines for each segment of the curve, of which a
+    fibre that is nearly straight keeps fewer.
+    """
+
+    points: F64  # (S, 3) along it
+    radii: F64  # (S,)
+    facing: F64 | None = None  # (S, 3)
+    steps: int = 1
 
 
 def line_of(points: F64, basis: str, steps: int = STEPS) -> F64:
@@ -21,19 +37,34 @@ def line_of(points: F64, basis: str, steps: int = STEPS) -> F64:
     """
     step = 3 if basis == "bezier" else 1
     first = np.arange(0, len(points) - 3, step)
-    u = np.linspace(0, 1, steps + 1)
-    weights = np.stack([u**k for k in range(4)], axis=1) @ BASES[basis]
-    parts = np.einsum("uk,skx->sux", weights, points[first[:, None] + np.arange(4)])
+    parts = np.einsum("uk,skx->sux", _weights(basis, steps), points[first[:, None] + np.arange(4)])
     return np.concatenate([parts[:, :-1].reshape(-1, points.shape[1]), parts[-1:, -1]])
 
 
+@functools.cache
+def _weights(basis: str, steps: int) -> F64:
+    """Returns (steps + 1, 4) the weights of a segment's control points along it."""
+    u = np.linspace(0, 1, steps + 1)
+    return np.asarray(np.stack([u**k for k in range(4)], axis=1) @ BASES[basis])
+
+
 def strands_mesh(strands: list[Strand], fibres: bool = False) -> Mesh:
-    """Returns one mesh with a tube for each curve; with many curves, tubes have fewer sides. fibres: of hair (tubes.py)."""
-    groups: dict[int, list[Strand]] = {}
+    """Returns one mesh with a tube or ribbon for each curve; with many curves, tubes have fewer sides.
+
+    fibres: whether they are fibres of hair (tubes.py), which are round.
+    """
+    groups: dict[tuple[int, bool, int], list[Strand]] = {}
     for strand in strands:
-        groups.setdefault(len(strand[0]), []).append(strand)
+        groups.setdefault((len(strand.points), strand.facing is None or fibres, strand.steps), []).append(strand)
     pieces, sides = [], sides_of(len(strands), fibres)
-    for group in groups.values():
-        lines, radii = (np.stack([strand[k] for strand in group]) for k in (0, 1))
-        pieces.append(tubes(lines, radii, None, sides, fibres))
+    for (_, is_round, steps), group in groups.items():
+        lines, radii = np.stack([strand.points for strand in group]), np.stack([strand.radii for strand in group])
+        if fibres:
+            alike = by_stride(lines, radii, steps, *fineness_of(len(strands)))
+            pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, True) for k, kept in alike]
+        elif is_round:
+            pieces.append(tubes(lines, radii, None, sides))
+        else:
+            facing = np.stack([strand.facing for strand in group if strand.facing is not None])
+            pieces.append(ribbons(lines, radii, facing, None))
     return tubes_mesh("curves", pieces)

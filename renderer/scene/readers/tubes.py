@@ -1,7 +1,11 @@
-"""Converts curves to tubes of triangles: closed ones, or fibres of hair, which are open and have tangents and diameters."""
+"""Converts curves to tubes of triangles: closed ones, or fibres of hair, which are open and have tangents and diameters.
+
+Ribbons, which are flat, become strips.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -9,7 +13,19 @@ import numpy.typing as npt
 
 from renderer.scene.description import Mesh
 
-__all__ = ["BASES", "MAX_FINE_CURVES", "STEPS", "Tubes", "curve_weights", "sides_of", "tubes", "tubes_mesh"]
+__all__ = [
+    "BASES",
+    "MAX_FINE_CURVES",
+    "STEPS",
+    "Tubes",
+    "curve_weights",
+    "fineness_of",
+    "line_tangents",
+    "ribbons",
+    "sides_of",
+    "tubes",
+    "tubes_mesh",
+]
 
 F64 = npt.NDArray[np.float64]
 STEPS = 6  # lines per cubic segment
@@ -22,6 +38,7 @@ BASES = {
 
 
 MAX_FINE_CURVES = 500  # up to this many curves get more sides
+MAX_CURVES = 20_000  # likewise; of more, each is hardly wider than a pixel
 
 
 class Tubes(NamedTuple):
@@ -33,13 +50,21 @@ class Tubes(NamedTuple):
     triangles: npt.NDArray[np.int64]
     tangents: F64 | None  # (V, 4), of fibres
     diameters: F64 | None  # (V,), of fibres
+    uvs: tuple[F64, ...] = ()  # (V, 2), up to two sets
 
 
 def sides_of(curves: int, fibres: bool) -> int:
     """Returns the number of sides of each of `curves` tubes; fibres get more, as their light depends on the normal."""
     if curves <= MAX_FINE_CURVES:
         return 12
-    return 6 if fibres else 4
+    return 6 if fibres and curves <= MAX_CURVES else 4
+
+
+def fineness_of(curves: int) -> tuple[float, int]:
+    """Returns how far each of `curves` fibres may be from its curve, in radii, and its largest number of lines per segment."""
+    if curves <= MAX_FINE_CURVES:
+        return 0.1, STEPS
+    return (0.5 if curves <= MAX_CURVES else 1.0), 3
 
 
 def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
@@ -53,6 +78,8 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
         mesh.colors = np.ones((len(positions), 4), np.float32)
         all_colors: F64 = np.concatenate(colors)
         mesh.colors[:, :3] = all_colors.clip(0, 1)
+    uv_sets = [np.concatenate(uvs).astype(np.float32) for uvs in zip(*(p.uvs for p in pieces), strict=False)]
+    mesh.uvs, mesh.uvs1 = (uv_sets[k] if k < len(uv_sets) else None for k in (0, 1))
     fibres = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
     if fibres:
         tangents: F64 = np.concatenate([along for along, _ in fibres])
@@ -104,19 +131,25 @@ def curve_weights(count: int, basis: str, wrap: str) -> tuple[F64, F64]:
     return np.array(rows), np.array(ends)
 
 
-def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool = False) -> Tubes:
-    """Returns tubes around (N, S, 3) polylines, with flat ends.
-
-    radii: (N, S); colors: (N, S, 3) or None; sides: number of sides of each tube. fibres: makes the tubes fibres of hair: without
-    ends, with tangents, and as wide on average as the round fibre, whose circumference they have.
-    """
-    if fibres:
-        radii = radii * (np.pi / sides / np.sin(np.pi / sides))
-    count, samples = lines.shape[:2]
+def line_tangents(lines: F64) -> F64:
+    """Returns the unit tangents of (N, S, 3) polylines at their points, along the chord between the neighbours; 0 if it is 0."""
     tangents = np.empty_like(lines)
     tangents[:, 1:-1] = lines[:, 2:] - lines[:, :-2]
     tangents[:, 0], tangents[:, -1] = lines[:, 1] - lines[:, 0], lines[:, -1] - lines[:, -2]
     tangents /= np.maximum(np.linalg.norm(tangents, axis=2, keepdims=True), 1e-30)
+    return tangents
+
+
+def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool = False, uvs: Sequence[F64] = ()) -> Tubes:
+    """Returns tubes around (N, S, 3) polylines, with flat ends.
+
+    radii: (N, S); colors: (N, S, 3) or None; uvs: (N, S, 2) each; sides: number of sides of each tube. fibres: makes the tubes
+    fibres of hair: without ends, with tangents, and as wide on average as the round fibre, whose circumference they have.
+    """
+    if fibres:
+        radii = radii * (np.pi / sides / np.sin(np.pi / sides))
+    count, samples = lines.shape[:2]
+    tangents = line_tangents(lines)
     across = np.empty_like(lines)
     least = np.eye(3)[np.argmin(np.abs(tangents[:, 0]), axis=1)]
     side = np.cross(tangents[:, 0], least)
@@ -142,16 +175,45 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool =
             triangles,
             np.repeat(handed, sides, axis=0),
             np.repeat(2 * radii.reshape(-1), sides),
+            tuple(np.repeat(each.reshape(-1, 2), sides, axis=0) for each in uvs),
         )
     ends = np.stack([rings[:, 0], rings[:, -1]], axis=1)
     facing = np.broadcast_to(np.stack([-tangents[:, 0], tangents[:, -1]], axis=1)[:, :, None], ends.shape)
     positions = np.concatenate([rings, ends], axis=1).reshape(-1, 3)
     normals = np.concatenate([out, facing], axis=1).reshape(-1, 3)
-    shown = None
-    if colors is not None:
-        whole = np.concatenate([colors, colors[:, :1], colors[:, -1:]], axis=1)
-        shown = np.repeat(whole.reshape(-1, colors.shape[2]), sides, axis=0)
+
+    def with_ends(values: F64) -> F64:
+        whole = np.concatenate([values, values[:, :1], values[:, -1:]], axis=1)
+        return np.asarray(np.repeat(whole.reshape(-1, values.shape[2]), sides, axis=0))
+
     fan = np.stack([np.zeros(sides - 2, int), np.arange(1, sides - 1), np.arange(2, sides)], axis=1)
     one = np.concatenate([body, samples * sides + fan[:, ::-1], (samples + 1) * sides + fan])
     triangles = (one[None] + (np.arange(count) * (samples + 2) * sides)[:, None, None]).reshape(-1, 3)
-    return Tubes(positions, normals, shown, triangles, None, None)
+    shown = None if colors is None else with_ends(colors)
+    return Tubes(positions, normals, shown, triangles, None, None, tuple(with_ends(each) for each in uvs))
+
+
+def ribbons(lines: F64, radii: F64, facing: F64, colors: F64 | None, uvs: Sequence[F64] = ()) -> Tubes:
+    """Returns flat strips along (N, S, 3) polylines, as open `Tubes`.
+
+    radii: (N, S), half the width. facing: (N, S, 3), the direction that the strip faces, made perpendicular to the curve; where
+    it is along the curve, that of the point before is kept. colors: (N, S, 3) or None; uvs: (N, S, 2) each.
+    """
+    count, samples = lines.shape[:2]
+    side = np.cross(facing, line_tangents(lines))
+    length = np.linalg.norm(side, axis=2, keepdims=True)
+    side /= np.maximum(length, 1e-30)
+    for s in range(1, samples):
+        side[:, s] = np.where(length[:, s] > 1e-9, side[:, s], side[:, s - 1])
+    normals = np.cross(line_tangents(lines), side)
+    edges = radii[:, :, None] * side
+    positions = np.stack([lines - edges, lines + edges], axis=2).reshape(-1, 3)
+    k = 2 * np.arange(samples - 1)
+    one = np.stack([np.stack([k, k + 3, k + 1], -1), np.stack([k, k + 2, k + 3], -1)], axis=1).reshape(-1, 3)
+    triangles = (one[None] + (np.arange(count) * 2 * samples)[:, None, None]).reshape(-1, 3)
+
+    def twice(values: F64) -> F64:
+        return np.asarray(np.repeat(values.reshape(-1, values.shape[2]), 2, axis=0))
+
+    shown = None if colors is None else twice(colors)
+    return Tubes(positions, twice(normals), shown, triangles, None, None, tuple(twice(each) for each in uvs))

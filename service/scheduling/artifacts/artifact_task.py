@@ -41,11 +41,12 @@ Request = TypeVar("Request", DenoiseFrame, FrameVectors, ShowEnvironment)
 
 @dataclass(frozen=True)
 class ArtifactResult:
-    """A finished artifact: SHA-256 of its blob, and the version and sample count of the film from which it was made."""
+    """A finished artifact: SHA-256 of its blob, the version and sample count of its film, and the seconds that it took."""
 
     sha256: str
     version: str = ""
     samples: int = 0
+    seconds: float = 0.0
 
 
 @dataclass
@@ -76,6 +77,11 @@ class ArtifactTask(ABC, Generic[Request]):
         self._wanted: dict[Key, _PendingRequest[Request]] = {}
         self._unfit = UnfitMachines()
         self._made: dict[Key, ArtifactResult] = {}
+
+    @property
+    def has_requests(self) -> bool:
+        """Returns True if a client waits for an artifact. Thread-safe."""
+        return bool(self._wanted)
 
     @abstractmethod
     def _kind(self) -> str | None:
@@ -197,12 +203,23 @@ class ArtifactTask(ABC, Generic[Request]):
             old = self._made.get(key)
             if is_there:
                 self._made[key] = result
+                self._record_made(result)
         if not is_there:
             wanted.answer.set_exception(self._failure(""))
             return
         wanted.answer.set_result(result)
         if old is not None and old.sha256 != result.sha256:
             self._delete(old.sha256)
+
+    def _record_made(self, result: ArtifactResult) -> None:
+        """Called with each artifact that was made, under the lock."""
+
+    def release(self, job: str, frame: int) -> None:
+        """Releases a frame's artifact, if it was made."""
+        with self._lock:
+            made = self._made.pop((job, frame), None)
+        if made is not None:
+            self._run_in_background(self._delete, made.sha256)
 
     def release_lost(self) -> None:
         """Ends the leases of requests that were lost with their worker, and fails overdue requests. Called once a second."""

@@ -7,6 +7,7 @@ from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.environments import Environments
 from service.scheduling.artifacts.frame_preparation import FramePreparation
+from service.scheduling.artifacts.previews import DenoisedPreviews
 from service.scheduling.artifacts.scene_preparation import ScenePreparations
 from service.scheduling.artifacts.unfit_machines import MachineFault
 from service.scheduling.artifacts.vectors import Vectors
@@ -36,7 +37,13 @@ class ArtifactTasks:
         self.denoising = Denoising(dispatcher, workers, blobs, events)
         self.vectors = Vectors(dispatcher, workers, blobs, events)
         self.environments = Environments(dispatcher, workers, blobs, events)
-        self._aside = (self.denoising, self.vectors, self.environments)
+        self.previews = DenoisedPreviews(dispatcher, workers, blobs, events)
+        self._aside = (self.denoising, self.previews, self.vectors, self.environments)
+
+    @property
+    def wait_for_slots(self) -> bool:
+        """Returns True if scenes or clients' requests wait for a slot or are being worked on. Frames of shots are not counted."""
+        return len(self.preparing.leases) > 0 or any(each.has_requests for each in self._aside)
 
     def fill_artifacts(self) -> None:
         """Sends clients' open artifact requests to workers. Raises QueueError."""
@@ -52,9 +59,12 @@ class ArtifactTasks:
         """Handles a worker's answer to an artifact request. Ignores other messages."""
         match message:
             case DenoiseDone():
-                self.denoising.handle_answer(message.work, ArtifactResult(message.sha256, message.version, message.samples))
+                result = ArtifactResult(message.sha256, message.version, message.samples, message.seconds)
+                self.denoising.handle_answer(message.work, result)
+                self.previews.handle_answer(message.work, result)
             case DenoiseFailed():
                 self.denoising.handle_answer(message.work, None, message.error, _machine_fault(message))
+                self.previews.handle_answer(message.work, None, message.error, _machine_fault(message))
             case VectorsMade():
                 self.vectors.handle_answer(message.work, ArtifactResult(message.sha256))
             case VectorsFailed():
@@ -67,6 +77,7 @@ class ArtifactTasks:
     def discard_job(self, job: str) -> None:
         """Discards the artifact requests and artifacts of a deleted job."""
         self.denoising.discard_job(job)
+        self.previews.discard_job(job)
         self.vectors.discard_job(job)
 
     def close(self) -> None:

@@ -26,6 +26,7 @@ class SlotGroup:
     """The slots of one worker kind to which batches are sent.
 
     batch_s: target duration of a batch in seconds. message_s: that of a message with several batches of a shot.
+    whole_s: longest duration of a batch with all samples of a tile of a shot.
     """
 
     kind: str
@@ -36,6 +37,7 @@ class SlotGroup:
     max_run: int = 1  # maximum number of consecutive batches of one tile
     most: int = 2  # maximum number of slots to occupy at once
     message_s: float = 0.0
+    whole_s: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -62,7 +64,7 @@ def next_batch_groups(job: ActiveJob, slots: SlotGroup) -> list[BatchGroup]:
 
     A batch of unknown duration, or one that failed before, is sent alone, so that it cannot affect others.
     """
-    first = job.next_batch(slots.batch_s, slots.slots, slots.kind, slots.max_run)
+    first = job.next_batch(slots.batch_s, slots.slots, slots.kind, slots.max_run, slots.whole_s)
     if first is None:
         return []
     if not _has_known_cost(job, first):
@@ -100,7 +102,7 @@ def _batches_of_many_tiles(job: ActiveJob, slots: SlotGroup, first: Range) -> li
         and len(batches) < MAX_BATCHES
         and not job.agenda.is_out_of_order(job.frames[batches[-1].frame], slots.kind)
     ):
-        batch = job.next_batch(slots.batch_s, slots.slots, slots.kind)
+        batch = job.next_batch(slots.batch_s, slots.slots, slots.kind, whole_seconds=slots.whole_s)
         if batch is None:
             break
         if not _has_known_cost(job, batch):

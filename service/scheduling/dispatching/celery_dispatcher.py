@@ -29,6 +29,7 @@ from protocol.contract import (
     ShowEnvironment,
     denoise_queue,
     prepare_queue,
+    recall_key,
     render_queue,
 )
 from protocol.explained import EXPLAIN, ExplainPixel
@@ -49,6 +50,7 @@ from service.scheduling.jobs.traces import trace_headers
 
 __all__ = ["CeleryDispatcher"]
 
+RECALL_TTL_S = 120  # longer than a message with several batches takes
 _UNREACHABLE = (OperationalError, BatchPublishError, redis.RedisError, OSError)
 
 
@@ -168,6 +170,13 @@ class CeleryDispatcher:
             if id in messages and self._redis.lrem(queue, 1, message):  # type: ignore[arg-type]
                 taken.add(id)
         return taken
+
+    def recall(self, messages: set[str]) -> None:
+        """Asks the slots that render these messages to return the batches that they have not begun. Raises redis.RedisError."""
+        with self._redis.pipeline(transaction=False) as keys:
+            for message in messages:
+                keys.set(recall_key(message), 1, ex=RECALL_TTL_S)
+            keys.execute()
 
     def purge(self) -> None:
         """Removes all waiting messages of a previous run, since their leases no longer exist. Raises redis.RedisError."""

@@ -74,6 +74,12 @@ class Dispatcher(Protocol):
         Messages that a worker has already fetched are not removed. Raises redis.RedisError.
         """
 
+    def recall(self, messages: set[str]) -> None:
+        """Asks the slots that render these messages to return the batches that they have not begun. Raises redis.RedisError.
+
+        A slot looks while it renders a batch, so it may begin one more.
+        """
+
     def purge(self) -> None:
         """Removes all waiting messages of a previous run, since their leases no longer exist. Raises redis.RedisError."""
 

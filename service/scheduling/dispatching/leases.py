@@ -44,6 +44,8 @@ class Lease:
     is_of_card: bool = False  # whether `only` renders it with a graphics card
     charged_s: float = 0.0  # slot-seconds charged to its share
     message: str = ""  # id of its message, which may contain other batches
+    message_s: float = 0.0  # expected duration of its message, if one slot renders several batches of it; else 0
+    is_long: bool = False  # whether its message is recalled when other work waits for a slot
     is_joint: bool = False  # whether the batches of its message are rendered in parallel by slots of one machine
 
     def __post_init__(self) -> None:
@@ -80,6 +82,11 @@ class Lease:
         """
         return 0.0 if self.is_joint or self.is_of_card or self.held_since is None else max(now - self.held_since - seconds, 0.0)
 
+    @property
+    def waits_in_message(self) -> bool:
+        """True if the batch is rendered after others of its message, so `transit_s` would contain their rendering time."""
+        return self.message != self.id and not (self.is_joint or self.is_of_card)
+
     def record_poll(self, is_seen: bool, stream_end: Callable[[], Position], max_unseen: float = MAX_UNSEEN_POLLS) -> None:
         """Records whether a poll found the lease in its queue or with a worker (`is_seen`).
 
@@ -111,6 +118,7 @@ class Leases:
         self._held: Counter[str] = Counter()
         self._waiting: Counter[str] = Counter()
         self._kinds: Counter[str] = Counter()
+        self._long: dict[str, dict[str, Lease]] = {}  # leases of long messages by worker kind and id
 
     def __iter__(self) -> Iterator[Lease]:
         return iter(list(self._all.values()))
@@ -122,6 +130,8 @@ class Leases:
         """Adds a lease."""
         self._all[lease.id] = lease
         self._of.setdefault(lease.owner, {})[lease.id] = lease
+        if lease.is_long:
+            self._long.setdefault(lease.kind, {})[lease.id] = lease
         if lease.takes_a_slot:
             self._occupy(lease)
 
@@ -154,6 +164,7 @@ class Leases:
         if ended is not None:
             of = self._of[ended.owner]
             del of[lease]
+            self._long.get(ended.kind, {}).pop(lease, None)
             if not of:
                 del self._of[ended.owner]
             if ended.takes_a_slot:
@@ -163,6 +174,18 @@ class Leases:
     def leases_of(self, owner: str) -> list[Lease]:
         """Returns the leases of a job or a scene."""
         return list(self._of.get(owner, {}).values())
+
+    def has_long(self, kind: str) -> bool:
+        """Returns True if `long_leases` returns any."""
+        return bool(self._long.get(kind))
+
+    def long_leases(self, kind: str) -> list[Lease]:
+        """Returns the leases of long messages of a worker kind that were not recalled."""
+        return list(self._long.get(kind, {}).values())
+
+    def forget_long(self, kind: str) -> None:
+        """Forgets which leases of a worker kind belong to long messages, since these were recalled."""
+        self._long.pop(kind, None)
 
     def has_any(self, owner: str) -> bool:
         """Returns True if a job or a scene has any lease."""

@@ -132,5 +132,7 @@ class LostLeaseFinder:
         if lease.unseen >= max_unseen and not is_late():
             return LossVerdict.UNSEEN
         since = lease.held_since or lease.issued
-        is_straggler = lease.is_held and self._clock.monotonic() - since > max(STRAGGLER_S, 6 * lease.expected_s)
+        is_straggler = lease.is_held and self._clock.monotonic() - since > max(
+            STRAGGLER_S, 6 * lease.expected_s, 2 * lease.message_s
+        )
         return LossVerdict.LATE if is_straggler and not lease.doubled else None

@@ -26,8 +26,10 @@ BACKLOG_AGE_S = 0.75  # a backlog of this age is not just a burst
 MAX_STRETCH = 20.0
 BATCH_GROWTH = 1 / 16  # of the slot-seconds per slot that a job has used, so a batch adds at most this fraction to a picture
 MESSAGE_GROWTH = 1 / 4  # the same for messages with several batches, which do not change how often pictures are updated
+RECALLABLE_GROWTH = 1.0  # the same for messages that are recalled when other work waits
 MESSAGE_SHARE = 0.5  # of a batch's duration, at least, for a message with short batches of several frames
 MAX_GROWTH = 3.0  # multiple of the shortest batch; the wait of a new job for a slot
+MAX_RECALLABLE_GROWTH = 12.0  # the same for messages that are recalled when a new job or a view waits
 RESULT_EVERY_S = 0.25  # interval of a long job's results with few slots, whose batches stay short; longer on a busy machine
 ASSUMED_BATCH_COST_S = (
     0.001  # core-seconds per batch, assumed until measured, so that a large farm does not start with short batches
@@ -134,14 +136,22 @@ class BatchSizing:
         self._grown_s = max(self._shortest_s, grown_s)
         return self._batch_s_at_full_load(slots, self._grown_s)
 
-    def message_s(self, batch_s: float, spent_s: float) -> float:
+    @property
+    def longest_message_s(self) -> float:
+        """The longest duration, in seconds, of a message that other work waits for."""
+        return MAX_GROWTH * self._shortest_s
+
+    def message_s(self, batch_s: float, spent_s: float, is_recallable: bool = False) -> float:
         """Returns the target duration, in seconds, of a message with short batches of several frames of a shot.
 
-        batch_s, spent_s: as for `batch_s`. A slot has no work between two messages. Since each batch is sent as soon as it is
-        rendered, the number of slots does not limit the duration; only the wait of new jobs and views for a slot does.
+        batch_s, spent_s: as for `batch_s`. is_recallable: whether the message is recalled when other work needs its slot. A slot
+        has no work between two messages. Since each batch is sent as soon as it is rendered, the number of slots does not limit
+        the duration; only the wait of new jobs and views for a slot does.
         """
-        grown_s = 0.0 if self.is_pressed() else min(spent_s * MESSAGE_GROWTH, MAX_GROWTH * self._shortest_s)
-        self._grown_s = max(self._grown_s, grown_s)
+        most_s = MAX_RECALLABLE_GROWTH * self._shortest_s if is_recallable else self.longest_message_s
+        growth = RECALLABLE_GROWTH if is_recallable else MESSAGE_GROWTH
+        grown_s = 0.0 if self.is_pressed() else min(spent_s * growth, most_s)
+        self._grown_s = max(self._grown_s, min(grown_s, self.longest_message_s))  # longer ones are withdrawn from the queue
         return max(MESSAGE_SHARE * batch_s, grown_s)
 
     def card_message_s(self) -> float:

@@ -83,21 +83,28 @@ class Scheduler:
         self.looks = NoiseBudget()
         self.checks: Counter[str] = Counter()  # pending verifications of batches, by job
         self._sent: list[Lease] = []  # leases of one call of `dispatch_work`
+        self._is_contended = False  # whether other work waits for the slots of the worker kind that is being served
         self._turn = count(1)
         self.lost = 0  # batches that were handed out again
         self.doubled = 0  # duplicates of straggling batches
 
-    def dispatch_work(self, start: StartJob) -> None:
+    def dispatch_work(self, start: StartJob, others_wait: bool = False) -> None:
         """Dispatches batches until each worker kind has its maximum number of outstanding messages. Raises QueueError.
 
-        start(job, kind): starts a job on workers of this kind; returns False if the job is not ready.
+        start(job, kind): starts a job on workers of this kind; returns False if the job is not ready. others_wait: whether work
+        other than batches and live views waits for slots.
         """
         for kind in sorted({report.kind for report in self._workers.roster.ready_reports()}):
             slots = self._workers.roster.cpu_slots(kind)
             room = self._pace.scaled_room(self._window(slots, kind) - self.leases.occupied_slots(kind))
             cards = self._cards.of_kind(kind)
-            turns = self.job_queue.by_priority(kind) if room > 0 or any(card_worker.room > 0 for card_worker in cards) else {}
-            if not turns:
+            has_room, has_long = room > 0 or any(card_worker.room > 0 for card_worker in cards), self.leases.has_long(kind)
+            turns = self.job_queue.by_priority(kind) if has_room or has_long else {}
+            self._is_contended = others_wait or self._pace.is_pressed() or self._has_job_without_slot(turns)
+            if has_long and self._is_contended:
+                self._recall_long_messages(kind)
+                room = self._pace.scaled_room(self._window(slots, kind) - self.leases.occupied_slots(kind))
+            if not turns or not (has_room or room > 0):
                 continue
             self._sent.clear()
             self._ready_sites = self.sites.ready_sites(kind, self._settings.window_per_slot)
@@ -171,6 +178,17 @@ class Scheduler:
             groups = next_batch_groups(job, slots)
             groups = [replace(group, queue=card_worker.queue, only=card_worker.name) for group in groups]
         self._send_all(job, kind, groups)
+
+    def _has_job_without_slot(self, turns: dict[int, list[ActiveJob]]) -> bool:
+        """Returns True if a job may wait for slots of other jobs: it has no message out, or not all priorities are equal.
+
+        turns: the jobs by priority.
+        """
+        jobs = [job for equals in turns.values() for job in equals]
+        if len(jobs) < 2:
+            return False
+        held = self.leases.slots_by_job()
+        return len(turns) > 1 or not all(held[job.id] for job in jobs)
 
     def _may_serve(self, job: ActiveJob) -> bool:
         return self._bulkheads.may_render(job.id) and time.monotonic() >= job.rests_until and not job.is_done
@@ -252,8 +270,12 @@ class Scheduler:
         site = self._choose_site(job) if joint and max_run > 1 else None
         if site is not None:
             max_run, max_slots = self._pace.batches_of_a_site(site.slots), min(max_slots, site.room)
-        message_s = self._pace.message_s(batch_s, job.rendered_s / max(slots, 1)) if job.shot is not None else batch_s
-        groups = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, max_run, max_slots, message_s))
+        message_s = whole_s = batch_s
+        if job.shot is not None:
+            is_recallable = not self._is_contended and roster.accepts_recall(kind)
+            message_s = self._pace.message_s(batch_s, job.rendered_s / max(slots, 1), is_recallable)
+            whole_s = min(message_s, self._pace.longest_message_s)
+        groups = next_batch_groups(job, SlotGroup(kind, slots, batch_s, several, joint, max_run, max_slots, message_s, whole_s))
         if site is not None:
             hold_s = self._pace.site_hold_s(batch_s)
             groups = [message for group in groups for message in site.split_for_machines(group, hold_s)]
@@ -293,6 +315,10 @@ class Scheduler:
             leases[-1].only, leases[-1].is_of_card = group.only, group.is_of_card
             leases[-1].charged_s = seconds or self._settings.batch_seconds
             leases[-1].message = leases[0].id
+        if len(leases) > 1 and not group.is_joint and not group.is_of_card:
+            for lease in leases:
+                lease.message_s = expected
+                lease.is_long = expected > self._pace.longest_message_s and not self._is_contended
         if group.is_joint:
             hold_s = self._pace.hold_s(expected / len(batches))
             self._dispatcher.send_joint(joint_message(job, leases, batches, hold_s, group.run), leases[0].queue)
@@ -327,7 +353,8 @@ class Scheduler:
         ended = self._end_lease(job, lease)
         if ended is not None:  # limits the reported time to the age of the lease
             seconds = min(seconds, time.monotonic() - ended.issued + CLOCK_TOLERANCE_S)
-            self._pace.record_transit(ended.transit_s(seconds, time.monotonic()))
+            if not ended.waits_in_message:
+                self._pace.record_transit(ended.transit_s(seconds, time.monotonic()))
         if ended is not None and ended.batch is not None and ended.batch != batch:
             job.requeue(ended.batch)
         if ended is not None and batch is not None:
@@ -411,6 +438,34 @@ class Scheduler:
         if not self._other_ready_workers(worker):
             job.rests_until = time.monotonic() + RETURNED_PAUSE_S
 
+    def handle_recalled(self, job: ActiveJob, lease: str, batch: Range, worker: str, reason: str) -> None:
+        """Handles a batch of a recalled message that its slot has not begun: puts it back into the plan. It is nobody's fault.
+
+        lease: its id. The other arguments are those of `handle_return`.
+        """
+        ended = self._end_lease(job, lease)
+        if ended is not None:
+            self.shares.correct_charge(ended.kind, job.share, -ended.charged_s)
+            job.requeue(ended.batch or batch)
+
+    def _recall_long_messages(self, kind: str) -> None:
+        """Takes back the long messages of a worker kind, since other work waits for its slots.
+
+        Those in a queue are withdrawn. The slots that render one return the batches that they have not begun.
+        """
+        out = self.leases.long_leases(kind)
+        self.leases.forget_long(kind)
+        taken: set[str] = set()
+        try:
+            for queue in {lease.queue for lease in out}:
+                taken |= self._dispatcher.withdraw(queue, {lease.message for lease in out})
+            self._dispatcher.recall({lease.message for lease in out} - taken)
+        except redis.RedisError as error:
+            log.warning("long messages are not recalled: %s", error)
+        for lease in out:
+            if lease.message in taken and lease.batch is not None and (job := self.jobs.get(lease.owner)) is not None:
+                self.handle_recalled(job, lease.id, lease.batch, "", "")
+
     def handle_card_return(self, job: ActiveJob, lease: str, batch: Range, worker: str, reason: str) -> None:
         """Handles a batch that a graphics card cannot render: puts it back into the plan.
 
@@ -444,6 +499,8 @@ class Scheduler:
             try:
                 taken = self._dispatcher.withdraw(queue, {lease.message for lease in mine})
                 mine += [lease for lease in self.leases.leases_of(job.id) if lease.message in taken and lease not in mine]
+                if kept := {lease.message for lease in mine if lease.queue == queue and lease.message_s} - taken:
+                    self._dispatcher.recall(kept)
             except redis.RedisError as error:
                 log.warning("batches of job %s stay in the queue: %s", job.id, error, extra=ids(job=job.id))
         for lease in mine:

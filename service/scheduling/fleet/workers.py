@@ -138,6 +138,10 @@ class WorkerSnapshot:
         """
         return all(report.several for report in self.reports.values() if report.kind == kind)
 
+    def accepts_recall(self, kind: str) -> bool:
+        """Returns True if all workers of this kind return the unbegun batches of a message that is recalled."""
+        return all(report.recalls for report in self.reports.values() if report.kind == kind)
+
     def accepts_joint(self, kind: str) -> bool:
         """Returns True if all workers of this kind support joint messages.
 

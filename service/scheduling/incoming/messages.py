@@ -176,6 +176,7 @@ class BatchReturned(_Batch):
     type: Literal["batch-returned"]
     error: SentSentence
     for_cpu: bool = False  # whether only a graphics card cannot render it (protocol.card)
+    recalled: bool = False  # whether it was not begun when the service recalled its message
 
 
 class _Denoise(BaseModel):
@@ -195,6 +196,7 @@ class DenoiseDone(_Denoise):
     sha256: Id
     version: Id
     samples: Annotated[int, Field(ge=0, lt=1 << 63)]
+    seconds: Annotated[float, Field(ge=0, allow_inf_nan=False)] = 0.0  # that the denoiser took; 0 from earlier releases
 
 
 class DenoiseFailed(_Denoise):

@@ -221,12 +221,14 @@ class ActiveFrame:
         self.is_idle = False
         self._notify_change()
 
-    def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1, begins_with_one: bool = True) -> Range | None:
+    def next_batch(
+        self, samples_wanted: Callable[[int], int], max_run: int = 1, at_once: Callable[[int], int] | None = None
+    ) -> Range | None:
         """Returns the next batch of samples up to `ceiling`; None if all are dispatched. Raises FilmUnavailable or FilmLost.
 
         The parameters are those of `FramePlan.next_batch`.
         """
-        return self.plan.next_batch(samples_wanted, max_run, begins_with_one)
+        return self.plan.next_batch(samples_wanted, max_run, at_once)
 
     def requeue(self, batch: Range) -> None:
         """Puts a lost batch back into the plan, to be dispatched again."""

@@ -298,24 +298,29 @@ class ActiveJob:
 
         return self._next(kind, samples_wanted, 1)
 
-    def next_batch(self, batch_seconds: float, slots: int, kind: str, max_run: int = 1) -> Range | None:
+    def next_batch(
+        self, batch_seconds: float, slots: int, kind: str, max_run: int = 1, whole_seconds: float = 0.0
+    ) -> Range | None:
         """Returns the next batch for a CPU slot; None if there is none.
 
         It takes about `batch_seconds`, or less near the end of the job. slots: number of slots of this worker kind.
-        max_run: number of successive calls that may return consecutive batches of the same tile.
+        max_run: number of successive calls that may return consecutive batches of the same tile. whole_seconds: in a shot, a
+        tile all of whose samples take no longer is one batch.
         """
-        aim = self.target_s(batch_seconds, slots)
 
-        def samples_wanted(tile: int) -> int:
+        def samples_in(seconds: float, tile: int) -> int:
             rect = self.film.tiles[tile]
             a_sample = self._costs.expected_cost(tile) * rect.w * rect.h
-            return int(aim / a_sample) if a_sample > 0.0 else 1
+            return int(seconds / a_sample) if a_sample > 0.0 else 1
 
-        return self._next(kind, samples_wanted, max_run)
+        wanted = partial(samples_in, self.target_s(batch_seconds, slots))
+        return self._next(kind, wanted, max_run, partial(samples_in, self.target_s(whole_seconds, slots)))
 
-    def _next(self, kind: str, samples_wanted: Callable[[int], int], max_run: int) -> Range | None:
+    def _next(
+        self, kind: str, samples_wanted: Callable[[int], int], max_run: int, at_once: Callable[[int], int] | None = None
+    ) -> Range | None:
         while (frame := self.agenda.next_frame(kind)) is not None:
-            batch = frame.next_batch(samples_wanted, max_run, begins_with_one=self.shot is None)
+            batch = frame.next_batch(samples_wanted, max_run, (at_once or samples_wanted) if self.shot is not None else None)
             if batch is not None:
                 return batch
             if not self.agenda.raise_ceiling(frame):

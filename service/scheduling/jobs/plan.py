@@ -143,12 +143,14 @@ class FramePlan:
         heapq.heapify(self._focused)
         heapq.heapify(self._heap)
 
-    def next_batch(self, samples_wanted: Callable[[int], int], max_run: int = 1, begins_with_one: bool = True) -> Range | None:
+    def next_batch(
+        self, samples_wanted: Callable[[int], int], max_run: int = 1, at_once: Callable[[int], int] | None = None
+    ) -> Range | None:
         """Returns the next batch; None if all are dispatched.
 
         samples_wanted: returns the suitable number of samples for the tile of an index. max_run: number of successive calls
-        that may return consecutive batches of the same tile. begins_with_one: whether a tile's first batch has one sample even
-        if all samples of the tile would be a suitable number.
+        that may return consecutive batches of the same tile. at_once: returns the largest number of samples for which all
+        samples of a tile are one batch; None: a tile's first batch has one sample.
 
         The film is queried before the plan is changed, so an error of the film leaves the plan unchanged.
         """
@@ -161,12 +163,16 @@ class FramePlan:
             self._requeue_gaps(lost, covered)
         is_first_wave = bool(self._heap) and self._heap[0][0] == 0
         for heap in (self._heap, self._focused) if is_first_wave else (self._focused, self._heap):
-            if (batch := self._next_from(heap, samples_wanted, max_run, begins_with_one)) is not None:
+            if (batch := self._next_from(heap, samples_wanted, max_run, at_once)) is not None:
                 return batch
         return None
 
     def _next_from(
-        self, heap: list[_HeapEntry], samples_wanted: Callable[[int], int], max_run: int, begins_with_one: bool
+        self,
+        heap: list[_HeapEntry],
+        samples_wanted: Callable[[int], int],
+        max_run: int,
+        at_once: Callable[[int], int] | None,
     ) -> Range | None:
         while heap:
             turn, _, tile, planned = heap[0]
@@ -186,8 +192,8 @@ class FramePlan:
                 continue
             start, end = gap
             left, wanted = min(end, self.ceiling) - start, max(1, samples_wanted(tile))
-            is_whole = start == 0 and left <= wanted and not begins_with_one
-            most = wanted if is_whole else max(1, min(wanted, MAX_BATCH_RATIO * start))
+            is_whole = start == 0 and at_once is not None and left <= max(wanted, at_once(tile))
+            most = left if is_whole else max(1, min(wanted, MAX_BATCH_RATIO * start))
             if left <= 0:  # all samples below the ceiling are present; checked again when it rises
                 self._planned[tile] = start
                 self._push(tile)

@@ -75,6 +75,14 @@ def test_hair_selects_a_variant_with_hair() -> None:
     assert variant_of(compile_scene(described(hair)), camera_moves=True) == "moving-hair"
 
 
+def test_catchers_of_reflections_select_a_variant_with_them() -> None:
+    """Not those of kind unlit, which reflect nothing."""
+    catcher = Material(reflection_catcher=True)
+    assert variant_of(compile_scene(described(catcher))) == "catchers"
+    assert variant_of(compile_scene(described(catcher)), camera_moves=True) == "moving-catchers"
+    assert variant_of(compile_scene(described(replace(catcher, kind="unlit")))) == "plain"
+
+
 def test_punctual_lights_and_instances_select_a_larger_variant() -> None:
     scene = described(PLAIN[0])
     scene.lights.append(Light("point", position=(0, 3, 0)))

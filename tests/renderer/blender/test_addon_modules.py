@@ -65,7 +65,9 @@ def used_names() -> set[str]:
 
 def test_used_add_on_names_exist() -> None:
     names = sorted(used_names())
-    assert {"cycles.depths_of", "lights.bounce_limit", "shader_mix.principled_look", "skies.photographed", "tubes"} <= set(names)
+    assert {"cycles.depths_of", "lights.bounce_limit", "shader_mix.principled_look", "skies.photographed", "meshes.hair"} <= set(
+        names
+    )
     command = [sys.executable, "-c", PROGRAM, str(ADDON), *names]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr[-2000:]

@@ -21,6 +21,7 @@ class Meant:
     positions = SQUARE
     normals = np.tile(np.float32((0, 0, 1)), (4, 1))
     uvs = (SQUARE[:, :2],)
+    fibres = np.tile(np.float32((0, 0, 1, 0.5)), (4, 1))
     parts = ((0, np.array([0, 1, 2, 0, 2, 3], np.uint32)),)
 
 
@@ -42,6 +43,8 @@ def test_stand_in_is_replaced_by_the_real_mesh(tmp_path: Path) -> None:
     np.testing.assert_allclose(corners.reshape(-1, 3).min(axis=0), (0, 0, -1))
     assert found.meshes[0].normals is not None
     np.testing.assert_allclose(found.meshes[0].normals, np.tile((0, 1, 0), (4, 1)))
+    np.testing.assert_allclose(found.meshes[0].tangents, np.tile((0, 1, 0, 1), (4, 1)))
+    np.testing.assert_allclose(found.meshes[0].diameters, 0.5)
 
 
 def test_non_glb_data_is_rejected(tmp_path: Path) -> None:

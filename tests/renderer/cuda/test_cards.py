@@ -13,7 +13,7 @@ import pytest
 import rayfarm
 from protocol.card import CardBatches
 from protocol.contract import RenderBatch, Result
-from protocol.sums import unpack_sums
+from protocol.sums import PACKED, unpack_hits, unpack_sums
 from rayfarm import graphics_card
 from renderer.cuda import render as card_rendering
 from renderer.cuda.cards import (
@@ -27,7 +27,7 @@ from renderer.cuda.cards import (
 from renderer.cuda.driver import Card, Device, Driver, DriverError
 from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
-from renderer.film import SAMPLES
+from renderer.film import SAMPLES, digest
 from renderer.render import RenderStats, render_batch, render_frame
 from renderer.settings import Tile, tiles_of
 from tests.helpers import ROOT
@@ -176,6 +176,18 @@ def test_card_batch_equals_the_cpu_batch(card: CardRenderer) -> None:
     assert (render_batch(scene, settings, tile, 2, 5, card).sums == render_batch(scene, settings, tile, 2, 5).sums).all()
 
 
+def test_card_mattes_and_deep_pixels_equal_the_cpu_ones(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, settings = made("glass")
+    settings, tile = replace(settings, cryptomatte=4, deep=8), Tile(5, 7, 9, 4)
+    of_cpu = render_batch(scene, settings, tile, 2, 5)
+    for most in (1 << 20, 9 * 4 * 11 * 2):  # all at once, two samples a pixel at once
+        monkeypatch.setattr("renderer.render._CARD_RECORDS", most)
+        of_card = render_batch(scene, settings, tile, 2, 5, card)
+        assert digest(of_card.sums, of_card.hits, of_card.deep) == digest(of_cpu.sums, of_cpu.hits, of_cpu.deep)
+    assert len(of_cpu.hits.key) > 0
+    assert len(of_cpu.deep.key) > 0
+
+
 def test_few_paths_render_many_samples(card: CardRenderer, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("renderer.cuda.turns._MOST_PATHS", 40)
     scene, settings = made("diffuse")
@@ -262,3 +274,9 @@ def test_card_results_of_a_worker_message_equal_the_cpu(card: CardRenderer, monk
     for result in sent:
         tile = tiles[int(result.event["batch"])]
         assert (unpack_sums(result.sums, tile) == render_batch(scene, settings, tile, 1, 3).sums).all()
+    with_mattes = replace(settings, cryptomatte=4)
+    parts = [replace(part, settings=with_mattes, packing=PACKED) for part in parts[:2]]
+    slot_card.render_on_card(worker, CardBatches(tuple(parts)), lambda block, is_compiling: None)
+    for result, tile in zip(sent[-2:], tiles, strict=False):
+        found, wanted = unpack_hits(result.sums, tile), render_batch(scene, with_mattes, tile, 1, 3).hits
+        assert all(np.array_equal(a, b) for a, b in zip(found, wanted, strict=True))

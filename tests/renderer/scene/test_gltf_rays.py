@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from renderer.arrays.rows import CATCHER, HOLDOUT, SHADELESS, UNSEEN
+from renderer.arrays.rows import CATCHER, CATCHES, HOLDOUT, SHADELESS, UNSEEN
 from renderer.blender.inside.light_groups import layer_groups, light_group_of
 from renderer.blender.inside.light_links import LinkSets
 from renderer.blender.inside.ray_visibility import RAYS, matte_flags_of, note_rays, write_extensions
@@ -80,6 +80,7 @@ def test_extras_make_holdouts_and_shadow_catchers(scene, tmp_path):
     g.mesh(material=g.material(extras={"shadow_catcher": True}))
     g.node(mesh=0, name="floor")
     g.node(mesh=0, name="both", extras={"holdout": True})
+    g.node(mesh=0, name="wet", extras={"reflection_catcher": True})
     g.node(mesh=0, name="held")
     g.node(mesh=0, name="odd", extras={"holdout": "yes"})
     path = tmp_path / "b.glb"
@@ -89,15 +90,17 @@ def test_extras_make_holdouts_and_shadow_catchers(scene, tmp_path):
     materials = {i.name: found.materials[0 if i.material is None else i.material] for i in found.instances}
     held = {name: (m.holdout, m.shadow_catcher) for name, m in materials.items() if name in ("floor", "both", "held", "odd")}
     assert held == {"floor": (False, True), "both": (True, True), "held": (True, True), "odd": (False, True)}
+    assert [name for name, m in materials.items() if m.reflection_catcher] == ["wet"]
     flags = compile_scene(found).material_flags
-    assert {int(each) for each in flags & (HOLDOUT | CATCHER)} >= {CATCHER, HOLDOUT | CATCHER}
+    assert {int(each) for each in flags & (HOLDOUT | CATCHES)} >= {CATCHER, HOLDOUT | CATCHER, CATCHES}
 
 
 def test_mattes_of_blender_objects():
     layer, notes = SimpleNamespace(indirect_only_get=lambda view_layer: False), []
     held = SimpleNamespace(name="held", holdout_get=lambda view_layer: True, is_shadow_catcher=False)
+    catcher = {"shadow_catcher": True, "reflection_catcher": True}
     floor = SimpleNamespace(name="floor", holdout_get=lambda view_layer: False, is_shadow_catcher=True)
-    assert [matte_flags_of(each, layer) for each in (held, floor)] == [{"holdout": True}, {"shadow_catcher": True}]
+    assert [matte_flags_of(each, layer) for each in (held, floor)] == [{"holdout": True}, catcher]
     note_rays([held, floor], layer, notes, is_transparent=True)
     assert not notes
     note_rays([held, floor], layer, notes, is_transparent=False)

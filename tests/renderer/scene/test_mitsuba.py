@@ -216,6 +216,8 @@ def test_spectrum_plugins(tmp_path: Path) -> None:
     assert body / body.mean() == pytest.approx([1, 1, 1], abs=0.06)
     assert body.mean() == pytest.approx(4.3e4, rel=0.1)  # Planck's law at 550 nm, in W / (m2 sr nm)
     assert day.tolist() == [1, 1, 1]
+    colors = np.array([spectrum.color for spectrum in found.spectra])  # kept for spectral rendering
+    np.testing.assert_allclose(colors, [even / even.max(), body / body.max()], rtol=1e-6)
 
 
 def test_mask_becomes_opacity(tmp_path: Path, png: Callable[..., bytes]) -> None:

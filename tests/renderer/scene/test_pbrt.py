@@ -289,6 +289,27 @@ def test_damaged_files_are_read_or_rejected(tmp_path):
     assert outcomes == {"read", "refused"}
 
 
+def test_ribbon_curves(pbrt):
+    """Ribbons are flat, as wide as said, and turn evenly from normal to normal; those of hair are round fibres."""
+    points = " ".join(f"{x} 0 0" for x in range(7))
+    curve = f'Shape "curve" "point3 P" [{points}] "string type" "ribbon" "float width0" 0.2 "float width1" 0.8'
+    normals = '"normal N" [0 1 0 0 0 1 0 -1 0]'
+    found = pbrt(f"{curve} {normals}")
+    mesh = found.meshes[0]
+    x, sides = mesh.positions[::2, 0], mesh.positions[1::2] - mesh.positions[::2]
+    np.testing.assert_allclose(np.linalg.norm(sides, axis=1), 0.2 + 0.1 * x, rtol=1e-5)
+    angle = np.pi / 2 * x / 3
+    np.testing.assert_allclose(mesh.normals[::2], np.column_stack([0 * x, np.cos(angle), np.sin(angle)]), atol=1e-6)
+    assert len(mesh.triangles) == 2 * (len(x) - 1)
+    with pytest.raises(SceneError, match="a normal N for each end of its 2 segments"):
+        pbrt(f'{curve} "normal N" [0 1 0 0 0 1]')
+    found = pbrt(f'Material "hair" {curve} {normals}')
+    assert found.meshes[0].diameters is not None
+    flat = pbrt(f'Material "hair" Shape "curve" "point3 P" [{points}]')
+    assert flat.meshes[0].diameters is not None
+    assert not any("curves" in warning for warning in flat.warnings)
+
+
 def test_recursive_and_huge_input_terminates(pbrt):
     """Textures that refer to themselves, brackets in quotes, curves with very many points and repeated shapes all terminate."""
     squares = 'Texture "a" "spectrum" "checkerboard" '

@@ -5,6 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from renderer.arrays.spectrum import GIVEN_ETA, GIVEN_K, GIVEN_LIGHT, GIVEN_REFLECTANCE
+from renderer.scene.given_spectra import spectrum_rows
 from renderer.scene.observer import D65, MATCHING, WAVELENGTHS, at_wavelengths, planck
 from renderer.scene.readers.coats import dielectric_albedo, effective_albedo_under_coat
 from renderer.scene.readers.pbrt.conductors import _match_reflectance, normal_reflectance
@@ -155,3 +157,26 @@ def test_white_balance_applies_to_lights_and_sky(scene):
     assert found.lights[0].intensity == pytest.approx(tuple(2 * expected))
     assert found.environment.color == pytest.approx(tuple(expected))
     assert expected[0] < 1 < expected[2]  # light that is white for a warm balance is blue for a daylight balance
+
+
+def test_spectra_are_kept_for_spectral_rendering(scene):
+    """Lights of any power, reflectances and metals belong to their spectra by the colours that the materials have."""
+    found = scene(
+        "a.pbrt",
+        world(
+            'LightSource "point" "blackbody I" 2700 "float scale" 5'
+            f' Material "diffuse" "spectrum reflectance" [400 .1 700 .8] {BALL}'
+            f'Material "conductor" "spectrum eta" [400 1.5 700 .2] "spectrum k" [400 2 700 4] {BALL}'
+        ),
+    )
+    rows = spectrum_rows(found.spectra)
+    colors = {kind: rows[rows[:, 0] == kind, 1:4][0] for kind in range(4)}
+    matt, metal = (next(m for m in found.materials if m.kind == kind) for kind in ("diffuse", "conductor"))
+    np.testing.assert_array_equal(colors[GIVEN_REFLECTANCE], np.float32(matt.base_color))
+    np.testing.assert_array_equal(colors[GIVEN_ETA], np.float32(metal.eta))
+    np.testing.assert_array_equal(colors[GIVEN_K], np.float32(metal.k))
+    intensity = np.array(found.lights[0].intensity)
+    np.testing.assert_allclose(colors[GIVEN_LIGHT], intensity / intensity.max(), rtol=1e-6)
+    shown = rows[rows[:, 0] == GIVEN_LIGHT][0, 4:] * D65 / planck(2700)
+    np.testing.assert_allclose(shown, shown[0], rtol=1e-4)
+    np.testing.assert_allclose(rows[rows[:, 0] == GIVEN_K][0, [4 + 4, 4 + 64]], (2, 4), rtol=1e-6)

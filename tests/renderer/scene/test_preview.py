@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from protocol.mesh import Mesh as Packet
 from protocol.mesh import decode_mesh, encode_mesh
-from renderer.scene.description import Image, Instance, Material, Mesh, SceneDescription, Sphere, Texture
+from renderer.scene.description import Environment, Image, Instance, Material, Mesh, SceneDescription, Sky, Sphere, Texture
 from renderer.scene.preview import preview
+from renderer.scene.studio import light_studio
 
 
 def sheet(side: int) -> Mesh:
@@ -92,3 +94,25 @@ def test_preview_mesh_packet_round_trip() -> None:
     np.testing.assert_allclose(found.normals, normals, atol=0.5 / 127 + 1e-6)
     np.testing.assert_array_equal(found.colors, colors)
     np.testing.assert_array_equal(found.triangles, triangles)
+
+
+def test_preview_background_is_the_worlds() -> None:
+    """Black without a world, the studio's None, a colour's own, and an image's around the horizon."""
+
+    def background(light: Environment | None, image: Image | None = None) -> tuple[int, int, int] | None:
+        lit = replace(scene(sheet(1)), environment=light, images=[image] if image else [])
+        found = preview(lit)
+        assert found is not None
+        return found.background
+
+    sky = np.zeros((8, 16, 3), np.float32)
+    sky[2:6] = 0.25, 1.0, 4.0
+    assert background(None) == (0, 0, 0)
+    assert background(Environment((0.5, 1.0, 0.25), strength=0.5)) == (137, 188, 99)
+    assert background(Environment(image=0, strength=2.0), Image("sky", sky, srgb=False)) == (188, 255, 255)
+    assert background(Environment(sky=Sky())) is None
+    studio = SceneDescription(meshes=[sheet(1)], instances=[Instance(0)], materials=[Material()])
+    light_studio(studio)
+    found = preview(studio)
+    assert found is not None and found.background is None
+    assert decode_mesh(encode_mesh(Packet(*found))).background is None

@@ -48,6 +48,10 @@ def test_intensity_exposure_color_and_temperature(lit):
     found = lit("RectLight", colorTemperature=3200.0, **options)
     expected = 3 * 2**2 * color * UsdLux.BlackbodyTemperatureAsRgb(3200.0)
     np.testing.assert_allclose(emissive_material(found).emission, expected, rtol=1e-5)
+    assert not found.spectra
+    warm = lit("SphereLight", colorTemperature=3200.0, enableColorTemperature=True, intensity=7.0)
+    emission = np.array(emissive_material(warm).emission)
+    np.testing.assert_allclose(warm.spectra[0].color, emission / emission.max(), rtol=1e-6)
 
 
 @pytest.mark.parametrize(

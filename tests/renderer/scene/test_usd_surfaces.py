@@ -204,16 +204,19 @@ def test_curve_widths_and_ribbons(tmp_path):
     curves.CreatePointsAttr([(x, float(y), 0) for x, count in ((0, 4), (5, 5)) for y in range(count)])
     curves.CreateWidthsAttr([0.2, 0.4, 0.6, 0.8, 1.0])
     curves.SetWidthsInterpolation("varying")
-    curves.CreateNormalsAttr([(0, 0, 1)] * 9)
+    curves.CreateNormalsAttr([(0, 1, 1)] * 9)
     made.GetRootLayer().Save()
     found = read(tmp_path / "a.usda")
-    x, y, _ = found.meshes[0].positions.T
+    x, y, z = found.meshes[0].positions.T
+    np.testing.assert_allclose(z, 0, atol=1e-6)  # flat, and facing across the curve
+    np.testing.assert_allclose(found.meshes[0].normals, [(0, 0, 1)] * len(x), atol=1e-6)
+    p = found.meshes[0].positions[found.meshes[0].triangles]
+    assert (np.cross(p[:, 1] - p[:, 0], p[:, 2] - p[:, 0])[:, 2] > 0).all()
     for middle, ends in ((0, (0.2, 0.4)), (5, (0.6, 1.0))):
         own = np.abs(x - middle) < 2
         low, high = y[own].min(), y[own].max()
         got = [np.ptp(x[own & (np.abs(y - end) < 0.01)]) for end in (low, high)]
         np.testing.assert_allclose(got, ends, atol=1e-4)
-    assert any("Ribbon curves" in w for w in found.warnings)
 
 
 def lattice(made, how, split=False):

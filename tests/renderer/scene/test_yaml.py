@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from renderer.errors import SceneError
+from renderer.luminance import REC_709
 from renderer.presets import PRESETS
 from renderer.scene.description import Sky
 from renderer.scene.geometry import flatten
@@ -347,3 +348,26 @@ def test_deep_nesting_is_rejected(scene, bracket):
 def test_recursive_alias_is_rejected(scene):
     with pytest.raises(SceneError, match="nested too deeply"):
         scene("s.yaml", "a: &a [*a]\n")
+
+
+def test_lights_with_a_temperature(scene):
+    """Grey light gets the colour of the black body at its luminance, other light keeps its own; both get its spectrum."""
+    found = scene(
+        "s.yaml",
+        """
+lights:
+  - {type: directional, direction: [0, -1, 0], intensity: 4, temperature: 2700}
+  - {type: directional, direction: [0, -1, 0], color: [3, 2, 1], temperature: 3000}
+materials: {bulb: {color: 0, emission: 2, emission_temperature: 9000}}
+shapes: [{type: sphere, center: [0, 0, 0], radius: 1, material: bulb}]
+""",
+    )
+    warm, own, cold = found.lights[0].intensity, found.lights[1].intensity, found.materials[0].emission
+    assert np.dot(warm, REC_709) == pytest.approx(4)
+    assert warm[0] > warm[1] > warm[2]
+    assert own == (3, 2, 1)
+    assert np.dot(cold, REC_709) == pytest.approx(2)
+    assert cold[0] < cold[2]
+    np.testing.assert_allclose(
+        [each.color for each in found.spectra], [np.divide(c, max(c)) for c in (warm, own, cold)], rtol=1e-12
+    )

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from protocol.channel import name_suffix
-from protocol.contract import RESULTS, WorkerReport, worker_key
+from protocol.contract import RESULTS, WorkerReport, recall_key, worker_key
 from protocol.lifeline import lifeline
 from protocol.redis_commands import Command, CommandError
 from protocol.view_parts import ANSWERS_TTL_S, MAX_ANSWERS, VIEW_ANSWERS
@@ -46,6 +46,7 @@ def check(*arguments: str | bytes, rules: WorkerCommands | None = None) -> None:
         ("SET", worker_key(ME), report(), "EX", "6"),
         ("GET", worker_key(ME)),
         ("EXISTS", f"rayfarm:order:{ME}"),
+        ("EXISTS", recall_key("m")),
         ("DEL", worker_key(ME), f"rayfarm.help.{ME}"),
         ("XADD", RESULTS, "*", "event", result(), "sums", b"\x00" * 1000),
         ("XADD", RESULTS, "*", "event", '{"type": "wake"}'),
@@ -88,6 +89,7 @@ def test_commands_of_workers_are_permitted(command: tuple[str | bytes, ...]) -> 
         ("SET", worker_key(ME), report()),  # would remain for ever
         ("SET", worker_key(ME), b"[]", "EX", "6"),
         ("SET", f"rayfarm:order:{ME}", "x", "EX", "6"),
+        ("SET", recall_key("m"), "1"),
         ("GET", worker_key("x" * 600 + ".key1")),
         ("DEL", worker_key(ME), worker_key(OTHER)),
         ("XADD", RESULTS, "*", "event", result(worker=OTHER)),

@@ -13,6 +13,7 @@ import pytest
 from protocol.contract import DenoiseFrame, RenderBatch
 from protocol.sums import pack_sums
 from renderer.film import SAMPLES
+from service.jobs.lookup import find_film
 from tests.grids import grid
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker, expected_digest, expected_sums
@@ -190,6 +191,6 @@ def test_verified_job_needs_exactly_one_sender(service: Service) -> None:
         bad.on_batch = lambda batch: None
         service.wait_for(job, "finished", LONG_S)
         assert "somebody" not in str(service.http.get(f"/api/jobs/{job}/history").json())
-        film = service.farm.films._films[job]
+        film = find_film(job, 0, service.farm)
         assert not film.has_sums_of("somebody")
         assert all(row.workers for rows in film._contents._rows.values() for row in rows), "nobody's is not in it either"

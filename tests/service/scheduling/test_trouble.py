@@ -279,7 +279,7 @@ def test_batches_returned_by_only_worker_wait(service: Service, worker: PeerWork
 
     worker.on_batch = hand_back
     job = service.submit(service.ready_scene())
-    until(lambda: "there is no room. It is tried again." in (service.job(job)["message"] or ""), "the job says why it waits")
+    until(lambda: "there is no room. It will be retried." in (service.job(job)["message"] or ""), "the job says why it waits")
     time.sleep(3.0)
     assert service.job(job)["state"] == "running"
     assert 4 < len(worker.batches) < 30, "it is tried again now and then, not as fast as it can be"

@@ -33,6 +33,21 @@ def test_one_result_is_sent_in_the_background_and_all_before_the_end() -> None:
     assert not [each for each in threading.enumerate() if each.name.startswith("sums")], "a slot may fork again"
 
 
+def test_failing_side_task_does_not_stop_the_sums() -> None:
+    sent: list[int] = []
+    failed = threading.Event()
+
+    def fail() -> None:
+        failed.set()
+        raise KeyError("odd answer")
+
+    with SumsSender(every=fail) as sender:
+        sender.begin()
+        assert failed.wait(10)
+        sender.submit(lambda: sent.append(1))
+    assert sent == [1]
+
+
 def test_error_of_sending_is_raised_at_the_next_result_or_at_the_end() -> None:
     def broken() -> None:
         raise OSError("no line")

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import hashlib
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -51,6 +53,27 @@ def test_slot_reports_kernel_compilation(worker: Any, monkeypatch: pytest.Monkey
     monkeypatch.setattr(slot, "is_warm", lambda settings, variant: True)
     assert slot.render(worker, batch, told.append, lambda: told.append("begins")).result().sums == result.sums
     assert told == ["begins"]
+
+
+def test_scene_that_is_downloaded_delays_no_other(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    begun, may_end, opened = threading.Event(), threading.Event(), list[str]()
+
+    def open_scene(cache: Any, sha256: str) -> Any:
+        opened.append(sha256)
+        if sha256 == "slow":
+            begun.set()
+            assert may_end.wait(10)
+        return sha256
+
+    monkeypatch.setattr(open_scenes, "open_scene", open_scene)
+    with ThreadPoolExecutor(2) as pool:
+        waiting = [pool.submit(open_scenes.mapped_scene, worker, "slow") for _ in range(2)]
+        assert begun.wait(10)
+        assert open_scenes.mapped_scene(worker, "other") == "other"
+        may_end.set()
+        assert [each.result() for each in waiting] == ["slow", "slow"]
+    assert opened == ["slow", "other"], "each is mapped once"
+    open_scenes._open.clear()
 
 
 def test_scene_of_next_batch_is_opened_in_advance(worker: Any, tmp_path: Path) -> None:

@@ -114,6 +114,8 @@ def test_adjacent_tiles_form_one_block() -> None:
     assert [block.samples for block in blocks_of(batches, most=1)] == [tile.w * tile.h * 2 for tile in tiles_in_order(batches)]
     for other in (replace(batches[1], first=2), replace(batches[1], count=3), replace(batches[1], frame=2)):
         assert len(blocks_of([batches[0], other])) == 2
+    with_mattes = [replace(each, settings=replace(each.settings, cryptomatte=2)) for each in batches]
+    assert [block.batches for block in blocks_of(with_mattes)] == [[each] for each in with_mattes]
 
 
 def tiles_in_order(batches: list[RenderBatch]) -> list[Tile]:

@@ -128,7 +128,7 @@ export function decodeViewTileHead(view, at = 0) {
  * The head of a preview mesh.
  *
  * @typedef {object} MeshHead
- * @property {number} reserved u16: 0
+ * @property {number} background u16: the world's sRGB colour, 5 bits each from the highest, and 1; 0: the studio, or not known
  * @property {number} vertices u32: number of vertices
  * @property {number} triangles u32: number of triangles
  */
@@ -139,7 +139,7 @@ export const MESH_HEAD_BYTES = 12;
 export function decodeMeshHead(view, at = 0) {
   check(view, at, 1, 4, "preview mesh");
   return {
-    reserved: view.getUint16(at + 2, true),
+    background: view.getUint16(at + 2, true),
     vertices: view.getUint32(at + 4, true),
     triangles: view.getUint32(at + 8, true),
   };

@@ -31,6 +31,8 @@
  * @property {number | null} progress of preparing, 0..1
  * @property {number} created unix seconds
  * @property {number} bytes
+ * @property {string} [main] path of the file that is read first
+ * @property {{path: string, size: number}[]} [files] what was uploaded
  * @property {string | null} thumbnail URL
  * @property {string | null} [preview] URL of a mesh; while the scene is prepared it comes with cameras, bounds and defaults
  * @property {Camera[]} cameras the last one frames the whole scene
@@ -41,6 +43,7 @@
  * @property {string | null} [variant] selected variant; null: the file's own
  * @property {string | null} [up_axis] the axis of its file that is up, where its format states none
  * @property {string | null} [up] the requested up axis; null: guessed
+ * @property {"on" | "auto" | null} [floor] whether it gets one: "auto" if it has no lights
  * @property {boolean} [has_floor] whether the studio's floor lies below it
  * @property {string | null} [environment] replaces its own light: an image among its files, or sky:ELEVATION,AZIMUTH
  * @property {Clip[]} [clips] of its animations

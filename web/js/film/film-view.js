@@ -114,7 +114,7 @@ export class FilmView {
 
   placePoster() {
     if (!this.poster) return;
-    const film = this.layers[0].film;
+    const film = this.layers[this.canvas.wipe > 0 ? 0 : 1].film;
     if (film?.isBlank !== false || film.isPartial) {
       this.poster.place(this.viewport, this.canvas.canvas);
       return;

@@ -16,6 +16,9 @@ import { t } from "../base/words.js";
 /** Delay before a frame's whole film is fetched, so that stepping through frames fetches only the last. */
 const REST_MS = 200;
 
+/** @param {Pick<Job, "state">} job */
+const isRendering = ({ state }) => state === "queued" || state === "running";
+
 export class LiveFilm {
   /** @param {Job} job of known size @param {number} [frame] */
   constructor(job, frame = firstFrame(job)) {
@@ -26,6 +29,8 @@ export class LiveFilm {
     this.frame = frame;
     /** Whether no more samples will arrive. */
     this.finished = job.state === "finished";
+    /** Whether samples are arriving, or will. */
+    this.isRendering = isRendering(job);
     this.film = new Film(job.width ?? 1, job.height ?? 1);
     this.side = job.tile_size ?? 0;
     /** Whether the fetch of the film has ended; afterwards the page sends the service its sample counts. */
@@ -56,6 +61,7 @@ export class LiveFilm {
         if (message.type === "frames") this.framesChanged(message.frames);
         if (message.type !== "state") return;
         this.finished = message.job.state === "finished";
+        this.isRendering = isRendering(message.job);
         if (["queued", "running"].includes(message.job.state)) this.missing.set(""); // it is being rendered again
         putJob(message.job);
       },
@@ -68,8 +74,11 @@ export class LiveFilm {
         }),
     });
     const hasSamples = job.samples > 0 || job.state === "finished";
-    const look = takeFirstLook(job.id);
-    if (look) this.film.restart(look);
+    /** The live view's last picture, of the same view: null if the job was not started from it. @type {Film | null} */
+    this.look = takeFirstLook(job.id);
+    /** Whether a poster is shown until the film is here. */
+    this.hasPoster = hasSamples;
+    if (this.look) this.film.restart(this.look);
     else this.film.isPartial = hasSamples;
     void this.fetch(hasSamples);
   }

@@ -1,6 +1,7 @@
 /**
  * One side of the stage, left or right of the wipe: a channel of a job on a layer. Colour updates live; planes are fetched, and
- * refreshed while the job runs; a denoised picture is stale from the next sample on, and is refreshed when the job is finished.
+ * refreshed while the job runs. A denoised picture is stale from the next sample on. While the job renders, it is a preview, which is
+ * renewed when the samples have doubled; the last one is of all samples.
  */
 
 import { fetchImage, fetchWords } from "../news/api.js";
@@ -12,20 +13,25 @@ import { Store } from "../base/store.js";
 
 /**
  * The source of a side's pictures: a job's growing film, or another object with the same interface. `job` is "" if there
- * is no job. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
+ * is no job. `isRendering`, `look`, `hasPoster` and `side` are those of a LiveFilm. `hasSamples` is false for a picture that no farm has rendered. `isTransparent` is true if it has an alpha plane.
  *
- * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean}} FilmSource
+ * @typedef {Pick<import("./live-film.js").LiveFilm, "job" | "frame" | "film" | "finished" | "onTile" | "onFill" | "onTurn"> & {hasSamples?: boolean, isTransparent?: boolean, isRendering?: boolean, look?: Film | null, hasPoster?: boolean, side?: number}} FilmSource
  */
 
 /** Minimum interval between refreshes of a stale picture. */
 const EVERY_MS = 3000;
 const SETTLE_MS = 300;
+/** Interval at which a preview may become due. */
+const PREVIEW_MS = 400;
+/** A preview of so many samples per pixel replaces a live view's picture of however many. */
+const ENOUGH_SAMPLES = 8;
 
 /**
  * @typedef {object} SideState
  * @property {string} channel
  * @property {boolean} waiting for the service to make it
  * @property {boolean} stale the film has more samples than the shown picture
+ * @property {boolean} [isPreview] the shown picture is a preview, and is renewed while the job renders
  * @property {[number, number] | null} [span] the values between which a heat map is drawn
  * @property {unknown} error why it could not be fetched
  */
@@ -54,7 +60,12 @@ export class PictureSide {
     this.fetching = new AbortController();
     /** A played frame that replaces the live one. @type {Film | null} */
     this.played = null;
+    /** Whether the shown picture is a preview of a job that was rendering. */
+    this.isPreview = false;
+    /** When the next preview may be asked for. */
+    this.previewAt = 0;
     this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
+    this.previewTimer = setInterval(() => this.isPreviewDue() && void this.fetch(), PREVIEW_MS);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.settling = undefined;
     this.unturn = live.onTurn(() => this.turned());
@@ -89,10 +100,30 @@ export class PictureSide {
     return this.live.film.total > this.madeOf;
   }
 
-  /** Whether to refresh automatically. Denoising takes a worker's time, so only after the last samples. */
+  /** Whether to refresh automatically. Denoising takes a worker's time, so only after the last samples; previews have their own rule. */
   isOld() {
     const { channel, stale, waiting, error } = this.state.value;
-    return stale && !waiting && !error && (channel !== DENOISED || this.live.finished);
+    if (waiting || error) return false;
+    if (channel !== DENOISED) return stale;
+    if (this.live.isRendering || this.live.film.total === 0) return false;
+    return this.isPreview || this.madeOf === Infinity || (stale && this.live.finished);
+  }
+
+  /** Whether a preview is to be fetched: of every tile, better than what is shown, and while the page is seen. */
+  isPreviewDue() {
+    const { channel, waiting, error } = this.state.value;
+    const { film, look, side = 0, isRendering } = this.live;
+    if (channel !== DENOISED || !isRendering || waiting || error || document.hidden || performance.now() < this.previewAt) return false;
+    if (this.madeOf !== Infinity) return film.total >= 2 * this.madeOf;
+    const enough = look ? Math.min(look.total, ENOUGH_SAMPLES * film.width * film.height) : 0;
+    return side > 0 && film.total >= enough && film.tileSamples(side).every((samples) => samples > 0);
+  }
+
+  /** What is shown until the first denoised picture has come: not the noise, if something better was shown before. */
+  standIn() {
+    const { film, look, hasPoster } = this.live;
+    if (look) return look;
+    return hasPoster && !this.live.finished ? new Film(film.width, film.height) : film;
   }
 
   /** @param {string} channel @param {readonly import("./light-mix.js").Strip[]} [mix] of the channel MIX */
@@ -107,7 +138,11 @@ export class PictureSide {
     this.fetched = null;
     this.planes = null;
     this.madeOf = Infinity;
-    if (channel) {
+    this.isPreview = false;
+    if (channel === DENOISED && this.live.isRendering) {
+      this.layer.setFilm(this.standIn());
+      this.state.set({ channel, waiting: false, stale: false, error: null, isPreview: true });
+    } else if (channel) {
       this.state.set({ channel, waiting: false, stale: false, error: null });
       void this.fetch();
     } else {
@@ -154,7 +189,8 @@ export class PictureSide {
     const { channel } = this.state.value;
     this.fetching.abort();
     const { signal } = (this.fetching = new AbortController());
-    this.state.update((state) => ({ ...state, waiting: true, error: null }));
+    const isPreview = channel === DENOISED && this.live.isRendering === true;
+    this.state.update((state) => ({ ...state, waiting: true, error: null, isPreview }));
     try {
       if (channel === MIX) {
         const { width, height } = this.live.film;
@@ -168,10 +204,12 @@ export class PictureSide {
       } else if (hasWords(channel)) {
         const { width, height } = this.live.film;
         /** @type {Record<string, string>} */
-        const wish = channel === DENOISED ? { denoise: "true" } : { aov: channel };
+        const wish = channel === DENOISED ? { denoise: "true", ...(isPreview && { preview: "true" }) } : { aov: channel };
         const { words, samples } = await fetchWords(this.live, wish, signal);
         if (signal.aborted) return;
+        this.previewAt = performance.now() + (samples === this.madeOf ? EVERY_MS : 0); // the farm made no other yet
         this.madeOf = samples;
+        this.isPreview = isPreview;
         this.fetched = new Film(width, height, words);
         this.layer.setFilm(this.fetched);
       } else {
@@ -182,7 +220,9 @@ export class PictureSide {
         this.layer.setImage(image);
       }
     } catch (error) {
-      if (!signal.aborted) this.state.update((state) => ({ ...state, error }));
+      if (signal.aborted) return;
+      if (channel === DENOISED && !this.fetched) this.layer.setFilm(this.live.film);
+      this.state.update((state) => ({ ...state, error }));
     } finally {
       if (!signal.aborted) this.state.update((state) => ({ ...state, waiting: false, stale: this.filmHasMoreSamples() }));
     }
@@ -190,6 +230,7 @@ export class PictureSide {
 
   dispose() {
     clearInterval(this.timer);
+    clearInterval(this.previewTimer);
     clearTimeout(this.settling);
     cancelAnimationFrame(this.mixing);
     this.unturn();

@@ -59,6 +59,7 @@ export class PixelReadout {
       clearTimeout(this.timer);
       this.asking.abort();
       for (const end of unlisten) end();
+      this.element.remove();
     };
   }
 

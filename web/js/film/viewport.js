@@ -43,20 +43,19 @@ export class Viewport {
     /** Whether to follow the canvas' size, until the user zooms or pans. */
     this.fitted = true;
     this.canvas = { width: 1, height: 1 };
-    /** Whether the picture fits without a margin and at any scale, for a canvas of its shape. */
+    /** Whether the picture fits at any scale, for a canvas of its shape. */
     this.isSnug = false;
     /** Number of pictures side by side on the canvas. */
     this.across = 1;
     this.picture = { width: 1, height: 1 };
   }
 
-  /** Sets the largest scale that shows the whole picture; integers above 2, where uneven pixels would show. */
+  /** Sets the largest scale that shows the whole picture; integers above 4, where uneven pixels would show. */
   fit() {
     const { picture } = this;
     const canvas = { width: this.canvas.width / this.across, height: this.canvas.height };
-    const margin = Math.min(canvas.width, canvas.height) > 600 && !this.isSnug ? 48 : 0;
-    const scale = Math.min((canvas.width - margin) / picture.width, (canvas.height - margin) / picture.height);
-    this.scale = clamp(scale > 2 && !this.isSnug ? Math.floor(scale) : scale);
+    const scale = Math.min(canvas.width / picture.width, canvas.height / picture.height);
+    this.scale = clamp(scale > 4 && !this.isSnug ? Math.floor(scale) : scale);
     this.centre();
     this.fitted = true;
   }

@@ -40,9 +40,11 @@ export function denoiseFields(display, renew) {
   return {
     element,
     update(state) {
-      bar.element.hidden = !state?.waiting;
-      const { error } = state ?? {};
-      const sentence = state?.waiting
+      const { error, isPreview = false } = state ?? {};
+      bar.element.hidden = !state?.waiting || isPreview;
+      const sentence = isPreview && !error
+        ? t("Renewed when its samples have doubled.")
+        : state?.waiting
         ? t("Denoising …")
         : error
           ? t("Not denoised. {error}", { error: error instanceof Error ? error.message : String(error) })
@@ -52,7 +54,7 @@ export function denoiseFields(display, renew) {
       setText(said, sentence);
       said.hidden = sentence === "";
       said.classList.toggle("bad", Boolean(error) && !state?.waiting);
-      again.hidden = !state || state.waiting || !(state.stale || error);
+      again.hidden = !state || state.waiting || !((state.stale && !isPreview) || error);
     },
   };
 }

@@ -400,7 +400,9 @@ function joined(drawn, gltf, images) {
   const scale = low.map((value, axis) => STEPS / ((high[axis] ?? 0) - value || 1));
   for (let k = 0; k < vertices; k++)
     for (let axis = 0; axis < 3; axis++) positions[4 * k + axis] = Math.round(((places[3 * k + axis] ?? 0) - (low[axis] ?? 0)) * (scale[axis] ?? 0));
-  const packet = { vertices, triangles: corners / 3, low, high, positions, normals, colors, indices, ...(uvs && { uvs, parts }) };
+  const isLit = (gltf.extensions?.KHR_lights_punctual?.lights ?? []).length > 0; // in a black world
+  const background = isLit ? /** @type {Vec3} */ ([0, 0, 0]) : null;
+  const packet = { vertices, triangles: corners / 3, low, high, background, positions, normals, colors, indices, ...(uvs && { uvs, parts }) };
   return { packet, view: fileCamera(gltf, low, high) ?? frame(places) };
 }
 

@@ -115,6 +115,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   }
   // A previous picture of the scene, or its preview mesh, until the first samples arrive.
   const mesh = new MeshCanvas(meshed);
+  mesh.setScene(scene);
   let isSampled = false;
   const showMesh = () => {
     if (isSampled || !scene.preview) return;

@@ -24,10 +24,16 @@ void main() {
   gl_Position = toClip * vec4(place, 1.0);
 }`;
 
-/** Light from the camera's upper left, and less from all around; both sides of a surface are lit. */
+/**
+ * In the studio, its light (renderer/scene/studio.py): walls and two lamps, without shadows. Else light from the camera's upper left,
+ * and less from all around. Both sides of a surface are lit.
+ */
 const FRAGMENT = `#version 300 es
 precision highp float;
 uniform vec3 light;
+uniform vec3 above;
+uniform vec3 eye;
+uniform bool inStudio;
 uniform sampler2D image;
 uniform float cutoff;
 in vec2 texel;
@@ -35,13 +41,43 @@ in vec3 place;
 in vec3 facing;
 in vec4 shown;
 out vec4 pixel;
+const float OPEN = 0.9; // how much of the light no other surface keeps away, about
+const vec3 KEY = vec3(-0.560, 0.646, 0.517);
+const vec3 RIM = vec3(0.685, 0.343, -0.642);
 void main() {
   vec4 base = texture(image, texel);
   if (base.a < cutoff) discard;
-  vec3 flatly = cross(dFdx(place), dFdy(place));
-  vec3 n = normalize(dot(facing, facing) > 0.01 ? facing : flatly);
-  float shade = mix(1.0, 0.5 + 0.5 * abs(dot(n, light)), step(0.5, shown.a));
-  pixel = vec4(shown.rgb * base.rgb * shade, 1.0);
+  vec3 flatly = normalize(cross(dFdx(place), dFdy(place)));
+  if (dot(flatly, eye - place) < 0.0) flatly = -flatly;
+  vec3 n = dot(facing, facing) > 0.01 ? normalize(facing) : flatly;
+  if (dot(n, flatly) < 0.0) n = -n;
+  vec3 color = shown.rgb * base.rgb;
+  if (shown.a > 0.5 && inStudio) {
+    float walls = mix(0.33, 0.62, 0.5 + 0.5 * dot(n, above));
+    float shade = OPEN * (walls + 0.65 * max(dot(n, KEY), 0.0) + 0.24 * max(dot(n, RIM), 0.0));
+    color = pow(pow(color, vec3(2.2)) * shade, vec3(1.0 / 2.2));
+  } else if (shown.a > 0.5) color *= 0.5 + 0.5 * abs(dot(n, light));
+  pixel = vec4(color, 1.0);
+}`;
+
+/** The shadow on the studio's floor: dark below the scene's bounds, and fading around them. */
+const SHADOW_VERTEX = `#version 300 es
+uniform mat4 toClip;
+uniform vec3 across;
+uniform vec3 along;
+uniform vec3 middle;
+out vec2 at;
+void main() {
+  at = vec2(gl_VertexID & 1, gl_VertexID >> 1) * 3.0 - 1.5;
+  gl_Position = toClip * vec4(middle + at.x * across + at.y * along, 1.0);
+}`;
+const SHADOW_FRAGMENT = `#version 300 es
+precision highp float;
+in vec2 at;
+out vec4 pixel;
+void main() {
+  float away = length(at);
+  pixel = vec4(0.0, 0.0, 0.0, 0.42 * (1.0 - smoothstep(0.3, 1.45, away)));
 }`;
 
 const MAX_RATIO = 2;
@@ -55,10 +91,32 @@ function whiteTexture(gl) {
   return texture;
 }
 
+/** @param {WebGL2RenderingContext} gl @param {string} vertex @param {string} fragment @returns {WebGLProgram | null} null: the driver refuses it */
+function programOf(gl, vertex, fragment) {
+  const program = gl.createProgram();
+  for (const [type, source] of /** @type {const} */ ([
+    [gl.VERTEX_SHADER, vertex],
+    [gl.FRAGMENT_SHADER, fragment],
+  ])) {
+    const shader = /** @type {WebGLShader} */ (gl.createShader(type));
+    gl.shaderSource(shader, source);
+    gl.compileShader(shader);
+    gl.attachShader(program, shader);
+  }
+  gl.linkProgram(program);
+  return gl.getProgramParameter(program, gl.LINK_STATUS) ? program : null;
+}
+
 export class MeshCanvas {
   /** @param {HTMLCanvasElement} canvas as large as its box */
   constructor(canvas) {
     this.canvas = canvas;
+    /** Whether the scene stands on the studio's floor, if it is in the studio. */
+    this.hasFloor = false;
+    /** @type {WebGLProgram | null} */
+    this.shadow = null;
+    /** Upward in the scene. @type {import("../base/types.js").Vec3} */
+    this.above = [0, 1, 0];
     /** @type {MeshPacket | null} */
     this.mesh = null;
     /** @type {View | null} */
@@ -80,18 +138,11 @@ export class MeshCanvas {
     const { gl } = this;
     this.mesh = mesh;
     if (!gl || gl.isContextLost()) return;
-    const program = gl.createProgram();
-    for (const [type, source] of /** @type {const} */ ([
-      [gl.VERTEX_SHADER, VERTEX],
-      [gl.FRAGMENT_SHADER, FRAGMENT],
-    ])) {
-      const shader = /** @type {WebGLShader} */ (gl.createShader(type));
-      gl.shaderSource(shader, source);
-      gl.compileShader(shader);
-      gl.attachShader(program, shader);
-    }
-    gl.linkProgram(program);
-    if (!gl.getProgramParameter(program, gl.LINK_STATUS)) return; // the picture comes without a preview
+    const program = programOf(gl, VERTEX, FRAGMENT);
+    if (!program) return; // the picture comes without a preview
+    this.shadow = programOf(gl, SHADOW_VERTEX, SHADOW_FRAGMENT);
+    const { background } = mesh;
+    this.canvas.style.background = background ? `rgb(${background.join(" ")})` : "";
     this.program = program;
     gl.useProgram(program);
     gl.enable(gl.DEPTH_TEST);
@@ -128,6 +179,13 @@ export class MeshCanvas {
     this.invalidate();
   }
 
+  /** @param {import("../base/types.js").Scene} scene */
+  setScene({ cameras, has_floor: hasFloor, floor }) {
+    this.above = cameras.at(-1)?.view.up ?? this.above; // the automatic camera's
+    this.hasFloor = hasFloor || Boolean(floor);
+    this.invalidate();
+  }
+
   /** @param {View} view */
   setView(view) {
     this.view = view;
@@ -150,7 +208,12 @@ export class MeshCanvas {
     gl.viewport(0, 0, width, height);
     gl.clearColor(0, 0, 0, 0);
     gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
-    gl.uniformMatrix4fv(gl.getUniformLocation(program, "toClip"), false, clipMatrix(view, width / height, mesh.low, mesh.high));
+    const toClip = clipMatrix(view, width / height, mesh.low, mesh.high);
+    gl.useProgram(program);
+    gl.uniformMatrix4fv(gl.getUniformLocation(program, "toClip"), false, toClip);
+    gl.uniform3fv(gl.getUniformLocation(program, "above"), this.above);
+    gl.uniform3fv(gl.getUniformLocation(program, "eye"), view.eye.map((value, i) => value - ((mesh.low[i] ?? 0) + (mesh.high[i] ?? 0)) / 2));
+    gl.uniform1i(gl.getUniformLocation(program, "inStudio"), mesh.background ? 0 : 1);
     gl.uniform3fv(gl.getUniformLocation(program, "extent"), mesh.high.map((value, i) => value - (mesh.low[i] ?? 0)));
     const [right, above, back] = cameraAxes(view);
     const light = [0, 1, 2].map((i) => -0.4 * (right[i] ?? 0) + 0.5 * (above[i] ?? 0) + 0.77 * (back[i] ?? 0));
@@ -160,7 +223,31 @@ export class MeshCanvas {
       gl.uniform1f(gl.getUniformLocation(program, "cutoff"), cutoff);
       gl.drawElements(gl.TRIANGLES, count, gl.UNSIGNED_INT, 4 * first);
     }
+    if (this.hasFloor && !mesh.background) this.drawShadow(toClip, mesh);
     canvas.dataset.drawn = String(mesh.triangles);
+  }
+
+  /** @param {Float32Array<ArrayBuffer>} toClip @param {MeshPacket} mesh */
+  drawShadow(toClip, { low, high }) {
+    const { gl, shadow, above } = this;
+    if (!gl || !shadow) return;
+    const sizes = above.map(Math.abs);
+    const axis = sizes.indexOf(Math.max(...sizes));
+    const half = high.map((value, i) => (value - (low[i] ?? 0)) / 2);
+    /** @param {number} i @param {number} value */
+    const onAxis = (i, value) => [0, 1, 2].map((each) => (each === i ? value : 0));
+    const [across, along] = [(axis + 1) % 3, (axis + 2) % 3];
+    gl.useProgram(shadow);
+    gl.uniformMatrix4fv(gl.getUniformLocation(shadow, "toClip"), false, toClip);
+    gl.uniform3fv(gl.getUniformLocation(shadow, "middle"), onAxis(axis, -(half[axis] ?? 0) * Math.sign(above[axis] ?? 1)));
+    gl.uniform3fv(gl.getUniformLocation(shadow, "across"), onAxis(across, half[across] ?? 0));
+    gl.uniform3fv(gl.getUniformLocation(shadow, "along"), onAxis(along, half[along] ?? 0));
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE_MINUS_SRC_ALPHA);
+    gl.depthMask(false);
+    gl.drawArrays(gl.TRIANGLE_STRIP, 0, 4);
+    gl.depthMask(true);
+    gl.disable(gl.BLEND);
   }
 
   dispose() {

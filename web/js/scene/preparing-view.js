@@ -37,6 +37,7 @@ export function preparingView(scene) {
   if (picture) surface.style.backgroundImage = `url("${picture}")`;
   canvas.hidden = picture !== undefined;
   const mesh = new MeshCanvas(canvas);
+  mesh.setScene(scene);
   /** @type {View | null} */
   let view = null;
   let isTurned = false;
@@ -72,11 +73,13 @@ export function preparingView(scene) {
   });
   return {
     element: h("div", { class: "live-view-box" }, h("div", { class: "live-view-frame" }, surface)),
-    update({ id, preview, cameras, bounds, defaults }) {
+    update(next) {
+      const { id, preview, cameras, bounds, defaults } = next;
       const first = cameras[0]?.view;
       const [low, high] = bounds ?? [];
       if (!preview || !first || !low || !high || isAsked) return;
       isAsked = true;
+      mesh.setScene(next);
       surface.style.setProperty("--aspect", String((defaults["width"] ?? WIDTH) / (defaults["height"] ?? HEIGHT)));
       follow(first, /** @type {Vec3} */ (low), /** @type {Vec3} */ (high));
       meshOf(id).then(

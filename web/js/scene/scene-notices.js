@@ -22,8 +22,8 @@ export function stepWords(scene) {
   return words && `${words[0]?.toUpperCase()}${words.slice(1).replace(/[.。]$/, "")} …`;
 }
 
-/** The reason why a scene cannot be rendered, with the remedy first. @param {Scene} scene */
-export function failure(scene) {
+/** The reason why a scene cannot be rendered, and the remedies. @param {Scene} scene @param {string | null} place where in its files @param {() => void} remove deletes it */
+export function failure(scene, place, remove) {
   const add = addButton(scene, [scene.codes?.["error"]]);
   add?.classList.add("primary");
   // The error of a strict scene is a list of its warnings.
@@ -31,15 +31,22 @@ export function failure(scene) {
     ? [t("It was uploaded as strict, so its warnings are errors. Uploaded here, it is taken with them."), warningList(scene, scene.warnings)]
     : [saidOf(scene, "error")];
   return [
-    h("div", { class: "notice error failure", role: "alert" }, icon("warning"), h("div", null, h("strong", null, t("This cannot be rendered. ")), ...why)),
     h(
-      "section",
-      { class: "section row wraps for-submit" },
+      "div",
+      { class: "failure", role: "alert" },
+      h("h2", null, icon("warning"), t("This cannot be rendered")),
+      h("p", null, ...why),
+      place && h("p", { class: "failure-place" }, h("span", { class: "quiet" }, t("Place")), h("code", null, place)),
+    ),
+    h(
+      "div",
+      { class: "row wraps for-submit" },
       add,
       h("button", { class: `button ${add ? "" : "primary"}`, type: "button", onclick: () => choose({ folder: false }) }, icon("upload"), t("Upload it again")),
       h("button", { class: "button", type: "button", onclick: () => choose({ folder: true }) }, icon("folder"), t("Upload a folder")),
-      h("span", { class: "quiet small" }, t("or drop it anywhere on this page")),
+      h("button", { class: "button danger", type: "button", onclick: remove }, icon("trash"), t("Delete")),
     ),
+    h("p", { class: "quiet small for-submit" }, t("or drop it anywhere on this page")),
   ];
 }
 

@@ -119,8 +119,6 @@ function dropZone() {
       "p",
       { class: "quiet" },
       t("GLB, glTF, USD, FBX, BLEND, OBJ with its MTL and textures, 3MF, PLY, STL, DAE, 3DS and more, or a scene YAML; its folder or a zip will do."),
-      " ",
-      h("a", { href: "/api/blender-addon.zip", download: "" }, t("Download the add-on for Blender")),
     ),
     h(
       "div",
@@ -138,6 +136,7 @@ function dropZone() {
         t("Choose a folder"),
       ),
     ),
+    h("p", { class: "addon quiet small" }, h("a", { href: "/api/blender-addon.zip", download: "" }, t("Download the add-on for Blender"))),
   );
 }
 

@@ -148,9 +148,9 @@ function open(page, job, life) {
 
   const notices = stageNotices(picture.element, () => latest, picture.live, life);
   let isDenoisedFirst = false;
-  /** Shows the denoised picture once, when a job that asks for it is finished. The link may ask for another picture. */
+  /** Shows a job that asks for it denoised at first, also while it renders. The link may ask for another picture. */
   const denoiseFirst = () => {
-    if (isDenoisedFirst || !latest.denoise || latest.state !== "finished" || !canDenoise(workers.value)) return;
+    if (isDenoisedFirst || !latest.denoise || !canDenoise(workers.value)) return;
     isDenoisedFirst = true;
     save.preferDenoised();
     if (!here().params.has("denoise") && display.value.channel === "") display.update((shown) => ({ ...shown, denoise: "on" }));

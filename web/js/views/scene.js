@@ -9,6 +9,7 @@ import { emptyPage, noWorkerNotice } from "../shell/hints.js";
 import { icon } from "../base/icons.js";
 import { go, here, linkTo, setParams, setTitle } from "../shell/router.js";
 import { offer } from "../news/projects.js";
+import { failedScene } from "../scene/failed-scene.js";
 import { startOfJob } from "../scene/form-start.js";
 import { settingsForm } from "../scene/settings-form.js";
 import { keepFirstLook } from "../film/first-look.js";
@@ -24,7 +25,7 @@ import { prepareSteps } from "../scene/prepare-steps.js";
 import { preparingView } from "../scene/preparing-view.js";
 import { takeTurned } from "../scene/preview-mesh.js";
 import { renderStrip } from "../scene/render-strip.js";
-import { failure, stepWords, warnings } from "../scene/scene-notices.js";
+import { stepWords, warnings } from "../scene/scene-notices.js";
 import { sidesFromUrl } from "../scene/sides.js";
 import { sideNames } from "../compare/job-differences.js";
 import { cardPicture, removeScene } from "./scene-card.js";
@@ -158,10 +159,13 @@ function askForPreview({ id }, life) {
 /**
  * @param {HTMLElement} page
  * @param {Scene} scene
+ * @param {Disposer} life
  * @returns {(scene: Scene) => void}
  */
-function failed(page, scene) {
-  fill(page, heading(scene), ...failure(scene));
+function failed(page, scene, life) {
+  page.classList.add("workspace");
+  life.add(() => page.classList.remove("workspace"));
+  fill(page, heading(scene), failedScene(scene, () => (removeScene(scene), go())));
   return () => {};
 }
 
@@ -214,7 +218,7 @@ function ready(page, scene, life) {
       h(
         "div",
         { class: "workspace-view" },
-        h("div", { class: "workspace-top" }, warnings(scene), view.element),
+        h("div", { class: "workspace-top" }, view.element),
         view.takes,
         renderStrip(scene.id, sides, life),
         facts(scene),
@@ -222,6 +226,7 @@ function ready(page, scene, life) {
       h(
         "div",
         { class: "workspace-side" },
+        warnings(scene), // above the view, they would move it
         h("section", { class: "panel", "aria-label": t("Render") }, form.element),
       ),
     ),

@@ -74,7 +74,8 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
             if by_group is not None:
                 _forget(pool, path, by_group[2])
             continue
-        if pool[at(path, _CAUGHT)] > _ZERO:  # a shadow is black
+        is_black = pool[at(path, _CAUGHT)] > _ZERO and pool[at(path, _SHADOWED)] < _ZERO
+        if is_black:  # a shadow
             pool[at(path, _SHADOWED)] = vec.luminance(_radiance(pool, path))
             light = sample_contribution(found - found, one, in_half(sample))
             if by_group is not None:
@@ -91,7 +92,7 @@ def accumulate_film(pool, lists, film, scale, width, batch, bad, bad_count, by_g
             film[base + _POINT + _1] += oy
             film[base + _POINT + _2] += oz
         if len(records) > 0:
-            _record(records, place * batch.count + sample - batch.first, pool, path)
+            _record(records, place * batch.count + sample - batch.first, pool, path, is_black)
         if sample == 0:
             for k in range(len(IDS)):
                 film[base + _8 + IDS[k, 0]] += load_int(pool, first + IDS[k, 0])
@@ -119,15 +120,15 @@ def _radiance(pool, path):
 
 
 @subroutine
-def _record(records, number, pool, path):
-    """Stores what is recorded of a path in row `number` of `records`; the light of a path that ends on a catcher is none."""
+def _record(records, number, pool, path, is_black):
+    """Stores what is recorded of a path in row `number` of `records`. is_black: whether its radiance is a catcher's."""
     never_inline()
     first = at(path, _FIRST)
     for k in range(len(IDS)):
         records[number, k] = load_int(pool, first + IDS[k, 0])
     if records.shape[1] > len(IDS):
         red, green, blue = _radiance(pool, path)
-        if pool[at(path, _CAUGHT)] > _ZERO:
+        if is_black:
             red, green, blue = _ZERO, _ZERO, _ZERO
         records[number, len(IDS)] = np.float32(red).view(np.uint32)
         records[number, len(IDS) + 1] = np.float32(green).view(np.uint32)

@@ -16,6 +16,7 @@ from renderer.kernel.backends.cpu.rows import (
     ChosenLight,
     LightDescent,
     Outcome,
+    Shading,
     at,
     column,
     gather,
@@ -33,14 +34,16 @@ from renderer.kernel.light.lights import choose_by_power, nearby_choice, sample_
 from renderer.kernel.light.links import linked_sample
 from renderer.kernel.light.visibility import sampled_visibility, with_visibility
 from renderer.kernel.light_groups import ChosenGroup, group_of_sample, scatter_group
+from renderer.kernel.steps.catch_reflections import branches_at_catcher, catches_reflections
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.random_blocks import draw_light
+from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.state import PathState
-from renderer.wide.values import as_wide, to_float, u32, zero_like
+from renderer.wide.values import as_wide, to_float, u32, where, zero_like
 
 __all__ = ["choose_light", "choose_lights", "numbers_for_light"]
 
-_ONE = np.float32(1.0)
+_ZERO, _ONE = np.float32(0.0), np.float32(1.0)
 _ROOT = np.uint32(0)
 _NODE = np.uintp(LIGHT_ROWS * LIGHT_WIDTH)
 _LEFT, _CHANCE, _HERE = (column(LightDescent, field) for field in ("left", "chance", "here"))
@@ -117,7 +120,12 @@ def choose_light(scene, pool, rows, by_tree, options):
     if scene.has.visibility is not None:
         word = sampled_visibility(scene, which, u32(chosen))
         light, seen_by = with_visibility(light, word), to_float(word)
-    branches = branches_to_light(light.alone, gather(pool, rows, PathState).number, options)
+    number = gather(pool, rows, PathState).number
+    branches = branches_to_light(light.alone, number, options)
+    if scene.has.reflections is not None and options.has_mattes:
+        caught = (number == _ZERO) & (gather(pool, rows, FirstHit).caught > _ZERO)
+        reflects = catches_reflections(scene, caught, gather(pool, rows, Shading).material)
+        branches = where(reflects, branches_at_catcher(scene, which, light.alone), branches)
     scatter(pool, rows, ChosenLight(light.direction, light.pdf, light.radiance, branches))
     scatter(pool, rows, Outcome((none, none, none), light.end, seen_by, none))
 

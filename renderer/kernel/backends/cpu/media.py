@@ -22,6 +22,7 @@ from renderer.kernel.backends.cpu.lists import (
     row,
     truncate,
 )
+from renderer.kernel.backends.cpu.reflections import is_from_catcher, meet_objects
 from renderer.kernel.backends.cpu.rows import (
     Appearance,
     Axes,
@@ -35,10 +36,12 @@ from renderer.kernel.backends.cpu.rows import (
     column,
     gather,
     group_row,
+    last_vertex,
     path_wavelengths,
     scatter,
     spare_where_not,
     streams_of,
+    time_of,
 )
 from renderer.kernel.light_groups import add_group_light, group_of_media
 from renderer.kernel.light_paths import EMISSION, add_path_light
@@ -97,6 +100,11 @@ def sample_free_flight(scene, pool, rows, options):
             first, always = group_row(rows, options), path.number == path.number
             add_path_light(pool, first, options, light, path.number, EMISSION, always)
     none = zero_like(path.number)
+    if scene.has.reflections is not None:
+        meets = event.scatters & is_from_catcher(scene, pool, rows, path, options)
+        last, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
+        kind = crossings.ray_kind
+        path = meet_objects(scene, pool, rows, meets, meets, ray, path, last, kind, time, wavelengths, options)
     if any_of(event.scatters):
         surface = medium_surface(ray, event.distance)
         first = event.scatters & (path.number == _ZERO)

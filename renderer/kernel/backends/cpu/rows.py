@@ -45,6 +45,7 @@ __all__ = [
     "at",
     "camera_stream",
     "column",
+    "first_rows",
     "gather",
     "group_floats",
     "group_row",
@@ -263,6 +264,15 @@ def second_rows(pool, rows):
     if pool.ndim == 2:  # a graphics card's
         second = np.uint32(pool.shape[1] // 2)
     return u32(rows + second)
+
+
+@device
+def first_rows(pool, rows):
+    """Returns the rows of the first branches of the paths in one row of the pool or in eight, which are of either branch."""
+    second = SECOND
+    if pool.ndim == 2:  # a graphics card's
+        second = np.uint32(pool.shape[1] // 2)
+    return where(rows < second, rows, u32(rows - second))
 
 
 @device

@@ -70,16 +70,17 @@ from renderer.kernel.light.visibility import shadow_root_of
 from renderer.kernel.light_paths import share_after_vertex, store_sampled_share, store_share
 from renderer.kernel.steps import scatter as scattering
 from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
+from renderer.kernel.steps.catch_reflections import catches_reflections, ignores_shadows, luminance_on_film
 from renderer.kernel.steps.continue_or_end import continue_or_end
 from renderer.kernel.steps.guide import choose_guided, guided_pdf, guided_sample
 from renderer.kernel.steps.mis import light_weight
 from renderer.kernel.steps.random_blocks import draw_scattering
 from renderer.kernel.steps.ray_kind import after_vertex, visible_lobes
 from renderer.kernel.steps.record_first_hit import FirstHit, record_direct_light
-from renderer.kernel.steps.sample_direct_light import sample_direct_light
+from renderer.kernel.steps.sample_direct_light import add_direct_light, sample_direct_light
 from renderer.kernel.steps.splitting import second_branch_numbers, second_branch_stream, splits
 from renderer.kernel.steps.state import BsdfSample, Crossings, PathState, Ray, with_radiance, with_ray_kind
-from renderer.wide.values import any_of, as_wide, to_int, u32, where, zero_like
+from renderer.wide.values import any_of, as_wide, not_, to_int, u32, where, where3, zero_like
 
 __all__ = ["kinds_of_scattering", "scatter_vertex", "scatter_vertices"]
 
@@ -165,6 +166,7 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
     if options.has_mattes:
         hit = gather(pool, rows, FirstHit)
         caught = (path.number == _ZERO) & (hit.caught > _ZERO)
+        reflects = caught & not_(caught)
     facet, shading, to_light = gather(pool, rows, Facet), gather(pool, rows, Shading), gather(pool, rows, ChosenLight)
     surface = surface_of(pool, rows, facet, shading)
     m = _material(scene, pool, rows, surface, options)
@@ -227,20 +229,29 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
     branches = none + _ONE
     if is_lit is not None:
         branches = where(splits(path.number, shading.list == _RARE_SPECULAR), none + np.float32(options.splitting), branches)
+    if scene.has.reflections is not None and options.has_mattes:
+        reflects = catches_reflections(scene, caught, m.material)
+        branches = where(caught, none + _ONE, branches)
     start, end, is_cast = (none, none, none), (none, none, none), none
     if is_lit is not None and lit and not second:
         light = LightSample(to_light.direction, gather(pool, rows, Outcome).end, to_light.radiance, to_light.pdf, none != none)
         share = light_weight(to_light.pdf, scatter_pdf, to_light.branches)
         if options.has_mattes:
-            share = where(caught, none + _ONE, share)  # a path ends there, so that light sampling alone finds its light
+            share = where(caught & not_(reflects), none + _ONE, share)  # a path ends there: light samples alone find its light
         medium_stack = as_wide(_WORLD, none)
         if scene.has.media is not None:
             medium_stack = gather(pool, rows, Crossings).medium_stack
         shadow = sample_direct_light(scene, surface, path, light, wi, f, share, medium_stack, is_surface)
         start, end, is_cast = shadow.start, shadow.end, where(shadow.is_cast, _ONE, none)
         if options.has_mattes:
-            bright = where(shadow.is_cast, vec.luminance(shadow.brought), none)
+            bright = where(shadow.is_cast, luminance_on_film(scene, stream, shadow.brought), none)
             scatter(pool, spare_where_not(pool, caught, rows), record_direct_light(hit, bright))
+            if scene.has.reflections is not None:
+                unshaded = ignores_shadows(scene, caught, m.material)
+                white = none + _ONE, none + _ONE, none + _ONE
+                arrives = add_direct_light(path.radiance, shadow.brought, white, shadow.segments, options)
+                path = with_radiance(path, where3(unshaded & shadow.is_cast, arrives, path.radiance))
+                is_cast = where(unshaded, none, is_cast)
         root = shadow.medium_stack  # unused
         if scene.has.visibility is not None:
             root = shadow_root_of(word)
@@ -249,7 +260,9 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
     ray, path, bounce = scattering.scatter(surface, m.frame, ray, path, sample, branches, options)
     path, survival = continue_or_end(path, ray, u[3], is_surface, options)
     if options.has_mattes:
-        survival = where(caught, none, survival)
+        survival = where(caught & not_(reflects), none, survival)
+        if second:
+            survival = where(caught, none, survival)
     written = rows
     if second:
         _copy_vertices(scene, pool, rows, stream, facet, shading)

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from renderer.jit import never_inline, subroutine
 from renderer.kernel.backends.cpu.lists import DONE, eight_rows, pad
-from renderer.kernel.backends.cpu.rows import Sample, camera_stream, gather, scatter
+from renderer.kernel.backends.cpu.rows import Sample, camera_stream, gather, group_row, scatter
+from renderer.kernel.spectrum.light_planes import planes_to_rgb
 from renderer.kernel.spectrum.wavelengths import to_rgb
 from renderer.kernel.steps.state import PathState, with_radiance
 
@@ -17,5 +18,7 @@ def spectrum_to_rgb(scene, pool, lists, options):
     never_inline()
     for k in range(0, pad(lists, DONE), 8):
         rows = eight_rows(lists, DONE, k)
-        path, sample = gather(pool, rows, PathState), gather(pool, rows, Sample)
-        scatter(pool, rows, with_radiance(path, to_rgb(scene.spectrum, camera_stream(sample, options), path.radiance)))
+        path, stream = gather(pool, rows, PathState), camera_stream(gather(pool, rows, Sample), options)
+        scatter(pool, rows, with_radiance(path, to_rgb(scene.spectrum, stream, path.radiance)))
+        if scene.has.by_light is not None:
+            planes_to_rgb(scene.spectrum, stream, pool, group_row(rows, options), options)

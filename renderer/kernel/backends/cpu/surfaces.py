@@ -32,6 +32,7 @@ from renderer.kernel.backends.cpu.lists import (
     row,
 )
 from renderer.kernel.backends.cpu.material_stage import surfaces_at, texture_factors_of
+from renderer.kernel.backends.cpu.reflections import add_arriving_light, is_from_catcher, meet_objects
 from renderer.kernel.backends.cpu.rows import (
     Appearance,
     Axes,
@@ -81,7 +82,7 @@ _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
 _NONE = np.uint32(0)
 _ONE_BIT = np.uint32(1)
-_HOLDOUT, _CATCHER = np.uint32(kinds.HOLDOUT), np.uint32(kinds.CATCHER)
+_HOLDOUT, _CATCHES = np.uint32(kinds.HOLDOUT), np.uint32(kinds.CATCHES)
 _RARE_KINDS = np.uint32(kinds.RARE_KINDS)
 _DIFFUSE, _METALLIC_ROUGHNESS, _CONDUCTOR, _UNLIT = (
     np.uint32(kind) for kind in (kinds.DIFFUSE, kinds.METALLIC_ROUGHNESS, kinds.CONDUCTOR, kinds.UNLIT)
@@ -99,7 +100,8 @@ _LIST, _LIGHT_PDF = column(Shading, "list"), column(ChosenLight, "pdf")
 def shade_miss(scene, pool, rows, options, is_recorded):
     """Adds environment and sun light to the paths in one row of the pool or in eight. is_recorded: as for `shade_hits`."""
     ray, path = gather(pool, rows, Ray), gather(pool, rows, PathState)
-    seen, counts = emitted_by_environment(scene, ray), background_counts(ray, path, options)
+    seen, counts, before = emitted_by_environment(scene, ray), background_counts(ray, path, options), path.radiance
+    reflected = is_from_catcher(scene, pool, rows, path, options)
     if options.transparent_background:
         seen_first = spare_where_not(pool, path.number == _ZERO, rows)
         scatter(pool, seen_first, record_background(path.throughput))
@@ -119,6 +121,8 @@ def shade_miss(scene, pool, rows, options, is_recorded):
     if scene.has.lights is not None:
         last, time = last_vertex(scene, pool, rows), time_of(scene.has.motion, pool, rows)
         kind = gather(pool, rows, Crossings).ray_kind
+        if scene.has.reflections is not None:
+            counts = counts & not_(reflected & (ray.pdf > _ZERO))  # light samples find suns
         for which in range(len(scene.sun)):
             seen = emitted_by_sun(scene, which, ray, last, path.number, kind, time)
             light = vec.scale(light_at(scene, seen.radiance, wavelengths), hit_weight(ray.pdf, seen.light_pdf))
@@ -130,6 +134,8 @@ def shade_miss(scene, pool, rows, options, is_recorded):
                 first, brought = group_row(rows, options), brought_light(path, light, options)
                 add_path_light(pool, first, options, brought, path.number, ENVIRONMENT, counts)
             path = add_light(path, light, counts, options)
+    if scene.has.reflections is not None and any_of(reflected):
+        add_arriving_light(scene, pool, rows, reflected, before, path, options)
     scatter(pool, rows, path)
 
 
@@ -196,9 +202,14 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
     if options.has_mattes:
         held, caught = (
             first & has_flag(scene, surface.material, _HOLDOUT),
-            first & has_flag(scene, surface.material, _CATCHER),
+            first & has_flag(scene, surface.material, _CATCHES),
         )
         lit = lit & not_(held | caught)
+    reflected, before = is_from_catcher(scene, pool, rows, path, options), path.radiance
+    meets, over = reflected & not_(through), first & not_(first)
+    if scene.has.reflections is not None:
+        over = meets & has_flag(scene, surface.material, _CATCHES)
+        lit = lit & not_(reflected & (ray.pdf > _ZERO)) & not_(over)  # light samples find it
     if any_of(lit):
         seen = emitted_light(scene, surface, lit, ray, last_vertex(scene, pool, rows), time)
         weight = hit_weight(ray.pdf, seen.light_pdf)
@@ -210,6 +221,11 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
             brought = brought_light(path, light, options)
             add_path_light(pool, group_row(rows, options), options, brought, path.number, EMISSION, lit)
         path = add_light(path, light, lit, options)
+    if scene.has.reflections is not None and any_of(reflected):
+        add_arriving_light(scene, pool, rows, reflected & not_(over), before, path, options)
+        last, kind = last_vertex(scene, pool, rows), gather(pool, rows, Crossings).ray_kind
+        meets, hides = meets & not_(over), not_(is_emissive(surface))
+        path = meet_objects(scene, pool, rows, meets, hides, ray, path, last, kind, time, wavelengths, options)
 
     frame = shading_frame(scene, surface, vec.neg(ray.d), time)
     parameters = parameters_at(scene, surface, find_factors(scene, surface, time))
@@ -225,7 +241,7 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
     kind = u32(lookup(scene.material_kind, surface.material))
     unlit = (kind == _UNLIT) & not_(through)
     if options.has_mattes:
-        unlit = unlit & not_(held | caught)
+        unlit = unlit & not_(held | caught | over)
     if any_of(unlit):
         if scene.has.groups is not None:
             group = group_row(rows, options) + group_of_material(scene, surface.material)
@@ -251,7 +267,7 @@ def shade_hit(scene, pool, rows, which, find_surface, find_factors, options, is_
         crossings = gather(pool, rows, Crossings)
     which_next = where(is_last(path, crossings.counts, unlit, options), _OVER, which_next)
     if options.has_mattes:
-        which_next = where(held, _OVER, which_next)
+        which_next = where(held | over, _OVER, which_next)
     point = surface.point
     if scene.has.textures is not None and any_of(through):
         passed, ends = where(through, passed + _ONE, passed), passed != passed

@@ -63,9 +63,10 @@ from renderer.kernel.backends.cuda.local_zeros import local_zeros
 from renderer.kernel.backends.scalar.first_hit import (
     FIRST_HIT_SLOTS,
     add_alpha,
-    is_caught,
+    catches_light_alone,
     is_finite_first_hit,
     store_first_hit,
+    store_record,
     store_shadow,
 )
 from renderer.kernel.backends.scalar.light import has_lights
@@ -123,6 +124,7 @@ class Wave(NamedTuple):
     lists: Any  # (LISTS, 2 * paths) u32: numbers of rows
     lengths: Any  # (LISTS,) int64: of the lists
     branches: Any  # (paths,) int64: of each path, how many branches have not ended
+    records: Any  # (samples, columns) u32: of each sample of each pixel, as in Output (renderer/kernel/accumulate.py), or no rows
     second: Any  # whether vertices are scattered into their second branches
 
 
@@ -390,7 +392,7 @@ def _add_to_film(job, pool, batch, path):
     radiance = vec.add(gather(pool, path, PathState).radiance, second.radiance)
     if vec.is_finite(radiance) and is_finite_first_hit(hit):
         sample = gather(pool, path, Sample)
-        if job.options.has_mattes and is_caught(hit):  # a shadow is black
+        if job.options.has_mattes and catches_light_alone(hit):  # a shadow is black
             store_shadow(hit, radiance)
             radiance = vec.sub(radiance, radiance)
         add_sample(sums, 0, 0, np.int64(sample.number), radiance, hit, job.options.scale, batch.origin)
@@ -401,6 +403,9 @@ def _add_to_film(job, pool, batch, path):
             value = sums[plane, 0, 0]
             if value != 0:
                 add_atomically(job.film, np.uintp(plane * pixels + sample.place), value)
+        if len(job.records) > 0:
+            number = np.int64(sample.place) * batch.count + np.int64(sample.number) - batch.first
+            store_record(job.records, np.uintp(number), hit, radiance)
     else:
         add_atomically(job.counters, _BAD, _ONE)
 

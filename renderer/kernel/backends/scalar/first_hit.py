@@ -10,7 +10,16 @@ from renderer.jit import device
 from renderer.kernel import vec
 from renderer.kernel.fixed_point import fixed
 from renderer.kernel.light_groups import GROUP_ROW
-from renderer.kernel.steps.record_first_hit import DEEP, IDS, MEANS, FirstHit, no_hit, record_direct_light
+from renderer.kernel.steps import catch_reflections
+from renderer.kernel.steps.record_first_hit import (
+    DEEP,
+    IDS,
+    MEANS,
+    FirstHit,
+    no_hit,
+    record_direct_light,
+    record_reflection,
+)
 from renderer.wide.fields import Layout, accessors
 
 __all__ = [
@@ -18,12 +27,14 @@ __all__ = [
     "FIRST_HIT_SLOTS",
     "add_alpha",
     "add_first_hit",
+    "catches_light_alone",
     "forget_first_hit",
-    "is_caught",
     "is_finite_first_hit",
+    "is_from_catcher",
     "store_direct_light",
     "store_first_hit",
     "store_record",
+    "store_reflection",
     "store_shadow",
 ]
 
@@ -78,9 +89,18 @@ def is_finite_first_hit(first):
 
 
 @device
-def is_caught(first):
-    """Returns True if the vertex of the FirstHit stored in `first` is on a shadow catcher."""
-    return first[_CAUGHT] > _ZERO
+def catches_light_alone(first):
+    """Returns True if the vertex of the FirstHit stored in `first` is on a catcher, and its path has met no object after it."""
+    return first[_CAUGHT] > _ZERO and first[_SHADOWED] < _ZERO
+
+
+@device
+def is_from_catcher(scene, first, path, options):
+    """Returns True if the path's ray is the first one from a catcher of reflections."""
+    found = np.bool_(False)
+    if scene.has.reflections is not None:
+        found = options.has_mattes and catch_reflections.is_from_catcher(path, first[_CAUGHT])
+    return found
 
 
 @device
@@ -90,9 +110,15 @@ def store_shadow(first, radiance):
 
 
 @device
-def store_direct_light(first, brought):
-    """Adds direct light at a shadow catcher, before occlusion, to the FirstHit stored in `first`."""
-    _scatter(first, _ONLY, record_direct_light(_gather(first, _ONLY, FirstHit), vec.luminance(brought)))
+def store_direct_light(first, light):
+    """Adds direct light at a catcher, its luminance before occlusion, to the FirstHit stored in `first`."""
+    _scatter(first, _ONLY, record_direct_light(_gather(first, _ONLY, FirstHit), light))
+
+
+@device
+def store_reflection(first, light):
+    """Stores in `first` that the path has met an object after a catcher. light: as for `record_reflection`."""
+    _scatter(first, _ONLY, record_reflection(_gather(first, _ONLY, FirstHit), light))
 
 
 @device

@@ -10,7 +10,7 @@ import numpy as np
 from renderer.bvh.traverse import shadow_root
 from renderer.jit import device, template
 from renderer.kernel import vec
-from renderer.kernel.backends.scalar.first_hit import store_direct_light, store_first_hit
+from renderer.kernel.backends.scalar.first_hit import is_from_catcher, store_direct_light, store_first_hit
 from renderer.kernel.backends.scalar.visibility import shadow_transmittance
 from renderer.kernel.light.light_sample import light_sample_at
 from renderer.kernel.light.lights import choose_sampled, sample_chosen
@@ -31,6 +31,12 @@ from renderer.kernel.material.material import eval_diffuse_lobes, eval_material
 from renderer.kernel.sampling.sampler import substream
 from renderer.kernel.spectrum.upsampling import light_at
 from renderer.kernel.steps.aim import NOT_AIMED, mixture_pdf, targets_in_view
+from renderer.kernel.steps.catch_reflections import (
+    branches_at_catcher,
+    catches_reflections,
+    ignores_shadows,
+    luminance_on_film,
+)
 from renderer.kernel.steps.emitted_light import (
     add_light,
     background_counts,
@@ -54,6 +60,7 @@ from renderer.wide.values import lookup, u32
 __all__ = ["add_caustic", "add_direct", "add_emission", "add_environment", "has_lights"]
 
 _ZERO, _ONE = np.float32(0.0), np.float32(1.0)
+_WHITE = (_ONE, _ONE, _ONE)
 _YES, _NO = np.bool_(True), np.bool_(False)
 
 
@@ -66,6 +73,8 @@ def has_lights(scene):
 @template
 def add_environment(scene, ray, path, last, crossings, chain, options, time, wavelengths, weigh_hit, found, groups):
     """Returns `path` with the light of the environment and of suns added; called if the path's ray has hit nothing.
+
+    From a catcher of reflections, suns count only along discrete directions; light samples find them along others.
 
     wavelengths: of the path (kernel/spectrum); None in RGB. chain: from kernel/manifold/chain.py. found: the array of the first
     hit, with the table of the light by group. groups: the row of the path's first group.
@@ -87,9 +96,9 @@ def add_environment(scene, ray, path, last, crossings, chain, options, time, wav
         for which in range(len(scene.sun)):
             seen = emitted_by_sun(scene, which, ray, last, path.number, crossings.ray_kind, time)
             weight = weigh_hit(options, ray, path, last, None, seen.light_pdf)
-            shows = counts
+            shows = counts and not (ray.pdf > _ZERO and is_from_catcher(scene, found, path, options))
             if scene.caustics is not None:
-                shows = counts and not is_sampled_elsewhere(scene, chain, np.int64(scene.sun[which]))
+                shows = shows and not is_sampled_elsewhere(scene, chain, np.int64(scene.sun[which]))
             light = vec.scale(light_at(scene, seen.radiance, wavelengths), weight)
             if scene.has.groups is not None:
                 group = groups + group_of_light(scene, np.uint32(scene.sun[which]))
@@ -108,7 +117,8 @@ def add_emission(scene, surface, through, ray, path, last, chain, options, time,
     through: whether the path passes through that surface without scattering. wavelengths, chain, found, groups: as for
     `add_environment`.
     """
-    if is_emissive(surface) and ray.pdf >= _ZERO and counts_emission(scene, surface, through):
+    counts = ray.pdf <= _ZERO or not is_from_catcher(scene, found, path, options)  # else light samples find it
+    if counts and is_emissive(surface) and ray.pdf >= _ZERO and counts_emission(scene, surface, through):
         if scene.caustics is not None and is_sampled_elsewhere(scene, chain, np.int64(surface.light)):
             return path
         seen = emitted_light(scene, surface, _YES, ray, last, time)
@@ -130,11 +140,15 @@ def add_direct(
 ):
     """Samples the direct light at a path's vertex; returns (the path with that light added, number of shadow rays).
 
-    wavelengths, found, groups: as for `add_environment`. caught: whether the vertex is on a shadow catcher, where the path ends.
+    wavelengths, found, groups: as for `add_environment`. caught: whether the vertex is on a catcher.
     """
     surface = vertex.surface
     s, t, n = vertex.frame
     rays = 0
+    reflects, unshaded = _NO, _NO
+    if scene.has.reflections is not None:
+        reflects = catches_reflections(scene, caught, surface.material)
+        unshaded = ignores_shadows(scene, caught, surface.material)
     count = options.light_samples if path.number == _ZERO else 1
     for k in range(count):
         own = substream(stream, k, count) if count > 1 else stream
@@ -161,8 +175,10 @@ def add_direct(
                 guided = choose_guided(scene, surface.point, n, _NO, is_surface, _ONE, (_ZERO, _ZERO))
                 scatter_pdf = guided_pdf(scene, guided, light.direction, scatter_pdf)
             branches = branches_to_light(light.alone, path.number, options)
+            if scene.has.reflections is not None and reflects:
+                branches = branches_at_catcher(scene, numbers[2], light.alone)
             weight = weigh_light(options, light, scatter_pdf, branches, surface.point)
-            if caught:
+            if caught and not reflects:
                 weight = _ONE
             weight = weight / np.float32(count)
             if scene.has.visibility is not None:
@@ -171,7 +187,11 @@ def add_direct(
             shadow = sample_direct_light(scene, surface, path, light, wi, f, weight, crossings.medium_stack, is_surface)
             if shadow.is_cast:
                 if caught:
-                    store_direct_light(found, shadow.brought)
+                    store_direct_light(found, luminance_on_film(scene, stream, shadow.brought))
+                if scene.has.reflections is not None and unshaded:
+                    radiance = add_direct_light(path.radiance, shadow.brought, _WHITE, shadow.segments, options)
+                    path = with_radiance(path, radiance)
+                    continue
                 rays += 1
                 known = shadow, crossings.counts, options, time, own, path.number, root
                 left = shadow_transmittance(scene, stack, *known, wavelengths)

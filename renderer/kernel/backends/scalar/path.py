@@ -9,15 +9,21 @@ from __future__ import annotations
 
 import numpy as np
 
-from renderer.arrays.rows import CATCHER, HOLDOUT, MEDIUM, UNLIT
+from renderer.arrays.rows import CATCHES, HOLDOUT, MEDIUM, UNLIT
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, camera_root, closest_hit
 from renderer.jit import local_floats, template
 from renderer.kernel import vec
-from renderer.kernel.backends.scalar.first_hit import FIRST_GROUP, store_first_hit
+from renderer.kernel.backends.scalar.first_hit import (
+    FIRST_GROUP,
+    is_from_catcher,
+    store_direct_light,
+    store_first_hit,
+    store_reflection,
+)
 from renderer.kernel.backends.scalar.light import add_caustic, add_direct, add_emission, add_environment
 from renderer.kernel.backends.scalar.vertex import LAYER_SLOTS, medium_vertex, reach_surface, subsurface_vertex, surface_vertex
 from renderer.kernel.light_groups import add_group_light, group_of_material, group_of_media
-from renderer.kernel.light_paths import EMISSION, add_path_light, share_after_vertex, store_share
+from renderer.kernel.light_paths import EMISSION, add_path_light, forget_lights, share_after_vertex, store_share
 from renderer.kernel.manifold.chain import NO_CHAIN, begin_chain, continue_chain, is_joined
 from renderer.kernel.material.material import (
     eval_diffuse_lobes,
@@ -38,8 +44,10 @@ from renderer.kernel.path_trace import (
     record_second_branch,
     record_surface,
 )
+from renderer.kernel.spectrum.light_planes import planes_to_rgb
 from renderer.kernel.spectrum.wavelengths import to_rgb, wavelengths_of
 from renderer.kernel.steps.aim import NOT_AIMED, aim, aimed_sample, mixture_pdf, targets_in_view
+from renderer.kernel.steps.catch_reflections import background_light, catches_reflections, luminance_on_film
 from renderer.kernel.steps.continue_or_end import continue_or_end, is_last
 from renderer.kernel.steps.emitted_light import add_light, add_medium_light, brought_light
 from renderer.kernel.steps.guide import choose_guided, guided_sample
@@ -60,7 +68,7 @@ from renderer.kernel.steps.state import (
     with_ray_kind,
     with_throughput,
 )
-from renderer.kernel.surface.surface import NO_OBJECT, surface_at
+from renderer.kernel.surface.surface import NO_OBJECT, is_emissive, surface_at
 from renderer.prune_absent_features import where_present
 from renderer.wide.values import lookup, u32
 
@@ -72,7 +80,7 @@ _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 _YES, _NO = np.bool_(True), np.bool_(False)
-_HOLDOUT, _CATCHER = np.uint32(HOLDOUT), np.uint32(CATCHER)
+_HOLDOUT, _CATCHES = np.uint32(HOLDOUT), np.uint32(CATCHES)
 
 
 @template
@@ -96,6 +104,8 @@ def trace_path(scene, stack, camera, medium_stack, options, log, first, lit, wei
         brought = path.radiance
         if scene.spectrum is not None:
             brought = to_rgb(scene.spectrum, camera.stream, brought)
+            if scene.has.by_light is not None:
+                planes_to_rgb(scene.spectrum, camera.stream, first, groups, options)
         light = vec.add(light, brought)
         if not splits_here:
             break
@@ -126,6 +136,7 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
         rays += 1
         row, drifts, distance = path.number + passed, _NO, hit.t
         held, caught = _NO, _NO
+        reflected = is_from_catcher(scene, first, path, options)
         if scene.has.media is not None:
             event = medium_event(scene, ray, path, crossings, hit.t, stream, row, wavelengths)
             if scene.has.grids is not None:
@@ -134,10 +145,19 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
                     add_group_light(first, groups + group_of_media(scene), light, _YES)
                 if scene.has.light_paths is not None:
                     add_path_light(first, groups, options, light, path.number, EMISSION, _YES)
-            drifts, distance, path = event.scatters, event.distance, with_throughput(path, event.throughput)
+            drifts, distance = event.scatters, event.distance
+            if scene.has.reflections is not None and reflected and drifts:
+                path = _meet_object(
+                    scene, ray, path, last, crossings, time, wavelengths, options, weigh_hit, camera, first, groups, True
+                )
+            path = with_throughput(path, event.throughput)
         if hit.primitive == NO_PRIMITIVE and not drifts:
             record_miss(log, row, ray, path)
+            before = path.radiance
             path = add_environment(scene, ray, path, last, crossings, chain, options, time, wavelengths, weigh_hit, first, groups)
+            if scene.has.reflections is not None and reflected:
+                added = vec.sub(path.radiance, before)
+                store_direct_light(first, luminance_on_film(scene, camera.stream, added))
             record_light(log, row, EMITTED, path.radiance)
             break
         if scene.has.media is not None and drifts:
@@ -150,11 +170,23 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             record_surface(log, row, surface, surface.point, through, hit.t, ray, path)
             if options.has_mattes and path.number == _ZERO and not through:
                 held = has_flag(scene, surface.material, _HOLDOUT)
-                caught = has_flag(scene, surface.material, _CATCHER)
-            if not (held or caught):
+                caught = has_flag(scene, surface.material, _CATCHES)
+            ends = reflected and not through and has_flag(scene, surface.material, _CATCHES)
+            before = path.radiance
+            if not (held or caught or ends):
                 path = add_emission(
                     scene, surface, through, ray, path, last, chain, options, time, wavelengths, weigh_hit, first, groups
                 )
+            if scene.has.reflections is not None and reflected:
+                if ends:
+                    break
+                added = vec.sub(path.radiance, before)
+                store_direct_light(first, luminance_on_film(scene, camera.stream, added))
+                if not through:
+                    hides = not is_emissive(surface)
+                    path = _meet_object(
+                        scene, ray, path, last, crossings, time, wavelengths, options, weigh_hit, camera, first, groups, hides
+                    )
             if through:
                 record_light(log, row, EMITTED, path.radiance)
                 crossings, blocked = pass_through(scene, surface, through, crossings, options)
@@ -218,11 +250,11 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
                 path, shadow_rays = add_caustic(scene, stack, vertex, ray, path, crossings, options, stream)
                 rays += shadow_rays
             record_light(log, row, DIRECT, path.radiance)
-        if caught:
+        if caught and (scene.has.reflections is None or not catches_reflections(scene, caught, vertex.surface.material)):
             break
 
         u = draw_scattering(stream, path.number)
-        branches = np.float32(options.splitting) if splits(path.number, specular) else _ONE
+        branches = np.float32(options.splitting) if splits(path.number, specular) and not caught else _ONE
         last = LastVertex(vertex.surface.point, vertex.normal, u32(vertex.surface.object))
         begun = begin_chain(vertex.material, specular)
         if branches > _ONE:
@@ -256,6 +288,21 @@ def _follow(scene, stack, state, camera, stream, options, log, first, groups, li
             chain = continue_chain(scene, chain, hit, o, d, bounce) if specular else begun
         after = where_present(scene.has.textures, FROM_ORIGIN)
     return path, splits_here, other, rays
+
+
+@template
+def _meet_object(scene, ray, path, last, crossings, time, wavelengths, options, weigh_hit, camera, first, groups, hides):
+    """Returns a path whose first ray from a catcher has met an object: its light so far is that of the catcher.
+
+    camera: the CameraRay. hides: whether the object is in front of the background. The others are as for `_follow`.
+    """
+    if hides:
+        light = background_light(scene, ray, path, last, crossings.ray_kind, time, wavelengths, options, weigh_hit)
+        store_direct_light(first, luminance_on_film(scene, camera.stream, light))
+    store_reflection(first, luminance_on_film(scene, camera.stream, path.radiance))
+    if scene.has.by_light is not None:
+        forget_lights(first, groups, options)
+    return with_radiance(path, _BLACK)
 
 
 @template

@@ -12,8 +12,8 @@ from renderer.kernel.backends.scalar.first_hit import (
     FIRST_HIT_SLOTS,
     add_alpha,
     add_first_hit,
+    catches_light_alone,
     forget_first_hit,
-    is_caught,
     is_finite_first_hit,
     store_record,
     store_shadow,
@@ -83,7 +83,7 @@ def render_tile(trace, scene, stack, camera, options, batch, output):
                         bad[bad_count, 2] = sample
                     bad_count += 1
                     continue
-                caught = options.has_mattes and is_caught(hit)
+                caught = options.has_mattes and catches_light_alone(hit)
                 if caught:  # a shadow is black
                     store_shadow(hit, radiance)
                     radiance = vec.sub(radiance, radiance)

@@ -49,9 +49,9 @@ def transmittance_rgb(scene, stack, start, end, medium_stack, layers, time, rand
                 medium = innermost(medium_stack)
                 homogeneous = not volume_of(scene, medium) > _ZERO
                 if not homogeneous:
-                    d = vec.scale(way, _ONE / length)
+                    d, (sigma_t, _, _) = vec.scale(way, _ONE / length), coefficients(scene, medium_stack, wavelengths)
                     part, block = volume_transmittance(
-                        scene, medium, start, d, after[0] * length, hit.t * length, seed, pixel, sample, block
+                        scene, medium, sigma_t, start, d, after[0] * length, hit.t * length, seed, pixel, sample, block
                     )
                     left = vec.mul(left, part)
             if homogeneous:
@@ -98,7 +98,7 @@ def media_transmittance(scene, medium_stack, start, end, stream, number, wavelen
         medium = innermost(medium_stack)
         is_grid = volume_of(scene, medium) > _ZERO
         if any_of(is_grid):
-            ray = medium, start, vec.scale(way, _ONE / length), zero_like(length), length
+            ray = medium, sigma_t, start, vec.scale(way, _ONE / length), zero_like(length), length
             random = u32(stream.seed), stream.pixel, stream.sample, shadow_block(to_int(number))
             part, _ = each_lane(volume_transmittance, is_grid, (scene, *ray, *random))
             left = where3(is_grid, part, left)

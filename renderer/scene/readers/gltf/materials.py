@@ -18,7 +18,9 @@ from renderer.scene.readers.number_ranges import clamped
 from renderer.scene.textures import TextureShelf
 from renderer.sentences import Sentence
 
-__all__ = ["EXTENSIONS", "Materials", "NodeLook"]
+__all__ = ["EXTENSIONS", "MATTES", "Materials", "NodeLook"]
+
+MATTES = ("holdout", "shadow_catcher", "reflection_catcher")  # in the extras of nodes and materials
 
 EXTENSIONS = {"KHR_materials_emissive_strength", "KHR_materials_pbrSpecularGlossiness", *extensions.NAMES, *scattering.NAMES}
 
@@ -31,6 +33,7 @@ class NodeLook(NamedTuple):
     hidden_from: tuple[str, ...]  # the kinds of rays that do not see it (RAY_KINDS)
     holdout: bool
     shadow_catcher: bool
+    reflection_catcher: bool
     light_group: str
     light_link: str
     shadow_link: str
@@ -86,6 +89,7 @@ class Materials:
                 with_visibility(source, {kind: kind not in look.hidden_from for kind in RAY_KINDS}),
                 holdout=look.holdout or source.holdout,
                 shadow_catcher=look.shadow_catcher or source.shadow_catcher,
+                reflection_catcher=look.reflection_catcher or source.reflection_catcher,
                 light_group=look.light_group or source.light_group,
                 light_link=look.light_link or source.light_link,
                 shadow_link=look.shadow_link or source.shadow_link,
@@ -106,7 +110,7 @@ class Materials:
         extensions.read_parameters(source, material, self._textures, metallic_roughness=not glossy)
         material.light_group, material.light_link = (source.name_in_extras(key) for key in ("light_group", "light_link"))
         material.shadow_link = source.name_in_extras("shadow_link")
-        material.holdout, material.shadow_catcher = (source.flag_in_extras(key) for key in ("holdout", "shadow_catcher"))
+        material.holdout, material.shadow_catcher, material.reflection_catcher = (source.flag_in_extras(key) for key in MATTES)
         self._alpha_mode(source, material)
         self._emission(source, material)
         extensions.read_extensions(source, material)

@@ -17,7 +17,7 @@ from renderer.scene.readers.gltf.cameras import read_camera
 from renderer.scene.readers.gltf.container import Json
 from renderer.scene.readers.gltf.deform import bind_matrices
 from renderer.scene.readers.gltf.faults import DamagedError
-from renderer.scene.readers.gltf.materials import NodeLook
+from renderer.scene.readers.gltf.materials import MATTES, NodeLook
 from renderer.scene.readers.gltf.meshes import Meshes
 from renderer.scene.readers.gltf.moving import AnimatedParts
 from renderer.scene.readers.gltf.profiles import Profiles
@@ -321,7 +321,7 @@ class Nodes:
     def _material_of(self, node: Json, mesh: int) -> int | None:
         """Returns the index of a material to use in place of a mesh's own; None if the mesh keeps its own.
 
-        A replacement is needed if some kinds of rays ignore the node, if it is a holdout or a shadow catcher, or if it has a
+        A replacement is needed if some kinds of rays ignore the node, if it is a holdout or a catcher, or if it has a
         light group or a link set.
         """
         rays = node.extension(RAYS)
@@ -331,10 +331,9 @@ class Nodes:
             for kind in RAY_KINDS
             if (rays is not None and rays.value.get(kind) is False) or (seen_by is not None and kind not in seen_by)
         ]
-        held, caught = node.flag_in_extras("holdout"), node.flag_in_extras("shadow_catcher")
-        look = NodeLook(
-            tuple(hidden), held, caught, *(node.name_in_extras(key) for key in ("light_group", "light_link", "shadow_link"))
-        )
+        held, shadows, reflections = (node.flag_in_extras(key) for key in MATTES)
+        named = (node.name_in_extras(key) for key in ("light_group", "light_link", "shadow_link"))
+        look = NodeLook(tuple(hidden), held, shadows, reflections, *named)
         return self._meshes.material_of_node(mesh, look) if any(look) else None
 
     def _joints_of(self, number: int) -> tuple[list[int], bool]:

@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 
 from renderer.scene.description import Material, SceneDescription
+from renderer.scene.given_spectra import given_index
 from renderer.scene.material import ALL_REFLECTING_IOR
+from renderer.scene.observer import WAVELENGTHS
 from renderer.scene.readers.anisotropy import brushed
 from renderer.scene.readers.coats import internal_albedo, pane_ior
 from renderer.scene.readers.fibres import BROWN, fibre
@@ -26,7 +28,7 @@ from renderer.scene.readers.mitsuba.media import Media
 from renderer.scene.readers.mitsuba.metals import CONDUCTORS
 from renderer.scene.readers.mitsuba.principled import principled
 from renderer.scene.readers.mitsuba.textures import Textures
-from renderer.scene.readers.mitsuba.values import rgb
+from renderer.scene.readers.mitsuba.values import Spectrum, rgb
 from renderer.scene.readers.number_ranges import clamped, unit
 from renderer.sentences import Sentence
 
@@ -265,6 +267,9 @@ class Bsdfs:
             eta, k = rgb(source.get("eta", 0.0)), rgb(source.get("k", 1.0))
             outside = self._ior(source, "ext_eta", "air")
             eta, k = tuple(v / outside for v in eta), tuple(v / outside for v in k)  # type: ignore[assignment]
+            spectra = source.get("eta"), source.get("k")
+            if all(isinstance(each, Spectrum) for each in spectra):
+                self._textures.shelf.spectra.extend(given_index(eta, k, *(each.at(WAVELENGTHS) / outside for each in spectra)))
         if color == (1.0, 1.0, 1.0) and texture is None:
             return Material(kind="conductor", eta=eta, k=k, **rough)
         r, g, b = (unit(c * head) for c, head in zip(color, normal_reflectance(eta, k), strict=True))

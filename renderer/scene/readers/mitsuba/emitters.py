@@ -27,18 +27,18 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     name = source.id or source.type
     world = source.matrix()
     if source.type == "constant":
-        _set_environment(Environment(color=radiance_of(source, "radiance")), source, document, description)
+        _set_environment(Environment(color=radiance_of(source, "radiance", description.spectra)), source, document, description)
     elif source.type == "envmap":
         _image(source, document, shelf, description)
     elif source.type == "point":
         position = source.get("position")
         place = world[:3, 3] if position is None else np.asarray(position, float)
-        description.lights.append(Light("point", radiance_of(source, "intensity"), _vec(place), name=name))
+        description.lights.append(Light("point", radiance_of(source, "intensity", description.spectra), _vec(place), name=name))
     elif source.type == "spot":
         outer = min(max(source.number("cutoff_angle", 20.0), 0.01), 90.0)
         inner = min(max(source.number("beam_width", 0.75 * outer), 0.0), outer)
         color, emission = _spot_image(source, document, shelf, outer)
-        r, g, b = (a * c for a, c in zip(radiance_of(source, "intensity"), color, strict=True))
+        r, g, b = (a * c for a, c in zip(radiance_of(source, "intensity", description.spectra), color, strict=True))
         light = Light("spot", (r, g, b), inner_cone=inner, outer_cone=outer, falloff="linear", emission=emission, name=name)
         description.lights.append(_in_world(light, world))
     elif source.type == "projector":
@@ -46,7 +46,9 @@ def add_emitter(source: Element, document: Document, shelf: TextureShelf, descri
     elif source.type == "directional":
         direction = source.get("direction")
         towards = _unit(world[:3, 2] if direction is None else np.asarray(direction, float))
-        description.lights.append(Light("directional", radiance_of(source, "irradiance"), direction=_vec(towards), name=name))
+        description.lights.append(
+            Light("directional", radiance_of(source, "irradiance", description.spectra), direction=_vec(towards), name=name)
+        )
     elif source.type in SKIES:
         environment, sun = sky_of(source, document, shelf)
         if environment is not None:

@@ -8,6 +8,8 @@ import numpy as np
 
 from renderer.errors import SceneError
 from renderer.scene.description import Image, TexelFilter, UvTransform, Vec3, Wrap
+from renderer.scene.given_spectra import GivenSpectrum, given_light, given_reflectance
+from renderer.scene.observer import WAVELENGTHS
 from renderer.scene.readers.coats import effective_albedo_under_coat
 from renderer.scene.readers.linear_images import encoded, linear
 from renderer.scene.readers.mitsuba.document import Document, Element
@@ -38,10 +40,10 @@ class Textures:
         """
         texture = owner.child(name)
         if texture is None:
-            return rgb(owner.get(name, default), is_light), None
+            return self._rgb(owner.get(name, default), is_light), None
         constant = constant_of(texture)
         if constant is not None:
-            return rgb(constant, is_light), None
+            return self._rgb(constant, is_light), None
         attribute = str(texture.get("name", "")) if texture.type == "mesh_attribute" and not is_light else ""
         if attribute.startswith(("vertex_", "face_")) and self.attribute in ("", attribute):
             self.attribute = attribute
@@ -59,6 +61,9 @@ class Textures:
             return (unit(scale),) * 3, None
         number = self.texture(texture, True)
         return (WHITE, number) if number is not None else (rgb(default, is_light), None)
+
+    def _rgb(self, found: Any, is_light: bool) -> Vec3:
+        return noted_rgb(found, is_light, self.shelf.spectra)
 
     def number(self, owner: Element, name: str, default: float) -> float:
         """Returns a property as a number; for a texture its mean, with a note."""
@@ -267,8 +272,19 @@ def constant_of(source: Element) -> Any:
         ) from None
 
 
-def radiance_of(owner: Element, name: str) -> Vec3:
-    """Returns the emission of a light without a surface; white if not set. Raises SceneError if a spectrum is malformed."""
+def noted_rgb(found: Any, is_light: bool, spectra: list[GivenSpectrum]) -> Vec3:
+    """Returns `rgb` of a value, after adding its spectrum to `spectra` if it has one."""
+    color = rgb(found, is_light)
+    if isinstance(found, Spectrum) and (is_light or np.ptp(found.values) > 0):
+        spectra.append((given_light if is_light else given_reflectance)(color, found.at(WAVELENGTHS)))
+    return color
+
+
+def radiance_of(owner: Element, name: str, spectra: list[GivenSpectrum]) -> Vec3:
+    """Returns the emission of a light without a surface; white if not set. Raises SceneError if a spectrum is malformed.
+
+    spectra: receives its spectrum.
+    """
     child = owner.child(name)
     found = None if child is None else constant_of(child)
-    return rgb(owner.get(name, 1.0) if found is None else found, is_light=True)
+    return noted_rgb(owner.get(name, 1.0) if found is None else found, True, spectra)

@@ -50,11 +50,14 @@ class Spectrum:
         if not is_light and (self.values == self.values[0]).all():
             return (float(self.values[0]),) * 3
         at = np.arange(380.0, 781.0, 5.0)
-        inside = np.interp(at, self.wavelengths, self.values, left=0.0, right=0.0)
         weights = _TO_RGB @ _color_matching(at)
-        found = weights @ inside / (_color_matching(at)[1].sum() if is_light else weights.sum(axis=1))
+        found = weights @ self.at(at) / (_color_matching(at)[1].sum() if is_light else weights.sum(axis=1))
         r, g, b = np.maximum(found, 0.0)
         return float(r), float(g), float(b)
+
+    def at(self, wavelengths: F64) -> F64:
+        """Returns the values (W,) at wavelengths (W,) in nanometres: interpolated linearly, and 0 outside the given ones."""
+        return np.asarray(np.interp(wavelengths, self.wavelengths, self.values, left=0.0, right=0.0))
 
     @property
     def mean(self) -> float:

@@ -29,7 +29,10 @@ def index_of(eta: Parameter | None, k: Parameter | None, colors: Colors) -> tupl
     if metals[0] is not None and metals[0] == metals[1]:
         return METALS[metals[0]]
     if eta is not None and k is not None and {eta.type, k.type} == {"spectrum"} and not any(metals):
-        return _match_reflectance(colors.spectrum(eta), colors.spectrum(k))
+        etas, ks = colors.spectrum(eta), colors.spectrum(k)
+        matched = _match_reflectance(etas, ks)
+        colors.conductor(*matched, etas, ks)
+        return matched
     found = []
     for part, metal, parameter in zip((0, 1), metals, (eta, k), strict=True):
         if metal is not None or parameter is None:

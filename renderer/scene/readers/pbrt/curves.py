@@ -8,6 +8,7 @@ import numpy.typing as npt
 from renderer.scene.readers.pbrt.notes import Notes
 from renderer.scene.readers.pbrt.parameters import Parameters
 from renderer.scene.readers.strands import Strand, line_of
+from renderer.scene.readers.tubes import STEPS
 from renderer.sentences import Sentence
 
 __all__ = ["strand_of"]
@@ -15,17 +16,21 @@ __all__ = ["strand_of"]
 F64 = npt.NDArray[np.float64]
 
 
-def strand_of(source: Parameters, notes: Notes) -> Strand:
-    """Returns a curve as a polyline with radii. Raises SceneError if its basis, degree or number of points is invalid."""
+def strand_of(source: Parameters, notes: Notes, is_fibre: bool) -> Strand:
+    """Returns a curve as a polyline with radii; of the type ribbon, with the directions that it faces.
+
+    is_fibre: whether its material is hair. Raises SceneError if its basis, degree, or number of points or normals is invalid.
+    """
     points = source.numbers("P", "point3", "point")
     degree, basis = source.integer("degree", 3), source.text("basis", "bezier")
     kind = source.text("type", "flat")
-    if kind != "cylinder":
+    if kind not in ("cylinder", "ribbon") and not is_fibre:
         notes.add(
             source.place,
             Sentence("pbrt-curve-type-replaced", "curves of type {kind} are rendered as tubes of the same width", kind=kind[:20]),
         )
-    source.used.update(("N", "splitdepth"))
+    normals = source.numbers("N", "normal3", "normal")
+    source.used.add("splitdepth")
     if basis not in ("bezier", "bspline") or degree not in (2, 3):
         raise source.place.error(
             Sentence("pbrt-curve-basis-unknown", "a curve needs the basis bezier or bspline, and the degree 2 or 3")
@@ -42,11 +47,36 @@ def strand_of(source: Parameters, notes: Notes) -> Strand:
         )
     width = source.number("width", 1.0)
     wide = np.array([source.number("width0", width), source.number("width1", width)])
+    segments = (len(points) - 1) // degree if basis == "bezier" else len(points) - degree
     if degree == 2:
         points, basis = _cubic(points, basis), "bezier"
     line = line_of(points, basis)
     share = np.linspace(0, 1, len(line))
-    return line, np.maximum(wide[0] * (1 - share) + wide[1] * share, 0) / 2
+    radii = np.maximum(wide[0] * (1 - share) + wide[1] * share, 0) / 2
+    if kind != "ribbon":
+        return Strand(line, radii, steps=STEPS)
+    if normals is None or len(normals) != segments + 1:
+        raise source.place.error(
+            Sentence(
+                "pbrt-curve-normals-wrong",
+                "a curve of the type ribbon needs a normal N for each end of its {segments} segments",
+                segments=segments,
+            )
+        )
+    return Strand(line, radii, _turned(normals, share * segments), STEPS)
+
+
+def _turned(normals: F64, at: F64) -> F64:
+    """Returns (S, 3) directions between (n + 1, 3) normals, turned evenly from each to the next. at: (S,) in 0..n."""
+    unit = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-30)
+    segment = np.minimum(at.astype(np.int64), len(unit) - 2)
+    u = (at - segment)[:, None]
+    first, last = unit[segment], unit[segment + 1]
+    angle = np.arccos(np.clip((first * last).sum(axis=1, keepdims=True), 0.0, 1.0))  # clipped as by pbrt
+    sine = np.sin(angle)
+    is_bent = sine > 1e-6
+    low, high = (np.where(is_bent, np.sin(w * angle) / np.where(is_bent, sine, 1), w) for w in (1 - u, u))
+    return np.asarray(low * first + high * last)
 
 
 def _cubic(points: F64, basis: str) -> F64:

@@ -55,7 +55,7 @@ class Graphics:
     def __init__(self, files: SceneFiles, description: SceneDescription, moment: Moment, notes: Notes) -> None:
         self._files, self._description, self._moment, self._notes = files, description, moment, notes
         self._statements = Statements(files)
-        self._textures = Textures(files, Colors(files, notes), notes, description)
+        self._textures = Textures(files, Colors(files, notes, description.spectra), notes, description)
         self._media = Media(self._textures, notes)
         self._materials = Materials(self._textures, self._media, description, notes)
         self._lights = Lights(files, self._textures, description, notes)

@@ -150,8 +150,8 @@ class Shapes:
                 return
             state, alpha = state._replace(material=None), _UNSEEN  # not intersected, but emits
         if source.type == "curve":
-            strand = strand_of(source, self._notes)
             number = self._materials.number(state.material, self._emission(state, np.zeros(0)), alpha, source.place)
+            strand = strand_of(source, self._notes, self._description.materials[number].kind == "hair")
             key = number, state.ctm[0].tobytes(), state.ctm[1].tobytes()
             self._strands.setdefault(key, ([], state.ctm))[0].append(strand)
             return

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from renderer.scene.description import Vec3
 from renderer.scene.files import SceneFiles
+from renderer.scene.given_spectra import GivenSpectrum, given_index, given_light, given_reflectance
 from renderer.scene.observer import D65, MATCHING, at_wavelengths, planck
 from renderer.scene.readers.pbrt.named_spectra import CHROMATICITIES, GLASSES, METALS
 from renderer.scene.readers.pbrt.notes import Notes
@@ -81,8 +82,9 @@ def luminance(rgb: Vec3) -> float:
 class Colors:
     """Converts colour parameters to linear Rec.709."""
 
-    def __init__(self, files: SceneFiles, notes: Notes) -> None:
-        self._files, self._notes = files, notes
+    def __init__(self, files: SceneFiles, notes: Notes, spectra: list[GivenSpectrum]) -> None:
+        """Initialises the conversion. spectra: receives the spectra of the colours (renderer/scene/given_spectra.py)."""
+        self._files, self._notes, self._spectra = files, notes, spectra
 
     def light(self, found: Parameter | None) -> Vec3:
         """Returns the linear RGB of a light's colour parameter at scale 1; white if the parameter is None."""
@@ -115,8 +117,11 @@ class Colors:
                 )
             )
         else:
-            rgb = WEIGHTS @ self.spectrum(found)
+            spectrum = self.spectrum(found)
+            rgb = WEIGHTS @ spectrum
         r, g, b = (float(min(max(v, 0.0), 1.0)) for v in rgb)
+        if found.type != "rgb" and np.ptp(spectrum) > 0:
+            self._spectra.append(given_reflectance((r, g, b), spectrum))
         return r, g, b
 
     def numbers(self, found: Parameter) -> Vec3:
@@ -199,7 +204,13 @@ class Colors:
                     "the spectrum of a light has no visible part; give one between 380 and 780 nanometres",
                 )
             )
-        return self._clamp_to_gamut(_FROM_XYZ @ (xyz / xyz[1]), found)
+        rgb = self._clamp_to_gamut(_FROM_XYZ @ (xyz / xyz[1]), found)
+        self._spectra.append(given_light(rgb, spectrum))
+        return rgb
+
+    def conductor(self, eta: Vec3, k: Vec3, etas: F64, ks: F64) -> None:
+        """Notes the spectra (W,) of a conductor with a given eta and k at red, green and blue."""
+        self._spectra.extend(given_index(eta, k, etas, ks))
 
     def _clamp_to_gamut(self, rgb: F64, found: Parameter) -> Vec3:
         if rgb.min() < -1e-3 * max(float(rgb.max()), 1e-9):

@@ -1,4 +1,4 @@
-"""Converts USD curves to tubes, and USD points to spheres."""
+"""Converts USD curves to tubes, fibres of hair or ribbons, and USD points to spheres."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import numpy.typing as npt
 from pxr import UsdGeom
 
 from renderer.scene.description import F32, Mesh
-from renderer.scene.readers.tubes import BASES, curve_weights, sides_of, tubes, tubes_mesh
+from renderer.scene.readers.polylines import by_stride
+from renderer.scene.readers.tubes import BASES, STEPS, Tubes, curve_weights, fineness_of, ribbons, sides_of, tubes, tubes_mesh
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.notes import Notes
 from renderer.sentences import Sentence
@@ -67,10 +68,19 @@ def _widths(prim: Any, points: Any, time: Any) -> Any:
     return points.GetWidthsAttr().Get(time) if primvar is None else primvar.ComputeFlattened(time)
 
 
-def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | None:
-    """Returns all curves of a prim as one mesh of tubes; None, with a note, if the curves are damaged.
+def tubes_of(
+    prim: Any,
+    time: Any,
+    notes: Notes,
+    color: str | None,
+    uv_sets: tuple[str, ...] = (),
+    fibres: bool = False,
+    bends: bool = False,
+) -> Mesh | None:
+    """Returns all curves of a prim as one mesh: tubes, or ribbons if they have normals; None, with a note, if they are damaged.
 
-    color: name of the primvar with their colours, or None.
+    color: name of the primvar with their colours, or None. uv_sets: names of those with their UVs. fibres: whether their material
+    is hair: they are then fibres (tubes.py), with or without normals. bends: whether they deform over time.
     """
     curves = UsdGeom.BasisCurves(prim)
     points = primvars.array(curves.GetPointsAttr().Get(time), 3).astype(np.float64)
@@ -103,21 +113,20 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         widths = np.nan_to_num(widths, posinf=0.0, neginf=0.0)
     tint = primvars.find_primvar(prim, color) if color else None
     colors = None if tint is None else primvars.array(tint.ComputeFlattened(time), 3).astype(np.float64)
-    sides = sides_of(len(counts), False)
-    if curves.GetNormalsAttr().HasAuthoredValue() or primvars.find_primvar(prim, "normals") is not None:
-        notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbon curves are drawn as tubes"), path)
+    uvs = [_uvs(prim, name, time) for name in uv_sets]
+    sides = sides_of(len(counts), fibres)
+    normals, facing = _normals(prim, curves, time)
+    if fibres and len(normals):
+        notes.add(Sentence("usd-ribbons-drawn-as-tubes", "Ribbons of hair are drawn as round fibres"), path)
+        normals = normals[:0]
     spans = np.zeros(len(counts), np.int64)  # number of varying values per curve
     for count in np.unique(counts):
         spans[counts == count] = curve_weights(int(count), basis, wrap)[1].shape[1]
-    pieces = []
+    pieces: list[Tubes] = []
     total = 0
     for count in np.unique(counts):
         weights, between = curve_weights(int(count), basis, wrap)
         which = np.flatnonzero(counts == count)
-        total += len(which) * (len(weights) + 2) * (sides + 1)
-        if total > MAX_VERTICES:
-            notes.add(Sentence("usd-curves-too-many", "Curves beyond the limit are left out"), path)
-            break
         if len(weights) < 2:
             notes.add(
                 Sentence(
@@ -132,14 +141,48 @@ def tubes_of(prim: Any, time: Any, notes: Notes, color: str | None) -> Mesh | No
         first = (np.cumsum(counts) - counts)[which]
         own = points[first[:, None] + np.arange(count)]
         lines = np.einsum("sc,ncx->nsx", weights, own)
-        radii = _values_along(widths, interpolation, which, first, spans, weights, between)[..., 0] / 2
+        along = which, first, spans, weights, between
+        radii = np.maximum(_values_along(widths, interpolation, *along)[..., 0] / 2, 0)
+        steps = STEPS if fibres and basis != "linear" else 1
+        tolerance, most = fineness_of(len(counts))
+        groups = list(by_stride(lines, radii, steps, None if bends else tolerance, most))
+        total += sum(len(k) * (lines[0, kept].shape[0] + 2) * (sides + 1) for k, kept in groups)
+        if total > MAX_VERTICES:
+            notes.add(Sentence("usd-curves-too-many", "Curves beyond the limit are left out"), path)
+            break
         shown = None
         if colors is not None and tint is not None:
-            shown = _values_along(colors, tint.GetInterpolation(), which, first, spans, weights, between)
-        pieces.append(tubes(lines, np.maximum(radii, 0), shown, sides))
+            shown = _values_along(colors, tint.GetInterpolation(), *along)
+        placed = [_values_along(values, by, *along) for values, by in uvs]
+        facings = _values_along(normals, facing, *along) if len(normals) else None
+        for k, kept in groups:
+            own_colors, own_uvs = None if shown is None else shown[k, kept], [each[k, kept] for each in placed]
+            if facings is not None:
+                pieces.append(ribbons(lines[k, kept], radii[k, kept], facings[k, kept], own_colors, own_uvs))
+            else:
+                pieces.append(tubes(lines[k, kept], radii[k, kept], own_colors, sides, fibres, own_uvs))
     if not pieces:
         return None
     return tubes_mesh(prim.GetName(), pieces)
+
+
+def _normals(prim: Any, curves: Any, time: Any) -> tuple[F64, str]:
+    """Returns (N, 3) the normals of ribbons, none of tubes, and their interpolation."""
+    primvar = primvars.find_primvar(prim, "normals")
+    given = curves.GetNormalsAttr().Get(time) if primvar is None else primvar.ComputeFlattened(time)
+    normals = primvars.array(given, 3).astype(np.float64)
+    interpolation = curves.GetNormalsInterpolation() if primvar is None else primvar.GetInterpolation()
+    return (normals if np.isfinite(normals).all() else normals[:0]), str(interpolation)
+
+
+def _uvs(prim: Any, name: str, time: Any) -> tuple[F64, str]:
+    """Returns (N, 2) the UVs of a primvar, and its interpolation; one UV of 0 without that primvar."""
+    primvar = primvars.find_primvar(prim, name)
+    uvs = np.zeros((0, 2)) if primvar is None else primvars.array(primvar.ComputeFlattened(time), 2).astype(np.float64)
+    if primvar is None or not len(uvs) or not np.isfinite(uvs).all():
+        return np.zeros((1, 2)), "constant"
+    uvs[:, 1] = 1 - uvs[:, 1]
+    return uvs, str(primvar.GetInterpolation())
 
 
 def _values_along(

@@ -12,7 +12,7 @@ from renderer.scene.description import Environment, SceneDescription
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.turned_sky import FROM_PLUS_Z, rotate_environment
 from renderer.scene.readers.usd.light_links import has_targets
-from renderer.scene.readers.usd.lights import radiance_of
+from renderer.scene.readers.usd.lights import note_black_body, radiance_of
 from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.textures import Images, color_space
 from renderer.scene.textures import TextureShelf
@@ -42,6 +42,7 @@ def add_dome(
         return
     light = UsdLux.LightAPI(prim)
     color = radiance_of(light, time)
+    note_black_body(light, time, description.spectra)
     if has_targets(light.GetLightLinkCollectionAPI()):
         notes.add(Sentence("usd-dome-linking-ignored", "Light linking of domes is ignored: they illuminate all objects"), name)
     turned = world[:3, :3] / np.maximum(np.linalg.norm(world[:3, :3], axis=0), 1e-300)

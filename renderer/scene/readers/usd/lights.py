@@ -6,9 +6,11 @@ import math
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 from pxr import UsdLux
 
 from renderer.scene.description import Light, Mesh, Vec3
+from renderer.scene.given_spectra import GivenSpectrum, black_body
 from renderer.scene.material import Material
 from renderer.scene.matrices import Matrix
 from renderer.scene.readers.number_ranges import blended_cone
@@ -18,7 +20,7 @@ from renderer.scene.readers.usd.notes import Notes
 from renderer.scene.readers.usd.written_by_blender import is_written_by_blender
 from renderer.sentences import Sentence
 
-__all__ = ["Lamp", "is_light", "mesh_light_fields", "radiance_of", "read_light_prim"]
+__all__ = ["Lamp", "is_light", "mesh_light_fields", "note_black_body", "radiance_of", "read_light_prim"]
 
 _MOST = 1e9
 # Blender writes a quarter of a sun's strength and half of its angle, and its own importer reverts that.
@@ -51,15 +53,35 @@ def radiance_of(light: Any, time: Any, size: float = 1.0) -> Vec3:
     """
 
     scale = _number(light.GetIntensityAttr(), time, 1.0) * 2.0 ** min(_number(light.GetExposureAttr(), time), 60.0)
-    color = np.array(light.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), np.float64)
-    # Without an authored temperature the colour is the white point; Blender writes that for all lights.
-    if light.GetEnableColorTemperatureAttr().Get(time) and light.GetColorTemperatureAttr().HasAuthoredValue():
-        kelvin = min(max(_number(light.GetColorTemperatureAttr(), time, 6500.0), 1000.0), 10000.0)
+    color = _color(light, time)
+    if (kelvin := _kelvin(light, time)) is not None:
         color = color * np.array(UsdLux.BlackbodyTemperatureAsRgb(kelvin), np.float64)
     if light.GetNormalizeAttr().Get(time) and size > 0:
         scale /= size
     r, g, b = (float(c) for c in np.nan_to_num(np.clip(color * scale, 0.0, _MOST)))
     return r, g, b
+
+
+def _color(light: Any, time: Any) -> npt.NDArray[np.float64]:
+    return np.array(light.GetColorAttr().Get(time) or (1.0, 1.0, 1.0), np.float64)
+
+
+def _kelvin(light: Any, time: Any) -> float | None:
+    """Returns a light's temperature in kelvins; None if it has none.
+
+    Without an authored temperature the colour is the white point; Blender writes that for all lights.
+    """
+    if light.GetEnableColorTemperatureAttr().Get(time) and light.GetColorTemperatureAttr().HasAuthoredValue():
+        return min(max(_number(light.GetColorTemperatureAttr(), time, 6500.0), 1000.0), 10000.0)
+    return None
+
+
+def note_black_body(light: Any, time: Any, spectra: list[GivenSpectrum]) -> None:
+    """Adds the spectrum of a light with a temperature to `spectra`, unless the light has a colour besides."""
+    kelvin = _kelvin(light, time)
+    if kelvin is not None and np.ptp(_color(light, time)) == 0:
+        red, green, blue = UsdLux.BlackbodyTemperatureAsRgb(kelvin)
+        spectra.append(black_body((red, green, blue), kelvin))
 
 
 def mesh_light_fields(light: Any, material: Material, area: float, time: Any) -> dict[str, Any]:

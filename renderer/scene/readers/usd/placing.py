@@ -22,7 +22,7 @@ from renderer.scene.readers.usd.dome import add_dome, is_dome
 from renderer.scene.readers.usd.ies import Profiles
 from renderer.scene.readers.usd.layers import Stage
 from renderer.scene.readers.usd.light_links import LinkSets
-from renderer.scene.readers.usd.lights import is_light, mesh_light_fields, read_light_prim
+from renderer.scene.readers.usd.lights import is_light, mesh_light_fields, note_black_body, read_light_prim
 from renderer.scene.readers.usd.meshes import MAX_VERTICES, Shape, UsedPrimvars, area_of, deforms, read_mesh
 from renderer.scene.readers.usd.metadata import is_z_up, unit_of
 from renderer.scene.readers.usd.notes import UNREADABLE, Notes
@@ -170,6 +170,7 @@ class DescriptionBuilder:
         """Returns a mesh's surface with emission added or replaced according to the MeshLightAPI of the prim."""
         place = each.places[0] / np.array([self._unit] * 3 + [1.0])[:, None]
         light, material = UsdLux.LightAPI(each.prim), self._surfaces.material(surface)
+        note_black_body(light, self._time, self._description.spectra)
         changes = mesh_light_fields(light, material, area_of(each.prim, place, self._time), self._time)
         for field, name in zip(("light_link", "shadow_link"), self._links.names_for(each.prim), strict=True):
             if name:
@@ -275,10 +276,12 @@ class DescriptionBuilder:
     def _curves(self, each: PlacedPrim) -> None:
         prim = each.prim
         surface = self._surface(prim)
-        varies = UsdGeom.BasisCurves(prim).GetPointsAttr().ValueMightBeTimeVarying()
+        curves = UsdGeom.BasisCurves(prim)
+        varies = any(each.ValueMightBeTimeVarying() for each in (curves.GetPointsAttr(), curves.GetWidthsAttr()))
         key = ("curves", self._key(prim), surface)
         if key not in self._numbers:
-            mesh = tubes_of(prim, self._time, self._notes, surface.color)
+            fibres = self._surfaces.material(surface).kind == "hair"
+            mesh = tubes_of(prim, self._time, self._notes, surface.color, surface.uvs, fibres, varies)
             self._numbers[key] = [] if mesh is None else [self._add(mesh, surface, varies)]
         self._add_instances(self._numbers[key], each)
 
@@ -349,6 +352,7 @@ class DescriptionBuilder:
         self._description.cameras.append(Camera(each.name, view))
 
     def _light(self, each: PlacedPrim) -> None:
+        note_black_body(UsdLux.LightAPI(each.prim), self._time, self._description.spectra)
         for i, place in enumerate(each.places):
             name = each.name if len(each.places) == 1 else f"{each.name} [{i}]"
             lamp = read_light_prim(each.prim, place, name, self._unit, self._time, self._notes, self._profiles)

@@ -9,6 +9,7 @@ from renderer.scene.material import Material
 from renderer.scene.readers.number_ranges import unit_color
 from renderer.scene.readers.usd import primvars
 from renderer.scene.readers.usd.displacement import read_displacement
+from renderer.scene.readers.usd.hair import is_hair, read_hair
 from renderer.scene.readers.usd.materialx import SURFACES, read_materialx
 from renderer.scene.readers.usd.network import Network
 from renderer.scene.readers.usd.notes import Notes
@@ -125,6 +126,8 @@ class Surfaces:
             read_materialx(shader, kind, read)
         elif kind in OMNI_PBR:
             read_omni_pbr(shader, read)
+        elif shader is not None:
+            read_hair(shader, kind, read)
         else:
             self._notes.add(
                 Sentence(
@@ -167,7 +170,7 @@ def _surface(material: Any) -> tuple[Any, str]:
         if not shader:
             continue
         kind = str(shader.GetIdAttr().Get() or "")
-        if kind == "UsdPreviewSurface" or kind in SURFACES:
+        if kind == "UsdPreviewSurface" or kind in SURFACES or is_hair(shader, kind):
             return shader, kind
         if context == _MDL:
             kind = str(shader.GetSourceAssetSubIdentifier(_MDL) or "")

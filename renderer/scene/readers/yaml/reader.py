@@ -12,6 +12,7 @@ from renderer.errors import SceneError, SettingsError
 from renderer.scene.animation import DEFAULT_FPS, Clip, Moment
 from renderer.scene.description import Camera, LightLink, SceneDescription
 from renderer.scene.files import SceneFiles
+from renderer.scene.given_spectra import black_body_light
 from renderer.scene.readers.yaml.camera_moves import animated_view, interpolated_view
 from renderer.scene.readers.yaml.cameras import read_view
 from renderer.scene.readers.yaml.geometry import Shapes
@@ -78,12 +79,18 @@ def read(files: SceneFiles, main: str, description: SceneDescription, moment: Mo
         description.medium = read_medium(data["medium"])
     lights = Lights(document, files, shelf, description)
     for i, light in enumerate(data.get("lights", [])):
-        description.lights.append(lights.read(light, i, ("lights", i)))
+        found = lights.read(light, i, ("lights", i))
+        if found.temperature > 0:
+            found.intensity = black_body_light(found.intensity, found.temperature, description.spectra)
+        description.lights.append(found)
     textures = Textures(document, files, shelf)
     materials: dict[str, int] = {}
     for name, material in data.get("materials", {}).items():
         materials[name] = len(description.materials)
-        description.materials.append(read_material(name, material, textures, document, ("materials", name)))
+        made = read_material(name, material, textures, document, ("materials", name))
+        if made.emission_temperature > 0:
+            made.emission = black_body_light(made.emission, made.emission_temperature, description.spectra)
+        description.materials.append(made)
     shapes = Shapes(document, files, description, materials, replace(moment, fps=moment.fps or fps), moving)
     for i, shape in enumerate(data["shapes"]):
         shapes.add(shape, ("shapes", i))

@@ -28,7 +28,7 @@ from renderer.scene.description import (
     Volume,
 )
 from renderer.scene.material import with_visibility
-from renderer.scene.readers.strands import strands_mesh
+from renderer.scene.readers.strands import Strand, strands_mesh
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
 
@@ -71,7 +71,7 @@ def strands() -> Mesh:
     fibres = []
     for x, z, lean_x, lean_z in random.uniform(-1, 1, (60, 4)):
         points = np.column_stack([1.5 + 0.5 * x + 0.4 * lean_x * along**2, 1.5 * along, 0.5 * z + 0.4 * lean_z * along**2])
-        fibres.append((points, np.linspace(0.03, 0.01, len(points))))
+        fibres.append(Strand(points, np.linspace(0.03, 0.01, len(points))))
     return strands_mesh(fibres, fibres=True)
 
 
@@ -264,6 +264,19 @@ def seen_by_kind(material: Material, **more: Any) -> SceneDescription:
     description.materials[2] = with_visibility(lamp, {"glossy": False})
     description.materials[0] = with_visibility(description.materials[0], {"transmission": False, "volume": False})
     description.materials[1] = with_visibility(description.materials[1], {"shadow": False})
+    return description
+
+
+def caught(*, shadows: bool = True, **more: Any) -> SceneDescription:
+    """Returns a room with a lamp, a spot and a sun, whose floor and wall catch reflections."""
+    lights = [
+        Light("spot", gray(20.0), (-2.0, 3.0, 1.0), (0.5, -1.0, 0.0), inner_cone=10.0, outer_cone=40.0),
+        Light("directional", gray(2.0), direction=(0.4, -1.0, -0.3), radius=0.05),
+    ]
+    wall = Material(kind="mirror", base_color=gray(0.8), reflection_catcher=True)
+    description = room(_half_clear(), lights=lights, environment=Environment((0.2, 0.3, 0.4)), materials=[wall], **more)
+    description.materials[1] = Material(**PBR, roughness=0.3, shadow_catcher=shadows, reflection_catcher=True)
+    description.meshes[1] = square((0, 2, -3), (6, 0, 0), (0, 2, 0), 3)
     return description
 
 
@@ -489,6 +502,9 @@ FEATURES: dict[str, Feature] = {
     "linked lights on wax": _feature(
         lambda: linked(Material(base_color=(0.8, 0.6, 0.4), subsurface=1.0, subsurface_radius=(0.2, 0.1, 0.05)))
     ),
+    "reflections on a floor": _feature(caught, background="transparent"),
+    "reflections without shadows": _feature(lambda: caught(shadows=False), background="transparent"),
+    "reflections in fog": _feature(lambda: caught(medium=Medium(sigma_s=gray(0.1))), background="transparent"),
 }
 
 

@@ -8,7 +8,9 @@ import pytest
 from renderer.arrays.spectrum import CELL_COLUMNS, FIRST_NM, LAST_NM, SHADES, SIDES
 from renderer.jit import entry
 from renderer.kernel.spectrum.indices import dispersed_index
-from renderer.scene.observer import DAYLIGHT_WEIGHTS
+from renderer.luminance import luminance
+from renderer.scene.given_spectra import black_body, given_reflectance
+from renderer.scene.observer import D65, DAYLIGHT_WEIGHTS, WAVELENGTHS, planck
 from renderer.scene.spectrum_tables import reflectances, shades, sides, wavelength_cells
 from tests.renderer.kernel.spectrum.colors import CELLS, SIGMOIDS, at_wavelengths, cells, to_rgb, wavelengths
 
@@ -64,3 +66,33 @@ def test_glass_disperses_by_its_abbe_number(abbe: float) -> None:
     glass(np.float32(20 / abbe), ((lines - FIRST_NM) / (LAST_NM - FIRST_NM)).astype(np.float32), index)
     assert index[1] == pytest.approx(1.5168, abs=1e-5)
     assert (index[1] - 1) / (index[0] - index[2]) == pytest.approx(abbe, rel=1e-3)
+
+
+@pytest.mark.parametrize("kelvin", [1000.0, 2700.0, 9000.0])
+def test_lights_with_a_temperature_have_plancks_spectrum(kelvin: float) -> None:
+    """Whatever their power, with the luminance of the colour; other lights of the scene stay smooth."""
+    color = np.maximum(DAYLIGHT_WEIGHTS @ (planck(kelvin) / D65), 0.0)
+    color = color / luminance(color)
+    given = [black_body((1.0, 0.5, 0.25), 5000.0), black_body(tuple(color), kelvin)]
+    lights = np.array([color, 123.0 * color, (9.0, 4.0, 1.0)])
+    values = at_wavelengths(lights, True, given)
+    nm = FIRST_NM + (LAST_NM - FIRST_NM) * wavelengths()
+    wanted = np.interp(nm, WAVELENGTHS, planck(kelvin) / D65)
+    wanted /= luminance(to_rgb(wanted))
+    np.testing.assert_allclose(values[0], wanted, rtol=0.01 if kelvin < 2000 else 2e-3, atol=1e-4)
+    np.testing.assert_allclose(values[1], 123 * values[0], rtol=1e-5)
+    np.testing.assert_array_equal(values[2], at_wavelengths(lights[2:], True)[0])
+    if kelvin > 2000:  # inside Rec.709's gamut
+        np.testing.assert_allclose(to_rgb(values[0]), color, rtol=0.004, atol=0.004)
+
+
+def test_surfaces_keep_the_spectrum_that_a_file_gives() -> None:
+    """A narrow band of green, against the smooth reflectance of the same colour."""
+    band = np.where(np.abs(WAVELENGTHS - 540) < 30, 0.8, 0.05)
+    red, green, blue = (float(c) for c in np.clip(DAYLIGHT_WEIGHTS @ band, 0, 1))
+    found, smooth = (
+        at_wavelengths([(red, green, blue)], given=given)[0] for given in ([given_reflectance((red, green, blue), band)], [])
+    )
+    nm = FIRST_NM + (LAST_NM - FIRST_NM) * wavelengths()
+    np.testing.assert_allclose(found, np.interp(nm, WAVELENGTHS, band), atol=2e-3)
+    assert np.abs(found - smooth).max() > 0.3

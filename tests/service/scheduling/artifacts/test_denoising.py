@@ -8,13 +8,19 @@ from __future__ import annotations
 import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
+from types import SimpleNamespace
 
 import httpx
 import numpy as np
 import pytest
 
 from renderer.image import rgbe9995
+from service.jobs.lookup import find_film
+from service.scheduling.artifacts import previews
+from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
+from service.scheduling.artifacts.previews import DenoisedPreviews
 from service.store.bands import bands
 from tests.service.conftest import Service, until
 from tests.service.peer_worker import PeerWorker
@@ -37,7 +43,7 @@ def test_denoised_picture_is_made_by_worker_and_raw_one_is_unchanged(service: Se
     answer = raw(service, job, "?denoise=true")
     assert answer.status_code == 200, answer.text
     assert answer.headers["x-samples"] == str(64 * 48 * 8)
-    color = np.concatenate(list(bands(service.farm.films._films[job], 0, ["color"])))
+    color = np.concatenate(list(bands(find_film(job, 0, service.farm), 0, ["color"])))
     expected = color / 2 + np.array([0, 0, 1], np.float32)  # the peer's formula; its albedo is black, its normals are +Z
     np.testing.assert_array_equal(np.frombuffer(answer.content, "<u4").reshape(48, 64), rgbe9995.pack(expected))
     for extension in ("png", "jpg", "exr", "hdr"):
@@ -127,6 +133,43 @@ def test_denoising_during_rendering(service: Service, worker: PeerWorker) -> Non
     service.wait_for(job, "finished")
 
 
+@pytest.mark.long
+def test_preview_is_renewed_when_samples_have_doubled(service: Service, worker: PeerWorker) -> None:
+    worker.on_batch = lambda batch: time.sleep(0.02)
+    job = service.submit(service.ready_scene(), spp=60)
+    until(lambda: service.job(job)["samples"] > 0, "it has begun")
+    pixels, made = 64 * 48, [0]
+    while service.job(job)["state"] != "finished":
+        answer = raw(service, job, "?denoise=true&preview=true")
+        assert answer.status_code == 200, answer.text
+        if int(answer.headers["x-samples"]) != made[-1]:
+            made.append(int(answer.headers["x-samples"]))
+    assert all(after >= 2 * before for before, after in pairwise(made[1:-1])), made
+    assert len(worker.denoised) <= 8
+    assert raw(service, job, "?denoise=true&preview=true").headers["x-samples"] == str(60 * pixels)
+    tasks = service.farm.engine._artifact_tasks
+    assert [each.samples for each in tasks.denoising._made.values()] == [60 * pixels], "a finished picture is no preview"
+    assert not tasks.previews._made
+
+
+def test_previews_take_a_twentieth_of_the_slots_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0]
+    monkeypatch.setattr(previews, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    task = DenoisedPreviews.__new__(DenoisedPreviews)
+    monkeypatch.setattr(task, "_able_workers", lambda: [SimpleNamespace(slots=2), SimpleNamespace(slots=8)])
+    made = ArtifactResult("0" * 64, "v", samples=1000, seconds=1.5)
+    task._record_made(made)
+    for after, samples, is_recent in (
+        (0.0, 1999, True),
+        (2.8, 5000, True),  # doubled, but the farm rests for 19 * 1.5 s / 10 slots
+        (2.9, 1999, True),
+        (2.9, 2000, False),
+        (0.0, 999, False),  # the film was lost, and begun again
+    ):
+        now[0] = 100.0 + after
+        assert task._is_recent(made, samples) is is_recent, (after, samples)
+
+
 def problem(answer: httpx.Response, status: int) -> str:
     assert answer.status_code == status, answer.text
     assert answer.headers["content-type"] == "application/problem+json"
@@ -209,7 +252,7 @@ def test_frame_of_a_shot_is_denoised_with_its_neighbours(service: Service, worke
         assert answer.headers["x-samples"] == str(64 * 48 * 8)
         return np.frombuffer(answer.content, "<u4").reshape(48, 64)
 
-    film = service.farm.films._films[job]
+    film = find_film(job, 3, service.farm)
     colors = {frame: np.concatenate(list(bands(film, 2 * frame, ["color"]))) for frame in (3, 4, 5, 6, 8)}
     for frame, around in ((4, (3, 4, 5, 6)), (6, (4, 5, 6))):
         expected = np.mean([colors[each] for each in around], axis=0, dtype=np.float32)

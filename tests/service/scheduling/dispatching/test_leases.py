@@ -62,6 +62,18 @@ def test_incremental_slot_counts_equal_recount() -> None:
         assert len(leases) == len(there)
 
 
+def test_long_messages_are_recalled_once() -> None:
+    leases = Leases()
+    long, other, ended = (Lease("job", kind, Range(0, 0, 1), 30.0, is_long=True) for kind in "klk")
+    for lease in (long, other, ended, Lease("job", "k", Range(0, 1, 1), 30.0)):
+        leases.add(lease)
+    leases.end(ended.id)
+    assert leases.long_leases("k") == [long]
+    leases.forget_long("k")
+    assert (leases.has_long("k"), leases.has_long("l"), len(leases)) == (False, True, 3)
+    leases.end(long.id)
+
+
 def test_transit_time_is_measured_from_reported_batch() -> None:
     alone, joint = (Lease("job", "kind", Range(0, 0, 1), 30.0, is_joint=is_joint) for is_joint in (False, True))
     assert alone.transit_s(0.5, 100.0) == 0.0, "it came before anybody was seen with it"

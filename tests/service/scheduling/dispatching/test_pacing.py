@@ -66,8 +66,11 @@ def test_message_duration_of_a_shot_grows_with_few_slots_too(clock: FakeClock) -
     of = BatchSizing(0.5, 10.0, 1 << 20, lambda: pressed, clock)
     assert [of.message_s(of.batch_s(2, spent_s), spent_s) for spent_s in (0.0, 2.0, 4.0, 1e6)] == [0.25, 0.5, 1.0, 1.5]
     assert of.window(4, 2) == 4 + 3, "what waits is less where messages are longer"
+    assert of.message_s(of.batch_s(2, spent_s=3.0), 3.0, is_recallable=True) == 3.0
+    assert of.message_s(of.batch_s(2, spent_s=1e6), 1e6, is_recallable=True) == 6.0
+    assert of.window(4, 2) == 4 + 3, "these are withdrawn when other work waits"
     pressed = True
-    assert of.message_s(of.batch_s(2, spent_s=1e6), 1e6) == 0.25
+    assert of.message_s(of.batch_s(2, spent_s=1e6), 1e6, is_recallable=True) == 0.25
 
 
 def test_backlog_lengthens_batches_and_stops_dispatch(clock: FakeClock) -> None:

@@ -102,13 +102,14 @@ class Bench:
 
 
 def test_first_wave_is_left_out_where_all_samples_fit_into_one_batch() -> None:
-    def first_of(spp: int, **more: bool) -> list[Range]:
+    def first_of(spp: int, **more: Callable[[int], int]) -> list[Range]:
         plan = Bench(spp, None, size=64).plan  # of one tile
         return [batch for _ in range(2) if (batch := plan.next_batch(lambda tile: 4, **more)) is not None]
 
     assert [batch.count for batch in first_of(4)] == [1, 3]
-    assert [batch.count for batch in first_of(4, begins_with_one=False)] == [4]
-    assert [batch.count for batch in first_of(5, begins_with_one=False)] == [1, 4], "it would be too long"
+    assert [batch.count for batch in first_of(4, at_once=lambda tile: 1)] == [4]
+    assert [batch.count for batch in first_of(6, at_once=lambda tile: 6)] == [6]
+    assert [batch.count for batch in first_of(5, at_once=lambda tile: 1)] == [1, 4], "it would be too long"
 
 
 @settings(deadline=None)

@@ -123,6 +123,7 @@ def test_a_sample_on_a_shadow_catcher_is_black_and_has_its_light_in_planes_of_it
     on_catcher = np.arange(30) % 3 == 0
     rows[on_catcher, FIRST + 12] = rows[on_catcher, FIRST + 13] = 0.5
     rows[on_catcher, FIRST + 14] = 7.0
+    rows[on_catcher, FIRST + 15] = -1.0
     rows[:, RADIANCE : RADIANCE + 3] = np.abs(rows[:, RADIANCE : RADIANCE + 3])
     sums = film_after(rows, 10, plane_count(0, True))[0]
     others = film_after(rows[~on_catcher], 10, plane_count(0, True))[0]
@@ -132,6 +133,17 @@ def test_a_sample_on_a_shadow_catcher_is_black_and_has_its_light_in_planes_of_it
     assert (covered, caught, unshadowed) == (25, 5, 70)
     light = rows[on_catcher, RADIANCE : RADIANCE + 3] @ REC_709
     assert abs(shadowed - light.sum()) < 10 / 1024
+
+
+def test_a_sample_on_a_catcher_that_has_met_an_object_has_its_colour() -> None:
+    """The light of the catcher itself was set apart before."""
+    rows = paths(30, np.arange(30) % 9)
+    plain = film_after(rows, 10, plane_count(0, True))[0]
+    rows[:, FIRST + 12] = rows[:, FIRST + 13] = 0.5
+    rows[:, FIRST + 14], rows[:, FIRST + 15] = 7.0, 0.25
+    sums = film_after(rows, 10, plane_count(0, True))[0]
+    np.testing.assert_array_equal(sums[COLOR], plain[COLOR])
+    assert (sums[alpha_plane(0) :].sum(axis=(1, 2)) == 1024 * np.array([15, 15, 210, 7.5])).all()
 
 
 @pytest.mark.parametrize("column", [group + k for group in (RADIANCE, FIRST, FIRST + 4, FIRST + 8) for k in range(3)])
