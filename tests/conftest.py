@@ -53,7 +53,8 @@ def pytest_configure(config: pytest.Config) -> None:
 
     Last, so that its clean-up comes before pytest's, which would collect all objects a second time in search of leaks.
     """
-    config.add_cleanup(gc.freeze)
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        config.add_cleanup(gc.freeze)
     if not is_ordinary(config):
         return
     hypothesis.settings.load_profile("ordinary")
