@@ -40,6 +40,7 @@ _MIRROR = np.int32(MIRROR)
 _MOST_STEPS = 12
 _LEAST_STEP = np.float32(1.0 / 64)
 _TOLERANCE2 = np.float32(1e-8)  # squared difference of the two sides of Snell's law
+_LAST_STEP2 = np.float32(2.5e-7)  # squared change of the direction by one more step, at a solution
 _RARE = np.float32(0.125)  # probability of THROUGH where the lamp is on the viewer's side of a mesh
 
 
@@ -162,9 +163,12 @@ def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted
             base = first_point
             move = vec.add(vec.scale(first_u, by_u), vec.scale(first_v, by_v))
             if error2 < _TOLERANCE2:
-                found = is_beyond
                 limit = vec.normalize(vec.sub(vec.add(base, move), surface.point))
-                break
+                off = vec.sub(limit, d)
+                # At the edge of a caustic the error is small, too, where there is no solution, but the next step is large.
+                if vec.dot(off, off) < _LAST_STEP2:
+                    found = is_beyond
+                    break
             far = vec.length(move)
             if not far < _INF:
                 break
