@@ -24,6 +24,7 @@ from renderer.deep import Deep
 from renderer.deep_samples import RECORD, Sight, sum_samples
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES, BadSample, BatchSums, Sums, plane_count
+from renderer.guiding.caustic_photons import warm_up_photons, with_photons
 from renderer.guiding.train import warm_up_pilot, with_guide
 from renderer.kernel import path_trace as record
 from renderer.kernel.accumulate import (
@@ -120,6 +121,8 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
     variant = variant_for(settings, scene)
     grouped = with_group_planes(scene, settings.group_names)
     prepared = strip_absent_features(grouped, variant, bool(settings.light_groups), settings.has_light_paths)
+    if samples_caustics(settings):
+        prepared = with_photons(stored, prepared)
     if samples_guide(settings):
         prepared = with_guide(stored, prepared, strip_absent_features(scene, _pilot_variant(variant)), settings)
     return prepared
@@ -510,6 +513,8 @@ def warm_up(
         if is_cold:
             helping.share()
         _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
+        if samples_caustics(settings):
+            warm_up_photons(nothing)
         if samples_guide(settings):
             warm_up_pilot(strip_absent_features(example(), _pilot_variant(variant)), settings)
         helping.finish()

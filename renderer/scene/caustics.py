@@ -52,6 +52,11 @@ class CausticTables(NamedTuple):
     lamp: npt.NDArray[np.int32]  # (n,): primitives, as in `light_primitive`, but both triangles of a parallelogram
     lamp_cdf: npt.NDArray[np.float32]  # (n + 1,): by power
     is_covered: npt.NDArray[np.int32]  # (L,): 1 for a light that is among the lamps
+    # From photons (renderer/guiding/caustic_photons.py), and empty while these are followed.
+    brightness: npt.NDArray[
+        np.float32
+    ]  # (buckets,): relative irradiance of the buckets of renderer/kernel/manifold/brightness.py
+    brightness_scale: npt.NDArray[np.float32]  # (1,): cubes per unit length of the grid's finest level
 
 
 # The arrays of a scene that its tables depend on. Frames of a shot may share some of them and differ in others.
@@ -85,8 +90,9 @@ def example_tables() -> CausticTables:
 
 
 def _read_only_tables(*arrays: object) -> CausticTables:
-    kinds: list[Any] = [np.int32, np.float32, np.int32, np.int32, np.int32, np.float32, np.int32]
-    made: list[Any] = [np.array(array, kind) for array, kind in zip(arrays, kinds, strict=True)]
+    """Returns tables without brightness."""
+    kinds: list[Any] = [np.int32, np.float32, np.int32, np.int32, np.int32, np.float32, np.int32, np.float32, np.float32]
+    made: list[Any] = [np.array(array, kind) for array, kind in zip((*arrays, np.zeros((0, 2)), np.zeros(1)), kinds, strict=True)]
     made[0] = made[0].reshape(-1, 4)
     for array in made:
         array.flags.writeable = False

@@ -4,7 +4,8 @@ That probability is not known; its reciprocal is estimated by the number of furt
 (Zeltner et al. 2020, 4.1), which is unbiased. The number is limited to `Options.caustic_trials`, N: a solution that is found
 with probability p loses the fraction (1 - p)**N of its light. At the limit of 4,096, less than 1e-17 is lost for p = 0.01.
 
-Vertices whose throughput is small are sampled with a probability below 1 and weighted by its reciprocal.
+Vertices whose throughput is small, and those where photons have found little light (brightness.py), are sampled with a
+probability below 1 and weighted by its reciprocal.
 """
 
 from __future__ import annotations
@@ -17,11 +18,12 @@ from renderer.bvh.traverse import SHADOW_REACH, any_hit, closest_hit
 from renderer.jit import device, never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.light.lights import FAR
+from renderer.kernel.manifold.brightness import choose_caster, sampling_rates
 from renderer.kernel.manifold.caster import caster_of
 from renderer.kernel.manifold.differentials import perpendicular_area, solid_angle_area
 from renderer.kernel.manifold.lamps import AREA, DISTANT, lamp_light, sample_lamp
-from renderer.kernel.manifold.seeds import choose_caster, seed_direction
-from renderer.kernel.manifold.walk import NO_CHAIN, REFLECTED, REFLECTION_RATE, THROUGH, last_out, walk_to_lamp
+from renderer.kernel.manifold.seeds import seed_direction
+from renderer.kernel.manifold.walk import NO_CHAIN, REFLECTED, THROUGH, last_out, walk_to_lamp
 from renderer.kernel.material.material import eval_material
 from renderer.kernel.steps.depths import count_bounce, reached_limit
 from renderer.kernel.steps.random_blocks import draw_caustic, draw_trial
@@ -35,7 +37,7 @@ _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 _YES, _NO = np.bool_(True), np.bool_(False)
-_IMPORTANT, _RATE, _LEAST_RATE = np.float32(0.9), np.float32(0.5), np.float32(0.1)
+_INDIRECT = np.float32(0.12)  # importance of a vertex that the camera does not see, at throughput 1
 _SAME2 = np.float32(1e-6)  # squared distance up to which two unit directions are the same solution: walks end within some 3e-4
 
 
@@ -97,12 +99,11 @@ def _solution_light(scene, stack, vertex, path, counts, lamp, walk, options):
 
 
 @device
-def _sampling_rate(path, roulette_weight):
-    """Returns the probability of sampling at a vertex: 1 at those that the camera sees, also through glass."""
-    importance = vec.maximum(path.throughput) * roulette_weight
-    if path.number == _ZERO or importance >= _IMPORTANT:
+def _importance(path, roulette_weight):
+    """Returns the importance of a vertex: 1 if the camera sees it, also through glass, else less, by the path's throughput."""
+    if path.number == _ZERO:
         return _ONE
-    return max(_LEAST_RATE, _RATE * importance)
+    return _INDIRECT * min(vec.maximum(path.throughput) * roulette_weight, _ONE)
 
 
 @subroutine
@@ -114,13 +115,13 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, option
     never_inline()
     u = draw_caustic(stream, path.number)
     surface, n = vertex.surface, vertex.frame[2]
-    rate = _sampling_rate(path, roulette_weight)
-    if u[3] >= rate:
-        return CausticLight(_BLACK, _ZERO, 0)
-    caster, chance = choose_caster(scene, surface.point, vertex.normal, u[3] / rate)
-    chance *= rate
+    importance = _importance(path, roulette_weight)
+    caster, chance = choose_caster(scene, surface.point, vertex.normal, importance, u[3])
     if caster < 0:
         return CausticLight(_BLACK, _ZERO, 0)
+    transmitted, reflected = sampling_rates(scene, surface.point, caster, importance)
+    greater = max(transmitted, reflected)  # has been counted in the choice of the caster
+    rates = transmitted / greater, reflected / greater
     lamp = sample_lamp(scene, u[2], (u[0], u[1]))
     is_distant = lamp.kind == DISTANT
     line = lamp.target if is_distant else vec.normalize(vec.sub(lamp.target, surface.point))
@@ -132,16 +133,15 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, option
     for trial in range(options.caustic_trials + 1):
         u = draw_trial(stream, path.number, trial)
         towards = seed_direction(scene, caster, surface.point, line, is_aimed, (u[0], u[1], u[2]))
-        walk = walk_to_lamp(scene, stack, surface, n, towards, caster, lamp.target, is_distant, kind, u[3])
+        walk = walk_to_lamp(scene, stack, surface, n, towards, caster, lamp.target, is_distant, kind, rates, u[3])
         rays += walk.rays
         if trial == 0:
             if not walk.found:
                 break
             limit, kind = walk.limit, walk.kind
-            brought, segments, more = _solution_light(scene, stack, vertex, path, counts, lamp, walk, options)
-            rays += more
-            if kind == REFLECTED and scene.caustics.caster[caster, 3] != 0:
-                chance *= REFLECTION_RATE
+            brought, segments, shadow_rays = _solution_light(scene, stack, vertex, path, counts, lamp, walk, options)
+            rays += shadow_rays
+            chance *= rates[1] if kind == REFLECTED else rates[0]
             if not vec.maximum(brought) > _ZERO:
                 break
         else:

@@ -1,4 +1,4 @@
-"""Starts of walks: the choice of a caster, and of a direction towards it, with a positive density everywhere on the caster."""
+"""Starts of walks: the choice of a direction towards a caster, with a positive density everywhere on it."""
 
 from __future__ import annotations
 
@@ -12,47 +12,13 @@ from renderer.kernel.fetch import row
 from renderer.kernel.polynomial import sincos_turns
 from renderer.kernel.sampling.warp import square_to_cone, square_to_sphere, square_to_triangle
 
-__all__ = ["choose_caster", "seed_direction"]
+__all__ = ["seed_direction"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _TWO = np.float32(2.0)
-_NONE = np.int32(-1)
-_LEAST = np.float32(0.02)
 _JITTER = np.float32(0.25)  # greatest tangent of the angle between a seed and the straight line to the lamp
-
-
-@device
-def _importance(scene, number, p, n):
-    """Returns the weight with which a caster is chosen at p: roughly the solid angle of its bounding sphere.
-
-    n: the normal at p; zero if light from all sides counts.
-    """
-    x, y, z, radius = row(scene.caustics.bound, number, 4)
-    way = vec.sub((x, y, z), p)
-    if vec.dot(way, n) <= -radius:
-        return _ZERO
-    return max(min(radius * radius / vec.dot(way, way), _ONE), _LEAST)
-
-
-@device
-def choose_caster(scene, p, n, u):
-    """Chooses a caster for the point p; returns (its index, its probability), or (-1, 0) if none can contribute.
-
-    n: as for `_importance`. u: a random number in [0, 1).
-    """
-    total = _ZERO
-    count = len(scene.caustics.caster)
-    for k in range(count):
-        total += _importance(scene, k, p, n)
-    left, found, weight = u * total, _NONE, _ZERO
-    for k in range(count):
-        own = _importance(scene, k, p, n)
-        if own > _ZERO and left >= _ZERO:
-            found, weight = np.int32(k), own
-        left -= own
-    return found, weight / total if found >= 0 else _ZERO
 
 
 @device

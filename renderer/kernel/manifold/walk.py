@@ -23,7 +23,7 @@ from renderer.kernel.manifold.differentials import (
 from renderer.kernel.steps.pass_through import absorbed
 from renderer.kernel.surface.ray_origins import leave, offset_ray_origin
 
-__all__ = ["NO_CHAIN", "REFLECTED", "REFLECTION_RATE", "THROUGH", "TRANSMITTED", "Walk", "last_out", "walk_to_lamp"]
+__all__ = ["NO_CHAIN", "REFLECTED", "THROUGH", "TRANSMITTED", "Walk", "last_out", "walk_to_lamp"]
 
 # Kinds of chains of interfaces: reflection, transmission, transmission into a closed caster and out of it.
 NO_CHAIN, REFLECTED, TRANSMITTED, THROUGH = (np.int32(n) for n in (-1, 0, 1, 2))
@@ -40,7 +40,7 @@ _MIRROR = np.int32(MIRROR)
 _MOST_STEPS = 12
 _LEAST_STEP = np.float32(1.0 / 64)
 _TOLERANCE2 = np.float32(1e-8)  # squared difference of the two sides of Snell's law
-REFLECTION_RATE = np.float32(1.0 / 3.0)  # most reflections by glass are weak
+_LAST_STEP2 = np.float32(2.5e-7)  # squared change of the direction by one more step, at a solution
 _RARE = np.float32(0.125)  # probability of THROUGH where the lamp is on the viewer's side of a mesh
 
 
@@ -83,34 +83,34 @@ def _absorbed_before(scene, material, front, weight, start, end):
 
 
 @device
-def _kind_of(scene, caster, at, target, is_distant, wanted, u):
+def _kind_of(scene, caster, at, target, is_distant, wanted, rates, u):
     """Returns the kind of chain that a walk from this first CasterPoint looks for; NO_CHAIN if the walk is to end here.
 
-    wanted: the only kind of interest; NO_CHAIN for all, of which reflections by glass are tried at the rate REFLECTION_RATE.
+    wanted: the only kind of interest; NO_CHAIN for all, at the `rates` of transmission and of reflection.
     """
     to_lamp = target if is_distant else vec.sub(target, at.point)
     same_side = vec.dot(to_lamp, at.geometric) > _ZERO
     first, _, closed, transmits = row(scene.caustics.caster, caster, 4)
     if transmits == 0:
-        return REFLECTED if same_side else NO_CHAIN
+        return REFLECTED if same_side and (wanted != NO_CHAIN or u < rates[1]) else NO_CHAIN
     is_entry = closed != 0 and at.front
     kind = REFLECTED if same_side else (THROUGH if is_entry else TRANSMITTED)
     # Light through a sphere never comes from the viewer's side of its tangent plane.
     if same_side and is_entry and first < len(scene.triangle):
         kind = THROUGH if u < _RARE else REFLECTED
-        u = (u - _RARE) / (_ONE - _RARE)
+        u = u / _RARE if u < _RARE else (u - _RARE) / (_ONE - _RARE)
     if wanted == NO_CHAIN:
-        return NO_CHAIN if kind == REFLECTED and u >= REFLECTION_RATE else kind
+        return kind if u < (rates[1] if kind == REFLECTED else rates[0]) else NO_CHAIN
     return kind if kind == wanted else NO_CHAIN
 
 
 @subroutine
-def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted, u):
+def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted, rates, u):
     """Walks from direction d at a vertex towards a solution; returns a Walk.
 
-    surface, n: of the vertex. target: the lamp's point, or if `is_distant` the direction to it. wanted: as for `_kind_of`. u: a
-    random number in [0, 1) for the kind of chain. The interfaces before the last obey the law of refraction at each step; the
-    walk solves for the last one.
+    surface, n: of the vertex. target: the lamp's point, or if `is_distant` the direction to it. wanted, rates: as for
+    `_kind_of`. u: a random number in [0, 1) for the kind of chain. The interfaces before the last obey the law of refraction at
+    each step; the walk solves for the last one.
     """
     never_inline()
     radius = row(scene.caustics.bound, caster, 4)[3]
@@ -135,7 +135,7 @@ def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted
             p_u, p_v = arrive(ray, hit.t, at.geometric)
             first_point, first_u, first_v = at.point, p_u, p_v
             if iteration == 0:
-                kind = _kind_of(scene, caster, at, target, is_distant, wanted, u)
+                kind = _kind_of(scene, caster, at, target, is_distant, wanted, rates, u)
                 if kind == NO_CHAIN:
                     break
             eta = index_of(scene, material, at.front)
@@ -163,9 +163,12 @@ def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted
             base = first_point
             move = vec.add(vec.scale(first_u, by_u), vec.scale(first_v, by_v))
             if error2 < _TOLERANCE2:
-                found = is_beyond
                 limit = vec.normalize(vec.sub(vec.add(base, move), surface.point))
-                break
+                off = vec.sub(limit, d)
+                # At the edge of a caustic the error is small, too, where there is no solution, but the next step is large.
+                if vec.dot(off, off) < _LAST_STEP2:
+                    found = is_beyond
+                    break
             far = vec.length(move)
             if not far < _INF:
                 break

@@ -14,7 +14,11 @@ import pytest
 
 import renderer.render as rendering
 from renderer.arrays.scene import CompiledScene
+from renderer.bvh.traverse import new_stack
 from renderer.film import COLOR, SAMPLES, Sums, digest
+from renderer.guiding.caustic_photons import brightness_of
+from renderer.kernel.manifold.brightness import BUCKETS, LEVELS, REFINEMENT
+from renderer.kernel.manifold.photons import ALL, FLUX, PHOTON_COLUMNS, PLACE, REFLECTS, follow_caustic_photons
 from renderer.render import render_frame
 from renderer.scene.caustics import caustic_tables, with_caustics
 from renderer.scene.description import Light, Material, Mesh, Sphere
@@ -175,6 +179,36 @@ def test_trial_limit_reduces_improbable_solutions(monkeypatch: pytest.MonkeyPatc
         monkeypatch.setattr(rendering, "kernel_options", limited)
         totals.append(pixels(compiled, asked, 16).mean())
     assert totals[0] < totals[1] < totals[2]
+
+
+@pytest.mark.long
+def test_photons_bring_the_light_of_the_closed_form() -> None:
+    compiled = with_caustics(scene([MATT, GLASS], (FLOOR, WATER), lights=(POINT,)))
+    asked = settings((0.8, -0.5, 0.0), (0.0, -1.0, 0.0), size=4, caustics="on")
+    prepared = rendering._prepared(compiled, asked)._replace(caustics=compiled.caustics)
+    count = 1 << 19
+    photons = np.zeros((count, PHOTON_COLUMNS), np.float32)
+    photons = photons[: follow_caustic_photons(prepared, new_stack(), count, np.float32(10), photons)]
+    near = np.abs(photons[:, [PLACE, PLACE + 2]]).max(axis=1) < 0.3
+    below = near & (photons[:, REFLECTS] == 0)
+    irradiance = photons[below, FLUX].astype(np.float64).sum() / count / 0.6**2
+    noise = 1 / np.sqrt(below.sum())
+    assert noise < 0.03
+    assert irradiance == pytest.approx(2 * np.pi * UNDER_WATER, rel=4 * noise + 0.03)  # less at the square's corners
+
+
+def test_brightness_is_irradiance_relative_to_that_of_casters() -> None:
+    """One caster of radius 2 receives 40 in all: 10 / pi. Four photons are too few for a fine level."""
+    photons = np.zeros((20, PHOTON_COLUMNS), np.float32)
+    photons[:, ALL], photons[:, FLUX] = 2, 1
+    photons[:4, REFLECTS] = 1
+    buckets = np.repeat(np.arange(LEVELS, dtype=np.int32)[:, None], 20, axis=1)
+    found = brightness_of(photons, buckets, 3.0, np.array([2.0]))
+    side = 3.0 / REFINEMENT ** (LEVELS - 1)
+    assert found.shape == (BUCKETS, 2)
+    assert found[0] == pytest.approx([16 / side**2 / (10 / np.pi), 0])
+    assert found[LEVELS - 1] == pytest.approx([16 / 9 / (10 / np.pi), 4 / 9 / (10 / np.pi)])
+    assert not found[LEVELS:].any()
 
 
 def test_tables_list_casters_and_small_lamps_only() -> None:

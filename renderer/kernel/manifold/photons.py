@@ -1,0 +1,164 @@
+"""Photons that lamps send through casters: they show where caustics are.
+
+A photon crosses the interfaces of one caster, as the chains of `estimate_caustic` do, up to the next other surface. It need not
+be exact, since the estimator's mean does not depend on it.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from renderer.bvh.traverse import NO_PRIMITIVE, closest_hit
+from renderer.jit import device, entry, never_inline, subroutine
+from renderer.kernel import vec
+from renderer.kernel.bsdf.fresnel import fresnel_dielectric
+from renderer.kernel.fetch import row
+from renderer.kernel.manifold.brightness import LEVELS, REFINEMENT, bucket_of
+from renderer.kernel.manifold.caster import caster_of, caster_point, index_of, material_number
+from renderer.kernel.manifold.differentials import arrive, leave_point, redirect
+from renderer.kernel.manifold.lamps import AREA, DISTANT, lamp_light, sample_lamp
+from renderer.kernel.sampling.sampler import INDEPENDENT, Stream, draw4, pixel_key
+from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf, square_to_disk, square_to_disk_pdf, square_to_sphere
+from renderer.kernel.surface.ray_origins import leave
+from renderer.reference import by_reference
+
+__all__ = ["ALL", "CASTER", "FLUX", "PHOTON_COLUMNS", "PLACE", "REFLECTS", "follow_caustic_photons", "photon_buckets"]
+
+# Columns of a photon: where it arrives; its caster; 1 if that reflects it, else 0; its flux; and its flux before it was divided
+# between reflection and transmission.
+PLACE, CASTER, REFLECTS, FLUX, ALL = 0, 3, 4, 5, 6
+PHOTON_COLUMNS = 7
+
+_ZERO = np.float32(0.0)
+_ONE = np.float32(1.0)
+_INF = np.float32(np.inf)
+_4PI = np.float32(4 * np.pi)
+_BLACK = (_ZERO, _ZERO, _ZERO)
+_ROOT = np.int32(0)
+_SEED = np.uint32(0x9E3779B9)
+_FINER = np.float32(1 / REFINEMENT)
+_LAMP, _DIRECTION = np.uint32(0), np.uint32(1)
+_LEAST_REFLECTED = np.float32(0.2)  # least probability of reflection by glass
+
+
+class _Photon(NamedTuple):
+    found: Any
+    place: Any
+    caster: Any
+    reflected: Any
+    flux: Any
+    all: Any  # flux before the division between reflection and transmission
+
+
+_NOTHING = _Photon(np.bool_(False), _BLACK, np.int32(-1), np.bool_(False), _ZERO, _ZERO)
+
+
+@device
+def _emit(scene, lamp, caster, reach, u):
+    """Returns (origin, unit direction, weight) of a photon from a LampPoint to a caster's bounding sphere.
+
+    reach: distance from which a distant lamp's photons start. The weight is the flux of one photon if all start so.
+    """
+    x, y, z, radius = row(scene.caustics.bound, caster, 4)
+    center = x, y, z
+    if lamp.kind == DISTANT:
+        s, t = vec.basis(lamp.target)
+        p = square_to_disk(u)
+        offset = vec.add(vec.scale(s, radius * p[0]), vec.scale(t, radius * p[1]))
+        start = vec.add(vec.add(center, offset), vec.scale(lamp.target, reach))
+        return start, vec.neg(lamp.target), radius * radius / (square_to_disk_pdf(p) * lamp.pdf)
+    way = vec.sub(center, lamp.target)
+    square = vec.dot(way, way)
+    if square <= radius * radius:
+        d, weight = square_to_sphere(u), _4PI / lamp.pdf
+    else:
+        sine2 = radius * radius / square
+        extent = sine2 / (_ONE + np.sqrt(_ONE - sine2))
+        axis = vec.normalize(way)
+        s, t = vec.basis(axis)
+        d, weight = vec.to_world(s, t, axis, square_to_cone(u, extent)), _ONE / (square_to_cone_pdf(extent) * lamp.pdf)
+    start = lamp.target
+    if lamp.kind == AREA:
+        weight *= abs(vec.dot(lamp.normal, d))
+        start = leave(lamp.target, lamp.error, lamp.normal, d)
+    return start, d, weight
+
+
+@subroutine
+def _follow(scene, stack, stream, reach):
+    """Follows a photon; returns a _Photon."""
+    never_inline()
+    u, v = draw4(stream, _LAMP), draw4(stream, _DIRECTION)
+    lamp = sample_lamp(scene, u[2], (u[0], u[1]))
+    casters = len(scene.caustics.caster)
+    caster = min(np.int32(u[3] * np.float32(casters)), np.int32(casters - 1))
+    start, d, weight = _emit(scene, lamp, caster, reach, (v[0], v[1]))
+    light = lamp_light(scene, lamp, vec.add(start, d), vec.neg(d))
+    flux = vec.maximum(light) * weight * np.float32(casters)
+    whole, reflected = flux, scene.caustics.caster[caster, 3] == 0
+    hit = closest_hit(scene.bvh, stack, start, d, _INF, None, _ROOT)
+    if not flux > _ZERO or caster_of(scene, hit) != caster:
+        return _NOTHING
+    material = material_number(scene, hit.primitive)
+    at = caster_point(scene, start, d, hit)
+    ray = leave_point(d)
+    p_u, p_v = arrive(ray, hit.t, at.geometric)
+    eta = index_of(scene, material, at.front)
+    if not reflected:
+        reflectance, _ = fresnel_dielectric(-vec.dot(d, at.normal), eta)
+        chance = max(reflectance, _LEAST_REFLECTED)
+        reflected = v[2] < chance
+        flux *= reflectance / chance if reflected else (_ONE - reflectance) / (_ONE - chance)
+    exists, out = redirect(ray, p_u, p_v, at, eta, reflected)
+    if not exists:
+        return _NOTHING
+    place = leave(at.point, at.error, at.geometric, out.d)
+    hit = closest_hit(scene.bvh, stack, place, out.d, _INF, None, _ROOT)
+    entered = not reflected and at.front and scene.caustics.caster[caster, 2] != 0
+    if entered and caster_of(scene, hit) == caster:
+        at = caster_point(scene, place, out.d, hit)
+        p_u, p_v = arrive(out, hit.t, at.geometric)
+        exists, out = redirect(out, p_u, p_v, at, index_of(scene, material, at.front), False)
+        if at.front or not exists:
+            return _NOTHING
+        place = leave(at.point, at.error, at.geometric, out.d)
+        hit = closest_hit(scene.bvh, stack, place, out.d, _INF, None, _ROOT)
+    if hit.primitive == NO_PRIMITIVE or caster_of(scene, hit) >= 0:
+        return _NOTHING
+    return _Photon(np.bool_(True), vec.add(place, vec.scale(out.d, hit.t)), caster, reflected, flux, whole)
+
+
+@subroutine
+def _record(scene, stack, count, reach, photons):
+    never_inline()
+    found = 0
+    for k in range(count):
+        photon = _follow(scene, stack, Stream(INDEPENDENT, _SEED, pixel_key(0, 0), np.uint32(k)), reach)
+        if photon.found:
+            for axis in range(3):
+                photons[found, PLACE + axis] = photon.place[axis]
+            photons[found, CASTER], photons[found, REFLECTS] = photon.caster, photon.reflected
+            photons[found, FLUX], photons[found, ALL] = photon.flux, photon.all
+            found += 1
+    return found
+
+
+@entry
+def follow_caustic_photons(scene, stack, count, reach, photons):
+    """Follows `count` photons and records those that arrive, (count, PHOTON_COLUMNS) f32; returns their number.
+
+    scene: has `caustics`, without brightness. reach: a distance beyond the scene, from which those of distant lamps start.
+    """
+    return _record(by_reference(scene), stack, count, reach, photons)
+
+
+@entry
+def photon_buckets(photons, scale, buckets):
+    """Writes the buckets of photons, (LEVELS, n) i32. scale: cubes per unit length of the finest level."""
+    for level in range(LEVELS):
+        for k in range(len(photons)):
+            p = photons[k, PLACE], photons[k, PLACE + 1], photons[k, PLACE + 2]
+            buckets[level, k] = bucket_of(p, np.int32(photons[k, CASTER]), level, scale)
+        scale = scale * _FINER
