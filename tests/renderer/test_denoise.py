@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from renderer import denoise, film
+from renderer.arrays import rows
 from renderer.denoise import is_available
-from renderer.denoise_guides import denoise_still, guiding_albedo
+from renderer.denoise_guides import denoise_still, guide_kernel, guiding_albedo
 from renderer.errors import SettingsError
 from renderer.image.tonemap import apply
-from renderer.render import render_frame
+from renderer.render import kernel_name, render_frame, variant_for
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.description import Environment, Instance, Material, SceneDescription, Sphere
 from renderer.scene.load import read
@@ -162,6 +163,19 @@ def test_the_guide_is_the_albedo_behind_mirrors():
     plain = mirrored(has_mirror=False)
     assert guiding_albedo(plain, settings, albedo) is albedo
     assert guiding_albedo(scene, settings, albedo[:3]) is not guide
+
+
+def test_the_guide_needs_no_kernel_but_that_of_the_frame():
+    scene, kinds = mirrored(), [rows.MIRROR, rows.GLASS, rows.PLASTIC, rows.LAYERED]
+    for flags in (0, rows.TEXTURED, rows.REFLECTIONS | rows.CATCHES):
+        changed = scene._replace(material_kind=np.resize(np.int32(kinds), 5), material_flags=np.full(5, flags, np.int32))
+        for settings in (
+            RenderSettings(8, 8, VIEW),
+            RenderSettings(8, 8, VIEW, light_paths="on"),
+            RenderSettings(8, 8, VIEW, views=(VIEW,)),
+        ):
+            assert kernel_name(*guide_kernel(changed, settings)) == kernel_name(settings, variant_for(settings, changed))
+    assert guide_kernel(scene, RenderSettings(8, 8, VIEW, integrator="ao")) is None
 
 
 @pytest.mark.long
