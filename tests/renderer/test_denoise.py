@@ -166,16 +166,19 @@ def test_the_guide_is_the_albedo_behind_mirrors():
 
 
 def test_the_guide_needs_no_kernel_but_that_of_the_frame():
-    scene, kinds = mirrored(), [rows.MIRROR, rows.GLASS, rows.PLASTIC, rows.LAYERED]
+    scene, plain = mirrored(), RenderSettings(8, 8, VIEW)
+    frames = [
+        plain,
+        replace(plain, light_paths="on"),
+        replace(plain, views=(VIEW, VIEW)),
+        replace(plain, background="transparent"),
+    ]
+    kinds = np.int32([rows.MIRROR, rows.GLASS, rows.PLASTIC, rows.LAYERED, rows.DIFFUSE])
     for flags in (0, rows.TEXTURED, rows.REFLECTIONS | rows.CATCHES):
-        changed = scene._replace(material_kind=np.resize(np.int32(kinds), 5), material_flags=np.full(5, flags, np.int32))
-        for settings in (
-            RenderSettings(8, 8, VIEW),
-            RenderSettings(8, 8, VIEW, light_paths="on"),
-            RenderSettings(8, 8, VIEW, views=(VIEW,)),
-        ):
+        changed = scene._replace(material_kind=kinds, material_flags=np.full(5, flags, np.int32))
+        for settings in frames:
             assert kernel_name(*guide_kernel(changed, settings)) == kernel_name(settings, variant_for(settings, changed))
-    assert guide_kernel(scene, RenderSettings(8, 8, VIEW, integrator="ao")) is None
+    assert guide_kernel(scene, replace(plain, integrator="ao")) is None
 
 
 @pytest.mark.long

@@ -329,14 +329,15 @@ def test_frame_is_denoised_from_film_means(bench: Bench) -> None:
 def test_guide_of_a_worker_equals_that_of_a_local_render(bench: Bench, tmp_path: Path) -> None:
     """Of a scene that the worker fetches, and of a frame whose compiled scene it makes again. Without the scene: the film's."""
     text = SCENE.replace("kind: diffuse, color: 0.5", "kind: mirror, color: 0.8")
-    floor = "  - {type: sphere, center: [0, -51, 0], radius: 50, material: red}\nmaterials:\n  red: {kind: diffuse, color: [0.8, 0.1, 0.1]}"
+    floor = "  - {type: sphere, center: [0, -51, 0], radius: 50, material: red}\n"
+    floor += "materials:\n  red: {kind: diffuse, color: [0.8, 0.1, 0.1]}"
     (tmp_path / "mirror.yaml").write_text(text.replace("materials:", floor))
     bench.upload("mirror", {"mirror.yaml": (tmp_path / "mirror.yaml").read_bytes()}, "mirror.yaml")
     event = bench.prepare("mirror").event
     assert event["type"] == "prepared", event
     made = SceneInfo.from_json(event["info"])
     here = compile_scene(read(tmp_path, "mirror.yaml"))
-    settings = RenderSettings(60, 40, View((0, 0, 4), (0, 0, 0)), light_paths="on")
+    settings = RenderSettings(60, 40, View((0, 0, 4), (0, 0, 0)))
     sums = render_frame(here, settings, 4)
     planes = [mean(sums, settings.film_exponent, plane) for plane in (COLOR, ALBEDO, NORMAL)]
     bench.service.films["/api/farm/films/job/0"] = np.stack(planes).tobytes()

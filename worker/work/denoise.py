@@ -1,7 +1,7 @@
 """Denoises a frame: downloads the film's means, runs Open Image Denoise in a confined process, and stores the result as a blob.
 
-The albedo behind mirrors and smooth glass, which guides the denoising, is rendered before that, by the slot. A separate process is
-used because the library does not release its threads and memory.
+The albedo behind mirrors and smooth glass, which guides the denoising, is rendered before that, by the slot. A separate process
+is used because the library does not release its threads and memory.
 """
 
 from __future__ import annotations
