@@ -17,7 +17,7 @@ import pytest
 
 from renderer.image import rgbe9995
 from service.jobs.lookup import find_film
-from service.scheduling.artifacts import previews
+from service.scheduling.artifacts import denoising, previews
 from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.previews import DenoisedPreviews
@@ -206,6 +206,7 @@ def test_worker_error_is_reported_and_next_request_retries(service: Service, wor
 @pytest.mark.long
 def test_timeout_is_reported(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Denoising, "_patience_s", 0.5)
+    monkeypatch.setattr(denoising, "_GUIDE_S", 0.0)
     job = finished(service)
     worker.on_denoise = lambda job: time.sleep(4)
     assert "in time" in problem(raw(service, job, "?denoise=true"), 504)
