@@ -334,13 +334,14 @@ VERSION_SEPARATOR = "+"
 class GuideScene:
     """The scene of a frame that is denoised, from which a worker renders the denoiser's guide (renderer/denoise_guides.py).
 
-    moment: request to compile the frame, if its compiled scene is no longer stored; None: the scene is `compiled`.
+    moment: of a frame of a shot, the request to compile it, if `own` is no longer stored; None: the scene is `compiled`.
     """
 
     kind: str  # of the workers for which the scene is compiled; others have no guide but the film's
-    compiled: str  # SHA-256 of the compiled scene's blob; with `moment`, of the scene at its beginning
+    compiled: str  # SHA-256 of the compiled scene's blob; of a shot, of the scene at its beginning
     settings: RenderSettings
     moment: PrepareFrames | None = None
+    own: str | None = None  # SHA-256 of the form compiled for the frame alone
 
     @classmethod
     def from_json(cls, data: Any) -> GuideScene:
@@ -351,9 +352,9 @@ class GuideScene:
         return cls(**{**known, "settings": settings, "moment": PrepareFrames.from_json(moment) if moment else None})
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the scene as JSON data. Omits `moment` if it is None."""
-        moment = {"moment": self.moment.to_json()} if self.moment else {}
-        return {"kind": self.kind, "compiled": self.compiled, "settings": _settings_json(self.settings), **moment}
+        """Returns the scene as JSON data."""
+        moment = self.moment.to_json() if self.moment else None
+        return {**vars(self), "settings": _settings_json(self.settings), "moment": moment}
 
 
 @dataclass(frozen=True)

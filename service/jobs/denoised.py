@@ -55,7 +55,7 @@ def _guide(job: Job, key: int, farm: Farm) -> GuideScene | None:
         found = frame_scene(job, scene, row, kind)
     except SettingsError:
         return None
-    return GuideScene(kind, *found) if found else None
+    return GuideScene(kind, found.base, found.settings, found.moment, found.own) if found else None
 
 
 async def _with_neighbours(job: Job, n: float, film: Film, farm: Farm) -> tuple[tuple[int, str], ...]:

@@ -239,5 +239,5 @@ def _explain_request(
                 "The frame is not prepared yet, so its pixels cannot be explained. Try again later.",
             )
         )
-    compiled, settings, moment = found
-    return ExplainPixel("", job.id, compiled, settings, x, y, min(count, MAX_SAMPLES), sample, moment)
+    moment = None if found.own else found.moment
+    return ExplainPixel("", job.id, found.own or found.base, found.settings, x, y, min(count, MAX_SAMPLES), sample, moment)

@@ -343,7 +343,7 @@ def test_guide_of_a_worker_equals_that_of_a_local_render(bench: Bench, tmp_path:
     bench.service.films["/api/farm/films/job/0"] = np.stack(planes).tobytes()
     sha256, kind = made.compiled.sha256, bench.report().kind  # type: ignore[union-attr]
     moment = PrepareFrames("", "", "mirror", [0], sha256, made.cameras[-1]["view"])
-    guides = [GuideScene(kind, sha256, settings), GuideScene(kind, sha256, settings, moment)]
+    guides = [GuideScene(kind, sha256, settings), GuideScene(kind, sha256, settings, moment, "1" * 64)]
     found = []
     for guide in (*guides, GuideScene(kind, "0" * 64, settings), GuideScene("other", sha256, settings), None):
         event = denoised(bench, DenoiseFrame(f"guide {len(found)}", "job", 0, 60, 40, guide=guide))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import os
 import time
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -90,6 +91,10 @@ def _guide(worker: WorkerContext, work: DenoiseFrame, guide: GuideScene, means: 
 
 def _scene(worker: WorkerContext, guide: GuideScene) -> CompiledScene | None:
     """Returns the compiled scene of a frame; None if the one at its beginning needs no guide, so it is not compiled again."""
+    if guide.own is not None:
+        own = guide.own
+        with suppress(RefusedError):  # it is released once the frame is rendered
+            return retry_temporary(lambda: mapped_scene(worker, own), PATIENCE_S)
     scene = retry_temporary(lambda: mapped_scene(worker, guide.compiled), PATIENCE_S)
     moment = guide.moment
     if moment is None:
