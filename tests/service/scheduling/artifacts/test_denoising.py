@@ -52,6 +52,10 @@ def test_denoised_picture_is_made_by_worker_and_raw_one_is_unchanged(service: Se
         assert "-denoised." in file.headers["content-disposition"]
     assert (service.digest(job), raw(service, job).content) == (digest, before)
     assert worker.denoised == [job], "made once, for whatever is asked of it"
+    (guide,) = worker.guides
+    assert guide is not None
+    assert (guide.kind, guide.settings.width, guide.moment) == (worker.kind, 64, None)
+    assert worker.http.get(f"/api/farm/blobs/{guide.compiled}").status_code == 200
     tagged = raw(service, job, "?denoise=true").headers["etag"]
     assert tagged != raw(service, job).headers["etag"]
     url = f"/api/jobs/{job}/frames/0/image.rgb9e5?denoise=true"
@@ -146,6 +150,7 @@ def test_preview_is_renewed_when_samples_have_doubled(service: Service, worker: 
             made.append(int(answer.headers["x-samples"]))
     assert all(after >= 2 * before for before, after in pairwise(made[1:-1])), made
     assert len(worker.denoised) <= 8
+    assert set(worker.guides) == {None}
     assert raw(service, job, "?denoise=true&preview=true").headers["x-samples"] == str(60 * pixels)
     tasks = service.farm.engine._artifact_tasks
     assert [each.samples for each in tasks.denoising._made.values()] == [60 * pixels], "a finished picture is no preview"
@@ -267,6 +272,9 @@ def test_frame_of_a_shot_is_denoised_with_its_neighbours(service: Service, worke
     assert not worker.denoised
     alone = words(8)
     assert worker.denoised == [job], "a frame without neighbours is denoised alone"
+    (guide,) = worker.guides
+    assert guide is not None and guide.moment is not None
+    assert (guide.moment.frames, guide.moment.turntable) == ([16], 2.0)
     assert np.array_equal(alone, words(8, ""))
     assert words(3).any() and len(worker.denoised_in_shots) == before + 1
 
