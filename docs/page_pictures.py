@@ -185,11 +185,11 @@ def _first_steps(chromium: Browser, server: str, folder: Path) -> None:
     page.wait_for_timeout(SETTLE_MS)
     _save(page, folder, "save")
     page.get_by_role("tab", name="Notes").click()
-    page.get_by_label("Your name").fill("Ben")
     page.wait_for_timeout(SETTLE_MS)
     stage = page.locator(".stage-box").bounding_box()
     assert stage is not None
     page.get_by_role("button", name="Add note").click()
+    page.get_by_label("Your name").fill("Ben")
     page.mouse.click(stage["x"] + 0.5 * stage["width"], stage["y"] + 0.35 * stage["height"])
     page.get_by_label("New note", exact=True).fill("Lovely glass. A softer lamp?")
     page.get_by_role("button", name="Save note").click()
@@ -419,13 +419,13 @@ def _notes(page: Page) -> None:
     page.locator("canvas.film").wait_for()
     page.wait_for_timeout(SETTLE_MS)
     page.get_by_role("tab", name="Notes").click()
-    page.get_by_label("Your name").fill("Ben")
     page.wait_for_timeout(SETTLE_MS)
     box = page.locator(".stage-box").bounding_box()
     assert box is not None
     written = ((0.1, 0.75, "The gold is lovely, keep it."), (0.335, 0.42, "The highlight on the glass is too hard."))
     for x, y, text in written if page.locator(".note-thread").count() == 0 else ():
         page.get_by_role("button", name="Add note").click()
+        page.get_by_label("Your name").fill("Ben")
         page.mouse.click(box["x"] + x * box["width"], box["y"] + y * box["height"])
         page.get_by_label("New note", exact=True).fill(text)
         page.get_by_role("button", name="Save note").click()

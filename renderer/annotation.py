@@ -44,6 +44,7 @@ from renderer.kernel.annotation import (
     trace_occlusion,
 )
 from renderer.kernel.camera import camera_frame
+from renderer.reference import Packed
 from renderer.scene.animation import BETWEEN, Shutter
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.origin import settings_relative_to_origin
@@ -152,6 +153,7 @@ def annotate(
     settings = _sharp(settings, scene)
     shape = settings.height, settings.width
     prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
+    packed = Packed(prepared)
     when = pixel_times(settings, window)
     times = _frame_times(when, shape)
     moves = len(prepared.key_position) > 0 or len(prepared.key_sphere) > 0 or len(prepared.bvh.instance_motion) > 0
@@ -168,7 +170,7 @@ def annotate(
             def trace_part(part: tuple[int, int], listed: I32 = listed) -> None:
                 rows = slice(*part)
                 arrays = times[rows], places[rows], hits[rows], normals[rows], ids[rows], listed[rows], counts[rows]
-                trace_annotation(prepared, new_stack(), camera, part[0], *arrays)
+                trace_annotation(packed, new_stack(), camera, part[0], *arrays)
 
             team.each(trace_part, parts_of(0, settings.height, _ROWS))
             if not layers or counts.max(initial=0) <= room:
@@ -226,7 +228,7 @@ def flow_to(
     """
     here = _sharp(settings, scene)
     there = _sharp(replace(settings, view=other), scene)
-    prepared = strip_absent_features(scene, _MOVING)
+    prepared = Packed(strip_absent_features(scene, _MOVING))
     times = pixel_times(settings, window)
     shape = settings.height, settings.width
     now, then = found.places_at(NOW), found.places_at(when)
@@ -256,7 +258,7 @@ def flow_to(
 
 
 def _where_rows_see(
-    scene: CompiledScene, here: RenderSettings, there: RenderSettings, found: Annotation, times: PixelTimes, when: int, team: Team
+    scene: Packed, here: RenderSettings, there: RenderSettings, found: Annotation, times: PixelTimes, when: int, team: Team
 ) -> tuple[F64, F64, F32]:
     """Returns points (h, w, 4), positions (h, w, 2) and times (h, w) at which a rolling shutter sees points in another frame.
 
@@ -302,7 +304,7 @@ def _frame_times(when: PixelTimes, shape: tuple[int, int]) -> F32:
 def load_kernel() -> None:
     """Compiles or loads the kernels for annotation."""
     nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
-    scene, camera = strip_absent_features(example(), _MOVING), camera_frame(nothing)
+    scene, camera = Packed(strip_absent_features(example(), _MOVING)), camera_frame(nothing)
     ids, counts = np.empty((0, 1, ID_COLUMNS), np.int32), np.empty((0, 1), np.int32)
     with jit.compiling(_KERNEL):
         arrays = np.empty((0, 1, 3), np.float32), np.empty((0, 1, 3, 4)), np.empty((0, 1, HIT_COLUMNS))

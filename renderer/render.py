@@ -42,6 +42,7 @@ from renderer.kernel.options import group_rows, kernel_options
 from renderer.kernel.steps.continue_or_end import MAX_UNCOUNTED
 from renderer.parallel_compile import Helpers, variant_suffix
 from renderer.preparation_kernels import is_prepared, prepare, prepare_first
+from renderer.reference import Packed
 from renderer.replay import Replay, read_log
 from renderer.scene.caustics import example_tables, with_caustics
 from renderer.scene.compiled import CompiledScene
@@ -160,8 +161,9 @@ def _render(
     scratch, options = new_scratch(kernel, tile.w, tile.h, planes, rows), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
     output = Output(sums, bad, log, sums.reshape(-1), records, path_scratch(rows))
+    packed = Packed(scene)
     begins()
-    bad_count, rays = kernel(scene, scratch, camera, options, batch, output)
+    bad_count, rays = kernel(packed, scratch, camera, options, batch, output)
     listed = [BadSample(*map(int, row)) for row in bad[: min(bad_count, MAX_BAD)]]
     hits, found = _counted(records, settings, tile, camera)
     return BatchSums(sums, listed, int(bad_count), hits, found), int(rays)

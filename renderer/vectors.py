@@ -23,6 +23,7 @@ from renderer.bvh.traverse import new_stack
 from renderer.kernel.camera import axes_of, camera_frame, distortion_row, extent_at_one
 from renderer.kernel.distortion import FISHEYE, brown_formula, fisheye_formula, undistort_points
 from renderer.kernel.vectors import in_camera_space, trace_motion_points
+from renderer.reference import Packed
 from renderer.scene.compiled import CompiledScene
 from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings, View
@@ -54,7 +55,7 @@ def motion_vectors(scene: CompiledScene, settings: RenderSettings, threads: int 
     settings = settings_relative_to_origin(settings, scene.origin)
     views = [settings.views[k] for k in (0, len(sharp) // 2, -1)] if sharp else [settings.view] * 3
     places = np.empty((settings.height, settings.width, 3, 4))
-    prepared, camera = strip_absent_features(scene, _MOVING), camera_frame(settings)
+    prepared, camera = Packed(strip_absent_features(scene, _MOVING)), camera_frame(settings)
 
     def trace_part(part: tuple[int, int]) -> None:
         trace_motion_points(prepared, new_stack(), camera, part[0], places[part[0] : part[1]])
@@ -74,7 +75,7 @@ def load_kernel() -> None:
     nothing = RenderSettings(1, 1, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
     with jit.compiling(_KERNEL):
         trace_motion_points(
-            strip_absent_features(example(), _MOVING), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4))
+            Packed(strip_absent_features(example(), _MOVING)), new_stack(), camera_frame(nothing), 0, np.empty((0, 1, 3, 4))
         )
         load_projection()
 

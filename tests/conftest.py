@@ -8,14 +8,18 @@ import os
 import re
 import shutil
 import signal
+import sys
 from collections.abc import Generator, Iterator
 from pathlib import Path
 
 import hypothesis
 import pytest
+from _pytest.runner import runtestprotocol
+from execnet import XSpec
 from xdist.remote import Producer
 from xdist.scheduler import EachScheduling
 
+from tests.fork_server import ForkServer
 from tests.grids import leave_out_long
 from tests.helpers import Farm, running_redis, start_farm, stop_farm
 from tests.kernels import get_ready, ready_first
@@ -43,8 +47,14 @@ def is_ordinary(config: pytest.Config) -> bool:
     return bool(config.option.markexpr == "not long")
 
 
+@pytest.hookimpl(trylast=True)
 def pytest_configure(config: pytest.Config) -> None:
-    """Prepares a default run: loads hypothesis' profile and omits grids' `long` cells."""
+    """Prepares a default run: loads hypothesis' profile and omits grids' `long` cells.
+
+    Last, so that its clean-up comes before pytest's, which would collect all objects a second time in search of leaks.
+    """
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        config.add_cleanup(gc.freeze)
     if not is_ordinary(config):
         return
     hypothesis.settings.load_profile("ordinary")
@@ -104,6 +114,20 @@ def pytest_pycollect_makeitem(collector: pytest.Module | pytest.Class, name: str
     return [] if any(mark.name == "long" for mark in marks) else None
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> bool | None:
+    """Makes a process of xdist report only calls, and what fails or is skipped before or after them.
+
+    Otherwise six messages are sent for each test, whose handling takes a fiftieth of all processor time.
+    """
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        return None
+    for report in runtestprotocol(item, log=False, nextitem=nextitem):
+        if report.when == "call" or not report.passed:
+            item.ihook.pytest_runtest_logreport(report=report)
+    return True
+
+
 class ByPart(EachScheduling):
     """Scheduler for xdist that lets every process run all that it has collected, which is its part."""
 
@@ -113,6 +137,15 @@ class ByPart(EachScheduling):
         session = self.config.pluginmanager.get_plugin("session")
         assert isinstance(session, pytest.Session)
         session.testscollected = sum(len(collected) for collected in self.node2collection.values())
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_setupnodes(config: pytest.Config, specs: list[XSpec]) -> None:
+    """Forks the processes from one that has imported their libraries (tests/fork_server.py), where forks are safe."""
+    if sys.platform == "linux":
+        server = ForkServer()
+        server.use_for(specs)
+        config.add_cleanup(server.stop)
 
 
 @pytest.hookimpl(optionalhook=True)

@@ -1,13 +1,11 @@
-"""The argument of the GPU kernels, a Wave: its type for each kernel variant, and its bytes in memory."""
+"""The argument of the GPU kernels, a Wave: its type for each kernel variant."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
-from numba import typeof, types
+from numba import typeof
 
 from renderer.arrays.kernel_variant import strip_absent_features
 from renderer.arrays.scene import CompiledScene, example
@@ -21,13 +19,11 @@ from renderer.kernel.camera import Camera, camera_frame
 from renderer.kernel.options import Options, kernel_options
 from renderer.settings import RenderSettings, View
 
-__all__ = ["BYTES_PER_PATH", "packed", "wave_for", "wave_type"]
+__all__ = ["BYTES_PER_PATH", "wave_for", "wave_type"]
 
 BYTES_PER_PATH = 2 * 4 * (LAYOUT.width + LISTS) + 8  # of a Wave's arrays
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 _NOTHING: Any = None  # replaces the arrays of the processor's tree
-_TUPLE: Any = types.BaseTuple  # which Numba's annotations do not declare as iterable
-_SCALARS: dict[types.Type, str] = {types.boolean: "?", types.none: "u8"}
 
 
 def wave_for(
@@ -60,43 +56,3 @@ def wave_type(variant: str) -> Any:
     tree = CompressedTree(np.zeros((1, NODE_WORDS), np.uint32), np.zeros((1, LEAF_NUMBERS), np.float32))
     scene = scene._replace(bvh=scene.bvh._replace(node=_NOTHING, packet=_NOTHING, compressed=tree))
     return typeof(wave_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0, paths=1))
-
-
-def packed(value: Any, place: Callable[[npt.NDArray[Any]], int]) -> bytes:
-    """Returns a named tuple's bytes in the layout that kernels read: a C struct, in which each array is a Numba array structure.
-
-    place: returns the address of an array's data.
-    """
-    data = bytearray()
-    _append(data, value, typeof(value), place)
-    data.extend(bytes(-len(data) % _alignment(typeof(value))))
-    return bytes(data)
-
-
-def _append(data: bytearray, value: Any, kind: Any, place: Callable[[npt.NDArray[Any]], int]) -> None:
-    data.extend(bytes(-len(data) % _alignment(kind)))
-    if isinstance(kind, _TUPLE):
-        for part, part_kind in zip(value, kind, strict=True):
-            _append(data, part, part_kind, place)
-        data.extend(bytes(-len(data) % _alignment(kind)))
-    elif isinstance(kind, types.Array):
-        # Numba's array structure: two owners, which kernels do not read; count, item size, data, shape, strides.
-        words = [0, 0, value.size, value.itemsize, place(value), *value.shape, *value.strides]
-        data.extend(np.array(words, np.uint64).tobytes())
-    else:
-        data.extend(np.array(0 if value is None else value, _format(kind)).tobytes())
-
-
-def _format(kind: Any) -> str:
-    """Returns numpy's name for the Numba type of a number. Raises TypeError if a Wave cannot contain it."""
-    if kind in _SCALARS:
-        return _SCALARS[kind]
-    if isinstance(kind, types.Integer | types.Float):
-        return kind.name
-    raise TypeError(f"waves cannot contain {kind}")
-
-
-def _alignment(kind: Any) -> int:
-    if isinstance(kind, _TUPLE):
-        return max((_alignment(each) for each in kind), default=1)
-    return 8 if isinstance(kind, types.Array) else np.dtype(_format(kind)).itemsize

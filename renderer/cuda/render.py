@@ -15,7 +15,7 @@ from renderer.bvh.compress import compressed
 from renderer.bvh.layout import Bvh
 from renderer.cuda.artefacts import ptx_of
 from renderer.cuda.driver import LIBRARY, Card, Device, Driver, DriverError, Kernel
-from renderer.cuda.job import BYTES_PER_PATH, packed, wave_for
+from renderer.cuda.job import BYTES_PER_PATH, wave_for
 from renderer.cuda.turns import paths_for, take_turns
 from renderer.errors import MachineError, SceneError
 from renderer.film import Sums
@@ -24,6 +24,7 @@ from renderer.kernel.backends.cuda.ptx import THREADS
 from renderer.kernel.backends.cuda.wavefront import ACTIVE, BAD, RAYS, Wave
 from renderer.kernel.camera import Camera
 from renderer.kernel.options import Options
+from renderer.reference import packed
 from renderer.sentences import Sentence
 from renderer.threads import Team
 

@@ -23,10 +23,10 @@ from renderer.arrays.guide import (
     SIDES,
     Guide,
     empty_guide,
-    read_only,
+    histogram_guide,
 )
 
-__all__ = ["Records", "arriving", "cells_of", "guide_of", "integers", "squares", "sums"]
+__all__ = ["Records", "arriving", "cells_of", "cubes_of", "frame_of", "guide_of", "integers", "squares", "sums"]
 
 Records = npt.NDArray[np.float32]  # (n, RECORD_COLUMNS): renderer/kernel/guiding/pilot.py
 I64 = npt.NDArray[np.int64]
@@ -53,13 +53,13 @@ def guide_of(paths: Records, photons: Records, flux: float) -> Guide:
     """
     if len(paths) < _ENOUGH:
         return empty_guide()
-    frame = _frame(paths[:, :3])
+    frame = frame_of(paths[:, :3])
     counts = frame[COUNT:].astype(np.int64)
-    cubes, sides = _cubes(paths[:, :3], frame), _sides(paths[:, 3:6])
+    cubes, sides = cubes_of(paths[:, :3], frame), _sides(paths[:, 3:6])
     keys = _keys(cubes, counts, sides, 0)
     visits = np.bincount(keys, minlength=int(counts.prod()) * SIDES)
     value = arriving(paths, keys, len(visits)) / visits[keys]
-    its_cubes, its_sides = _cubes(photons[:, :3], frame), _sides(photons[:, 3:6])
+    its_cubes, its_sides = cubes_of(photons[:, :3], frame), _sides(photons[:, 3:6])
     its_value = photons[:, 9].astype(np.float64) * (flux * float(frame[CELLS_PER_UNIT]) ** 2)
     its_value[visits[_keys(its_cubes, counts, its_sides, 0)] == 0] = 0  # where camera paths do not come
     value = np.concatenate((value, its_value))
@@ -96,12 +96,12 @@ def arriving(records: Records, key: I64, cells: int) -> F64:
     return near * scale
 
 
-def _frame(points: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """Returns the frame of a grid over most of the points (n, 3)."""
+def frame_of(points: npt.NDArray[np.float32], cubes: int = CUBES) -> npt.NDArray[np.float32]:
+    """Returns the frame of a grid over most of the points (n, 3), of `cubes` cubes along the longest side."""
     ends = int(_OUTSIDE * (len(points) - 1))
     ordered = np.partition(points, (ends, len(points) - 1 - ends), axis=0).astype(np.float64)
     low, high = ordered[ends], ordered[len(points) - 1 - ends]
-    size = float((high - low).max()) / CUBES
+    size = float((high - low).max()) / cubes
     if not size > 0:
         size = 1.0
     low, high = low - size / 2, high + size / 2
@@ -111,7 +111,7 @@ def _frame(points: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
     return frame
 
 
-def _cubes(points: npt.NDArray[np.float32], frame: npt.NDArray[np.float32]) -> I64:
+def cubes_of(points: npt.NDArray[np.float32], frame: npt.NDArray[np.float32]) -> I64:
     """Returns the cubes of points, (n, 3), with the arithmetic of the kernel."""
     at = (points - frame[LOW : LOW + 3]) * frame[3]
     cubes: I64 = np.clip(at, np.float32(0), frame[COUNT:] - np.float32(1)).astype(np.int64)
@@ -129,7 +129,7 @@ def _sides(normals: npt.NDArray[np.float32]) -> I64:
 def cells_of(records: Records, frame: npt.NDArray[np.float32]) -> I64:
     """Returns the cells of records in a guide with this frame, (n,)."""
     counts = frame[COUNT:].astype(np.int64)
-    return _keys(_cubes(records[:, :3], frame), counts, _sides(records[:, 3:6]), 0)
+    return _keys(cubes_of(records[:, :3], frame), counts, _sides(records[:, 3:6]), 0)
 
 
 def squares(directions: npt.NDArray[np.float32] | F64) -> I64:
@@ -177,7 +177,7 @@ def _build(frame: npt.NDArray[np.float32], counts: I64, cube: I64, side: I64, sq
     cdf = np.concatenate((empty.cdf.reshape(1, BLOCK_WIDTH), *cdfs))
     bins = np.stack((_densities(cdf), np.concatenate((empty.bin[None, :, 1], *children))), axis=2).astype(np.float32)
     table = np.stack((cell, np.where(cell == NO_BLOCK, 0, _SHARE)), axis=-1).astype(np.float32)
-    return read_only(frame, table.reshape(-1, CELL_WIDTH), cdf.reshape(-1), bins.reshape(-1, BIN_WIDTH))
+    return histogram_guide(frame, table.reshape(-1, CELL_WIDTH), cdf.reshape(-1), bins.reshape(-1, BIN_WIDTH))
 
 
 def _densities(cdf: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:

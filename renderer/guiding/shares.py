@@ -14,7 +14,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from renderer.arrays.guide import BINS, CELL_WIDTH, NO_BLOCK, SIDE, Guide, read_only
+from renderer.arrays.guide import BINS, CELL_WIDTH, NO_BLOCK, SIDE, Guide, histogram_guide
 from renderer.guiding.histograms import Records, arriving, cells_of, integers, squares, sums
 
 __all__ = ["SHARES", "learn_shares"]
@@ -68,4 +68,4 @@ def _pdf(guide: Guide, block: npt.NDArray[np.int64], direction: npt.NDArray[np.f
 def _with_shares(guide: Guide, shares: npt.NDArray[np.float64]) -> Guide:
     cell = guide.cell.copy()
     cell[:, 1] = np.where(cell[:, 0] == NO_BLOCK, 0, shares[cell[:, 0].astype(np.int64)])
-    return read_only(guide.frame, cell.reshape(-1, CELL_WIDTH), guide.cdf, guide.bin)
+    return histogram_guide(guide.frame, cell.reshape(-1, CELL_WIDTH), guide.cdf, guide.bin)

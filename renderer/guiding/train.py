@@ -1,6 +1,7 @@
 """Trains the guide of an image from pilot paths: a function of the compiled scene and the settings, the same on every host.
 
-Each round follows more paths than the one before, with the guide made from all records so far.
+Each round follows more paths than the one before, with the guide made from all records so far. If portals save enough by the
+first round, the guide is one of portals, of two rounds; else one of histograms, of three rounds and photons.
 """
 
 from __future__ import annotations
@@ -13,26 +14,32 @@ from typing import Any
 import numpy as np
 
 from renderer.arrays.guide import Guide, empty_guide
+from renderer.arrays.rows import CONDUCTOR, GLASS, MIRROR
 from renderer.arrays.scene import CompiledScene, flat
 from renderer.bvh.traverse import new_stack
-from renderer.guiding.emitters import emitters_of
-from renderer.guiding.histograms import guide_of
+from renderer.guiding.emitters import Emitters, emitters_of
+from renderer.guiding.histograms import Records, guide_of
+from renderer.guiding.portals import learn_portals, moment_left, segments_of
 from renderer.guiding.shares import learn_shares
 from renderer.kernel.camera import camera_frame
 from renderer.kernel.guiding.photons import Photons, follow_photons
 from renderer.kernel.guiding.pilot import MOST_ROWS, RECORD_COLUMNS, Pilot, follow_pilot_paths
 from renderer.kernel.options import kernel_options
 from renderer.kernel.path_trace import COLUMNS
+from renderer.reference import Packed
 from renderer.scene.origin import settings_relative_to_origin
 from renderer.settings import RenderSettings
 
 __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
-ROUNDS = (1 << 15, 1 << 16, 1 << 17)  # camera paths
+ROUNDS = (1 << 16, 1 << 16, 1 << 17)  # camera paths; the first round also tells whether portals are of use
 PHOTONS = 1 << 18
 # Fraction of the second moments. If more is left, `auto` renders without a guide, and `on` learns the share of each cell. If less
 # is left, a share of a half everywhere is better: there are too few pilot paths to estimate the shares of single cells.
 MOST_LEFT = 0.4
+MOST_LEFT_BY_PORTALS = 0.85  # likewise, of the second moments relative to their cube's light, for a guide of portals
+PORTAL_PATHS = 1 << 17  # camera paths of the second round of a guide of portals
+_FOCUSING = (MIRROR, GLASS, CONDUCTOR)  # materials without which `auto` does not try histograms, which pay for caustics alone
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
 _MOST_KEPT = 4
@@ -52,30 +59,63 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
     seed = settings.seed ^ _OTHER_SEED
     settings = replace(settings, light_groups="", light_paths="off", cryptomatte=0, deep=0, background="visible")
     settings = replace(settings, seed=seed, sampler="independent", splitting=1)
-    options = kernel_options(settings, scene)
-    camera = camera_frame(settings_relative_to_origin(settings, scene.origin))
-    log, stack = np.zeros((MOST_ROWS, COLUMNS)), new_stack()
-    guide, emitters = empty_guide(), emitters_of(scene)
-    scene = scene._replace(path_guide=guide)
+    emitters = emitters_of(scene)
     photons = photons if len(emitters.table) else 0
-    flux = emitters.power / max(photons, 1)
-    of_photons = np.zeros((photons * _RECORDS, RECORD_COLUMNS), np.float32)
-    of_photons = of_photons[
-        : follow_photons(scene, stack, options, Photons(0, photons, emitters.table, emitters.cdf), log, of_photons)
-    ]
-    records = np.zeros((sum(rounds) * _RECORDS, RECORD_COLUMNS), np.float32)
-    first, found = photons, 0  # samples are numbered through, so that all paths are independent
-    for number, count in enumerate(rounds):
-        pilot, known = Pilot(first, count, settings.width, settings.height), found
-        found += follow_pilot_paths(scene, stack, camera, options, pilot, log, records[found:])
-        first, earlier, guide = first + count, guide, guide_of(records[:found], of_photons, flux)
-        if number > 0:
-            learned, left = learn_shares(guide, earlier, records[known:found])
-            if left > MOST_LEFT:
-                if settings.guiding == "auto":
-                    return empty_guide()
-                guide = learned
-        scene = scene._replace(path_guide=guide)
+    pilot = _PilotPaths(scene, settings, photons)  # samples are numbered through, so that all paths are independent
+    half = rounds[0] // 2
+    known, rest = pilot.follow(half, empty_guide()), pilot.follow(rounds[0] - half, empty_guide())
+    first = np.concatenate((known, rest))
+    if len(known) and len(rest):
+        learned = learn_portals(segments_of(known))
+        if learned is not None and moment_left(learned, segments_of(rest)) < MOST_LEFT_BY_PORTALS:
+            last = pilot.follow(PORTAL_PATHS, learned)
+            return learn_portals(segments_of(np.concatenate((first, last)))) or learned
+    if settings.guiding == "auto" and not np.isin(scene.material_kind, _FOCUSING).any():
+        return empty_guide()
+    of_photons = pilot.follow_photons(emitters, photons)
+    return _histograms(pilot, first, of_photons, emitters.power / max(photons, 1), rounds[1:], settings.guiding == "auto")
+
+
+class _PilotPaths:
+    """Follows the pilot paths of an image. first: the number of the first path."""
+
+    def __init__(self, scene: CompiledScene, settings: RenderSettings, first: int) -> None:
+        self._scene, self._settings, self._first = scene, settings, first
+        self._options = kernel_options(settings, scene)
+        self._camera = camera_frame(settings_relative_to_origin(settings, scene.origin))
+        self._log, self._stack = np.zeros((MOST_ROWS, COLUMNS)), new_stack()
+
+    def follow(self, count: int, guide: Guide) -> Records:
+        """Returns the records of the next `count` paths, which follow a guide."""
+        scene, records = self._scene._replace(path_guide=guide), np.zeros((count * _RECORDS, RECORD_COLUMNS), np.float32)
+        pilot = Pilot(self._first, count, self._settings.width, self._settings.height)
+        self._first += count
+        return records[: follow_pilot_paths(Packed(scene), self._stack, self._camera, self._options, pilot, self._log, records)]
+
+    def follow_photons(self, emitters: Emitters, count: int) -> Records:
+        """Returns the records of photons, whose numbers are below those of all paths."""
+        scene, records = self._scene._replace(path_guide=empty_guide()), np.zeros((count * _RECORDS, RECORD_COLUMNS), np.float32)
+        photons = Photons(0, count, emitters.table, emitters.cdf)
+        return records[: follow_photons(Packed(scene), self._stack, self._options, photons, self._log, records)]
+
+
+def _histograms(
+    pilot: _PilotPaths, records: Records, photons: Records, flux: float, rounds: tuple[int, ...], may_refuse: bool
+) -> Guide:
+    """Returns a guide of histograms; an empty one if it saves too little and may be refused.
+
+    records: of the first round. photons, flux: as for `guide_of`. rounds: the others' numbers of paths.
+    """
+    guide = guide_of(records, photons, flux)
+    for count in rounds:
+        last, earlier = pilot.follow(count, guide), guide
+        records = np.concatenate((records, last))
+        guide = guide_of(records, photons, flux)
+        learned, left = learn_shares(guide, earlier, last)
+        if left > MOST_LEFT:
+            if may_refuse:
+                return empty_guide()
+            guide = learned
     return guide
 
 

@@ -5,13 +5,14 @@ It is computed as soon as a file has been read, before the scene is compiled.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 from renderer.image.tonemap import decode_srgb, encode_srgb
-from renderer.scene.description import Image, Material, Mesh, SceneDescription, Texture
+from renderer.scene.description import Image, Instance, Material, Mesh, SceneDescription, Texture
 from renderer.scene.studio import STUDIO
 
 __all__ = ["MOST_TRIANGLES", "Preview", "preview"]
@@ -22,6 +23,8 @@ U8 = npt.NDArray[np.uint8]
 
 MOST_TRIANGLES = 1_000_000
 FEWEST = 24  # triangles of a decimated mesh
+TEXTURED_VERTICES = 50_000  # coarser textured meshes are subdivided, since colours are those of vertices
+MOST_ROUNDS = 6  # of subdivision
 MOST_INSTANCES = 50_000  # further instances are not shown
 MOST_SPHERES = 2_000
 RINGS = 12  # of a sphere
@@ -48,19 +51,24 @@ class _Shape(NamedTuple):
     vertices: npt.NDArray[np.int64]  # of the mesh, for its colours and UVs
 
 
-def preview(description: SceneDescription, max_triangles: int = MOST_TRIANGLES) -> Preview | None:
-    """Returns the scene's triangles, decimated to about `max_triangles`; None if it has no surface."""
+def preview(
+    description: SceneDescription, max_triangles: int = MOST_TRIANGLES, textured_vertices: int = TEXTURED_VERTICES
+) -> Preview | None:
+    """Returns the scene's triangles, decimated to about `max_triangles`; None if it has no surface.
+
+    textured_vertices: textured meshes are subdivided as long as they have at most so many.
+    """
     shown = description.instances if description.subject is None else description.instances[:-1]  # without the studio's floor
     used = [each for each in shown if len(description.meshes[each.mesh].triangles)]
     used = used[:: -(-len(used) // MOST_INSTANCES) or 1]
     share = max_triangles / max(sum(len(description.meshes[each.mesh].triangles) for each in used), 1)
+    meshes = _subdivided(description, used, textured_vertices)
     shapes: dict[int, _Shape] = {}
     colors: dict[tuple[int, int], U8] = {}
     parts: list[Preview] = []
     for instance in used:
-        mesh = description.meshes[instance.mesh]
-        number = mesh.material if instance.material is None else instance.material
-        material = description.materials[number] if number < len(description.materials) else Material()
+        mesh = meshes[instance.mesh]
+        number, material = _material(description, instance)
         if material.kind == "interface":
             continue
         if instance.mesh not in shapes:
@@ -75,6 +83,54 @@ def preview(description: SceneDescription, max_triangles: int = MOST_TRIANGLES) 
     parts += _spheres(description)
     joined = _joined(parts)
     return joined and joined._replace(background=_background(description))
+
+
+def _material(description: SceneDescription, instance: Instance) -> tuple[int, Material]:
+    """Returns the number and the material of an instance; the default one if there is none of that number."""
+    number = description.meshes[instance.mesh].material if instance.material is None else instance.material
+    return number, description.materials[number] if number < len(description.materials) else Material()
+
+
+def _subdivided(description: SceneDescription, used: list[Instance], most: int) -> list[Mesh]:
+    """Returns the scene's meshes, the textured ones of `used` with more vertices, at most `most` of them."""
+    textured = [each.mesh for each in used if _is_textured(description, each)]
+    meshes = list(description.meshes)
+    for _ in range(MOST_ROUNDS):
+        if 2 * sum(len(meshes[number].triangles) for number in textured) > most:  # a quick check
+            break
+        halved = {number: _halved(meshes[number]) for number in set(textured)}
+        if sum(len(halved[number].positions) for number in textured) > most:
+            break
+        meshes = [halved.get(number, mesh) for number, mesh in enumerate(meshes)]
+    return meshes
+
+
+def _is_textured(description: SceneDescription, instance: Instance) -> bool:
+    _, material = _material(description, instance)
+    texture = material.emission_texture if max(material.emission) > 0.0 else material.base_color_texture
+    return texture is not None and description.meshes[instance.mesh].uvs is not None
+
+
+def _halved(mesh: Mesh) -> Mesh:
+    """Returns the mesh with its edges halved, four triangles for each. New vertices follow the old ones."""
+    corners = mesh.triangles.astype(np.int64)
+    edges = np.sort(np.stack([corners, np.roll(corners, -1, axis=1)], axis=-1).reshape(-1, 2), axis=1)
+    keys, number = np.unique(edges[:, 0] * len(mesh.positions) + edges[:, 1], return_inverse=True)
+    ends = np.column_stack(np.divmod(keys, len(mesh.positions)))
+    ab, bc, ca = (len(mesh.positions) + number.reshape(-1, 3)).T
+    a, b, c = corners.T
+    triangles = np.concatenate([np.column_stack(each) for each in ((a, ab, ca), (ab, b, bc), (ca, bc, c), (ab, bc, ca))])
+
+    def with_middles(values: npt.NDArray[Any] | None) -> npt.NDArray[Any] | None:
+        return None if values is None else np.concatenate([values, values[ends].mean(axis=1, dtype=values.dtype)])
+
+    positions = with_middles(mesh.positions)
+    assert positions is not None
+    uvs, uvs1, colors = with_middles(mesh.uvs), with_middles(mesh.uvs1), with_middles(mesh.colors)
+    normals = None if mesh.normals is None else with_middles(_unit(mesh.normals))
+    return replace(
+        mesh, positions=positions, triangles=triangles.astype(np.int32), normals=normals, uvs=uvs, uvs1=uvs1, colors=colors
+    )
 
 
 def _background(description: SceneDescription) -> tuple[int, int, int] | None:

@@ -98,7 +98,7 @@ def kill_part(name: str) -> Callable[[Farm], None]:
     [
         pytest.param(kill_a_slot, id="a slot", marks=pytest.mark.long),
         pytest.param(kill_part("worker"), id="the worker"),
-        pytest.param(kill_part("service"), id="the service"),
+        pytest.param(kill_part("service"), id="the service", marks=pytest.mark.long),
         pytest.param(kill_part("redis"), id="Redis", marks=pytest.mark.long),
     ],
 )

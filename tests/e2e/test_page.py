@@ -73,7 +73,7 @@ def test_dropped_file_is_rendered_and_pixels_equal_film(farm: Farm, watched: Wat
     # Samples arrive while the job renders. A cancelled job keeps its picture.
     expect(page.locator(".big")).to_have_text(re.compile("[1-9]"), timeout=60_000)
     page.get_by_role("button", name="Cancel").click()
-    expect(page.locator(".job-head")).to_contain_text("Cancelled")
+    expect(page.locator(".job-page .chip:not(.verdict)")).to_contain_text("Cancelled")
     assert 1 <= samples_shown(page) < ENDLESS_SPP
 
     job = page.url.split("/jobs/")[1].split("?")[0]
@@ -178,14 +178,14 @@ def test_example_renders_in_two_clicks_and_cancelling_keeps_picture(farm: Farm, 
     page.get_by_role("button", name="Render").click()
     expect(page.locator(".big")).to_have_text(re.compile("[1-9]"), timeout=60_000)
     page.get_by_role("button", name="Cancel").click()
-    expect(page.locator(".job-head")).to_contain_text("Cancelled")
+    expect(page.locator(".job-page .chip:not(.verdict)")).to_contain_text("Cancelled")
     assert samples_shown(page) >= 1
     picture = Image.open(io.BytesIO(page.locator(".stage").screenshot())).convert("L")
     assert np.asarray(picture).std() > 20, "what was rendered stays"
     page.get_by_role("button", name="Resume").click()
-    expect(page.locator(".job-head")).to_contain_text("Rendering")
+    expect(page.locator(".job-page .chip:not(.verdict)")).to_contain_text("Rendering")
     page.get_by_role("button", name="Cancel").click()
-    expect(page.locator(".job-head")).to_contain_text("Cancelled")
+    expect(page.locator(".job-page .chip:not(.verdict)")).to_contain_text("Cancelled")
     assert watched.errors == []
 
 

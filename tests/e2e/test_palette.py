@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from playwright.sync_api import expect
 
 from tests.e2e.conftest import Watched
 from tests.service.conftest import Service
 
 
+@pytest.mark.long  # page/test_palette.py tests which entries match, service/api/test_job_list.py which jobs are found
 def test_palette_finds_pages_scenes_and_jobs(many: Service, watched: Watched) -> None:
     page = watched.page
     keys = page.keyboard

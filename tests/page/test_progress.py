@@ -71,10 +71,10 @@ def test_new_job_shows_live_view_picture(node: Node) -> None:
         const { Film } = await read("/js/film/film.js");
         const view = new Film(2, 1, new Uint32Array([7, 9]));
         view.isBlank = a.isBlank;
-        m.keepFirstLook("new", view);
+        m.keepFirstLook("new", { film: view, isSame: false, clean: "" });
         const film = new Film(4, 2);
         const [other, own, again] = ["old", "new", "new"].map((job) => m.takeFirstLook(job));
-        if (own) film.restart(own);
-        return [other, again, [...film.words], film.isBlank, film.total];"""
-    assert node.call("film/first-look", body, {"isBlank": False}) == [None, None, [7, 7, 9, 9] * 2, False, 0]
-    assert node.call("film/first-look", body, {"isBlank": True}) == [None, None, [0] * 8, True, 0]
+        if (own) film.restart(own.film);
+        return [other, again, own?.isSame ?? null, [...film.words], film.isBlank, film.total];"""
+    assert node.call("film/first-look", body, {"isBlank": False}) == [None, None, False, [7, 7, 9, 9] * 2, False, 0]
+    assert node.call("film/first-look", body, {"isBlank": True}) == [None, None, None, [0] * 8, True, 0]

@@ -25,7 +25,6 @@ from renderer.kernel.backends.cpu.intersect import trace_shadow_rays
 from renderer.kernel.backends.cpu.scattering import scatter_vertices
 from renderer.parallel_compile import Helpers
 from renderer.prune_absent_features import Compiler
-from renderer.reference import Reference
 from renderer.render import _PICTURE, FULL, PLAIN, _render, warm_up
 from renderer.settings import Tile
 from renderer.target import KernelDispatcher
@@ -83,7 +82,7 @@ def test_shared_parts_belong_to_the_kernel(monkeypatch: pytest.MonkeyPatch, vari
     _render(strip_absent_features(example(), variant), _PICTURE, Tile(0, 0, 0, 0), 0, 0)
     (arguments,) = asked
     parts = accumulate.pool_stages(strip_absent_features(example(), variant), _PICTURE)
-    called = calls_of(accumulate._with_pool, (Reference(arguments[0]), *arguments[1:]))
+    called = calls_of(accumulate._with_pool, arguments)
     for part, types_of_it in parts:
         if part.__name__ == "arrive":
             wanted = (*types_of_it, types.boolean)  # the types already compiled, and one more

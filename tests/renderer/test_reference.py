@@ -5,10 +5,11 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import numpy as np
+import pytest
 from numba import typeof
 
 from renderer.jit import entry, never_inline, subroutine
-from renderer.reference import Reference, by_reference
+from renderer.reference import Packed, Reference, by_reference
 
 
 class Inner(NamedTuple):
@@ -68,6 +69,21 @@ def test_reference_fields_equal_the_tuples() -> None:
     out = np.zeros(5)
     read(made(), out)
     assert out.tolist() == [10.0, 7.5 + 3, 4.0, 1.0, 0.0]
+
+
+def test_packed_tuples_are_read_like_tuples() -> None:
+    outer, out = made(), np.zeros(5)
+    packed = Packed(outer)
+    read(packed, out)
+    assert out.tolist() == [10.0, 7.5 + 3, 4.0, 1.0, 0.0]
+    outer.first[2] = 9
+    read(packed, out)
+    assert out[0] == 12.0
+
+
+def test_what_no_kernel_reads_is_not_packed() -> None:
+    with pytest.raises(TypeError, match="packed tuples cannot contain"):
+        Packed(made()._replace(point=1j))
 
 
 def test_reference_type_is_named_by_its_fields() -> None:

@@ -462,8 +462,8 @@ def kill_slots_until_result(bench: Bench, name: str) -> None:
 
 
 def test_batch_of_killed_slot_is_rendered_again(bench: Bench, info: SceneInfo) -> None:
-    bench.render(batch_of(info, "long", 0, 8000))
-    kill_the_slot_with(bench, 8000)
+    bench.render(batch_of(info, "long", 0, 3000))
+    kill_the_slot_with(bench, 3000)
     event = bench.next("batch", "batch-failed").event
     assert (event["type"], event["batch"]) == ("batch", "long"), event
 

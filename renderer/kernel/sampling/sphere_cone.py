@@ -11,7 +11,7 @@ from renderer.kernel import vec
 from renderer.kernel.sampling.warp import square_to_cone, square_to_cone_pdf
 from renderer.wide.values import where, zero_like
 
-__all__ = ["sample_sphere_direction", "sphere_cone", "sphere_direction_pdf"]
+__all__ = ["hits_sphere", "sample_sphere_direction", "sphere_cone", "sphere_direction_pdf"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
@@ -36,6 +36,13 @@ def sample_sphere_direction(center, radius, p, u):
 
 
 @device
+def hits_sphere(to_center, radius, d):
+    """Returns True if the ray of unit direction d hits a sphere with its centre at `to_center` from the ray's origin."""
+    off = vec.cross(to_center, d)  # of length distance * sine, without the cancellation of 1 - cosine**2
+    return (vec.dot(to_center, d) > _ZERO) & (vec.dot(off, off) <= radius * radius)
+
+
+@device
 def sphere_direction_pdf(center, radius, p, d, is_sampled):
     """Returns the pdf, per steradian, of `sample_sphere_direction` at the unit direction d; 0 if d misses the sphere.
 
@@ -44,6 +51,5 @@ def sphere_direction_pdf(center, radius, p, d, is_sampled):
     """
     to_center = vec.sub(center, p)
     square = vec.dot(to_center, to_center)
-    off = vec.cross(to_center, d)  # of length distance * sine, without the cancellation of 1 - cosine**2
-    hits = (vec.dot(to_center, d) > _ZERO) & (vec.dot(off, off) <= radius * radius)
+    hits = hits_sphere(to_center, radius, d)
     return where(hits | is_sampled, square_to_cone_pdf(sphere_cone(square, radius)), zero_like(square))

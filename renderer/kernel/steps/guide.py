@@ -4,7 +4,8 @@ A vertex on a surface that is not specular samples its direction from a mixture:
 its cell (renderer/arrays/guide.py), else by the BSDF (one-sample model, Veach, "Robust Monte Carlo Methods for Light Transport
 Simulation", 1997, 9.2.4). The density of the mixture takes the place of the BSDF's in all MIS weights. The histogram is sampled
 by hierarchical warping, as in Mueller et al., "Practical Path Guiding for Efficient Light-Transport Simulation" (2017), with
-wider nodes. Whatever the histogram holds, the estimate is unbiased, since the BSDF's density is part of the mixture.
+wider nodes. A guide of portals takes the place of the histograms in scenes where they suffice (portals.py). Whatever a guide
+holds, the estimate is unbiased, since the BSDF's density is part of the mixture.
 
 Compiled only for settings with `guiding`, and for the processor only: bins are compared eight at a time.
 """
@@ -22,6 +23,7 @@ from renderer.kernel import vec
 from renderer.kernel.fetch import columns
 from renderer.kernel.sampling.octahedron import octahedron_to_square, square_to_octahedron, square_to_octahedron_pdf
 from renderer.kernel.steps.aim import mixed_sample, unguided_factor
+from renderer.kernel.steps.portals import NO_PORTAL, portals_in_view, portals_pdf, sample_portal
 from renderer.kernel.steps.state import BsdfSample
 from renderer.wide.lanes import each_lane
 from renderer.wide.values import any_of, not_, to_float, to_int, u32, where, where3, zero_like
@@ -43,11 +45,15 @@ _ALL, _LAST = np.uint32(255), np.uint32(128)
 class Guided(NamedTuple):
     """A vertex's choice between its guide and its BSDF."""
 
-    block: Any  # of its cell's histogram, a float
-    chance: Any  # probability of sampling the guide; 0 without a histogram
+    block: Any  # of its cell's histogram, a float; of a guide of portals, the number of its cube
+    chance: Any  # probability of sampling the guide; 0 without a histogram or a portal in view
     is_guided: Any
     direction: Any  # from the guide, world space; any unit vector if not guided
     choose: Any  # the random number that is left, in [0, 1), to choose a lobe of the BSDF
+    point: Any
+    normal: Any
+    total: Any  # of its Portals; 0 with histograms
+    portal: Any  # number of the portal that was sampled, a float; NO_PORTAL if none was
 
 
 @device
@@ -62,15 +68,21 @@ def _coordinate(guide, x, axis):
 
 
 @device
+def _cube_at(guide, p):
+    """Returns the number of the cube of a point, a float."""
+    x, y, z = _coordinate(guide, p[0], 0), _coordinate(guide, p[1], 1), _coordinate(guide, p[2], 2)
+    return (x * guide.frame[COUNT + 1] + y) * guide.frame[COUNT + 2] + z
+
+
+@device
 def _cell_at(guide, p, n):
     """Returns (the block of the cell of a point with normal n, the probability of sampling its histogram)."""
     none = zero_like(p[0])
-    x, y, z = _coordinate(guide, p[0], 0), _coordinate(guide, p[1], 1), _coordinate(guide, p[2], 2)
     ax, ay, az = abs(n[0]), abs(n[1]), abs(n[2])
     by_x, by_y = (ax >= ay) & (ax >= az), ay >= az
     component = where(by_x, n[0], where(by_y, n[1], n[2]))
     side = where(by_x, none, where(by_y, none + _TWO, none + _FOUR)) + where(component < _ZERO, none + _ONE, none)
-    cell = ((x * guide.frame[COUNT + 1] + y) * guide.frame[COUNT + 2] + z) * _SIDES + side
+    cell = _cube_at(guide, p) * _SIDES + side
     return columns(guide.cell, u32(to_int(cell)), CELL_WIDTH, 0, 2)
 
 
@@ -131,24 +143,40 @@ def choose_guided(scene, point, normal, is_specular, is_surface, choose, u):
     choice of a lobe. u: two numbers for the direction.
     """
     none = zero_like(point[0])
-    block, share = _cell_at(scene.path_guide, point, normal)
-    chance = where(not_(is_specular) & is_surface, share, none)
-    is_guided = choose < chance
-    d = each_lane(_sample, is_guided, (scene, block, u[0], u[1]))
+    guide, total, portal = scene.path_guide, none, none + NO_PORTAL
+    can_guide = not_(is_specular) & is_surface
+    if len(guide.portal) > 0:
+        block = _cube_at(guide, point)
+        view = portals_in_view(guide, u32(to_int(block)), point, normal, none + u[0])
+        chance, total = where(can_guide, view.chance, none), view.total
+        is_guided = choose < chance
+        d = sample_portal(view, point, none + u[1])
+        portal = where(is_guided, view.number, portal)
+    else:
+        block, share = _cell_at(guide, point, normal)
+        chance = where(can_guide, share, none)
+        is_guided = choose < chance
+        d = each_lane(_sample, is_guided, (scene, block, u[0], u[1]))
     left = where(is_guided, none, (choose - chance) / (_ONE - chance))
     direction = where3(is_guided, d, (none, none, none + _ONE))
-    return Guided(block, chance, is_guided, direction, min(left, none + _BELOW_ONE))
+    return Guided(block, chance, is_guided, direction, min(left, none + _BELOW_ONE), point, normal, total, portal)
 
 
 @device
-def guided_pdf(scene, guided, d, bsdf_pdf):
+def guided_pdf(scene, guided, d, bsdf_pdf, sampled):
     """Returns the pdf, per steradian, of the unit direction d by the mixture of a vertex's BSDF and its guide.
 
-    bsdf_pdf: of d by the BSDF alone.
+    bsdf_pdf: of d by the BSDF alone. sampled: the number of the portal for which d was sampled; NO_PORTAL if for none.
     """
     pdf = bsdf_pdf
     if any_of(guided.chance > _ZERO):
-        mixed = (_ONE - guided.chance) * bsdf_pdf + guided.chance * histogram_pdf(scene.path_guide, guided.block, d)
+        guide = scene.path_guide
+        if len(guide.portal) > 0:
+            cube = u32(to_int(guided.block))
+            of_guide = portals_pdf(guide, cube, guided.point, guided.normal, guided.total, d, sampled)
+        else:
+            of_guide = histogram_pdf(guide, guided.block, d)
+        mixed = (_ONE - guided.chance) * bsdf_pdf + guided.chance * of_guide
         pdf = where(guided.chance > _ZERO, mixed, bsdf_pdf)
     return pdf
 
@@ -164,7 +192,7 @@ def guided_sample(scene, guided, frame, sample, wi, f, bsdf_pdf, own_pdf):
     s, t, n = frame
     own = where(guided.is_guided, own_pdf, sample.pdf)
     d = where3(guided.is_guided, guided.direction, vec.to_world(s, t, n, sample.wi))
-    pdf = guided_pdf(scene, guided, d, own)
+    pdf = guided_pdf(scene, guided, d, own, guided.portal)
     if any_of(guided.chance > _ZERO):
         mixed = mixed_sample(guided.chance, guided.is_guided, sample, wi, f, own, pdf)
         inner = where(guided.is_guided, unguided_factor(own_pdf, bsdf_pdf), sample.unguided)

@@ -10,7 +10,7 @@ from renderer.bvh.build import build
 from renderer.bvh.layout import Bvh
 from renderer.bvh.traverse import any_hit, closest_hit, new_stack
 from renderer.jit import entry, subroutine
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from tests.renderer.builders import still
 
 NO_SPHERES = np.zeros((0, 4), np.float32)
@@ -48,7 +48,7 @@ def trace(bvh: Bvh, o: object, d: object, t_max: object = np.inf) -> Hits:
     hits = Hits(
         np.empty(n, np.float32), np.empty(n, np.int32), np.empty((n, 2), np.float32), np.empty(n, np.bool_), np.empty(n, np.int32)
     )
-    _trace(still(bvh), new_stack(), o, d, limit, *hits)
+    _trace(Packed(still(bvh)), new_stack(), o, d, limit, *hits)
     return hits
 
 

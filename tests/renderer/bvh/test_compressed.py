@@ -17,7 +17,7 @@ from renderer.bvh.motion_bvh import keyed_tree
 from renderer.bvh.ray_masks import exclude_primitives
 from renderer.bvh.traverse import any_hit, camera_root, closest_hit, new_stack, shadow_root
 from renderer.jit import entry, subroutine
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.threads import Team
 from tests.renderer.builders import kept
 from tests.renderer.bvh.test_instances import forest
@@ -80,7 +80,7 @@ def trace(bvh: Bvh, o: Any, d: Any, time: Any) -> Hits:
         np.empty(n, np.int32),
         np.empty(n, np.bool_),
     )
-    _trace(bvh, new_stack(), o, d, np.array(np.broadcast_to(time, n), np.float32), *hits)
+    _trace(Packed(bvh), new_stack(), o, d, np.array(np.broadcast_to(time, n), np.float32), *hits)
     return hits
 
 

@@ -8,7 +8,7 @@ from renderer.bvh.motion_bvh import keyed_tree, motion_boxes
 from renderer.bvh.rigid_motion import motion_keys
 from renderer.bvh.traverse import any_hit, closest_hit, new_stack
 from renderer.jit import entry, subroutine
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.scene.compile import compile_scene
 from renderer.threads import Team
 from tests.renderer.bvh.test_rigid_motion import about, placed, places
@@ -81,7 +81,7 @@ def test_hits_on_moving_primitives_match_brute_force():
         assert len(bvh.motion) > 0
         assert bvh.keyed_packets[0] < len(bvh.packet)
         t, number, shadow = np.empty(count, np.float32), np.empty(count, np.int32), np.empty(count, bool)
-        _trace(bvh, new_stack(), o, d, time, t, number, shadow)
+        _trace(Packed(bvh), new_stack(), o, d, time, t, number, shadow)
         found.append((t, number, shadow))
     (t, number, shadow), (far, theirs, blocked) = found
     assert 0.3 < (theirs >= 0).mean() < 0.95

@@ -13,7 +13,7 @@ from renderer.bvh.instances import Instances
 from renderer.bvh.layout import Bvh
 from renderer.bvh.traverse import FROM_ORIGIN, NO_PRIMITIVE, closest_hit, new_stack
 from renderer.jit import entry, subroutine
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from tests.renderer.builders import still
 from tests.renderer.bvh.rays import NO_SPHERES, trace
 from tests.renderer.kernel.backends.cpu.test_walk import closest_together
@@ -46,7 +46,7 @@ def _walk(bvh, stack, o, d, found):
 
 def _hits(bvh: Bvh, o: np.ndarray, d: np.ndarray) -> np.ndarray:
     found = np.full((len(o), MOST, 3), np.nan)
-    _walk(still(bvh), new_stack(), o, d, found)
+    _walk(Packed(still(bvh)), new_stack(), o, d, found)
     return found
 
 

@@ -15,7 +15,7 @@ from renderer.bvh.ray_masks import exclude_primitives
 from renderer.bvh.subtrees import NODE_BYTES, PACKET_BYTES, AssembledBvh
 from renderer.bvh.traverse import any_hit, camera_root, closest_hit, new_stack, shadow_root
 from renderer.jit import entry, subroutine
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.threads import Team
 from tests.renderer.builders import kept
 
@@ -40,7 +40,7 @@ def trace(bvh: Bvh, rays: tuple[np.ndarray, np.ndarray, np.ndarray]) -> tuple[np
     Returns the primitives hit by the first two, (n, 2) int32, and whether the shadow ray is occluded, (n,) bool.
     """
     met, blocked = np.empty((len(rays[0]), 2), np.int32), np.empty(len(rays[0]), np.bool_)
-    _trace(kept(bvh), new_stack(), *rays, met, blocked)
+    _trace(Packed(kept(bvh)), new_stack(), *rays, met, blocked)
     return met, blocked
 
 

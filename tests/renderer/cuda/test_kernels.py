@@ -13,13 +13,14 @@ import pytest
 
 from renderer.arrays.scene import CompiledScene
 from renderer.bvh.compress import compressed
-from renderer.cuda.job import packed, wave_for
+from renderer.cuda.job import wave_for
 from renderer.cuda.turns import paths_for, take_turns
 from renderer.film import CHANNELS
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cuda.wavefront import ACTIVE, BAD, RAYS, Wave
 from renderer.kernel.camera import Camera, camera_frame
 from renderer.kernel.options import Options, kernel_options
+from renderer.reference import packed
 from renderer.render import RenderStats, _prepared, render_frame, variant_for
 from renderer.scene.description import Material
 from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from renderer import render
+from renderer.arrays.guide import PORTAL_RADIUS
 from renderer.errors import SettingsError
 from renderer.film import SAMPLES, Sums
 from renderer.guiding import train
@@ -46,12 +47,16 @@ PICTURE = replace(settings((0, 2, 1.9), (0, 1, -2)), width=24, height=24, guidin
 VIEW = View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0))
 
 
-@pytest.fixture(autouse=True)
-def _few_pilot_paths(monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture(autouse=True, params=("portals", "histograms"))
+def guide(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> str:
+    """Trains a guide of one of the two kinds from few pilot paths; returns its kind."""
+    monkeypatch.setattr(train, "MOST_LEFT_BY_PORTALS", math.inf if request.param == "portals" else 0.0)
+    monkeypatch.setattr(train, "PORTAL_PATHS", 1 << 14)
     monkeypatch.setattr(train, "ROUNDS", (1 << 12, 1 << 14))
     monkeypatch.setattr(train, "PHOTONS", 1 << 14)
     monkeypatch.setattr(train, "MOST_LEFT", 1.0)  # so few paths learn no shares: a half everywhere
     monkeypatch.setattr(train, "_kept", [])
+    return str(request.param)
 
 
 def _by_one_path(asked: RenderSettings, spp: int, monkeypatch: pytest.MonkeyPatch, stats: RenderStats) -> Sums:
@@ -72,11 +77,12 @@ def test_the_mean_is_that_of_unguided_paths():
 
 
 @pytest.mark.long
-def test_both_backends_have_the_same_bits(monkeypatch: pytest.MonkeyPatch):
+def test_both_backends_have_the_same_bits(guide: str, monkeypatch: pytest.MonkeyPatch):
     of_pool, of_one = RenderStats(), RenderStats()
     pool = render_frame(ROOMS, PICTURE, 4, stats=of_pool)
     prepared = render._prepared(ROOMS, PICTURE)
-    assert (prepared.path_guide.cell[:, 1] > 0).any(), "nothing was learned"
+    learned = prepared.path_guide
+    assert (learned.portal[:, PORTAL_RADIUS] if guide == "portals" else learned.cell[:, 1] > 0).any(), "nothing was learned"
     one = _by_one_path(PICTURE, 4, monkeypatch, of_one)
     assert np.array_equal(pool, one)
     assert of_pool.rays == of_one.rays
@@ -97,10 +103,11 @@ def test_workers_and_batches_change_no_bit(monkeypatch: pytest.MonkeyPatch):
 
 
 @pytest.mark.long
-def test_auto_renders_as_on_or_as_off(monkeypatch: pytest.MonkeyPatch):
+def test_auto_renders_as_on_or_as_off(guide: str, monkeypatch: pytest.MonkeyPatch):
     auto = replace(PICTURE, guiding="auto")
     for most, same in ((0.0, "off"), (2.0, "on")):
         monkeypatch.setattr(train, "MOST_LEFT", most)
+        monkeypatch.setattr(train, "MOST_LEFT_BY_PORTALS", most if guide == "portals" else 0.0)
         monkeypatch.setattr(train, "_kept", [])
         assert np.array_equal(render_frame(ROOMS, auto, 4), render_frame(ROOMS, replace(auto, guiding=same), 4))
 

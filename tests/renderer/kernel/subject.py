@@ -7,7 +7,7 @@ import numpy as np
 from renderer.jit import entry, subroutine
 from renderer.kernel.material.material import LAYER_SLOTS, eval_material, fetch_material, sample_material
 from renderer.kernel.surface.surface import NO_LIGHT, Surface
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.scene.description import Material
 from tests.renderer.builders import as_rendered, scene, square
 
@@ -82,14 +82,14 @@ class Subject:
         """
         u = np.random.default_rng(seed).random((n, 3), np.float32)
         wi, weight, pdf = np.empty((n, 3), np.float32), np.empty((n, 3), np.float32), np.empty((n, 2), np.float32)
-        _sample(self.compiled, self._surface, self._layers, many(wo, n), u, wi, weight, pdf)
+        _sample(Packed(self.compiled), self._surface, self._layers, many(wo, n), u, wi, weight, pdf)
         return wi, weight, pdf[:, 0], pdf[:, 1]
 
     def eval(self, wo, wi):
         """Returns (f |cos|, pdf) of n pairs of directions wo (3,) or (n, 3) and wi (n, 3)."""
         n = len(wi)
         f, pdf = np.empty((n, 3), np.float32), np.empty(n, np.float32)
-        _eval(self.compiled, self._surface, self._layers, many(wo, n), np.ascontiguousarray(wi, np.float32), f, pdf)
+        _eval(Packed(self.compiled), self._surface, self._layers, many(wo, n), np.ascontiguousarray(wi, np.float32), f, pdf)
         return f, pdf
 
 

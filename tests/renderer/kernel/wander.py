@@ -11,7 +11,7 @@ from renderer.kernel import vec
 from renderer.kernel.sampling.warp import square_to_cosine_hemisphere
 from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import surface_at
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from tests.renderer.builders import as_rendered
 from tests.renderer.kernel.subject import many
 
@@ -48,7 +48,7 @@ def wander(scene: CompiledScene, o: np.ndarray, count: int, bounces: int, seed: 
     d = (d / np.linalg.norm(d, axis=1, keepdims=True)).astype(np.float32)
     done = np.zeros(count, np.int64)
     origin = many(o, count)
-    _wander(as_rendered(scene), new_stack(), origin, d, rng.random((count, bounces, 2), np.float32), done)
+    _wander(Packed(as_rendered(scene)), new_stack(), origin, d, rng.random((count, bounces, 2), np.float32), done)
     return done
 
 
@@ -78,5 +78,5 @@ def touch(scene: CompiledScene, o: np.ndarray, d: np.ndarray, seed: int = 0) -> 
     u = np.random.default_rng(seed).random((len(d), 2), np.float32)
     hits, met = np.zeros(len(d), bool), np.zeros(len(d), bool)
     o = many(o, len(d))
-    _touch(as_rendered(scene), new_stack(), o, np.ascontiguousarray(d, np.float32), u, met, hits)
+    _touch(Packed(as_rendered(scene)), new_stack(), o, np.ascontiguousarray(d, np.float32), u, met, hits)
     return hits, met

@@ -64,7 +64,25 @@ def test_preview_vertex_color_from_texture() -> None:
     described.textures, described.images = [Texture(0)], [Image("two", pixels)]
     found = preview(described)
     assert found is not None
-    assert found.colors.tolist() == [[255, 0, 0, 255], [0, 128, 0, 255], [255, 0, 0, 255], [0, 128, 0, 255]]
+    assert found.colors[:4].tolist() == [[255, 0, 0, 255], [0, 128, 0, 255], [255, 0, 0, 255], [0, 128, 0, 255]]
+
+
+def test_textured_triangles_are_subdivided() -> None:
+    pixels = np.zeros((8, 8, 4), np.uint8)
+    pixels[2:4, 4:6] = 255  # u from 1/2 to 3/4, v from 1/4 to 1/2: between the vertices
+    described = scene(sheet(1), material=Material(base_color=(1.0, 1.0, 1.0), base_color_texture=0))
+    described.textures, described.images = [Texture(0)], [Image("spot", pixels)]
+    found = preview(described)
+    assert found is not None
+    np.testing.assert_array_equal(found.positions[:4], described.meshes[0].positions)
+    np.testing.assert_array_equal(found.normals, np.tile([0, 0, 1], (len(found.positions), 1)))
+    a, b, c = (found.positions[found.triangles[:, i]] for i in range(3))
+    assert abs(np.cross(b - a, c - a)[:, 2].sum() / 2 - 1) < 1e-6  # the same area, the same side
+    x, y, _ = found.positions.T
+    inside = (x > 0.5) & (x < 0.75) & (y > 0.25) & (y < 0.5)
+    assert inside.sum() > 100 and (found.colors[inside, 0] == 255).all()
+    outside = (x < 0.5) | (x >= 0.75) | (y < 0.25) | (y >= 0.5)
+    assert (found.colors[outside, 0] == 0).all()
 
 
 def test_preview_of_emitters_and_interfaces() -> None:

@@ -31,6 +31,8 @@ export class Film {
     this.isBlank = given === undefined;
     /** Whether single tiles have arrived while the whole film is still being fetched; the other pixels are black. */
     this.isPartial = false;
+    /** Whether it is a live view's that was denoised. */
+    this.isDenoised = false;
   }
 
   /** @param {TilePacket} tile */

@@ -2,17 +2,24 @@
 
 /** @typedef {import("./film.js").Film} Film */
 
-/** @type {{job: string, film: Film} | null} */
+/**
+ * isSame: whether it is of the job's view; else the camera has turned since. clean: URL of what was shown in place of the film until
+ * it is denoised; "": the film was shown.
+ *
+ * @typedef {{film: Film, isSame: boolean, clean: string}} FirstLook
+ */
+
+/** @type {(FirstLook & {job: string}) | null} */
 let kept = null;
 
-/** @param {string} job @param {Film} film */
-export function keepFirstLook(job, film) {
-  kept = film.isBlank ? null : { job, film };
+/** @param {string} job @param {FirstLook} look */
+export function keepFirstLook(job, look) {
+  kept = look.film.isBlank && !look.clean ? null : { job, ...look };
 }
 
-/** Returns and removes the picture that was kept for a job. @param {string} job @returns {Film | null} */
+/** Returns and removes the picture that was kept for a job. @param {string} job @returns {FirstLook | null} */
 export function takeFirstLook(job) {
-  const film = kept?.job === job ? kept.film : null;
-  if (film) kept = null;
-  return film;
+  const found = kept?.job === job ? kept : null;
+  if (found) kept = null;
+  return found;
 }

@@ -74,11 +74,14 @@ export class LiveFilm {
         }),
     });
     const hasSamples = job.samples > 0 || job.state === "finished";
+    const first = takeFirstLook(job.id);
     /** The live view's last picture, of the same view: null if the job was not started from it. @type {Film | null} */
-    this.look = takeFirstLook(job.id);
+    this.look = first?.isSame && !first.clean ? first.film : null;
+    /** URL of a picture without noise that is shown until the job's own is denoised; "": none. */
+    this.clean = (job.denoise && first?.clean) || "";
     /** Whether a poster is shown until the film is here. */
-    this.hasPoster = hasSamples;
-    if (this.look) this.film.restart(this.look);
+    this.hasPoster = hasSamples || this.clean !== "";
+    if (first && !this.clean && !first.film.isBlank) this.film.restart(first.film); // tiles of another view replace it one by one
     else this.film.isPartial = hasSamples;
     void this.fetch(hasSamples);
   }

@@ -51,7 +51,7 @@ export function livePicture(job, display, life, changed, frame) {
     }
   };
 
-  stage.view?.setPoster(posterOf(job, live.frame, display.value));
+  stage.view?.setPoster(live.clean || posterOf(job, live.frame, display.value));
 
   let latest = job;
   /** @type {(outlines: import("./pixel-overlay.js").Outline[]) => void} */

@@ -65,7 +65,7 @@ export class PictureSide {
     /** When the next preview may be asked for. */
     this.previewAt = 0;
     this.timer = setInterval(() => this.isOld() && void this.fetch(), EVERY_MS);
-    this.previewTimer = setInterval(() => this.isPreviewDue() && void this.fetch(), PREVIEW_MS);
+    this.previewTimer = setInterval(() => this.lookAgain(), PREVIEW_MS);
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.settling = undefined;
     this.unturn = live.onTurn(() => this.turned());
@@ -117,6 +117,23 @@ export class PictureSide {
     if (this.madeOf !== Infinity) return film.total >= 2 * this.madeOf;
     const enough = look ? Math.min(look.total, ENOUGH_SAMPLES * film.width * film.height) : 0;
     return side > 0 && film.total >= enough && film.tileSamples(side).every((samples) => samples > 0);
+  }
+
+  /** Fetches a denoised picture that is due; until the first has come, shows the film once it has less noise than the live view's picture. */
+  lookAgain() {
+    const { film, look } = this.live;
+    if (look && this.layer.film === look && this.awaitsDenoised() && perPixel(film) > perPixel(look)) this.layer.setFilm(film);
+    if (this.isPreviewDue() || this.isLastDue()) void this.fetch();
+  }
+
+  /** Whether the job has ended while a preview is shown, so that its last picture is to be denoised at once. */
+  isLastDue() {
+    return this.isPreview && this.isOld();
+  }
+
+  /** Whether what is shown in place of the denoised picture still has its noise. */
+  awaitsDenoised() {
+    return this.state.value.channel === DENOISED && !this.fetched && this.layer.film?.isDenoised === false;
   }
 
   /** What is shown until the first denoised picture has come: not the noise, if something better was shown before. */
@@ -241,3 +258,6 @@ export class PictureSide {
     this.layer.clear();
   }
 }
+
+/** @param {Film} film */
+const perPixel = ({ total, width, height }) => total / (width * height);

@@ -104,7 +104,7 @@ export function pictureStage({ width, height }, life, { wiped, changed }) {
       const { channel = "", waiting = false } = parts[i]?.side.state.value ?? {};
       const name = (i ? right : left)?.name ?? channelOf(channel).label;
       const tag = /** @type {HTMLElement} */ (tags[i]);
-      setText(tag, `${name}${waiting ? " …" : ""}`);
+      setText(tag, `${name}${waiting || parts[i]?.side.awaitsDenoised() ? " …" : ""}`);
       tag.hidden = !seen[i] || (!both && channel === "");
       tag.classList.toggle("alone", !both);
       parts[i]?.readout.setName(both ? name : "");

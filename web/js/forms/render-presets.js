@@ -38,6 +38,24 @@ const BEGIN_S = 0.5;
 /** Above this relative noise no estimate is shown, since a few bright pixels may dominate it. */
 const NO_PICTURE = 1;
 
+/** Time, in milliseconds, over which the speeds of workers are averaged: busy machines change theirs by the second. */
+const STEADY_MS = 30_000;
+
+/** @returns {(workers: Worker[]) => Worker[]} the workers with speeds averaged since the first call */
+export function steadySpeeds() {
+  /** @type {Map<string, {speed: number, at: number}>} */
+  const known = new Map();
+  return (workers) =>
+    workers.map((worker) => {
+      const now = performance.now();
+      const before = known.get(worker.name);
+      const share = before?.speed ? 1 - Math.exp((before.at - now) / STEADY_MS) : 1;
+      const speed = (before?.speed ?? 0) + share * (worker.samples_per_s - (before?.speed ?? 0));
+      known.set(worker.name, { speed, at: now });
+      return { ...worker, samples_per_s: speed };
+    });
+}
+
 /**
  * Estimates a picture's time and noise: from measurements of the scene's latest picture, or else the time alone from the
  * workers' latest speeds.

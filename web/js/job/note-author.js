@@ -26,15 +26,19 @@ function store(name) {
 }
 
 /**
- * @returns {{element: HTMLElement, author: () => {author?: string} | null, given: () => {author?: string}}} author: a request's field; null:
- *   the name is missing, and its field now has the focus. given: the field if there is a name
+ * @returns {{element: HTMLElement, show: () => void, author: () => {author?: string} | null, given: () => {author?: string}}} show: shows the
+ *   name's field, which is hidden at first. author: a request's field; null: the name is missing, and its field now has the focus. given: the
+ *   field if there is a name
  */
 export function noteAuthor() {
   const input = h("input", { type: "text", id: "note-author", maxLength: LONGEST, autocomplete: "name", value: stored() });
   const element = h("div", { class: "stack tight" }, h("label", { for: "note-author", class: "small" }, t("Your name")), input);
-  element.hidden = session.value.kind !== "open";
+  element.hidden = true;
   return {
     element,
+    show() {
+      element.hidden = session.value.kind !== "open";
+    },
     author() {
       if (session.value.kind !== "open") return {};
       const name = input.value.trim();

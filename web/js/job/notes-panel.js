@@ -167,6 +167,7 @@ export function notesPanel(job, picture, life, { open, begin, goTo }) {
   const write = (/** @type {Spot | null} */ at) => {
     begin();
     form.hidden = false;
+    name.show();
     add.hidden = true;
     pinIt.hidden = !view;
     view?.element.classList.add("measuring");

@@ -47,10 +47,10 @@ const LEAST_SIDE = 16;
 const TAKE_SIDE = 320;
 /** Interval, in milliseconds, of checks whether the view is too dark. */
 const DARKNESS_MS = 500;
-/** Samples per pixel after which a view that is not denoised yet replaces what was shown before; and one that is never denoised the preview mesh. */
+/** Samples per pixel after which a view that is never denoised replaces a finished picture; and the preview mesh. */
 const [CLEAN_SPP, MESH_SPP] = [8, 1];
-/** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised; busy workers take longer. */
-const DENOISED_MS = 3000;
+/** Time, in milliseconds, that a view of MESH_SPP samples is awaited denoised, and samples per pixel that end the wait: noise must not follow a clean picture. */
+const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
 /** Request fields that do not apply to a view. */
@@ -72,8 +72,8 @@ const HAND_KEYS = [
  * @param {(view: View) => void} turned called when the user moves the camera
  * @param {import("../base/store.js").Store<import("./sides.js").Sides>} sides the pictures shown in place of the live view
  * @param {(a: Job, b: Job) => [string, string]} names of two pictures, made of their differences
- * @returns {{element: HTMLElement, takes: HTMLElement | null, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, film: () => import("../film/film.js").Film}}
- *   takes: the strip of the scene's takes. refresh: requests a new view after a change of the form
+ * @returns {{element: HTMLElement, takes: HTMLElement | null, refresh: () => void, dispose: () => void, look: () => {exposure: number, curve: string}, firstLook: () => import("../film/first-look.js").FirstLook}}
+ *   firstLook: what a job that is started now shows first. takes: the strip of the scene's takes. refresh: requests a new view after a change of the form
  */
 export function liveView(scene, form, meanwhile, turned, sides, names) {
   const canvas = h("canvas", { role: "img", "aria-label": t("The scene as it is seen now") });
@@ -111,7 +111,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     picture = new FilmCanvas(canvas, over, viewport);
   } catch (error) {
     if (!(error instanceof CannotShow)) throw error;
-    return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), film: () => new Film(1, 1) };
+    return { element: h("p", { class: "notice" }, error.message), takes: null, refresh: () => {}, dispose: () => {}, look: () => ({ exposure: 0, curve: DEFAULT_CURVE }), firstLook: () => ({ film: new Film(1, 1), isSame: false, clean: "" }) };
   }
   // A previous picture of the scene, or its preview mesh, until the first samples arrive.
   const mesh = new MeshCanvas(meshed);
@@ -210,11 +210,12 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     state(told) {
       const { samples, bound, mean, noise, done, slots, denoised, message } = told;
       surface.dataset.samples = String(samples);
-      if (mean >= MESH_SPP) sampledAt ||= performance.now();
+      sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
-      if (denoised || done || mean >= (isCleanBelow || isDenoisedSoon ? CLEAN_SPP : MESH_SPP)) release();
+      if (denoised || done || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP)) release();
       surface.dataset.denoised = String(denoised);
+      film.film.isDenoised = denoised;
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done ? null : slots), done);
     },
@@ -454,7 +455,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     takes: saved.element,
     refresh,
     look: () => look.value,
-    film: () => film.film,
+    firstLook() {
+      const isSame = !link.pending && Number(surface.dataset.view) === link.id;
+      const isHeld = isCovered && canvas.classList.contains("held-back");
+      return { film: film.film, isSame, clean: !isHeld ? "" : meshed.hidden ? meanwhile.url : meshPicture(mesh, meshed) };
+    },
     dispose() {
       clearTimeout(uncovering);
       resizing.disconnect();
@@ -488,6 +493,27 @@ function smallPicture(picture, canvas) {
   const url = small.toDataURL("image/webp", 0.85);
   const encoded = url.startsWith("data:image/webp") ? url : small.toDataURL("image/jpeg", 0.85); // Safari writes no WebP
   return encoded.slice(encoded.indexOf(",") + 1);
+}
+
+/**
+ * Returns a preview mesh before its background as the URL of a JPEG.
+ *
+ * @param {MeshCanvas} mesh
+ * @param {HTMLCanvasElement} canvas of the mesh
+ */
+function meshPicture(mesh, canvas) {
+  const { width, height } = canvas;
+  const whole = h("canvas", { width, height });
+  const brush = whole.getContext("2d");
+  if (!brush) return "";
+  const studio = brush.createLinearGradient(0, 0, 0, height); // as css/workspace.css has it
+  studio.addColorStop(0, "#b2b2b2");
+  studio.addColorStop(1, "#acacac");
+  brush.fillStyle = mesh.mesh?.background ? `rgb(${mesh.mesh.background.join(" ")})` : studio;
+  brush.fillRect(0, 0, width, height);
+  mesh.draw(); // WebGL keeps its picture only until the next frame
+  brush.drawImage(canvas, 0, 0);
+  return whole.toDataURL("image/jpeg", 0.92);
 }
 
 /**

@@ -10,8 +10,8 @@ import { addFiles, showOther } from "../shell/uploads.js";
 
 /** @typedef {import("../base/types.js").Scene} Scene */
 
-/** Maximum number shown; the first are the most important, and some files have dozens. */
-const WARNINGS_SHOWN = 4;
+/** Number of warnings that are not folded: the first is the most important, and more would push the settings out of sight. */
+const WARNINGS_SHOWN = 1;
 
 /** @param {Scene} scene @param {string} sentence one of its warnings */
 const codedOf = (scene, sentence) => scene.codes?.["warnings"]?.[scene.warnings.indexOf(sentence)];

@@ -13,7 +13,7 @@ import { mayChange, readOnlyReason } from "../news/projects.js";
 import { openMore } from "../forms/environment-fields.js";
 import { qualityFields } from "../forms/quality-fields.js";
 import { queueFold } from "../forms/queue-fold.js";
-import { expected } from "../forms/render-presets.js";
+import { expected, steadySpeeds } from "../forms/render-presets.js";
 import { shotFields } from "../shot/shot-fields.js";
 import { settingFields } from "../forms/setting-fields.js";
 import { sizeFields } from "../forms/size-fields.js";
@@ -55,10 +55,11 @@ export function settingsForm(scene, submit, start = null, asShot = false) {
   const program = byProgram(() => request());
   /** The latest state of the scene, whose measurements are updated by each picture. */
   const known = () => scenes.value?.find(({ id }) => id === scene.id) ?? scene;
+  const steady = steadySpeeds();
   /** @param {number} spp */
   const expect = (spp) => {
     const { width, height } = parts.size.get();
-    return expected(known(), workers.value ?? [], width * height * parts.shot.count(), spp);
+    return expected(known(), steady(workers.value ?? []), width * height * parts.shot.count(), spp);
   };
   /** The fields that show other settings when a take is restored. @param {FormStart | null} start */
   const build = (start) => {

@@ -39,6 +39,7 @@ export function takes(scene, { state, picture, restore }) {
 
   const save = h("button", { class: "button small for-submit", type: "button", title: t("Save the camera, light and settings as a take (T)"), onclick: () => void keep() }, icon("keep"), t("Save take"));
   const name = noteAuthor();
+  name.show();
   const list = h("ul", { class: "strip" });
   const element = h(
     "section",

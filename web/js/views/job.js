@@ -177,6 +177,16 @@ function open(page, job, life) {
     ...[progress.element, doubt.element, shot?.panel, explained.element, pins.element],
     ...tabs.elements,
   ];
+  // On a narrow screen below the picture, which then lies where the scene's view did.
+  const bar = h("div", { class: "job-bar" });
+  const narrow = matchMedia("(max-width: 860px)");
+  const arrange = () => {
+    if (narrow.matches) return bar.append(chip.element, judged.element, actions.element);
+    title.element.after(chip.element, judged.element);
+    saveButton.before(actions.element);
+  };
+  narrow.addEventListener("change", arrange);
+  life.add(() => narrow.removeEventListener("change", arrange));
   fill(
     page,
     heading(() => latest, title.element, [chip.element, judged.element], [actions.element, saveButton]),
@@ -184,9 +194,11 @@ function open(page, job, life) {
     picture.element,
     shot?.bar,
     shot?.strip,
+    bar,
     picture.statusBar,
     h("aside", { class: "side", "aria-label": t("Picture") }, ...side),
   );
+  arrange();
 
   return (next) => {
     save.element.hidden = next.samples === 0;

@@ -184,7 +184,7 @@ function ready(page, scene, life) {
     try {
       // One key per click, so that a repeated request creates only one job.
       const job = await createJob(request, crypto.randomUUID?.() ?? String(Math.random()));
-      keepFirstLook(job.id, view.film());
+      keepFirstLook(job.id, view.firstLook());
       adoptJob(job);
       if (here().path.join() !== path) return; // the user has left the page meanwhile
       const params = Object.entries(lookParams(view.look())).filter(([, value]) => value !== null);

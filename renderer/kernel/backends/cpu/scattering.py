@@ -74,6 +74,7 @@ from renderer.kernel.steps.catch_reflections import catches_reflections, ignores
 from renderer.kernel.steps.continue_or_end import continue_or_end
 from renderer.kernel.steps.guide import choose_guided, guided_pdf, guided_sample
 from renderer.kernel.steps.mis import light_weight
+from renderer.kernel.steps.portals import NO_PORTAL
 from renderer.kernel.steps.random_blocks import draw_scattering
 from renderer.kernel.steps.ray_kind import after_vertex, visible_lobes
 from renderer.kernel.steps.record_first_hit import FirstHit, record_direct_light
@@ -199,7 +200,7 @@ def scatter_vertex(scene, pool, rows, answer, diffuse_lobe, is_lit, is_surface, 
         sample = aimed_sample(scene, here, targets, chosen, m.frame, sample, along, own_f, own_pdf)
     if is_lit is not None and scene.path_guide is not None:
         if lit and not second:
-            scatter_pdf = guided_pdf(scene, guided, to_light.direction, scatter_pdf)
+            scatter_pdf = guided_pdf(scene, guided, to_light.direction, scatter_pdf, none + NO_PORTAL)
         along, own_f, own_pdf = vec.to_local(s, t, n, guided.direction), (none, none, none), none
         if any_of(guided.is_guided):
             own_f, own_pdf, _, _, _, _ = answer(scene, m, wo, along, choose, (u[0], u[1]))

@@ -49,6 +49,7 @@ from renderer.kernel.steps.emitted_light import (
 from renderer.kernel.steps.guide import choose_guided, guided_pdf
 from renderer.kernel.steps.mis import branches_to_light
 from renderer.kernel.steps.pass_through import counts_emission
+from renderer.kernel.steps.portals import NO_PORTAL
 from renderer.kernel.steps.random_blocks import draw_light
 from renderer.kernel.steps.ray_kind import visible_lobes
 from renderer.kernel.steps.record_first_hit import record_background
@@ -173,7 +174,7 @@ def add_direct(
                 scatter_pdf = mixture_pdf(scene, here, targets, light.direction, scatter_pdf, NOT_AIMED)
             if scene.path_guide is not None:
                 guided = choose_guided(scene, surface.point, n, _NO, is_surface, _ONE, (_ZERO, _ZERO))
-                scatter_pdf = guided_pdf(scene, guided, light.direction, scatter_pdf)
+                scatter_pdf = guided_pdf(scene, guided, light.direction, scatter_pdf, NO_PORTAL)
             branches = branches_to_light(light.alone, path.number, options)
             if scene.has.reflections is not None and reflects:
                 branches = branches_at_catcher(scene, numbers[2], light.alone)

@@ -8,7 +8,7 @@ import pytest
 from renderer.arrays.scene import seal
 from renderer.jit import entry, subroutine
 from renderer.kernel.light.environment import environment_light, sample_cdf, sample_cdf_row, sample_environment
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.scene.cutpoints import cutpoints
 from renderer.scene.description import Environment, Image, Material, SceneDescription
 from renderer.scene.environment import search_tables, tabulate_environment
@@ -70,7 +70,7 @@ class Sky:
     def _run(self, which, given):
         given = np.ascontiguousarray(given, np.float32)
         direction, value = np.zeros((len(given), 3), np.float32), np.zeros((len(given), 1), np.float32)
-        _run(which, self.made, given, direction, value)
+        _run(which, Packed(self.made), given, direction, value)
         return direction, value[:, 0]
 
     def sample(self, n=N, seed=0):

@@ -11,7 +11,7 @@ from renderer.jit import entry, subroutine
 from renderer.kernel import vec
 from renderer.kernel.light.lights import environment_seen, primitive_light_pdf, sample_light
 from renderer.kernel.surface.surface import is_emissive, surface_at
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.scene.description import Environment, Material, Sky, Sphere
 from renderer.scene.lights import with_light_choice
 from tests.grids import grid
@@ -70,7 +70,7 @@ def sample(made, p=P, n=N, seed=0, normal=NO_NORMAL):
     u = np.random.default_rng(seed).random((n, 3), np.float32)
     vectors = [np.zeros((n, 3), np.float32) for _ in range(3)]
     pdf = np.zeros(n, np.float32)
-    _sample(as_rendered(made), np.array(p, np.float32), np.array(normal, np.float32), u, *vectors, pdf)
+    _sample(Packed(as_rendered(made)), np.array(p, np.float32), np.array(normal, np.float32), u, *vectors, pdf)
     return *vectors, pdf
 
 
@@ -78,7 +78,12 @@ def density(made, p=P, normal=NO_NORMAL):
     def values(w):
         out = np.zeros(len(w), np.float32)
         _density(
-            as_rendered(made), new_stack(), np.array(p, np.float32), np.array(normal, np.float32), np.ascontiguousarray(w), out
+            Packed(as_rendered(made)),
+            new_stack(),
+            np.array(p, np.float32),
+            np.array(normal, np.float32),
+            np.ascontiguousarray(w),
+            out,
         )
         return out
 

@@ -16,22 +16,22 @@ POINTS = 40
 
 
 @entry
-def _choose(made, p, n, u, light, chance, again):
+def _choose(nodes, p, n, u, light, chance, again):
     point, normal = (p[0], p[1], p[2]), (n[0], n[1], n[2])
     for i in range(len(u)):
-        light[i], chance[i] = sample_light_tree(made.light_node, point, normal, u[i])
-        again[i] = tree_probability(made.light_node, point, normal, np.int32(light[i]))
+        light[i], chance[i] = sample_light_tree(nodes, point, normal, u[i])
+        again[i] = tree_probability(nodes, point, normal, np.int32(light[i]))
 
 
 @entry
-def _chances(made, p, n, chance):
+def _chances(nodes, p, n, chance):
     for light in range(len(chance)):
-        chance[light] = tree_probability(made.light_node, (p[0], p[1], p[2]), (n[0], n[1], n[2]), np.int32(light))
+        chance[light] = tree_probability(nodes, (p[0], p[1], p[2]), (n[0], n[1], n[2]), np.int32(light))
 
 
 def chances(made, p, n):
     out = np.zeros(len(made.light_primitive), np.float32)
-    _chances(made, np.array(p, np.float32), np.array(n, np.float32), out)
+    _chances(made.light_node, np.array(p, np.float32), np.array(n, np.float32), out)
     return out
 
 
@@ -108,7 +108,7 @@ def test_light_frequencies_match_the_tree(made):
     count = 100_000
     for p, n in zip(*points_and_normals(count=12), strict=True):
         light, chance, again = np.zeros(count, np.int64), np.zeros(count, np.float32), np.zeros(count, np.float32)
-        _choose(made, p.astype(np.float32), n.astype(np.float32), rng.random(count, np.float32), light, chance, again)
+        _choose(made.light_node, p.astype(np.float32), n.astype(np.float32), rng.random(count, np.float32), light, chance, again)
         assert np.array_equal(chance[chance > 0], again[chance > 0])
         expected = chances(made, p, n)
         ended = chance == 0

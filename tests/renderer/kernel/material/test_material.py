@@ -15,7 +15,7 @@ from renderer.kernel.material.material import (
     opacity,
     relative_index,
 )
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Material, SceneDescription, Texture
 from tests.renderer.builders import as_rendered, square
@@ -68,7 +68,7 @@ def look_at(scene, uv=(0.5, 0.5), uv1=(0.5, 0.5), color=(1, 1, 1, 1), front=True
     uv, uv1, color, carried = (tuple(np.float32(v) for v in values) for values in (uv, uv1, color, carried))
     surface = facing_up(uv=uv, uv1=uv1, color=color, front=front)
     out = np.zeros(16, np.float32)
-    _look(as_rendered(scene), surface, FRAME, np.zeros(LAYER_SLOTS, np.float32), carried, np.float32(u), out)
+    _look(Packed(as_rendered(scene)), surface, FRAME, np.zeros(LAYER_SLOTS, np.float32), carried, np.float32(u), out)
     return {
         "base": out[:3], "metallic": out[3], "roughness": out[4], "opacity": out[5], "absorption": out[6:9],
         "emission": out[9:12], "eta": out[12], "throughput": out[13:],

@@ -6,7 +6,7 @@ import pytest
 from renderer.jit import entry, subroutine
 from renderer.kernel import vec
 from renderer.kernel.material.normal_map import map_normal, shading_frame
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Image, Instance, Material, SceneDescription, Texture
 from tests.renderer.builders import as_rendered, square
@@ -50,7 +50,7 @@ def frame(rgb, front=True, scale=1.0, sign=1.0):
     up = UP if front else (ZERO, ZERO, -ONE)
     surface = facing_up(geometric=up, shading=up, front=front, tangent=(ONE, ZERO, ZERO, np.float32(sign)))
     out = np.zeros((4, 3), np.float32)
-    _frame(as_rendered(compile_scene(description)), surface, up, out)
+    _frame(Packed(as_rendered(compile_scene(description))), surface, up, out)
     np.testing.assert_allclose(out[:3] @ out[:3].T, np.eye(3), atol=1e-5)
     return out
 

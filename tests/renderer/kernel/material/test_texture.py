@@ -9,7 +9,7 @@ from renderer.film import ALBEDO, mean
 from renderer.jit import entry, subroutine
 from renderer.kernel.material.blend import OPERATIONS
 from renderer.kernel.material.texture import sample_texture
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.render import render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import (
@@ -86,7 +86,7 @@ def looked_up(scene, slot=0, count=2000):
     """Returns (uv, uv1, RGBA) of a texture at `count` random coordinates."""
     uv, uv1 = np.random.default_rng(3).uniform(-2, 3, (2, count, 2)).astype(np.float32)
     found = np.empty((count, 4), np.float32)
-    _look_up(scene, scene.material_texture[0, slot], uv, uv1, found)
+    _look_up(Packed(scene), scene.material_texture[0, slot], uv, uv1, found)
     return uv.astype(float), uv1.astype(float), found
 
 
@@ -322,10 +322,10 @@ def test_nearest_filter_is_constant_per_texel(wrap, columns):
         for row in (0, 1):
             uv = np.stack(np.meshgrid(k / 2 + inside, row / 2 + inside), -1).reshape(-1, 2).astype(np.float32)
             found = np.empty((len(uv), 4), np.float32)
-            _look_up(scene, np.int32(0), uv, uv, found)
+            _look_up(Packed(scene), np.int32(0), uv, uv, found)
             assert np.array_equal(found, np.broadcast_to((CHECKER[row, column] / 255).astype(np.float32), found.shape))
     mixed = np.empty((1, 4), np.float32)
-    _look_up(scene, np.int32(1), np.full((1, 2), 0.5, np.float32), np.zeros((1, 2), np.float32), mixed)
+    _look_up(Packed(scene), np.int32(1), np.full((1, 2), 0.5, np.float32), np.zeros((1, 2), np.float32), mixed)
     np.testing.assert_allclose(
         mixed[0], (CHECKER / 255).mean((0, 1)), atol=1e-6
     )  # the other texture still interpolates all four texels

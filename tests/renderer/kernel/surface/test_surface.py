@@ -8,7 +8,7 @@ from renderer.jit import entry, subroutine
 from renderer.kernel import vec
 from renderer.kernel.surface.ray_origins import offset_ray_origin
 from renderer.kernel.surface.surface import surface_at
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Instance, Material, Mesh, SceneDescription, Sphere, Texture
 from tests.grids import grid
@@ -60,7 +60,7 @@ def look(made, o, d):
     o = many(o, len(d))
     found = {name: np.zeros((len(d), width), np.float32) for name, width in WIDTHS.items()}
     found["number"] = np.zeros((len(d), 4), np.int64)
-    _look(as_rendered(made), new_stack(), o, d, *found.values())
+    _look(Packed(as_rendered(made)), new_stack(), o, d, *found.values())
     return found
 
 

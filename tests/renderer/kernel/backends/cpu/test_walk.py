@@ -18,7 +18,7 @@ from renderer.kernel.backends.cpu.rows import ROW, ROWS, Outcome, RowHit, at, co
 from renderer.kernel.backends.cpu.traversal_state import BEST, OCCLUDED, new_stacks, start_traversal
 from renderer.kernel.backends.cpu.walk import CLOSEST, traverse_rays
 from renderer.kernel.steps.state import Ray
-from renderer.reference import by_reference
+from renderer.reference import Packed, by_reference
 from renderer.wide.values import as_wide, zero_like
 from tests.renderer.builders import icosphere, still
 from tests.renderer.bvh.rays import Hits, trace
@@ -107,12 +107,13 @@ class _Room:
         column: the first column of the rays in the path pool. kernel: the function that traces one batch.
         """
         rows = self.pool.reshape(ROWS, int(ROW))
+        packed = Packed(bvh)
         first, turn = 0, 0
         while first < len(values):
             count = min((ROWS, 1, 9, ROWS - 1)[turn % 4], len(values) - first)
             rows[:count, column : column + 6] = values[first : first + count]
             part = out[first : first + count]
-            assert kernel(bvh, self.alone, self.stack, self.pool, self.lists, count, part) == count  # type: ignore[operator]
+            assert kernel(packed, self.alone, self.stack, self.pool, self.lists, count, part) == count  # type: ignore[operator]
             first, turn = first + count, turn + 1
 
 
@@ -172,7 +173,7 @@ def test_grouped_shadow_rays_match_single_ones(name: str) -> None:
     o, d = _rays(3000)
     end = o + 2 * d
     alone, together = np.zeros(len(o), np.bool_), np.zeros(len(o), np.float32)
-    _one_by_one(bvh, new_stack(), o, end, alone)
+    _one_by_one(Packed(bvh), new_stack(), o, end, alone)
     _Room().batches(int(column(Outcome, "start")), np.hstack([o, end]), _in_shade, bvh, together)
     assert name == "nothing" or 0.01 < alone.mean() < 0.99
     np.testing.assert_array_equal(together != 0, alone)
