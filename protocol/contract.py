@@ -22,10 +22,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import MISSING, asdict, dataclass, field, fields, replace
 from functools import lru_cache
 from typing import Any, Literal
 
+from renderer.errors import SettingsError
 from renderer.sentences import Sentence, decoded, encoded
 from renderer.settings import RenderSettings, Tile
 
@@ -47,6 +49,7 @@ __all__ = [
     "DenoiseFrame",
     "FrameInfo",
     "FrameVectors",
+    "GuideScene",
     "Manifest",
     "PrepareFrames",
     "RenderBatch",
@@ -328,6 +331,33 @@ VERSION_SEPARATOR = "+"
 
 
 @dataclass(frozen=True)
+class GuideScene:
+    """The scene of a frame that is denoised, from which a worker renders the denoiser's guide (renderer/denoise_guides.py).
+
+    moment: of a frame of a shot, the request to compile it, if `own` is no longer stored; None: the scene is `compiled`.
+    """
+
+    kind: str  # of the workers for which the scene is compiled; others have no guide but the film's
+    compiled: str  # SHA-256 of the compiled scene's blob; of a shot, of the scene at its beginning
+    settings: RenderSettings
+    moment: PrepareFrames | None = None
+    own: str | None = None  # SHA-256 of the form compiled for the frame alone
+
+    @classmethod
+    def from_json(cls, data: Any) -> GuideScene:
+        """Parses the JSON data from `to_json`. Raises ValueError, or SettingsError for settings unknown to this release."""
+        known = _fields(cls, data)
+        moment = known.get("moment")
+        settings = RenderSettings.from_json(known["settings"])
+        return cls(**{**known, "settings": settings, "moment": PrepareFrames.from_json(moment) if moment else None})
+
+    def to_json(self) -> dict[str, Any]:
+        """Returns the scene as JSON data."""
+        moment = self.moment.to_json() if self.moment else None
+        return {**vars(self), "settings": _settings_json(self.settings), "moment": moment}
+
+
+@dataclass(frozen=True)
 class DenoiseFrame:
     """Request to denoise a frame in its present state.
 
@@ -341,6 +371,9 @@ class DenoiseFrame:
 
     is_preview: of a frame that is being rendered: in a seventh of the processor time, by one thread, with edges that are less
     sharp.
+
+    guide: the scene of a frame that is denoised alone and is no preview; the worker replaces the albedo by that behind mirrors
+    and smooth glass. None, and for workers of earlier releases: the albedo of the film.
     """
 
     work: str  # unique for every time it is handed out
@@ -350,19 +383,24 @@ class DenoiseFrame:
     height: int
     frames: tuple[tuple[int, str], ...] = ()
     is_preview: bool = False
+    guide: GuideScene | None = None
 
     @classmethod
     def from_json(cls, data: Any) -> DenoiseFrame:
-        """Parses the request from the JSON of `to_json`. Raises ValueError."""
+        """Parses the request from the JSON of `to_json`, without a guide that this release cannot read. Raises ValueError."""
         known = _fields(cls, data)
         frames = known.get("frames", ())
         if not all(isinstance(each, list | tuple) and len(each) == 2 for each in frames):
             raise ValueError(Sentence("message-denoise-frames", "frames must be pairs of a frame and a file"))
-        return cls(**{**known, "frames": tuple((int(frame), str(sha256)) for frame, sha256 in frames)})
+        guide = None
+        with suppress(SettingsError, ValueError, KeyError, TypeError):
+            guide = GuideScene.from_json(known["guide"])
+        return cls(**{**known, "frames": tuple((int(frame), str(sha256)) for frame, sha256 in frames), "guide": guide})
 
     def to_json(self) -> dict[str, Any]:
-        """Returns the request as JSON data. Omits `frames` and `is_preview` where they are not set, as in earlier releases."""
-        return {name: value for name, value in asdict(self).items() if value or name not in ("frames", "is_preview")}
+        """Returns the request as JSON data. Omits the optional fields where they are not set, as in earlier releases."""
+        data = {**vars(self), "guide": self.guide.to_json() if self.guide else None}
+        return {name: value for name, value in data.items() if value or name not in ("frames", "is_preview", "guide")}
 
 
 @dataclass(frozen=True)

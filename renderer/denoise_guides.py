@@ -4,11 +4,13 @@ A film's albedo is that of the first hit, which says nothing about what a mirror
 reflections and refractions that are perfectly specular to the first surface that is not
 (https://www.openimagedenoise.org/documentation.html, "Albedos"). Such an albedo is a picture of its own: that of the scene in
 which these surfaces are as they are, and all others show their base colour without any light. It is rendered with a few
-samples, and differs from the film's albedo only where such surfaces are.
+samples, and differs from the film's albedo only where such surfaces are. It depends on the scene and the settings alone, and
+the frame's own kernel renders it, so workers of the farm make the same one.
 """
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -20,14 +22,18 @@ from renderer.denoise import denoise
 from renderer.film import ALBEDO, COLOR, NORMAL, Sums, mean
 from renderer.kernel.accumulate import has_variants
 from renderer.kernel.bsdf.rough_glass import SMOOTH_GLASS
-from renderer.render import render_frame
-from renderer.settings import RenderSettings
+from renderer.render import render_batch, variant_for
+from renderer.settings import RenderSettings, Tile, tiles_of
+from renderer.threads import cores
 
-__all__ = ["denoise_still", "guide_scene", "guiding_albedo"]
+__all__ = ["denoise_still", "guide_kernel", "guide_scene", "guiding_albedo"]
 
 F32 = npt.NDArray[np.float32]
 
 SAMPLES = 16  # per pixel; 64 reduced the denoised picture's error by 1 to 5 % more
+_MOST_SAMPLES = 1 << 25  # of all pixels: larger pictures have fewer each; some 17 s of one core
+_LEAST = 2  # samples per pixel
+_TILE = 64
 _SMOOTH_METAL = 0.15  # greatest roughness of a metal in which objects are recognized
 _METAL = 0.9  # least metallic
 _UNSEEN_FLAGS = np.int32(rows.HOLDOUT | rows.CATCHES | rows.SCATTERS_WITHIN)
@@ -38,14 +44,35 @@ def guiding_albedo(scene: CompiledScene, settings: RenderSettings, albedo: F32, 
 
     albedo: that of the frame's film; it is returned itself if no surface is a mirror or smooth glass, if media scatter, or if the
     settings need a path tracer other than that of pictures. settings: of the frame. threads: None for all cores. The result
-    depends on nothing else, and equals `albedo` in pixels in which none of SAMPLES samples meets such a surface.
+    depends on nothing else, and equals `albedo` in pixels in which no sample meets such a surface.
     """
-    shown = guide_scene(scene) if has_variants(settings) else None
-    if shown is None or albedo.shape[:2] != (settings.height, settings.width):
+    kernel = guide_kernel(scene, settings)
+    if kernel is None or albedo.shape[:2] != (settings.height, settings.width):
         return albedo
-    sums = render_frame(shown, _guide_settings(settings), SAMPLES, threads)
-    exponent = settings.film_exponent
-    return np.clip(albedo + (mean(sums, exponent) - mean(sums, exponent, ALBEDO)), 0, 1).astype(np.float32)
+    (shown, drawn), exponent = (guide_scene(scene), _guide_settings(settings)), settings.film_exponent
+    assert shown is not None
+    count = max(_LEAST, min(SAMPLES, _MOST_SAMPLES // (settings.width * settings.height)))
+    guide = np.empty(albedo.shape, np.float32)
+
+    def render(tile: Tile) -> None:
+        sums = render_batch(shown, drawn, tile, 0, count, variant=kernel[1]).sums
+        place = np.s_[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w]
+        guide[place] = np.clip(albedo[place] + (mean(sums, exponent) - mean(sums, exponent, ALBEDO)), 0, 1)
+
+    with ThreadPoolExecutor(threads or cores(), thread_name_prefix="guide") as pool:
+        list(pool.map(render, tiles_of(settings.width, settings.height, _TILE)))
+    return guide
+
+
+def guide_kernel(scene: CompiledScene, settings: RenderSettings) -> tuple[RenderSettings, str] | None:
+    """Returns the settings and the variant of the kernel that renders the guide; None if the film's albedo is the guide.
+
+    It is the frame's own kernel, unless the settings ask for `guiding` or `spectral`. scene and settings: of the frame.
+    """
+    if not has_variants(settings) or guide_scene(scene) is None:
+        return None
+    drawn = _guide_settings(settings)
+    return drawn, variant_for(drawn, scene)
 
 
 def denoise_still(sums: Sums, scene: CompiledScene, settings: RenderSettings, threads: int | None = None) -> F32:
@@ -82,7 +109,7 @@ def guide_scene(scene: CompiledScene) -> CompiledScene | None:
 
 
 def _guide_settings(settings: RenderSettings) -> RenderSettings:
-    """Returns the settings of the guide's picture: the view and sample numbers of the frame, without its light and planes."""
+    """Returns the settings of the guide's picture: the view, sample numbers and kernel of the frame, without its light."""
     return replace(
         settings,
         splitting=1,
@@ -91,8 +118,6 @@ def _guide_settings(settings: RenderSettings) -> RenderSettings:
         spectral="off",
         background="visible",
         clamp_indirect=0.0,
-        light_groups="",
-        light_paths="off",
         cryptomatte=0,
         deep=0,
         environment=(0.0, 0.0, 0.0),

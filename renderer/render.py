@@ -101,10 +101,11 @@ class RenderStats:
     deep: Deep | None = None  # likewise deep pixels
 
 
-def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
+def _prepared(scene: CompiledScene, settings: RenderSettings, variant: str | None = None) -> CompiledScene:
     """Returns the scene in the form that the kernel expects for these settings.
 
-    The settings' environment and choice among lights are applied, and arrays of absent features are None.
+    The settings' environment and choice among lights are applied, and arrays of absent features are None. variant: of the
+    kernel, with at least the scene's features; None: the scene's.
     """
     stored = scene
     scene = with_environment_changed(scene, settings.environment, settings.environment_strength, settings.environment_rotation)
@@ -118,7 +119,7 @@ def _prepared(scene: CompiledScene, settings: RenderSettings) -> CompiledScene:
         scene = without_environment_sampling(scene)
     if settings.is_spectral:
         scene = with_spectrum(scene)
-    variant = variant_for(settings, scene)
+    variant = variant or variant_for(settings, scene)
     grouped = with_group_planes(scene, settings.group_names)
     prepared = strip_absent_features(grouped, variant, bool(settings.light_groups), settings.has_light_paths)
     if samples_caustics(settings):
@@ -257,14 +258,16 @@ def render_batch(
     count: int,
     card: CardRenderer | None = None,
     begins: Callable[[], None] = lambda: None,
+    variant: str | None = None,
 ) -> BatchSums:
     """Renders samples first ... first + count - 1 of every pixel of the tile. Runs without the GIL; thread-safe without a `card`.
 
     The sums do not depend on the card or on how a frame is divided into batches: its batches always add up to the same bits.
     card: a graphics card, which renders the batch if `is_for_cards(settings)`. begins: called when everything is ready for the
-    kernel, which needs no interpreter. Raises CardError if the card fails.
+    kernel, which needs no interpreter. variant: of the kernel, with at least the scene's features; None: the scene's. Raises
+    CardError if the card fails.
     """
-    prepared = _prepared(scene, settings)
+    prepared = _prepared(scene, settings, variant)
     if card is not None and is_for_cards(settings):
         begins()
         return _render_on(card, prepared, settings, tile, first, count)[0]

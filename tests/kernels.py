@@ -47,8 +47,8 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
 
     prepared = render._prepared
 
-    def ready(scene: CompiledScene, settings: RenderSettings) -> Any:
-        made = prepared(scene, settings)
+    def ready(scene: CompiledScene, settings: RenderSettings, variant: str | None = None) -> Any:
+        made = prepared(scene, settings, variant)
         of_scene = made.has._replace(groups=None, light_paths=None, by_light=None)
         variant = next(name for name, has in KERNEL_VARIANTS.items() if has == of_scene)
         is_other = settings.light_planes or settings.integrator in ("whitted", "ao")

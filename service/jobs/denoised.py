@@ -6,15 +6,17 @@ import asyncio
 
 from anyio.to_thread import run_sync
 
-from protocol.contract import VERSION_SEPARATOR
+from protocol.contract import VERSION_SEPARATOR, GuideScene
+from renderer.errors import SettingsError
 from renderer.frames import DENOISED_REACH, frame_key, frame_number
 from service.errors import FarmError
 from service.farm import Farm
 from service.jobs.describe_frames import frame_numbers
+from service.jobs.frame_scene import frame_scene
 from service.jobs.motion import vectors_artifact
 from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.store.films import Film
-from service.store.models import Job
+from service.store.models import Frame, Job, Scene
 
 __all__ = ["denoised_artifact"]
 
@@ -32,13 +34,28 @@ async def denoised_artifact(
     if is_preview:
         return await asyncio.shield(asyncio.wrap_future(await run_sync(farm.engine.denoise_preview, job.id, frame_key(n), film)))
     frames = await _with_neighbours(job, n, film, farm) if in_shot else ()
+    guide = None if frames else await run_sync(_guide, job, frame_key(n), farm)
     for _ in range(_ATTEMPTS):
-        made = await run_sync(farm.engine.denoise, job.id, frame_key(n), film, frames)
+        made = await run_sync(farm.engine.denoise, job.id, frame_key(n), film, frames, guide)
         # Shielded: a client that disconnects must not cancel the work for other clients.
         found = await asyncio.shield(asyncio.wrap_future(made))
         if (VERSION_SEPARATOR in found.version) == bool(frames):
             break  # otherwise it was requested by another client, in the other way
     return found
+
+
+def _guide(job: Job, key: int, farm: Farm) -> GuideScene | None:
+    """Returns DenoiseFrame.guide for a frame; None if its scene was deleted, or is not compiled for workers that denoise."""
+    kind = farm.engine.snapshot.roster.denoising_kind()
+    with farm.sessions() as session:
+        scene, row = session.get(Scene, job.compiled_scene_id), session.get(Frame, (job.id, key))
+    if kind is None or scene is None or kind not in (scene.compiled or {}):
+        return None
+    try:
+        found = frame_scene(job, scene, row, kind)
+    except SettingsError:
+        return None
+    return GuideScene(kind, found.base, found.settings, found.moment, found.own) if found else None
 
 
 async def _with_neighbours(job: Job, n: float, film: Film, farm: Farm) -> tuple[tuple[int, str], ...]:

@@ -7,28 +7,25 @@ from typing import Annotated, Any, Literal
 from fastapi import Query
 from pydantic import BaseModel, Field
 
-from protocol.contract import PrepareFrames
 from protocol.explained import ExplainPixel
 from renderer.errors import SettingsError
 from renderer.film import COLOR, SAMPLES
-from renderer.frames import MAX_FRAME, frame_key, frame_number
+from renderer.frames import MAX_FRAME, frame_key
 from renderer.sentences import Sentence
-from renderer.settings import MAX_SPP, OPTIONAL, RenderSettings
+from renderer.settings import MAX_SPP
 from service.errors import Conflict, Invalid, Unavailable
 from service.events import PreparationRequested
 from service.farm import Farm
 from service.http.farm import FarmDependency
 from service.http.routers import api_router
-from service.intake.frame_view import requested_view
+from service.jobs.frame_scene import frame_scene
 from service.jobs.lookup import find_film, find_job
-from service.shot import Shot, variation_of
 from service.store.films import Film
 from service.store.models import Frame, Job, Scene
 from service.viewing.explaining import unreadable_answer
 
 __all__ = ["router"]
 
-SHUTTER = tuple(name for name in OPTIONAL if name.startswith("shutter"))
 MAX_SAMPLES = 16384  # limit on rendered samples, as in renderer/pixel_paths.py
 
 router = api_router(prefix="/api/jobs", tags=["jobs"])
@@ -225,39 +222,8 @@ def _film_sums_at(film: Film, key: int, x: int, y: int) -> tuple[list[int] | Non
 def _explain_request(
     job: Job, scene: Scene, row: Frame | None, kind: str, x: int, y: int, count: int, sample: int | None
 ) -> ExplainPixel:
-    base = str(scene.compiled[kind]["sha256"])
-    shot = Shot.parse(job.shot)
-    settings, compiled, moment = job.settings, base, None
-    if shot is not None:
-        if row is None or row.settings is None:
-            raise Conflict(
-                Sentence(
-                    "pixel-frame-not-prepared",
-                    "The frame is not prepared yet, so its pixels cannot be explained. Try again later.",
-                )
-            )
-        settings = row.settings
-        own = (row.compiled or {}).get(kind)
-        if own is not None:
-            compiled = str(own["sha256"])
-        else:
-            moment = PrepareFrames(
-                work="",
-                job="",
-                scene=scene.id,
-                frames=[row.number],
-                base=base,
-                base_auto=(scene.info or {})["cameras"][-1]["view"],
-                fps=shot.fps,
-                clip=shot.clip,
-                camera=job.request.get("camera"),
-                view=requested_view(job.request, frame_number(row.number)),
-                turntable=shot.turntable,
-                shutter={name: job.request[name] for name in SHUTTER if job.request.get(name) is not None},
-                vary=variation_of(job.request, shot),
-            )
     try:
-        asked = RenderSettings.from_json(settings or {})
+        found = frame_scene(job, scene, row, kind)
     except SettingsError as error:
         raise Conflict(
             Sentence(
@@ -266,4 +232,12 @@ def _explain_request(
                 error=error,
             )
         ) from None
-    return ExplainPixel("", job.id, compiled, asked, x, y, min(count, MAX_SAMPLES), sample, moment)
+    if found is None:
+        raise Conflict(
+            Sentence(
+                "pixel-frame-not-prepared",
+                "The frame is not prepared yet, so its pixels cannot be explained. Try again later.",
+            )
+        )
+    moment = None if found.own else found.moment
+    return ExplainPixel("", job.id, found.own or found.base, found.settings, x, y, min(count, MAX_SAMPLES), sample, moment)

@@ -17,7 +17,7 @@ from contextlib import suppress
 
 import redis
 
-from protocol.contract import VERSION_SEPARATOR, DenoiseFrame, FrameVectors, ShowEnvironment
+from protocol.contract import VERSION_SEPARATOR, DenoiseFrame, FrameVectors, GuideScene, ShowEnvironment
 from protocol.terms import Terms
 from renderer.sentences import Sentence
 from service.errors import FarmError, QueueError
@@ -204,13 +204,20 @@ class Engine:
         """
         return self._workers.log(worker)
 
-    def denoise(self, job: str, frame: int, film: Film, frames: tuple[tuple[int, str], ...] = ()) -> Future[ArtifactResult]:
+    def denoise(
+        self,
+        job: str,
+        frame: int,
+        film: Film,
+        frames: tuple[tuple[int, str], ...] = (),
+        guide: GuideScene | None = None,
+    ) -> Future[ArtifactResult]:
         """Requests that a worker denoise a frame, with the samples that its film has now. Raises Unavailable if no worker can.
 
-        frames: as in DenoiseFrame.
+        frames, guide: as in DenoiseFrame.
         """
         self._artifact_tasks.previews.release(job, frame)
-        request = DenoiseFrame("", job, frame, film.width, film.height, frames)
+        request = DenoiseFrame("", job, frame, film.width, film.height, frames, guide=guide)
         version = VERSION_SEPARATOR.join(film.version(each) for each, _ in frames or ((frame, ""),))
         return self._with_wake_up(self._artifact_tasks.denoising.request(request, version))
 

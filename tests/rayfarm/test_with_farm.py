@@ -184,6 +184,28 @@ def test_denoised_and_deep_frames_equal_those_of_render(farm: Farm, tmp_path: Pa
         assert options.deep_name(far).read_bytes() == options.deep_name(near).read_bytes()
 
 
+@pytest.mark.long
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_denoised_mirror_equals_that_of_render(farm: Farm, tmp_path: Path) -> None:
+    """Of a still, and of a frame of a shot, whose compiled scene the farm has released."""
+    (tmp_path / "room.yaml").write_text(
+        "shapes:\n"
+        "  - {type: sphere, center: [0, 0, 0], radius: 1, material: mirror}\n"
+        "  - {type: sphere, center: {keys: [[0, [0, -51, 0]], [1, [0, -52, 0]]]}, radius: 50, material: red}\n"
+        "materials: {mirror: {kind: mirror, color: 0.8}, red: {kind: diffuse, color: [0.8, 0.1, 0.1]}}\n"
+    )
+    shown = ["--env=1,1,1", "--size=48x32", "--spp=4", "--eye=0,0.5,4", "--target=0,0,0", "--denoise", tmp_path / "room.yaml"]
+    for name, moment in (("still", []), ("frame", ["--frames=12"])):
+        far, near = tmp_path / f"{name}-far.exr", tmp_path / f"{name}-near.exr"
+        code, _, err = run_in_process("submit", "--server", farm.url, "-o", far, *moment, *shown)
+        assert code == 0, err
+        assert run_in_process("render", "-o", near, *moment, *shown)[0] == 0
+        np.testing.assert_array_equal(pixels(far), pixels(near))
+        clean = pixels(options.denoised_name(far))
+        np.testing.assert_array_equal(clean, pixels(options.denoised_name(near)), farm.logs())
+        assert not np.array_equal(clean, pixels(far))
+
+
 def moving_scene() -> Gltf:
     """Builds a file with a triangle that moves to the right within a second, and a camera that rises."""
     g = animated_scene()

@@ -10,11 +10,12 @@ import numpy as np
 import pytest
 
 from renderer import denoise, film
+from renderer.arrays import rows
 from renderer.denoise import is_available
-from renderer.denoise_guides import denoise_still, guiding_albedo
+from renderer.denoise_guides import denoise_still, guide_kernel, guiding_albedo
 from renderer.errors import SettingsError
 from renderer.image.tonemap import apply
-from renderer.render import render_frame
+from renderer.render import kernel_name, render_frame, variant_for
 from renderer.scene.compile import compile_scene, summarise
 from renderer.scene.description import Environment, Instance, Material, SceneDescription, Sphere
 from renderer.scene.load import read
@@ -162,6 +163,22 @@ def test_the_guide_is_the_albedo_behind_mirrors():
     plain = mirrored(has_mirror=False)
     assert guiding_albedo(plain, settings, albedo) is albedo
     assert guiding_albedo(scene, settings, albedo[:3]) is not guide
+
+
+def test_the_guide_needs_no_kernel_but_that_of_the_frame():
+    scene, plain = mirrored(), RenderSettings(8, 8, VIEW)
+    frames = [
+        plain,
+        replace(plain, light_paths="on"),
+        replace(plain, views=(VIEW, VIEW)),
+        replace(plain, background="transparent"),
+    ]
+    kinds = np.int32([rows.MIRROR, rows.GLASS, rows.PLASTIC, rows.LAYERED, rows.DIFFUSE])
+    for flags in (0, rows.TEXTURED, rows.REFLECTIONS | rows.CATCHES):
+        changed = scene._replace(material_kind=kinds, material_flags=np.full(5, flags, np.int32))
+        for settings in frames:
+            assert kernel_name(*guide_kernel(changed, settings)) == kernel_name(settings, variant_for(settings, changed))
+    assert guide_kernel(scene, replace(plain, integrator="ao")) is None
 
 
 @pytest.mark.long

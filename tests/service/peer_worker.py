@@ -27,6 +27,7 @@ from protocol.contract import (
     DenoiseFrame,
     FrameInfo,
     FrameVectors,
+    GuideScene,
     PrepareFrames,
     RenderBatch,
     Result,
@@ -162,6 +163,7 @@ class PeerWorker:
         self.shared: bytes | None = None  # part shared by the compiled scenes of all frames
         self.on_denoise: Callable[[str], None] = lambda job: None
         self.denoised: list[str] = []
+        self.guides: list[GuideScene | None] = []  # of these
         self.denoised_in_shots: list[tuple[tuple[int, str], ...]] = []  # frames and motion vectors of these requests
         self.batches: list[RenderBatch] = []
         self.prepared: list[str] = []
@@ -320,6 +322,7 @@ class PeerWorker:
             sha256 = hashlib.sha256(clean).hexdigest()
             self.http.put(f"/api/farm/blobs/{sha256}", content=clean).raise_for_status()
             seen = {"version": means.headers["x-film-version"], "samples": int(means.headers["x-samples"])}
+            self.guides.append(work.guide)
             self.denoised.append(work.job)  # recorded first, since the test may check it as soon as it has the response
             self.send({"type": "denoised", **about, "sha256": sha256, **seen})
         except (ValueError, httpx.HTTPError) as error:

@@ -21,6 +21,7 @@ from protocol.contract import (
     RENDER_BATCHES,
     RESULTS,
     DenoiseFrame,
+    GuideScene,
     PrepareFrames,
     RenderBatch,
     Result,
@@ -43,9 +44,10 @@ from protocol.view_parts import (
     view_queue,
 )
 from renderer.denoise import denoise, denoise_fast, denoise_with_guides, is_available
-from renderer.film import COLOR, DEPTH, NORMAL, SAMPLES
+from renderer.denoise_guides import denoise_still
+from renderer.film import ALBEDO, COLOR, DEPTH, NORMAL, SAMPLES, mean
 from renderer.image import rgbe9995
-from renderer.render import render_batch
+from renderer.render import render_batch, render_frame
 from renderer.scene import compiled as compiled_file
 from renderer.scene.animation import Moment
 from renderer.scene.compile import compile_scene
@@ -320,6 +322,37 @@ def test_frame_is_denoised_from_film_means(bench: Bench) -> None:
     quick = np.frombuffer(bench.service.blobs[preview["sha256"]], "<f4").reshape(40, 60, 3)
     np.testing.assert_allclose(quick, denoise_fast(noisy, truth, normal), rtol=1e-3, atol=1e-3)
     assert 0 < preview["seconds"] < 60
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
+def test_guide_of_a_worker_equals_that_of_a_local_render(bench: Bench, tmp_path: Path) -> None:
+    """Of a scene that the worker fetches, and of a frame whose compiled scene it makes again. Without the scene: the film's."""
+    text = SCENE.replace("kind: diffuse, color: 0.5", "kind: mirror, color: 0.8")
+    floor = "  - {type: sphere, center: [0, -51, 0], radius: 50, material: red}\n"
+    floor += "materials:\n  red: {kind: diffuse, color: [0.8, 0.1, 0.1]}"
+    (tmp_path / "mirror.yaml").write_text(text.replace("materials:", floor))
+    bench.upload("mirror", {"mirror.yaml": (tmp_path / "mirror.yaml").read_bytes()}, "mirror.yaml")
+    event = bench.prepare("mirror").event
+    assert event["type"] == "prepared", event
+    made = SceneInfo.from_json(event["info"])
+    here = compile_scene(read(tmp_path, "mirror.yaml"))
+    settings = RenderSettings(60, 40, View((0, 0, 4), (0, 0, 0)))
+    sums = render_frame(here, settings, 4)
+    planes = [mean(sums, settings.film_exponent, plane) for plane in (COLOR, ALBEDO, NORMAL)]
+    bench.service.films["/api/farm/films/job/0"] = np.stack(planes).tobytes()
+    sha256, kind = made.compiled.sha256, bench.report().kind  # type: ignore[union-attr]
+    moment = PrepareFrames("", "", "mirror", [0], sha256, made.cameras[-1]["view"])
+    guides = [GuideScene(kind, sha256, settings), GuideScene(kind, sha256, settings, moment, "1" * 64)]
+    found = []
+    for guide in (*guides, GuideScene(kind, "0" * 64, settings), GuideScene("other", sha256, settings), None):
+        event = denoised(bench, DenoiseFrame(f"guide {len(found)}", "job", 0, 60, 40, guide=guide))
+        assert event["type"] == "denoised", event
+        found.append(np.frombuffer(bench.service.blobs[event["sha256"]], "<f4").reshape(40, 60, 3))
+    guided, by_film = denoise_still(sums, here, settings), denoise(*planes)
+    assert not np.array_equal(guided, by_film)
+    for clean, expected in zip(found, [guided, guided, by_film, by_film, by_film], strict=True):
+        np.testing.assert_array_equal(clean, expected)
 
 
 @pytest.mark.long

@@ -1,24 +1,40 @@
 """Denoises a frame: downloads the film's means, runs Open Image Denoise in a confined process, and stores the result as a blob.
 
-A separate process is used because the library does not release its threads and memory.
+The albedo behind mirrors and smooth glass, which guides the denoising, is rendered before that, by the slot. A separate process
+is used because the library does not release its threads and memory.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import time
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import Any
 
-from protocol.contract import VERSION_SEPARATOR, DenoiseFrame
+import numpy as np
+
+from protocol.contract import VERSION_SEPARATOR, DenoiseFrame, GuideScene
+from renderer import jit
+from renderer.denoise_guides import guide_kernel, guide_scene, guiding_albedo
+from renderer.errors import RayfarmError
+from renderer.render import is_warm
+from renderer.scene.compiled import CompiledScene
+from worker.exchange.errors import RefusedError, WorkError
+from worker.exchange.ready import make_kernel_ready
 from worker.exchange.retry import retry_temporary
 from worker.process.context import WorkerContext
 from worker.reading.denoise import denoise, denoise_in_shot
+from worker.work.frames import compiled_frame
+from worker.work.open_scenes import mapped_scene
 from worker.work.reader import ReaderFolder
 
 __all__ = ["denoise_frame"]
+
+log = logging.getLogger(__name__)
 
 SECONDS = 300.0
 MOST_SECONDS = 800.0  # of a frame with its neighbours, below the limit of a task
@@ -39,6 +55,8 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
             return _denoise_in_shot(worker, work, room)
         means = room.scene / "means.f32"
         version, samples = retry_temporary(lambda: _fetch(worker, work, means), PATIENCE_S)
+        if work.guide is not None and not work.is_preview:
+            _guide(worker, work, work.guide, means)
         paths = os.fsencode(means), os.fsencode(room.out / DENOISED)
         threads = 1 if work.is_preview else None  # the other cores render
         job = partial(denoise, *paths, work.width, work.height, is_preview=work.is_preview, threads=threads)
@@ -47,6 +65,44 @@ def denoise_frame(worker: WorkerContext, work: DenoiseFrame) -> dict[str, Any]:
         seconds = time.monotonic() - began
         blob = retry_temporary(lambda: worker.link.store(room.result(DENOISED)), PATIENCE_S)
     return {"sha256": blob.sha256, "version": version, "samples": samples, "seconds": seconds}
+
+
+def _guide(worker: WorkerContext, work: DenoiseFrame, guide: GuideScene, means: Path) -> None:
+    """Replaces the albedo in the file of means by the guide, unless the scene is not to be had.
+
+    Raises TemporaryError, UnfitError, MachineError and OSError.
+    """
+    shape = 3, work.height, work.width, 3
+    if guide.kind != jit.kind() or means.stat().st_size != 4 * np.prod(shape):
+        return
+    try:
+        scene = _scene(worker, guide)
+        kernel = None if scene is None else guide_kernel(scene, guide.settings)
+        if scene is None or kernel is None:
+            return
+        if not is_warm(*kernel):
+            make_kernel_ready(worker.link, *kernel)
+        planes = np.memmap(means, "<f4", "r+", shape=shape)
+        planes[1] = guiding_albedo(scene, guide.settings, np.array(planes[1]))
+        planes.flush()
+    except (RefusedError, WorkError, RayfarmError) as error:
+        log.warning("a picture is denoised without the albedo behind mirrors: %s", error)
+
+
+def _scene(worker: WorkerContext, guide: GuideScene) -> CompiledScene | None:
+    """Returns the compiled scene of a frame; None if the one at its beginning needs no guide, so it is not compiled again."""
+    if guide.own is not None:
+        own = guide.own
+        with suppress(RefusedError):  # it is released once the frame is rendered
+            return retry_temporary(lambda: mapped_scene(worker, own), PATIENCE_S)
+    scene = retry_temporary(lambda: mapped_scene(worker, guide.compiled), PATIENCE_S)
+    moment = guide.moment
+    if moment is None:
+        return scene
+    if moment.vary is None and guide_scene(scene) is None:
+        return None
+    manifest = retry_temporary(lambda: worker.link.manifest(moment.scene), PATIENCE_S)
+    return compiled_frame(worker, manifest, moment) or scene
 
 
 def _denoise_in_shot(worker: WorkerContext, work: DenoiseFrame, room: ReaderFolder) -> dict[str, Any]:

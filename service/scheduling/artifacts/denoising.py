@@ -9,6 +9,9 @@ from service.scheduling.artifacts.artifact_task import ArtifactTask
 
 __all__ = ["Denoising"]
 
+_GUIDE_S = 60.0  # seconds to render the guide, of a worker that may have to fetch the scene and its kernel
+_MOMENT_S = 600.0  # if the frame is compiled again
+
 
 class Denoising(ArtifactTask[DenoiseFrame]):
     """Requests for denoised frames. The result is valid for one version of the film."""
@@ -29,7 +32,9 @@ class Denoising(ArtifactTask[DenoiseFrame]):
         self._dispatcher.send_denoise(request, queue)
 
     def _patience(self, request: DenoiseFrame) -> float:
-        return super()._patience(request) * max(1, len(request.frames))
+        guide = request.guide
+        more = 0.0 if guide is None else _GUIDE_S if guide.moment is None else _MOMENT_S
+        return super()._patience(request) * max(1, len(request.frames)) + more
 
     def _is_size(self, size: int, request: DenoiseFrame) -> bool:
         return size == 3 * 4 * request.width * request.height

@@ -5,15 +5,17 @@ After any error, the slot sends an event of failure and becomes free.
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
-from protocol.contract import DenoiseFrame
+from protocol.contract import DenoiseFrame, GuideScene, PrepareFrames
 from renderer.sentences import Sentence
+from renderer.settings import RenderSettings, View
 from worker.exchange.errors import LinkError, WorkError
 from worker.machine.status import SlotBoard
 from worker.work import derived_artifacts
@@ -69,6 +71,16 @@ def test_every_error_is_answered(worker: Any, error: Exception, code: str) -> No
 def test_message_of_other_release_is_answered(worker: Any) -> None:
     event = aside(lambda *_: {}).event(TASK, worker, {"work": "w1", "job": 7})
     assert (event["type"], event["work"]) == ("failed", "w1")
+
+
+def test_a_guide_of_another_release_is_left_out() -> None:
+    moment = PrepareFrames("", "", "s", [4], "b" * 64, {}, turntable=2.0)
+    guide = GuideScene("kind", "b" * 64, RenderSettings(8, 8, View((0, 0, 4), (0, 0, 0))), moment, "c" * 64)
+    message = json.loads(json.dumps(replace(WORK, guide=guide).to_json()))
+    assert DenoiseFrame.from_json(message) == replace(WORK, guide=guide)
+    message["guide"]["settings"]["integrator"] = "of a later release"
+    assert DenoiseFrame.from_json(message) == WORK
+    assert "guide" not in WORK.to_json()
 
 
 def test_artifact_that_kills_process_fails(worker: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,7 +17,7 @@ import pytest
 
 from renderer.image import rgbe9995
 from service.jobs.lookup import find_film
-from service.scheduling.artifacts import previews
+from service.scheduling.artifacts import denoising, previews
 from service.scheduling.artifacts.artifact_task import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.previews import DenoisedPreviews
@@ -52,6 +52,10 @@ def test_denoised_picture_is_made_by_worker_and_raw_one_is_unchanged(service: Se
         assert "-denoised." in file.headers["content-disposition"]
     assert (service.digest(job), raw(service, job).content) == (digest, before)
     assert worker.denoised == [job], "made once, for whatever is asked of it"
+    (guide,) = worker.guides
+    assert guide is not None
+    assert (guide.kind, guide.settings.width, guide.moment) == (worker.kind, 64, None)
+    assert worker.http.get(f"/api/farm/blobs/{guide.compiled}").status_code == 200
     tagged = raw(service, job, "?denoise=true").headers["etag"]
     assert tagged != raw(service, job).headers["etag"]
     url = f"/api/jobs/{job}/frames/0/image.rgb9e5?denoise=true"
@@ -147,6 +151,7 @@ def test_preview_is_renewed_when_samples_have_doubled(service: Service, worker: 
     assert all(after >= 2 * before for before, after in pairwise(made[1:-1])), made
     assert len(worker.denoised) <= 8
     assert raw(service, job, "?denoise=true&preview=true").headers["x-samples"] == str(60 * pixels)
+    assert set(worker.guides[:-1]) == {None} and worker.guides[-1] is not None
     tasks = service.farm.engine._artifact_tasks
     assert [each.samples for each in tasks.denoising._made.values()] == [60 * pixels], "a finished picture is no preview"
     assert not tasks.previews._made
@@ -206,6 +211,7 @@ def test_worker_error_is_reported_and_next_request_retries(service: Service, wor
 @pytest.mark.long
 def test_timeout_is_reported(service: Service, worker: PeerWorker, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Denoising, "_patience_s", 0.5)
+    monkeypatch.setattr(denoising, "_GUIDE_S", 0.0)
     job = finished(service)
     worker.on_denoise = lambda job: time.sleep(4)
     assert "in time" in problem(raw(service, job, "?denoise=true"), 504)
@@ -266,6 +272,9 @@ def test_frame_of_a_shot_is_denoised_with_its_neighbours(service: Service, worke
     assert not worker.denoised
     alone = words(8)
     assert worker.denoised == [job], "a frame without neighbours is denoised alone"
+    (guide,) = worker.guides
+    assert guide is not None and guide.moment is not None
+    assert (guide.moment.frames, guide.moment.turntable) == ([16], 2.0)
     assert np.array_equal(alone, words(8, ""))
     assert words(3).any() and len(worker.denoised_in_shots) == before + 1
 
