@@ -64,9 +64,12 @@ def main():
     if command == "test":
         programs = threading.Thread(target=need_programs)
         programs.start()
-        python = install(FOR_BENCHMARKS if "--long" in rest else FOR_TESTS)
+        os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes from the same sources
+        kernels = []
+        extras = FOR_BENCHMARKS if "--long" in rest else FOR_TESTS
+        python = install(extras, begin=lambda python: kernels.extend(start_kernels(python, rest)))
         programs.join()
-        return run_tests(python, rest)
+        return run_tests(python, rest, kernels)
     if command == "check":
         return run_checks(install(FOR_TESTS))
     if command in PICTURES:
@@ -112,12 +115,17 @@ def find_python():
     )
 
 
-def install(extras=()):
-    """Returns the environment's Python with Rayfarm and these extras installed; fast if nothing has changed."""
+def install(extras=(), begin=None):
+    """Returns the environment's Python with Rayfarm and these extras installed; fast if nothing has changed.
+
+    begin: called with that Python as soon as Rayfarm can be imported, while the extras may still have to be installed.
+    """
     python = VENV / "bin" / "python"
     stamp = VENV / "rayfarm-stamp"
     known = stamp.read_text().split() if stamp.is_file() else []
     if known[:1] == [installation_hash()] and set(extras) <= set(known[1:]) and python.exists():
+        if begin is not None:
+            begin(python)
         return python
     begun = time.monotonic()
     if not is_usable(python):
@@ -125,10 +133,10 @@ def install(extras=()):
         known = []
     extras = sorted(set(extras) | (set(known[1:]) & set(FOR_BENCHMARKS)))
     print_progress("installing Rayfarm's packages into .venv (once; up to a minute) ...")
-    target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
-    arguments = ["--editable", target, "--constraint", str(ROOT / "constraints.txt")]
-    if not uv(python, arguments):
-        pip(python, ["install", "--no-compile", *arguments])
+    if begin is not None:
+        install_packages(python, [])
+        begin(python)
+    install_packages(python, extras)
     # On all processors, and in advance: with PYTHONDONTWRITEBYTECODE each process would compile all modules again. Tests import
     # a small part of what they install, and compile that when they import it.
     sources = [str(ROOT / name) for name in ("rayfarm", "renderer", "protocol", "telemetry", "service", "worker")]
@@ -142,6 +150,14 @@ def install(extras=()):
     stamp.write_text(" ".join([installation_hash(), *extras]) + "\n")
     print_progress(f"installed after {time.monotonic() - begun:.0f} s")
     return python
+
+
+def install_packages(python, extras):
+    """Installs Rayfarm's packages and those of its extras."""
+    target = str(ROOT) + ("[{}]".format(",".join(extras)) if extras else "")
+    arguments = ["--editable", target, "--constraint", str(ROOT / "constraints.txt")]
+    if not uv(python, arguments):
+        pip(python, ["install", "--no-compile", *arguments])
 
 
 def install_alone(arguments):
@@ -259,19 +275,24 @@ def apt_install(package):
     return subprocess.call(command, env=environment, **quiet) == 0
 
 
-def run_tests(python, arguments):
-    """Runs all tests, with the checks and kernel compilation in parallel. pytest's summary line comes last."""
+def start_kernels(python, arguments):
+    """Starts compiling the kernels of the whole default run, on two processors; returns the processes.
+
+    First of all, since a test that needs a kernel before it is ready compiles it at the tests' low priority.
+    """
+    if [a for a in arguments if a != "--long"]:
+        return []
+    return [ParallelProcess(f"kernels ({name})", [str(python), "-m", "tests.kernels", name]) for name in ("pool", "path")]
+
+
+def run_tests(python, arguments, kernels):
+    """Runs all tests, with the checks and `kernels` in parallel. pytest's summary line comes last."""
     need_typescript()
-    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # tests start a hundred processes from the same sources
     is_long = "--long" in arguments
     arguments = [a for a in arguments if a != "--long"]
     is_whole = not arguments
-    # Kernels first, on two processors, since a test that needs one before it is ready compiles it at the tests' low priority.
-    # Checks have that priority, too; otherwise they would run on alone when the tests have ended.
-    beside = []
-    if is_whole:
-        kernels = [ParallelProcess(f"kernels ({name})", [str(python), "-m", "tests.kernels", name]) for name in ("pool", "path")]
-        beside = [*kernels, *start_checks(python, nice(10), is_long)]
+    # Checks have the tests' priority; otherwise they would run on alone when the tests have ended.
+    beside = [*kernels, *(start_checks(python, nice(10), is_long) if is_whole else [])]
     pytest = [*(nice(10) if is_whole else []), str(python), "-m", "pytest", *([] if is_long else ["-m", "not long"])]
     failed = subprocess.call([*pytest, "-n", str(TEST_PROCESSES), *arguments], cwd=str(ROOT))
     return max([failed, *(each.result() for each in beside)])

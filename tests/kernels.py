@@ -14,8 +14,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-import pytest
-
 if TYPE_CHECKING:
     from renderer.arrays.scene import CompiledScene
     from renderer.settings import RenderSettings
@@ -39,6 +37,8 @@ def ready_first(is_ordinary: bool) -> Iterator[None]:
 
     is_ordinary: whether to fail a test that needs a kernel which `main` does not compile.
     """
+    import pytest  # `main` runs while it is being installed
+
     from renderer import render
     from renderer.arrays.scene_features import KERNEL_VARIANTS
     from renderer.kernel.accumulate import samples_caustics, samples_guide
