@@ -49,13 +49,13 @@ def guiding_albedo(scene: CompiledScene, settings: RenderSettings, albedo: F32, 
     kernel = guide_kernel(scene, settings)
     if kernel is None or albedo.shape[:2] != (settings.height, settings.width):
         return albedo
-    (shown, drawn), exponent = (guide_scene(scene), _guide_settings(settings)), settings.film_exponent
+    (drawn, variant), shown, exponent = kernel, guide_scene(scene), settings.film_exponent
     assert shown is not None
     count = max(_LEAST, min(SAMPLES, _MOST_SAMPLES // (settings.width * settings.height)))
     guide = np.empty(albedo.shape, np.float32)
 
     def render(tile: Tile) -> None:
-        sums = render_batch(shown, drawn, tile, 0, count, variant=kernel[1]).sums
+        sums = render_batch(shown, drawn, tile, 0, count, variant=variant).sums
         place = np.s_[tile.y : tile.y + tile.h, tile.x : tile.x + tile.w]
         guide[place] = np.clip(albedo[place] + (mean(sums, exponent) - mean(sums, exponent, ALBEDO)), 0, 1)
 

@@ -117,7 +117,7 @@ class Farm:
         self.engine = Engine(
             *(settings, connection, dispatcher, self.records, self.films, self.snapshots, self.blobs, board, self.events),
             guard=self.owning.guard,
-            has_views=lambda: self.views.has_unfinished() or self.explaining.has_requests,
+            viewing=(self.views, self.explaining),
         )
         self.lighting = Lighting(self.sessions, self.garbage, self.events)
         self.reuse = SampleReuse(self.sessions, self.films, board, settings.data, settings.min_free_bytes)

@@ -30,6 +30,7 @@ from renderer.arrays.guide import (
 from renderer.guiding.histograms import Records, arriving, cells_of, cubes_of, frame_of, integers, sums
 from renderer.guiding.voxels import Voxels
 from renderer.kernel.guiding.pilot import RECORD_DIRECTION, RECORD_LINKED, RECORD_NORMAL, RECORD_POINT, RECORD_SCALE
+from renderer.kernel.steps.portals import MIN_DISTANCE2, MOST_CHANCE
 
 __all__ = ["Segments", "learn_portals", "moment_left", "segments_of"]
 
@@ -46,8 +47,6 @@ _LEAST_PART = 0.002  # of the drawn segments, for a portal
 _LEVELS = 4  # cubes of 1, 2, 4, 8 times the size
 _PRIOR = 32.0  # steradians of directions with the radiance of the cube of twice the size, added to those of a cube's records
 _LEAST_COSINE = 1e-3
-_MIN_DISTANCE2 = 1.02  # as in renderer/kernel/steps/portals.py
-_MOST = 0.5  # likewise
 _MOST_SHIFT = 3.0  # of a portal that is moved, in its radii
 _LEAST_SHRINK = 0.25  # of its radius
 _KEPT = 0.99  # of its segments, which the shrunk portal contains
@@ -129,14 +128,14 @@ def moment_left(guide: Guide, segments: Segments) -> float:
     for k, portal in enumerate(guide.portal.astype(np.float64)):
         to_center = portal[:3] - segments.point
         square, radius2 = _dot(to_center, to_center), portal[PORTAL_RADIUS] * portal[PORTAL_RADIUS]
-        outside = square > _MIN_DISTANCE2 * radius2
-        square = np.where(outside, square, _MIN_DISTANCE2 * radius2)
+        outside = square > MIN_DISTANCE2 * radius2
+        square = np.where(outside, square, MIN_DISTANCE2 * radius2)
         cosine = (_dot(segments.normal, to_center) + 0.5 * portal[PORTAL_RADIUS]) / np.sqrt(square)
         strength = np.where(outside & (cosine > 0), radiance[:, k] * np.minimum(cosine, 1), 0)
         total += strength * (radius2 / square / (1 + np.sqrt(1 - radius2 / square)))
         along = _dot(to_center, segments.direction)
         found += np.where((along > 0) & (_dot(to_center, to_center) - along * along <= radius2), strength, 0)
-    share = np.minimum(total / np.maximum(total + 0.5 * radiance[:, OTHER_RADIANCE], 1e-300), _MOST)
+    share = np.minimum(total / np.maximum(total + 0.5 * radiance[:, OTHER_RADIANCE], 1e-300), MOST_CHANCE)
     mixture = (1 - share) * lambertian + share * found / (2 * math.pi * np.maximum(total, 1e-300))
     part = _parts(segments, cube, cubes)
     if not part.any():
@@ -273,5 +272,5 @@ def _crosses(portal: F64, segments: Segments) -> Mask:
     to_center, radius = portal[:PORTAL_RADIUS] - segments.point, portal[PORTAL_RADIUS]
     along, square = _dot(to_center, segments.direction), _dot(to_center, to_center)
     hits = (along > 0) & (square - along * along <= radius * radius) & (along < segments.length + radius)
-    crosses: Mask = hits & (square > _MIN_DISTANCE2 * radius * radius)
+    crosses: Mask = hits & (square > MIN_DISTANCE2 * radius * radius)
     return crosses

@@ -56,7 +56,7 @@ def preview(
 ) -> Preview | None:
     """Returns the scene's triangles, decimated to about `max_triangles`; None if it has no surface.
 
-    textured_vertices: textured meshes are subdivided as long as they have at most so many.
+    textured_vertices: limit up to which the vertices of textured meshes, whose colours are per vertex, are subdivided.
     """
     shown = description.instances if description.subject is None else description.instances[:-1]  # without the studio's floor
     used = [each for each in shown if len(description.meshes[each.mesh].triangles)]

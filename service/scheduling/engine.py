@@ -11,9 +11,10 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
+from typing import Protocol
 
 import redis
 
@@ -64,6 +65,13 @@ STUCK_TIMEOUT_S = 60.0  # seconds without a round after which another service ma
 log = logging.getLogger(__name__)
 
 
+class Viewing(Protocol):
+    """A part of the service that sends clients' interactive work to slots."""
+
+    def has_unfinished(self) -> bool:
+        """Returns True if such work waits for a slot or is being done. Thread-safe."""
+
+
 class Engine:
     """The scheduling engine: a thread that processes results and dispatches work. It also publishes the engine's events."""
 
@@ -79,15 +87,16 @@ class Engine:
         snapshot_holder: SnapshotHolder,
         events: Events,
         guard: Callable[[], None],
-        has_views: Callable[[], bool],
+        viewing: Sequence[Viewing],
     ) -> None:
         """Creates the engine without starting its thread.
 
         connection, dispatcher: closed by `stop`. snapshots: store for the snapshots of films. snapshot_holder: publishes the
-        engine's state to other threads. guard: raises FarmError if this service may not act as the farm's owner. has_views:
-        returns whether unfinished views wait for slots.
+        engine's state to other threads. guard: raises FarmError if this service may not act as the farm's owner. viewing: what
+        else sends work to slots, which become free for it between batches.
         """
         self._guard = guard
+        self._viewing = viewing
         self.films = films
         self._records = records
         self._redis = connection
@@ -101,7 +110,7 @@ class Engine:
         self._workers = Workers(self._redis, lambda name: change("worker", name), self._dead_letters)
         self._artifact_tasks = ArtifactTasks(settings, self._dispatcher, self._workers, blobs, events)
         self.logs = JobLogs(settings.data / "logs-of-jobs")
-        self._pace = BatchSizing(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, has_views)
+        self._pace = BatchSizing(settings.batch_seconds, settings.batch_seconds_most, settings.results_bytes, self._has_viewers)
         self._scheduler = Scheduler(settings, self._dispatcher, self._workers, self._bulkheads, self._pace)
         self.trust = Trust(self._scheduler, self._workers, self._dispatcher, settings.batch_deadline, events)
         self._waiting = DependencyTracker(records, self._bulkheads, self._changes)
@@ -220,6 +229,9 @@ class Engine:
         request = DenoiseFrame("", job, frame, film.width, film.height, frames, guide=guide)
         version = VERSION_SEPARATOR.join(film.version(each) for each, _ in frames or ((frame, ""),))
         return self._with_wake_up(self._artifact_tasks.denoising.request(request, version))
+
+    def _has_viewers(self) -> bool:
+        return any(each.has_unfinished() for each in self._viewing)
 
     def denoise_preview(self, job: str, frame: int, film: Film) -> Future[ArtifactResult]:
         """Returns the latest preview of a frame that is being rendered, or requests one if it is due (previews.py).

@@ -74,8 +74,7 @@ class PixelExplainer:
             )
         return kinds
 
-    @property
-    def has_requests(self) -> bool:
+    def has_unfinished(self) -> bool:
         """Returns True if a client waits for an explanation. Thread-safe."""
         return bool(self._pending)
 

@@ -21,7 +21,7 @@ def test_preview_is_of_whole_film_and_better_than_what_is_shown(node: Node) -> N
 
     assert is_due(tiles=[[0, 1]]) is False, "half of it is black"
     assert is_due(tiles=[[0, 1], [2, 1]]) is True
-    assert is_due(tiles=[[0, 1], [2, 1]], hidden=True) is False, "nobody sees it"
+    assert is_due(tiles=[[0, 1], [2, 1]], hidden=True) is False, "the page is hidden"
     assert is_due(tiles=[[0, 1], [2, 1]], rendering=False) is False
     assert is_due(tiles=[[0, 1], [2, 1]], look=32) is False, "the live view's picture has more samples"
     assert is_due(tiles=[[0, 4], [2, 4]], look=32) is True

@@ -187,7 +187,7 @@ def test_denoised_and_deep_frames_equal_those_of_render(farm: Farm, tmp_path: Pa
 @pytest.mark.long
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
 def test_denoised_mirror_equals_that_of_render(farm: Farm, tmp_path: Path) -> None:
-    """Of a still, and of a frame of a shot, whose compiled scene the farm has released."""
+    """Tested with a still, and with a frame of a shot whose compiled scene the farm has released."""
     (tmp_path / "room.yaml").write_text(
         "shapes:\n"
         "  - {type: sphere, center: [0, 0, 0], radius: 1, material: mirror}\n"

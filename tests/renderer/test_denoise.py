@@ -150,7 +150,7 @@ VIEW = View((0.0, 1.0, 5.0), (0.0, 0.8, 0.0), fov=40.0)
 
 
 def test_the_guide_is_the_albedo_behind_mirrors():
-    """Of the red wall times the mirror's reflectance; the film's own, bit by bit, where nothing is specular."""
+    """The mirror has the wall's red times its reflectance; pixels without specular surfaces have the film's albedo."""
     scene, settings = mirrored(), RenderSettings(32, 24, VIEW, environment=(1.0, 1.0, 1.0))
     sums = render_frame(scene, settings, 4)
     albedo = film.mean(sums, 24, film.ALBEDO)

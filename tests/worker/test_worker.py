@@ -327,7 +327,7 @@ def test_frame_is_denoised_from_film_means(bench: Bench) -> None:
 @pytest.mark.long
 @pytest.mark.skipif(not is_available(), reason="Open Image Denoise is not installed")
 def test_guide_of_a_worker_equals_that_of_a_local_render(bench: Bench, tmp_path: Path) -> None:
-    """Of a scene that the worker fetches, and of a frame whose compiled scene it makes again. Without the scene: the film's."""
+    """The worker fetches the scene, or compiles a frame again; without either the film's albedo is the guide."""
     text = SCENE.replace("kind: diffuse, color: 0.5", "kind: mirror, color: 0.8")
     floor = "  - {type: sphere, center: [0, -51, 0], radius: 50, material: red}\n"
     floor += "materials:\n  red: {kind: diffuse, color: [0.8, 0.1, 0.1]}"

@@ -1,4 +1,4 @@
-"""Whether the service has recalled a message with several batches, since other work waits for the slot that renders it."""
+"""Query of whether the service has recalled a slot's message, because other work waits for the slot."""
 
 from __future__ import annotations
 

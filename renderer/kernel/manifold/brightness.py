@@ -1,4 +1,4 @@
-"""Where a scene's caustics are: a hashed grid of the irradiance that photons bring by each caster, and what follows from it.
+"""Hashed grid of the irradiance by caster that photons have measured, and the probability of beginning a walk.
 
 The grid has levels of cubes. A bucket holds the transmitted and the reflected irradiance in one cube by one caster, relative to
 that of the casters themselves; it is found by a hash of cube and caster. It is 0 where too few photons have arrived.

@@ -20,15 +20,15 @@ from renderer.kernel.fetch import columns
 from renderer.kernel.sampling.sphere_cone import hits_sphere, sample_sphere_direction, sphere_cone
 from renderer.wide.values import where, where3, zero_like
 
-__all__ = ["NO_PORTAL", "Portals", "portals_in_view", "portals_pdf", "sample_portal"]
+__all__ = ["MIN_DISTANCE2", "MOST_CHANCE", "NO_PORTAL", "Portals", "portals_in_view", "portals_pdf", "sample_portal"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
 _ONE = np.float32(1.0)
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _LEAST = np.float32(1e-30)
-_MIN_DISTANCE2 = np.float32(1.02)  # in squared radii: nearer vertices do not sample a portal
-_MOST = np.float32(0.5)  # upper bound of the probability of sampling a portal
+MIN_DISTANCE2 = np.float32(1.02)  # in squared radii: nearer vertices do not sample a portal
+MOST_CHANCE = np.float32(0.5)  # upper bound of the probability of sampling a portal
 _PER_TURN = np.float32(0.5 / math.pi)
 NO_PORTAL = np.float32(-1.0)  # in place of a portal's number
 
@@ -53,7 +53,7 @@ def _strength(guide, k, cube, point, normal):
     square = vec.dot(to_center, to_center)
     cosine = (vec.dot(normal, to_center) + _HALF * radius) / math.sqrt(max(square, _LEAST))
     (radiance,) = columns(guide.radiance, cube, RADIANCE_COLUMNS, k, 1)
-    in_view = (square > _MIN_DISTANCE2 * radius * radius) & (cosine > _ZERO)
+    in_view = (square > MIN_DISTANCE2 * radius * radius) & (cosine > _ZERO)
     return where(in_view, radiance * min(cosine, _ONE), zero_like(square)), to_center
 
 
@@ -76,7 +76,7 @@ def portals_in_view(guide, cube, point, normal, u):
         center = where3(is_chosen, vec.add(point, to_center), center)
         radius = where(is_chosen, none + its_radius, radius)
     (other,) = columns(guide.radiance, cube, RADIANCE_COLUMNS, OTHER_RADIANCE, 1)
-    chance = min(total / max(total + _HALF * other, _LEAST), none + _MOST)
+    chance = min(total / max(total + _HALF * other, _LEAST), none + MOST_CHANCE)
     return Portals(total, where(number >= _ZERO, chance, none), center, radius, number, left)
 
 

@@ -439,7 +439,9 @@ class Scheduler:
             job.rests_until = time.monotonic() + RETURNED_PAUSE_S
 
     def handle_recalled(self, job: ActiveJob, lease: str, batch: Range, worker: str, reason: str) -> None:
-        """Handles a batch of a recalled message that its slot has not begun: puts it back into the plan. It is nobody's fault.
+        """Handles a batch of a recalled message that its slot has not begun: puts it back into the plan.
+
+        It does not count as a failure of the worker or of the batch.
 
         lease: its id. The other arguments are those of `handle_return`, which handles a batch that was not recalled: a worker
         that returns all of its work counts as faulty.

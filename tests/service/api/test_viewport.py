@@ -562,7 +562,7 @@ def test_takes_are_seen_at_once_and_by_all(service: Service, monkeypatch: pytest
         assert answer.status_code == 201, answer.text
         take = answer.json()
         assert answer.headers["location"] == f"{path}/{take['id']}"
-        until(lambda: anna.read_take_changes() == [{"changes": 1}], "others are told")
+        until(lambda: anna.read_take_changes() == [{"changes": 1}], "other clients get the event")
         assert take.items() >= {"name": "Low sun", "author": "Ben", "exposure": -1.5, "tonemap": "filmic"}.items()
         assert take["request"] == {**shown, "environment": {"sky": {"elevation": 5.0}}}, "what a view reads, as it was sent"
         picture = service.http.get(take["picture"])
@@ -583,7 +583,7 @@ def test_takes_are_seen_at_once_and_by_all(service: Service, monkeypatch: pytest
         full = service.http.post(path, json=asked)
         assert (full.status_code, full.json()["code"]) == (409, "takes-too-many")
         assert service.http.delete(f"{path}/{take['id']}").status_code == 204
-        until(lambda: anna.read_take_changes()[-1] == {"changes": 4}, "the deletion is told too")
+        until(lambda: anna.read_take_changes()[-1] == {"changes": 4}, "they get the event of the deletion")
         stranger.read()
         assert stranger.take_changes == []
     service.http.delete(f"/api/scenes/{scene}").raise_for_status()

@@ -23,7 +23,7 @@ const EVERY_MS = 3000;
 const SETTLE_MS = 300;
 /** Interval at which a preview may become due. */
 const PREVIEW_MS = 400;
-/** A preview of so many samples per pixel replaces a live view's picture of however many. */
+/** Samples per pixel from which a preview replaces the live view's picture, even if that has more. */
 const ENOUGH_SAMPLES = 8;
 
 /**

@@ -32,4 +32,4 @@ def test_only_recalled_batches_are_returned_without_fault() -> None:
         scheduler.handle_recalled(job, lease.id, batch, "cpu", "returned")
         assert job.handed_back == (None if is_recalled else "returned"), "a worker that returns all of its work is faulty"
         assert scheduler.leases.get(lease.id) is None
-        assert job.next_batch(0.5, 2, KIND) == batch, "it is rendered by whoever comes next"
+        assert job.next_batch(0.5, 2, KIND) == batch, "the batch is dispatched again"
