@@ -53,6 +53,8 @@ const [CLEAN_SPP, MESH_SPP] = [8, 1];
 const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
 /** Time, in milliseconds, after which what lies under the first picture is removed: it has been drawn and faded in. */
 const COVERED_MS = 500;
+/** Part of the view's width that a denoised picture must have to replace the preview mesh; the number of requests whose cameras are remembered. */
+const [FINE_SHARE, MOST_VIEWS] = [0.75, 256];
 /** Request fields that do not apply to a view. */
 const JOB_ONLY_FIELDS = ["denoise", "fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
@@ -147,15 +149,40 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
   const uncover = () => {
     uncovering = undefined;
     if (canvas.classList.contains("held-back")) return;
+    if (Number(getComputedStyle(canvas).opacity) < 1) return uncoverSoon(); // a busy machine fades late
     isCovered = false;
     surface.style.backgroundImage = "";
     meshed.hidden = true;
-    mesh.dispose();
   };
+  /** Loads the mesh for the next turn of the camera, if the view began with a picture instead. */
+  const loadMesh = () => {
+    if (mesh.mesh || !scene.preview || isDisposed) return;
+    meshOf(scene.id).then((packet) => isDisposed || mesh.mesh || mesh.setMesh(packet), () => {});
+  };
+  let isDisposed = false;
   let isCovered = true;
   /** @type {ReturnType<typeof setTimeout> | undefined} */
   let uncovering;
   const uncoverSoon = () => void (isCovered && (uncovering ??= setTimeout(uncover, COVERED_MS)));
+
+  /** Cameras of the latest requests, by their ids. @type {Map<number, View>} */
+  const views = new Map();
+  /** Keeps a denoised picture on the page after a change, projected for the new camera, until the new one is denoised. */
+  const hold = () => {
+    const view = views.get(Number(surface.dataset.view));
+    const isClean = surface.dataset.denoised === "true" && film.film.isDenoised && !canvas.classList.contains("held-back");
+    if (!view || !isClean || !willBeDenoised() || !mesh.mesh || !canKeep(view, form.view())) return;
+    clearTimeout(uncovering);
+    uncovering = undefined;
+    isCovered = true;
+    meshed.hidden = false;
+    mesh.setView(form.view());
+    picture.draw(); // WebGL keeps its picture only until the next frame
+    mesh.keep(canvas, view);
+    canvas.classList.add("held-back");
+  };
+  /** Whether the denoised picture is good enough to replace what is shown: a small one only where the kept one is of the same camera, or shows little of the view. */
+  const isFineEnough = () => film.film.width >= FINE_SHARE * asked.width || (mesh.kept !== null && !meshed.hidden && [0, 1].includes(mesh.distance));
 
   const film = new ViewFilm();
   film.onTurn(() => {
@@ -202,6 +229,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.dataset.view = String(next.id);
       if (!isSampled) {
         isSampled = true;
+        loadMesh();
         if (state.textContent === clarity(0, null, null)) say("", false); // the counts come with the next message
       }
       if (!canvas.classList.contains("held-back")) uncoverSoon();
@@ -209,11 +237,13 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     },
     state(told) {
       const { samples, bound, mean, noise, done, slots, denoised, message } = told;
+      const isLatest = told.id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
       const isDenoisedSoon = willBeDenoised() && !(sampledAt && performance.now() - sampledAt > DENOISED_MS);
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
-      if (denoised || done || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP)) release();
+      const isReady = (denoised && isFineEnough()) || (done && !isDenoisedSoon) || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
+      if (isReady && (isLatest || !mesh.kept)) release();
       surface.dataset.denoised = String(denoised);
       film.film.isDenoised = denoised;
       if (message) say(saidOf(told, "message"));
@@ -244,6 +274,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
 
   /** The first request. @type {string | undefined} */
   let firstAsked;
+  /** The latest request, and its size on the page. @type {{text: string, width: number, height: number} | undefined} */
+  let lastAsked;
   /** Width of the view in CSS pixels. */
   let wide = 0;
   /** The fields of the form's request that a view reads. */
@@ -261,7 +293,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     if (text !== (firstAsked ??= text) && meshed.hidden) release();
     surface.style.setProperty("--aspect", String((request.width ?? 1) / (request.height ?? 1)));
     const { width, height } = sizeFor(request.width ?? 1, request.height ?? 1, wide);
+    if (lastAsked && text !== lastAsked.text && Math.abs(width * lastAsked.height - height * lastAsked.width) <= width + height) hold();
+    lastAsked = { text, width, height };
     asked = { width, height };
+    views.set(link.id + 1, form.view());
+    views.delete(link.id + 1 - MOST_VIEWS);
     link.show({ ...request, ...clear.request(), ...denoise.request(), width, height, alpha: true });
     if (isCovered) mesh.setView(form.view());
     others.changed();
@@ -461,6 +497,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       return { film: film.film, isSame, clean: !isHeld ? "" : meshed.hidden ? meanwhile.url : meshPicture(mesh, meshed) };
     },
     dispose() {
+      isDisposed = true;
       clearTimeout(uncovering);
       resizing.disconnect();
       stage.dispose();
@@ -478,6 +515,10 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     },
   };
 }
+
+/** Whether a picture of one camera can be shown for another. @param {View} from @param {View} to */
+const canKeep = (from, to) =>
+  JSON.stringify(from) === JSON.stringify(to) || [from, to].every(({ projection }) => (projection ?? "perspective") === "perspective");
 
 /**
  * Returns what a view shows as a small picture in base64.
