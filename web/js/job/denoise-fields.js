@@ -45,7 +45,9 @@ export function denoiseFields(display, renew) {
       const sentence = isPreview && !error
         ? t("Renewed when its samples have doubled.")
         : state?.waiting
-        ? t("Denoising …")
+        ? state.isImproved
+          ? t("A preview until the final one is ready")
+          : t("Denoising …")
         : error
           ? t("Not denoised. {error}", { error: error instanceof Error ? error.message : String(error) })
           : state?.stale

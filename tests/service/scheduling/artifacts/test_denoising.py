@@ -18,7 +18,7 @@ import pytest
 from renderer.image import rgbe9995
 from service.jobs.lookup import find_film
 from service.scheduling.artifacts import denoising, previews
-from service.scheduling.artifacts.artifact_task import ArtifactResult
+from service.scheduling.artifacts.artifact_result import ArtifactResult
 from service.scheduling.artifacts.denoising import Denoising
 from service.scheduling.artifacts.previews import DenoisedPreviews
 from service.store.bands import bands
