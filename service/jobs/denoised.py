@@ -35,9 +35,9 @@ async def denoised_artifact(
     """
     key = frame_key(n)
     if is_preview:
-        found = await run_sync(farm.engine.denoised, job.id, key, film)
-        if found is not None:
-            return found
+        stored = await run_sync(farm.engine.denoised, job.id, key, film)
+        if stored is not None:
+            return stored
         request = partial(farm.engine.denoise_preview, job.id, key, film, is_final=job.state in FINAL_STATES)
         return replace(await asyncio.shield(asyncio.wrap_future(await run_sync(request))), is_preview=True)
     frames = await _with_neighbours(job, n, film, farm) if in_shot else ()

@@ -36,7 +36,7 @@ class DenoisedPreviews(Denoising):
             return self.request(request)
         return self.request(request, made.version)  # that one, if its blob is still there
 
-    def _is_recent(self, made: ArtifactResult, samples: int, is_final: bool) -> bool:
+    def _is_recent(self, made: ArtifactResult, samples: int, is_final: bool = False) -> bool:
         """Returns True if the preview is not to be renewed now. A film that was lost and begun again has fewer samples."""
         rests = not is_final and time.monotonic() < self._rests_until
         return made.samples <= samples and (samples < 2 * made.samples or rests)

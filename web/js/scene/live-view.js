@@ -34,7 +34,7 @@ import { viewStage } from "./view-stage.js";
 import { viewTools } from "./view-tools.js";
 import { Store } from "../base/store.js";
 import { saidOf } from "../base/said.js";
-import { t } from "../base/words.js";
+import { t, tn } from "../base/words.js";
 
 /** @typedef {import("../base/types.js").View} View */
 /** @typedef {import("../base/types.js").Job} Job */
@@ -230,7 +230,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       if (!isSampled) {
         isSampled = true;
         loadMesh();
-        if (state.textContent === clarity(0, null, null)) say("", false); // the counts come with the next message
+        if (state.textContent === clarity(0, null, false)) say("", false); // the counts come with the next message
       }
       if (!canvas.classList.contains("held-back")) uncoverSoon();
       picture.invalidate();
@@ -247,7 +247,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       surface.dataset.denoised = String(denoised);
       film.film.isDenoised = denoised;
       if (message) say(saidOf(told, "message"));
-      else if (bound) say(clarity(mean, noise, done ? null : slots), done);
+      else if (bound) say(clarity(mean, noise, done, isCovered && !meshed.hidden && canvas.classList.contains("held-back")), done);
+      state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
     },
     failed: (sentence) => say(sentence),
     picked: (found) => onPicked?.(found),
