@@ -32,6 +32,7 @@ const ENOUGH_SAMPLES = 8;
  * @property {boolean} waiting for the service to make it
  * @property {boolean} stale the film has more samples than the shown picture
  * @property {boolean} [isPreview] the shown picture is a preview, and is renewed while the job renders, or replaced when it has ended
+ * @property {boolean} [isLast] no more samples will come
  * @property {boolean} [isImproved] a denoised picture is shown while a better one is made
  * @property {[number, number] | null} [span] the values between which a heat map is drawn
  * @property {unknown} error why it could not be fetched
@@ -209,7 +210,7 @@ export class PictureSide {
     const { signal } = (this.fetching = new AbortController());
     // Also of a job that has ended, a preview is first if nothing denoised is shown yet: the picture itself takes several times as long.
     const wantsPreview = channel === DENOISED && (this.live.isRendering === true || (!this.fetched && this.live.isRendering === false));
-    this.state.update((state) => ({ ...state, waiting: true, error: null, isPreview: wantsPreview, isImproved: channel === DENOISED && this.fetched !== null }));
+    this.state.update((state) => ({ ...state, waiting: true, error: null, isPreview: wantsPreview, isLast: !this.live.isRendering, isImproved: channel === DENOISED && this.fetched !== null }));
     try {
       if (channel === MIX) {
         const { width, height } = this.live.film;

@@ -214,6 +214,11 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     exposure.value = String(stops);
     relook();
   };
+  /** @param {boolean} is whether the picture on the page is denoised */
+  const setDenoised = (is) => {
+    surface.dataset.denoised = String(is);
+    film.film.isDenoised = is;
+  };
   let lookedAt = -Infinity;
   /** When the view had MESH_SPP samples per pixel; 0: not yet. */
   let sampledAt = 0;
@@ -226,6 +231,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
         lookedAt = performance.now();
         lookForDarkness();
       }
+      if (surface.dataset.view !== String(next.id)) setDenoised(false); // until the state says so
       surface.dataset.view = String(next.id);
       if (!isSampled) {
         isSampled = true;
@@ -236,7 +242,8 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       picture.invalidate();
     },
     state(told) {
-      const { samples, bound, mean, noise, done, slots, denoised, message } = told;
+      const { samples, bound, mean, noise, done, slots, message } = told;
+      const denoised = told.denoised && surface.dataset.view === String(told.id);
       const isLatest = told.id === link.id && !link.pending;
       surface.dataset.samples = String(samples);
       sampledAt = mean < MESH_SPP ? 0 : sampledAt || performance.now(); // another view begins anew
@@ -244,8 +251,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
       const isReady = (denoised && isFineEnough()) || (done && !isDenoisedSoon) || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
       if (isReady && (isLatest || !mesh.kept)) release();
-      surface.dataset.denoised = String(denoised);
-      film.film.isDenoised = denoised;
+      setDenoised(denoised);
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done, isCovered && !meshed.hidden && canvas.classList.contains("held-back")), done);
       state.title = done ? "" : tn(slots, "{n} slot", "{n} slots");
