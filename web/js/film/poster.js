@@ -13,13 +13,15 @@ export class Poster {
   /** @param {string | null} url null: the place stays black */
   constructor(url) {
     this.element = h("div", { class: "poster", "aria-hidden": "true" });
+    /** Resolves when the image is shown, or cannot be. @type {Promise<void>} */
+    this.loaded = Promise.resolve();
     if (!url) return;
     const image = h("img", { alt: "", decoding: "sync", fetchpriority: "high" });
     const word = h("p", { class: "small quiet" }, t("Loading the picture …"));
     this.element.classList.add("loading");
     this.element.append(image, word);
     const loaded = () => (word.remove(), this.element.classList.remove("loading"));
-    showImage(image, url).then(loaded, () => (loaded(), image.remove())); // a picture without samples; the stage shows the reason
+    this.loaded = showImage(image, url).then(loaded, () => (loaded(), image.remove())); // a picture without samples; the stage shows the reason
   }
 
   /** @param {Viewport} viewport @param {HTMLCanvasElement} canvas in front of the poster */
