@@ -27,6 +27,7 @@ __all__ = ["ViewSession"]
 SHOW_EVERY_S = 0.25  # while a picture is incomplete
 SHOW_CONVERGED_S = 2.0  # for a view that has been shown for long and changes slowly
 MIN_PICTURE_WAIT_S = 0.5  # a view without a picture is replaced only after this time, so that dragging shows pictures
+MIN_DENOISED_WAIT_S = 1.0  # the same while its first picture is being denoised
 
 
 class ViewSession:
@@ -68,13 +69,14 @@ class ViewSession:
         """Returns True if the requested view may replace the current one now.
 
         That is so once the current view has shown a picture, a denoised one if it is to be denoised, an error or a message, or
-        has run for MIN_PICTURE_WAIT_S seconds.
+        has run for MIN_PICTURE_WAIT_S seconds, or MIN_DENOISED_WAIT_S while its first picture is being denoised.
         """
         if self.wanted is None:
             return False
         has_picture = self.has_picture if self._denoised is None else self._denoised.has_shown
         is_over = self.request is None or has_picture or self.error is not None or self.message is not None
-        return is_over or time.monotonic() - self.begun > MIN_PICTURE_WAIT_S
+        is_denoising = self._denoised is not None and self._denoised.means is not None
+        return is_over or time.monotonic() - self.begun > (MIN_DENOISED_WAIT_S if is_denoising else MIN_PICTURE_WAIT_S)
 
     def switch_to(self, request: ViewRequest, view: int) -> None:
         """Replaces the current view by a requested one, and discards its pictures. view: number of the new view."""

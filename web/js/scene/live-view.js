@@ -55,6 +55,8 @@ const [DENOISED_MS, DENOISED_SPP] = [15_000, 64];
 const COVERED_MS = 500;
 /** Part of the view's width that a denoised picture must have to replace the preview mesh; the number of requests whose cameras are remembered. */
 const [FINE_SHARE, MOST_VIEWS] = [0.75, 256];
+/** Distance of the cameras, of 1, from which the kept picture shows little of the view. */
+const POOR = 0.6;
 /** Request fields that do not apply to a view. */
 const JOB_ONLY_FIELDS = ["denoise", "fresh", "spp", "noise", "seconds", "frames", "order", "every", "name", "priority", "tile_size", "scene"];
 
@@ -181,6 +183,20 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
     mesh.keep(canvas, view);
     canvas.classList.add("held-back");
   };
+  /**
+   * Projects a denoised picture of an earlier request in place of the kept one, where it is better: in another light of the same camera,
+   * or if the kept one shows little of the view.
+   *
+   * @param {number | null} id of the request
+   */
+  const keepNewer = (id) => {
+    const view = views.get(id ?? 0);
+    const isHeld = mesh.kept !== null && !meshed.hidden && canvas.classList.contains("held-back");
+    if (!view || !isHeld || !canKeep(view, form.view())) return;
+    if (mesh.distance === 0 ? JSON.stringify(view) !== JSON.stringify(form.view()) : mesh.distance < POOR) return;
+    picture.draw();
+    mesh.keep(canvas, view);
+  };
   /** Whether the denoised picture is good enough to replace what is shown: a small one only where the kept one is of the same camera, or shows little of the view. */
   const isFineEnough = () => film.film.width >= FINE_SHARE * asked.width || (mesh.kept !== null && !meshed.hidden && [0, 1].includes(mesh.distance));
 
@@ -251,6 +267,7 @@ export function liveView(scene, form, meanwhile, turned, sides, names) {
       const isCleanBelow = meanwhile.isFinished && meshed.hidden;
       const isReady = (denoised && isFineEnough()) || (done && !isDenoisedSoon) || mean >= (isDenoisedSoon ? DENOISED_SPP : isCleanBelow ? CLEAN_SPP : MESH_SPP);
       if (isReady && (isLatest || !mesh.kept)) release();
+      else if (denoised) keepNewer(told.id);
       setDenoised(denoised);
       if (message) say(saidOf(told, "message"));
       else if (bound) say(clarity(mean, noise, done, isCovered && !meshed.hidden && canvas.classList.contains("held-back")), done);
