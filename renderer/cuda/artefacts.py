@@ -20,6 +20,7 @@ from renderer.machine_code import SUFFIX, note_file
 from renderer.reference import Reference
 from renderer.shipped_kernels import copy_shipped_kernels
 from renderer.target import KernelDispatcher
+from renderer.variant_names import base_variant
 
 __all__ = ["card_module_of", "kernel_name", "path_of", "ptx_of"]
 
@@ -32,10 +33,10 @@ def kernel_name(variant: str) -> str:
 
 
 def ptx_of(variant: str, fetch: Callable[[str], None] | None = None) -> str:
-    """Returns the PTX of a variant's kernels (renderer/arrays/scene_features.py) from the cache, or builds it in a minute.
+    """Returns the PTX of a variant's kernels from the cache, or builds it in a minute.
 
-    fetch: called with the kernel's name before it is built; may fetch the file from another host. Raises InexactError if the
-    kernel needs an operation that graphics cards lack or round differently.
+    variant: named as in renderer/variant_names.py. fetch: called with the kernel's name before it is built; may fetch the file
+    from another host. Raises InexactError if the kernel needs an operation that graphics cards lack or round differently.
     """
     name = kernel_name(variant)
     path = path_of(variant)
@@ -55,7 +56,7 @@ def card_module_of(variant: str) -> Any:
 
     Raises InexactError as `ptx_of` does.
     """
-    kind, kernels = wave_type(variant), kernels_of(KERNEL_VARIANTS[variant])
+    kind, kernels = wave_type(variant), kernels_of(KERNEL_VARIANTS[base_variant(variant)])
     context = KernelDispatcher.targetdescr.target_context
     size = context.get_abi_sizeof(context.get_value_type(kind))
     linked = {kernel: linked_module(function, (Reference(kind), types.int64)) for kernel, function in kernels.items()}
@@ -64,7 +65,7 @@ def card_module_of(variant: str) -> Any:
 
 def path_of(variant: str) -> Path:
     """Returns the path of a variant's PTX in the cache."""
-    assert variant in KERNEL_VARIANTS
+    assert base_variant(variant) in KERNEL_VARIANTS
     return jit.cache_folder() / _FOLDER / f"{variant}{SUFFIX}"
 
 

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 from numba import typeof
 
-from renderer.arrays.kernel_variant import strip_absent_features
-from renderer.arrays.scene import CompiledScene, example
+from renderer.arrays.scene import CompiledScene
 from renderer.bvh.compressed_tree import LEAF_NUMBERS, NODE_WORDS, CompressedTree
 from renderer.cryptomatte import NOT_FINITE
 from renderer.film import plane_count
@@ -17,12 +16,11 @@ from renderer.kernel.backends.cpu.rows import LAYOUT
 from renderer.kernel.backends.cuda.wavefront import COUNTERS, LISTS, Wave
 from renderer.kernel.camera import Camera, camera_frame
 from renderer.kernel.options import Options, kernel_options
-from renderer.settings import RenderSettings, View
+from renderer.variant_names import example_of
 
 __all__ = ["BYTES_PER_PATH", "wave_for", "wave_type"]
 
 BYTES_PER_PATH = 2 * 4 * (LAYOUT.width + LISTS) + 8  # of a Wave's arrays
-_PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 _NOTHING: Any = None  # replaces the arrays of the processor's tree
 
 
@@ -51,8 +49,8 @@ def wave_for(
 
 
 def wave_type(variant: str) -> Any:
-    """Returns the Numba type of Wave for a kernel variant (renderer/arrays/scene_features.py)."""
-    scene = strip_absent_features(example(), variant)
+    """Returns the Numba type of Wave for a kernel variant, named as in renderer/variant_names.py."""
+    scene, settings = example_of(variant)
     tree = CompressedTree(np.zeros((1, NODE_WORDS), np.uint32), np.zeros((1, LEAF_NUMBERS), np.float32))
     scene = scene._replace(bvh=scene.bvh._replace(node=_NOTHING, packet=_NOTHING, compressed=tree))
-    return typeof(wave_for(scene, camera_frame(_PICTURE), kernel_options(_PICTURE, scene), Batch(0, 0, 0, 0), 0, 0, paths=1))
+    return typeof(wave_for(scene, camera_frame(settings), kernel_options(settings, scene), Batch(0, 0, 0, 0), 0, 0, paths=1))

@@ -41,9 +41,9 @@ def test_spectral_needs_an_estimating_integrator(integrator: str) -> None:
         replace(SETTINGS, integrator=integrator)
 
 
-def test_spectral_pictures_are_for_processors() -> None:
-    assert is_for_cards(replace(SETTINGS, spectral="off"))
-    assert not is_for_cards(SETTINGS)
+def test_spectral_pictures_are_for_cards_too() -> None:
+    assert is_for_cards(SETTINGS)
+    assert not is_for_cards(replace(SETTINGS, light_groups="key"))
 
 
 def test_settings_of_rgb_are_those_of_older_workers() -> None:

@@ -27,6 +27,7 @@ from renderer.render import is_for_cards, render_batch, variant_for
 from renderer.scene.compiled import CompiledScene
 from renderer.sentences import Sentence
 from renderer.settings import Tile
+from renderer.variant_names import variant_suffix
 from worker.exchange.errors import TemporaryError, WorkerError
 from worker.exchange.kernels import fetch_kernel, upload_kernel_in_background
 from worker.exchange.retry import retry_temporary
@@ -203,7 +204,7 @@ def _prepare_renderer(
     if renderer is None:
         raise UnusableError(_card_failed_sentence(card))
     scene = retry_temporary(lambda: mapped_scene(worker, batch.compiled), PATIENCE_S)
-    variant = variant_for(batch.settings, scene)
+    variant = f"{variant_for(batch.settings, scene)}{variant_suffix(batch.settings)}"
     if not renderer.has_kernel(variant):
         compiling(True)
         _load(worker, renderer, variant)

@@ -26,10 +26,11 @@ from renderer.scene.description import Material
 from renderer.scene.origin import fixed_point_origin, settings_relative_to_origin
 from renderer.settings import RenderSettings
 from renderer.threads import Team
+from renderer.variant_names import variant_suffix
 from tests.grids import grid
 from tests.renderer.builders import gray
 from tests.renderer.cuda.on_host import launcher
-from tests.renderer.kernel.backends.features import FEATURES, made
+from tests.renderer.kernel.backends.features import FEATURES, SPECTRAL, made
 from tests.renderer.test_transparent_background import FLOOR, over_a_floor, transparent
 
 SPP = 4
@@ -52,7 +53,7 @@ def picture_of(name: str, first: int = 0, count: int = SPP) -> Picture:
 
 def variant_of(name: str) -> str:
     scene, settings = made(name)
-    return variant_for(settings, scene)
+    return f"{variant_for(settings, scene)}{variant_suffix(settings)}"
 
 
 def bytes_of(wave: Wave) -> npt.NDArray[np.uint8]:
@@ -86,6 +87,18 @@ def of_cpu(name: str) -> tuple[npt.NDArray[np.int64], RenderStats]:
 
 @grid("name", FEATURES, ordinary=ORDINARY)
 def test_gpu_kernel_film_equals_the_cpu_film(name: str) -> None:
+    wave = run(name)
+    film, stats = of_cpu(name)
+    assert (wave.film != film).any(0).sum() == 0
+    assert wave.counters[RAYS] == stats.rays
+    assert wave.counters[BAD] == 0
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", SPECTRAL)
+def test_film_by_wavelength_equals_the_cpu_film(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    compiled, settings = FEATURES[name]
+    monkeypatch.setitem(FEATURES, name, (compiled, replace(settings, spectral="on")))
     wave = run(name)
     film, stats = of_cpu(name)
     assert (wave.film != film).any(0).sum() == 0

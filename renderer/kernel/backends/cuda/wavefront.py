@@ -48,6 +48,7 @@ from renderer.kernel.backends.cpu.rows import (
     RowHit,
     Sample,
     Shading,
+    camera_stream,
     column,
     gather,
     last_vertex,
@@ -74,6 +75,7 @@ from renderer.kernel.backends.scalar.tile import add_sample
 from renderer.kernel.light.lights import choose_sampled
 from renderer.kernel.material.material import factors_at
 from renderer.kernel.medium.camera_media import media_of_camera
+from renderer.kernel.spectrum.wavelengths import to_rgb
 from renderer.kernel.steps.record_first_hit import FirstHit
 from renderer.kernel.steps.splitting import splits
 from renderer.kernel.steps.state import Crossings, PathState, Ray
@@ -388,8 +390,7 @@ def _add_to_film(job, pool, batch, path):
     """Adds a path to the film, or counts it as bad if it is not finite."""
     hit, sums = local_floats(FIRST_HIT_SLOTS), local_zeros(np.int64, _SUMS)
     store_first_hit(hit, gather(pool, path, FirstHit))
-    second = gather(pool, second_rows(pool, path), PathState)
-    radiance = vec.add(gather(pool, path, PathState).radiance, second.radiance)
+    radiance = _radiance(job, path)
     if vec.is_finite(radiance) and is_finite_first_hit(hit):
         sample = gather(pool, path, Sample)
         if job.options.has_mattes and catches_light_alone(hit):  # a shadow is black
@@ -408,6 +409,17 @@ def _add_to_film(job, pool, batch, path):
             store_record(job.records, np.uintp(number), hit, radiance)
     else:
         add_atomically(job.counters, _BAD, _ONE)
+
+
+@device
+def _radiance(job, path):
+    """Returns the radiance of both branches of a path, linear Rec.709."""
+    first = gather(job.pool, path, PathState).radiance
+    second = gather(job.pool, second_rows(job.pool, path), PathState).radiance
+    if job.scene.spectrum is not None:
+        stream = camera_stream(gather(job.pool, path, Sample), job.options)
+        first, second = to_rgb(job.scene.spectrum, stream, first), to_rgb(job.scene.spectrum, stream, second)
+    return vec.add(first, second)
 
 
 _KERNELS = (

@@ -32,7 +32,7 @@ from renderer.scene.readers.strands import Strand, strands_mesh
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
 
-__all__ = ["FEATURES", "SIZE", "Feature", "made"]
+__all__ = ["FEATURES", "SIZE", "SPECTRAL", "Feature", "made"]
 
 SIZE = 32
 VIEW = View((0.0, 1.6, 5.0), (0.0, 0.7, 0.0), fov=45.0)
@@ -506,6 +506,14 @@ FEATURES: dict[str, Feature] = {
     "reflections without shadows": _feature(lambda: caught(shadows=False), background="transparent"),
     "reflections in fog": _feature(lambda: caught(medium=Medium(sigma_s=gray(0.1))), background="transparent"),
 }
+
+
+# The features that are rendered by wavelength, too.
+SPECTRAL = (
+    *("metal and plastic", "a rough metal", "an even metal", "textures", "coloured glass", "a prism", "a coat and cloth"),
+    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's", "a soap film"),
+    *("fog", "wax", "milk in glass", "smoke in a grid", "fire in a grid behind cards", "reflections on a floor"),
+)
 
 
 def made(name: str) -> tuple[CompiledScene, RenderSettings]:
