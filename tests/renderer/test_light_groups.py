@@ -12,7 +12,7 @@ from renderer.errors import SceneError, SettingsError
 from renderer.film import COLOR, SAMPLES, Sums, group_planes, plane_count
 from renderer.jit import entry
 from renderer.kernel import accumulate
-from renderer.kernel.light_groups import GROUP_ROW, add_sample_by_group
+from renderer.kernel.light_groups import GROUP_ROW, add_sample_by_group, add_to_plane
 from renderer.render import render_batch, render_frame
 from renderer.scene.compile import compile_scene
 from renderer.scene.description import Environment, Light, Material, SceneDescription
@@ -32,7 +32,7 @@ def _split(planes, table, count, radiance):
     for k in range(len(radiance)):
         place, row = np.uintp(k), np.uintp(2 * count * k)
         light = radiance[k, 0], radiance[k, 1], radiance[k, 2]
-        add_sample_by_group(planes, place, np.uintp(len(radiance)), table, row, row + np.uintp(count), count, light, SCALE)
+        add_sample_by_group(planes, place, np.uintp(len(radiance)), table, row, row + np.uintp(count), count, light, SCALE, add_to_plane)
 
 
 def _settings(name: str, groups: str = ",".join(GROUPS)) -> RenderSettings:

@@ -139,7 +139,7 @@ def test_holdouts_and_shadow_catchers_have_the_same_bits(monkeypatch: pytest.Mon
         ("lights without a body", {"light_groups": ",".join(GROUPS)}),
         ("lights with pictures", {"light_groups": "sun-1,key"}),
         ("what the camera does not see", {"light_paths": "on"}),
-        ("skin", {"light_groups": "key", "light_paths": "on", "spectral": "on"}),
+        ("skin", {"light_groups": "sky", "light_paths": "on", "spectral": "on"}),
         ("skin", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
         ("fire in a grid behind cards", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
         ("reflections in fog", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
