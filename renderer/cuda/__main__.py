@@ -12,10 +12,11 @@ from renderer.arrays.scene_features import KERNEL_VARIANTS
 from renderer.cuda.artefacts import path_of, ptx_of
 from renderer.cuda.cards import NOT_YET_TRIED
 from renderer.printable import printable
-from renderer.render import PLAIN
 from renderer.variant_names import SPECTRAL_SUFFIX
 
 __all__ = ["main"]
+
+_PLAIN, *_ = KERNEL_VARIANTS
 
 
 def main() -> None:
@@ -24,9 +25,9 @@ def main() -> None:
         prog="python -m renderer.cuda", description=f"Builds the kernels for NVIDIA cards, without a card ({NOT_YET_TRIED})."
     )
     parser.add_argument("variants", nargs="*", metavar="VARIANT", help=f"of {', '.join(KERNEL_VARIANTS)}; by default all")
-    parser.add_argument("--spectral", action="store_true", help=f"those for `spectral: on`, which has no kernel {PLAIN}")
+    parser.add_argument("--spectral", action="store_true", help=f"those for `spectral: on`, which has no kernel {_PLAIN}")
     options = parser.parse_args()
-    known = [name for name in KERNEL_VARIANTS if name != PLAIN or not options.spectral]
+    known = [name for name in KERNEL_VARIANTS if name != _PLAIN or not options.spectral]
     wanted = options.variants or known
     if unknown := [name for name in wanted if name not in known]:
         parser.error(f"there is no kernel {', '.join(unknown)}; known are {', '.join(known)}")

@@ -435,8 +435,8 @@ def _add_to_film(job, pool, batch, path):
 @device
 def _radiance(job, path):
     """Returns the radiance of both branches of a path, linear Rec.709."""
-    first = gather(job.pool, path, PathState).radiance
     second = gather(job.pool, second_rows(job.pool, path), PathState).radiance
+    first = gather(job.pool, path, PathState).radiance
     if job.scene.spectrum is not None:
         stream = camera_stream(gather(job.pool, path, Sample), job.options)
         first, second = to_rgb(job.scene.spectrum, stream, first), to_rgb(job.scene.spectrum, stream, second)
