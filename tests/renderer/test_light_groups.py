@@ -56,7 +56,8 @@ def test_the_groups_of_a_sample_add_up_to_its_colour(count: int) -> None:
     table[..., :3] = light
     radiance = light.sum(axis=(1, 2), dtype=np.float32)
     planes = np.zeros((count, 3, samples), np.int64)
-    _split(planes.reshape(-1), table.reshape(-1), count, radiance)
+    shape = (GROUP_ROW, -1) if count == 17 else (-1,)  # a graphics card's table has two dimensions
+    _split(planes.reshape(-1), table.reshape(shape), count, radiance)
     colour = np.rint(np.clip(radiance, -film.SAMPLE_MAX, film.SAMPLE_MAX).astype(np.float64) * 2.0**24).astype(np.int64)
     assert (planes.sum(axis=0) == colour.T).all()
     of_groups = (light[:, 0] + light[:, 1]).transpose(1, 2, 0)
