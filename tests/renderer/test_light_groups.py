@@ -32,7 +32,9 @@ def _split(planes, table, count, radiance):
     for k in range(len(radiance)):
         place, row = np.uintp(k), np.uintp(2 * count * k)
         light = radiance[k, 0], radiance[k, 1], radiance[k, 2]
-        add_sample_by_group(planes, place, np.uintp(len(radiance)), table, row, row + np.uintp(count), count, light, SCALE, add_to_plane)
+        add_sample_by_group(
+            planes, place, np.uintp(len(radiance)), table, row, row + np.uintp(count), count, light, SCALE, add_to_plane
+        )
 
 
 def _settings(name: str, groups: str = ",".join(GROUPS)) -> RenderSettings:
