@@ -223,7 +223,8 @@ def _render_on(
         return _added([_render_on(card, scene, settings, tile, *each) for each in ranges])
     camera, options = camera_frame(settings_relative_to_origin(settings, scene.origin)), kernel_options(settings, scene)
     batch = Batch(tile.x, tile.y, first, count, fixed_point_origin(scene.origin, settings.film_exponent))
-    variant = next(name for name, has in KERNEL_VARIANTS.items() if has == scene.has) + variant_suffix(settings)
+    plain = scene.has._replace(groups=None, light_paths=None, by_light=None)
+    variant = next(name for name, has in KERNEL_VARIANTS.items() if has == plain) + variant_suffix(settings)
     found = card.render(scene, variant, camera, options, batch, tile.w, tile.h, recorded)
     bad: list[BadSample] = []
     if found.bad_count:  # a card counts them: the CPU lists those of the pixels that lack samples
@@ -233,8 +234,8 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render these settings: the default strategy, without light planes."""
-    return has_variants(settings) and not settings.light_planes
+    """Returns True if a graphics card can render these settings: the default strategy to find light."""
+    return has_variants(settings)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -244,7 +245,7 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, no light groups, light paths off and no mistake; leave out the card",
+                "sample, caustics off and no mistake; leave out the card",
             )
         )
 

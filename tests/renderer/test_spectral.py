@@ -45,7 +45,7 @@ def test_spectral_needs_an_estimating_integrator(integrator: str) -> None:
 def test_cards_render_by_wavelength_and_with_guides() -> None:
     assert is_for_cards(SETTINGS)
     assert is_for_cards(replace(SETTINGS, spectral="off", guiding="on"))
-    assert not is_for_cards(replace(SETTINGS, light_groups="key"))
+    assert not is_for_cards(replace(SETTINGS, spectral="off", caustics="on"))
 
 
 def test_settings_of_rgb_are_those_of_older_workers() -> None:

@@ -90,7 +90,9 @@ def test_unused_cards_have_a_reason(library: str, with_cards: pytest.MonkeyPatch
     with_cards.setenv("FAKE_CUDA_CARDS", f"{NEW},{NEW},{OLD}")
     cards = find_cards(library)
     unused = reasons_unused(cards, cards.usable[:1])
-    assert unused[0] == ("Card 1: RTX Test, 8 GiB, compute capability 8.6 is not used. To use it, start the worker with --gpu 1.")
+    assert unused[0] == (
+        "Card 1: RTX Test, 8 GiB, compute capability 8.6 is not used. To use it, start the worker with 1 in --gpu."
+    )
     assert unused[1:] == cards.refused
     assert reasons_unused(cards, cards.usable) == cards.refused
 

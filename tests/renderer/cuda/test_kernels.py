@@ -6,6 +6,7 @@ The LLVM code that becomes PTX is run on the CPU.
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +16,7 @@ from renderer.arrays.scene import CompiledScene
 from renderer.bvh.compress import compressed
 from renderer.cuda.job import wave_for
 from renderer.cuda.turns import paths_for, take_turns
-from renderer.film import CHANNELS
+from renderer.film import CHANNELS, COLOR, group_planes
 from renderer.kernel.accumulate import Batch
 from renderer.kernel.backends.cuda.wavefront import ACTIVE, BAD, RAYS, Wave
 from renderer.kernel.camera import Camera, camera_frame
@@ -30,7 +31,7 @@ from renderer.variant_names import variant_suffix
 from tests.grids import grid
 from tests.renderer.builders import gray
 from tests.renderer.cuda.on_host import launcher
-from tests.renderer.kernel.backends.features import FEATURES, SPECTRAL, made
+from tests.renderer.kernel.backends.features import FEATURES, GROUPS, SPECTRAL, grouped, made
 from tests.renderer.test_transparent_background import FLOOR, over_a_floor, transparent
 
 SPP = 4
@@ -122,6 +123,40 @@ def test_holdouts_and_shadow_catchers_have_the_same_bits(monkeypatch: pytest.Mon
     film, _ = of_cpu(feature)
     assert film[CHANNELS + 1].any()
     assert (run(feature).film == film).all()
+
+
+@pytest.mark.long  # compiles the kernels with light groups and light paths
+@pytest.mark.parametrize(
+    ("name", "asked"),
+    (
+        ("diffuse", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("glass", {"light_groups": "sky", "light_paths": "on", "splitting": 1}),
+        ("a clamp", {"light_groups": ",".join(GROUPS), "light_paths": "on", "background": "transparent"}),
+        ("textures", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("half clear lights", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("unlit", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("many lights", {"light_groups": ",".join(GROUPS), "light_paths": "on", "cryptomatte": 2}),
+        ("lights without a body", {"light_groups": ",".join(GROUPS)}),
+        ("lights with pictures", {"light_groups": "sun-1,key"}),
+        ("what the camera does not see", {"light_paths": "on"}),
+        ("skin", {"light_groups": "sky", "light_paths": "on", "spectral": "on"}),
+        ("skin", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("fire in a grid behind cards", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+        ("reflections in fog", {"light_groups": ",".join(GROUPS), "light_paths": "on"}),
+    ),
+)
+def test_light_groups_and_paths_have_the_same_bits(name: str, asked: dict[str, Any], monkeypatch: pytest.MonkeyPatch) -> None:
+    feature, settings = "light planes", replace(made(name)[1], **asked)
+    monkeypatch.setitem(FEATURES, feature, (lambda: grouped(name), settings))
+    wave, (film, stats) = run(feature), of_cpu(feature)
+    assert (wave.film == film).all()
+    assert wave.counters[RAYS] == stats.rays
+    first = 0
+    for planes in (len(settings.group_names), len(settings.light_planes) - len(settings.group_names)):
+        found = [wave.film[group_planes(first + k)] for k in range(planes)]
+        assert not found or (sum(found) == wave.film[COLOR]).all()
+        assert not found or sum(each.any() for each in found) > 1
+        first += planes
 
 
 @pytest.mark.parametrize("paths", (32, 8192))
