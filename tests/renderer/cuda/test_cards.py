@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -27,12 +28,12 @@ from renderer.cuda.cards import (
 from renderer.cuda.driver import Card, Device, Driver, DriverError
 from renderer.cuda.render import CardError, CardRenderer
 from renderer.errors import SettingsError
-from renderer.film import SAMPLES, digest
+from renderer.film import COLOR, SAMPLES, digest
 from renderer.render import RenderStats, render_batch, render_frame
 from renderer.settings import RenderSettings, Tile, tiles_of
 from tests.helpers import ROOT
 from tests.renderer.cuda.on_host import fake_driver, shared_object
-from tests.renderer.kernel.backends.features import VIEW, made
+from tests.renderer.kernel.backends.features import GROUPS, VIEW, grouped, made
 from tests.renderer.test_spectral import room_by_spectra, room_over_a_catcher
 from worker.work import slot_card
 
@@ -210,6 +211,31 @@ def test_card_pictures_by_wavelength_equal_the_cpu_ones(
         monkeypatch.setattr("renderer.render._CARD_RECORDS", 9 * 7 * 13 * 2)  # two samples a pixel at once, if recorded
         found, sums = (render_batch(scene, wanted, tile, 1, 5, each) for each in (card, None))
         assert digest(found.sums, found.hits, found.deep) == digest(sums.sums, sums.hits, sums.deep)
+    card.close()
+
+
+@pytest.mark.long
+def test_card_frame_by_light_equals_the_cpu_one_until_it_stops(
+    library: str, with_cards: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Light groups and light paths in a frame that ends early; the card's memory for paths grows and shrinks with them."""
+    with_cards.setenv("FAKE_CUDA_KERNEL", str(shared_object("plain-paths-groups", tmp_path)))
+    card = CardRenderer(find_cards(library).usable[0], library)
+    scene, settings = grouped("diffuse"), replace(made("diffuse")[1], light_paths="on")
+    for groups in (",".join(GROUPS), "sky"):
+        wanted, passes = replace(settings, light_groups=groups), ([], [])
+
+        def stops(sums: Any, seen: list[int]) -> bool:
+            seen.append(int(sums[SAMPLES].max()))
+            return seen[-1] >= 4 and bool(sums[COLOR].any())
+
+        of_card, of_cpu = (
+            render_frame(scene, wanted, 64, stop=partial(stops, seen=seen), card=each)
+            for seen, each in zip(passes, (card, None), strict=True)
+        )
+        assert (of_card == of_cpu).all()
+        assert passes[0] == passes[1]
+        assert passes[0][-1] < 64
     card.close()
 
 
