@@ -72,6 +72,7 @@ __all__ = [
     "replay",
     "variant_for",
     "warm_up",
+    "warm_up_guide",
 ]
 
 _PLAIN_ROOTS = 2  # root nodes of a tree without visibility by kind of ray: for camera rays and shadow rays
@@ -233,8 +234,8 @@ def _render_on(
 
 
 def is_for_cards(settings: RenderSettings) -> bool:
-    """Returns True if a graphics card can render these settings: the default strategy, without guide."""
-    return has_variants(settings) and not samples_guide(settings)
+    """Returns True if a graphics card can render these settings: the default strategy to find light."""
+    return has_variants(settings)
 
 
 def check_for_cards(settings: RenderSettings) -> None:
@@ -244,7 +245,7 @@ def check_for_cards(settings: RenderSettings) -> None:
             Sentence(
                 "card-settings-unsupported",
                 "a graphics card renders only with the integrators path and direct, sampling mis, heuristic power, one light "
-                "sample, caustics off, guiding off and no mistake; leave out the card",
+                "sample, caustics off and no mistake; leave out the card",
             )
         )
 
@@ -512,14 +513,19 @@ def warm_up(
         _render(nothing, settings, Tile(0, 0, 0, 0), 0, 0)
         if samples_caustics(settings):
             warm_up_photons(nothing)
-        if samples_guide(settings):
-            warm_up_pilot(strip_absent_features(example(), _pilot_variant(variant)), settings)
+        warm_up_guide(settings, variant)
         helping.finish()
         if prepares:
             prepare_first() if name == kernel_name() else prepare()
     if prepares:
         load_preparing()
     return time.perf_counter() - begin
+
+
+def warm_up_guide(settings: RenderSettings, variant: str) -> None:
+    """Compiles or loads the kernel that trains a path guide, if the settings ask for one. variant: of the kernel for images."""
+    if samples_guide(settings):
+        warm_up_pilot(strip_absent_features(example(), _pilot_variant(variant)), settings)
 
 
 def load_preparing() -> None:

@@ -12,20 +12,20 @@ from renderer.kernel.accumulate import samples_guide
 from renderer.scene.light_groups import with_group_planes
 from renderer.settings import RenderSettings, View
 
-__all__ = ["SPECTRAL_SUFFIX", "base_variant", "example_of", "variant_suffix"]
+__all__ = ["GUIDED_SUFFIX", "SPECTRAL_SUFFIX", "base_variant", "example_of", "variant_suffix"]
 
-_GUIDED_SUFFIX = "-guided"  # of a variant's name: for settings with a path guide,
+GUIDED_SUFFIX = "-guided"  # of a variant's name: for settings with a path guide,
 _PATHS_SUFFIX = "-paths"  # then with light paths,
 _GROUPS_SUFFIX = "-groups"  # with light groups,
 SPECTRAL_SUFFIX = "-spectral"  # and at the end for spectra
-_IN_ORDER = _GUIDED_SUFFIX, _PATHS_SUFFIX, _GROUPS_SUFFIX, SPECTRAL_SUFFIX
+_IN_ORDER = GUIDED_SUFFIX, _PATHS_SUFFIX, _GROUPS_SUFFIX, SPECTRAL_SUFFIX
 _PICTURE = RenderSettings(2, 2, View((0.2, 0.2, 1.0), (0.2, 0.2, 0.0)))
 
 
 def variant_suffix(settings: RenderSettings) -> str:
     """Returns what is appended to a variant's name for what these settings add to its kernel."""
     by_light = f"{_PATHS_SUFFIX if settings.has_light_paths else ''}{_GROUPS_SUFFIX if settings.light_groups else ''}"
-    return f"{_GUIDED_SUFFIX if samples_guide(settings) else ''}{by_light}{SPECTRAL_SUFFIX if settings.is_spectral else ''}"
+    return f"{GUIDED_SUFFIX if samples_guide(settings) else ''}{by_light}{SPECTRAL_SUFFIX if settings.is_spectral else ''}"
 
 
 def base_variant(name: str) -> str:
@@ -47,7 +47,7 @@ def example_of(name: str) -> tuple[CompiledScene, RenderSettings]:
         spectral="on" if SPECTRAL_SUFFIX in suffixes else "off",
     )
     nothing = strip_absent_features(with_group_planes(example(), settings.group_names), variant, has_groups, has_paths)
-    if _GUIDED_SUFFIX in suffixes:
+    if GUIDED_SUFFIX in suffixes:
         nothing = nothing._replace(path_guide=empty_guide())
     if SPECTRAL_SUFFIX in suffixes:
         nothing = nothing._replace(spectrum=empty_spectrum_tables())

@@ -42,9 +42,10 @@ def test_spectral_needs_an_estimating_integrator(integrator: str) -> None:
         replace(SETTINGS, integrator=integrator)
 
 
-def test_spectral_pictures_are_for_cards_too() -> None:
+def test_cards_render_by_wavelength_and_with_guides() -> None:
     assert is_for_cards(SETTINGS)
-    assert not is_for_cards(replace(SETTINGS, light_groups="key"))
+    assert is_for_cards(replace(SETTINGS, spectral="off", guiding="on"))
+    assert not is_for_cards(replace(SETTINGS, spectral="off", caustics="on"))
 
 
 def test_settings_of_rgb_are_those_of_older_workers() -> None:

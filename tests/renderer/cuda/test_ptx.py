@@ -34,7 +34,7 @@ OTHERS = 256, 64, 255
 MEASURED = re.compile(
     r"Function properties for (\w+)\n\s+(\d+) bytes stack frame, (\d+) bytes spill stores.*\n.*Used (\d+) registers"
 )
-SPECTRAL = "full-spectral", "media-spectral"  # of the variants' kernels by wavelength
+WITH_SETTINGS = "full-spectral", "media-spectral", "full-guided"  # variants with what settings add to them
 OF_WARP = "activemask.b32", "match.any.sync.b32", "shfl.sync.idx.b32"
 
 
@@ -99,7 +99,7 @@ def test_prefetch_is_omitted() -> None:
     )
 
 
-@grid("variant", [*KERNEL_VARIANTS, *SPECTRAL], ordinary=["plain"])
+@grid("variant", [*KERNEL_VARIANTS, *WITH_SETTINGS], ordinary=["plain"])
 def test_variant_ptx_has_all_kernels(variant: str) -> None:
     ptx = emit_ptx(module_of(variant).clone())
     assert f".target sm_{CAPABILITY[0]}{CAPABILITY[1]}" in ptx
@@ -109,7 +109,7 @@ def test_variant_ptx_has_all_kernels(variant: str) -> None:
 
 
 @pytest.mark.long  # takes a minute for each variant
-@pytest.mark.parametrize("variant", [*KERNEL_VARIANTS, *SPECTRAL])
+@pytest.mark.parametrize("variant", [*KERNEL_VARIANTS, *WITH_SETTINGS])
 def test_registers_and_spills_stay_within_their_budget(variant: str, tmp_path: Path) -> None:
     assembler = shutil.which("ptxas") or pytest.skip("There is no ptxas (pip install nvidia-cuda-nvcc).")
     path = tmp_path / "kernel.ptx"

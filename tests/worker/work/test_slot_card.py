@@ -142,8 +142,12 @@ def test_settings_are_part_of_the_kernel(worker: Any, monkeypatch: pytest.Monkey
     loaded: list[str] = []
     monkeypatch.setattr(slot_card, "fetch_kernel", lambda link, folder, name: (True, str(loaded.append(name))))
     render(worker, BATCH)
-    render(worker, replace(BATCH, settings=replace(SETTINGS, spectral="on")))
-    assert loaded == ["cuda-plain", "cuda-plain-spectral"]
+    warm: list[str] = []
+    monkeypatch.setattr(slot_card, "warm_up_guide", lambda settings, variant: warm.append(f"{variant} {settings.guiding}"))
+    for more in ({"spectral": "on"}, {"guiding": "auto"}):
+        render(worker, replace(BATCH, settings=replace(SETTINGS, **more)))
+    assert loaded == ["cuda-plain", "cuda-plain-spectral", "cuda-plain-guided"]
+    assert warm == ["plain off", "plain auto"]
 
 
 def test_discarded_samples_belong_to_their_tile(worker: Any) -> None:
