@@ -8,9 +8,22 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from renderer.errors import SceneError
 from renderer.scene.description import Mesh
 from renderer.scene.readers.polylines import by_stride
-from renderer.scene.readers.tubes import BASES, STEPS, fineness_of, ribbons, sides_of, tubes, tubes_mesh
+from renderer.scene.readers.tubes import (
+    BASES,
+    MAX_STEPS,
+    MAX_VERTICES,
+    STEPS,
+    Tubes,
+    fineness_of,
+    ribbons,
+    sides_of,
+    tubes,
+    tubes_mesh,
+)
+from renderer.sentences import Sentence
 
 __all__ = ["Strand", "line_of", "strands_mesh"]
 
@@ -51,20 +64,37 @@ def _weights(basis: str, steps: int) -> F64:
 def strands_mesh(strands: list[Strand], fibres: bool = False) -> Mesh:
     """Returns one mesh with a tube or ribbon for each curve; with many curves, tubes have fewer sides.
 
-    fibres: whether they are fibres of hair (tubes.py), which are round.
+    fibres: whether they are fibres of hair (tubes.py), which are round. Raises SceneError if they have too many points.
     """
     groups: dict[tuple[int, bool, int], list[Strand]] = {}
     for strand in strands:
         groups.setdefault((len(strand.points), strand.facing is None or fibres, strand.steps), []).append(strand)
-    pieces, sides = [], sides_of(len(strands), fibres)
-    for (_, is_round, steps), group in groups.items():
+    sides, vertices = sides_of(len(strands), fibres), 0
+    if sum(samples for samples, *_ in groups) > MAX_STEPS:
+        raise _too_many(strands)
+    pieces: list[Tubes] = []
+    for (samples, is_round, steps), group in groups.items():
         lines, radii = np.stack([strand.points for strand in group]), np.stack([strand.radii for strand in group])
+        alike = [(np.arange(len(group)), slice(None))]
         if fibres:
-            alike = by_stride(lines, radii, steps, *fineness_of(len(strands)))
-            pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, True) for k, kept in alike]
-        elif is_round:
-            pieces.append(tubes(lines, radii, None, sides))
+            alike = list(by_stride(lines, radii, steps, *fineness_of(len(strands))))
+        vertices += sum(len(k) * len(range(samples)[kept]) for k, kept in alike) * (sides if is_round else 2)
+        if vertices > MAX_VERTICES:
+            raise _too_many(strands)
+        if is_round:
+            pieces += [tubes(lines[k, kept], radii[k, kept], None, sides, fibres) for k, kept in alike]
         else:
             facing = np.stack([strand.facing for strand in group if strand.facing is not None])
             pieces.append(ribbons(lines, radii, facing, None))
     return tubes_mesh("curves", pieces)
+
+
+def _too_many(strands: list[Strand]) -> SceneError:
+    return SceneError(
+        Sentence(
+            "curves-too-many",
+            "{curves} curves with {points} points after subdivision are too many; export fewer or shorter ones",
+            curves=len(strands),
+            points=sum(len(strand.points) for strand in strands),
+        )
+    )
