@@ -1,4 +1,4 @@
-"""Converts curves to tubes of triangles: closed ones, or fibres of hair, which are open and have tangents and diameters.
+"""Converts curves: fibres of hair to segments of round curves (renderer/bvh/curves.py), others to closed tubes of triangles.
 
 Ribbons, which are flat, become strips.
 """
@@ -20,6 +20,7 @@ __all__ = [
     "CurveWeights",
     "Tubes",
     "curve_weights",
+    "fibres",
     "fineness_of",
     "line_tangents",
     "ribbons",
@@ -38,12 +39,12 @@ BASES = {
 }
 
 
-MAX_FINE_CURVES = 500  # up to this many curves get more sides
+MAX_FINE_CURVES = 500  # up to this many curves get more sides, or more lines
 MAX_CURVES = 20_000  # likewise; of more, each is hardly wider than a pixel
 
 
 class Tubes(NamedTuple):
-    """Tubes around curves, as triangles."""
+    """Tubes around curves, as triangles, or the curves themselves: triangles (a, b, b) are their segments."""
 
     positions: F64
     normals: F64
@@ -79,11 +80,9 @@ class CurveWeights(NamedTuple):
         return found
 
 
-def sides_of(curves: int, fibres: bool) -> int:
-    """Returns the number of sides of each of `curves` tubes; fibres get more, as their light depends on the normal."""
-    if curves <= MAX_FINE_CURVES:
-        return 12
-    return 6 if fibres and curves <= MAX_CURVES else 4
+def sides_of(curves: int) -> int:
+    """Returns the number of sides of each of `curves` tubes."""
+    return 12 if curves <= MAX_FINE_CURVES else 4
 
 
 def fineness_of(curves: int) -> tuple[float, int]:
@@ -106,10 +105,10 @@ def tubes_mesh(name: str, pieces: list[Tubes]) -> Mesh:
         mesh.colors[:, :3] = all_colors.clip(0, 1)
     uv_sets = [np.concatenate(uvs).astype(np.float32) for uvs in zip(*(p.uvs for p in pieces), strict=False)]
     mesh.uvs, mesh.uvs1 = (uv_sets[k] if k < len(uv_sets) else None for k in (0, 1))
-    fibres = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
-    if fibres:
-        tangents: F64 = np.concatenate([along for along, _ in fibres])
-        diameters: F64 = np.concatenate([across for _, across in fibres])
+    round_ones = [(p.tangents, p.diameters) for p in pieces if p.tangents is not None and p.diameters is not None]
+    if round_ones:
+        tangents: F64 = np.concatenate([along for along, _ in round_ones])
+        diameters: F64 = np.concatenate([across for _, across in round_ones])
         mesh.tangents, mesh.diameters = tangents.astype(np.float32), diameters.astype(np.float32)
     return mesh
 
@@ -165,14 +164,30 @@ def line_tangents(lines: F64) -> F64:
     return tangents
 
 
-def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool = False, uvs: Sequence[F64] = ()) -> Tubes:
+def fibres(lines: F64, radii: F64, colors: F64 | None, uvs: Sequence[F64] = ()) -> Tubes:
+    """Returns (N, S, 3) polylines as segments of round curves, with tangents and diameters.
+
+    radii: (N, S); colors: (N, S, 3) or None; uvs: (N, S, 2) each.
+    """
+    count, samples = lines.shape[:2]
+    tangents = line_tangents(lines).reshape(-1, 3)
+    first = (np.arange(count)[:, None] * samples + np.arange(samples - 1)).reshape(-1)
+    return Tubes(
+        lines.reshape(-1, 3),
+        np.cross(tangents, np.eye(3)[np.argmin(np.abs(tangents), axis=1)]),  # any normal: those of hits follow from the ray
+        None if colors is None else colors.reshape(-1, colors.shape[2]),
+        np.stack([first, first + 1, first + 1], axis=1),
+        np.column_stack([tangents, np.ones(len(tangents))]),
+        2 * radii.reshape(-1),
+        tuple(each.reshape(-1, 2) for each in uvs),
+    )
+
+
+def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, uvs: Sequence[F64] = ()) -> Tubes:
     """Returns tubes around (N, S, 3) polylines, with flat ends.
 
-    radii: (N, S); colors: (N, S, 3) or None; uvs: (N, S, 2) each; sides: number of sides of each tube. fibres: makes the tubes
-    fibres of hair: without ends, with tangents, and as wide on average as the round fibre, whose circumference they have.
+    radii: (N, S); colors: (N, S, 3) or None; uvs: (N, S, 2) each; sides: number of sides of each tube.
     """
-    if fibres:
-        radii = radii * (np.pi / sides / np.sin(np.pi / sides))
     count, samples = lines.shape[:2]
     tangents = line_tangents(lines)
     across = np.empty_like(lines)
@@ -189,19 +204,6 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool =
     along, k = np.meshgrid(np.arange(samples - 1), np.arange(sides), indexing="ij")
     a, b = along * sides + k, along * sides + (k + 1) % sides
     body = np.stack([np.stack([a, b, b + sides], -1), np.stack([a, b + sides, a + sides], -1)]).reshape(-1, 3)
-    if fibres:
-        triangles = (body[None] + (np.arange(count) * samples * sides)[:, None, None]).reshape(-1, 3)
-        shown = None if colors is None else np.repeat(colors.reshape(-1, colors.shape[2]), sides, axis=0)
-        handed = np.concatenate([tangents, np.ones((count, samples, 1))], axis=2).reshape(-1, 4)
-        return Tubes(
-            rings.reshape(-1, 3),
-            np.broadcast_to(out, rings.shape).reshape(-1, 3),
-            shown,
-            triangles,
-            np.repeat(handed, sides, axis=0),
-            np.repeat(2 * radii.reshape(-1), sides),
-            tuple(np.repeat(each.reshape(-1, 2), sides, axis=0) for each in uvs),
-        )
     ends = np.stack([rings[:, 0], rings[:, -1]], axis=1)
     facing = np.broadcast_to(np.stack([-tangents[:, 0], tangents[:, -1]], axis=1)[:, :, None], ends.shape)
     positions = np.concatenate([rings, ends], axis=1).reshape(-1, 3)
