@@ -74,7 +74,7 @@ class CompiledScene(NamedTuple):
     uv: Array  # (V, 2) f32, or no rows without textures
     uv1: Array  # (V, 2) f32, or no rows if no texture uses the second set
     color: Array  # (V, 4) f32 RGBA 0..1, or no rows without vertex colours
-    # (V, 4) f32 unit and the bitangent's sign, times the diameter of fibres; zeros if unused, or no rows if no material needs them
+    # (V, 4) f32: unit and the bitangent's sign, times the diameter of fibres; zeros if unused, or no rows if none are needed
     tangent: Array
     triangle: Array  # (T, 4) i32: three vertices, and the part; (a, b, b) is a segment of a curve (renderer/bvh/curves.py)
     part: Array  # (P, 3) i32: PART_MATERIAL, PART_OBJECT (scene/object_ids.py; counts of an instance), PART_SHINES

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from renderer.bvh.boxes import set_number
 from renderer.bvh.collapse import Shapes, collapse_all
+from renderer.bvh.curve_ends import NO_ENDS, segment_ends
 from renderer.bvh.instances import Instances, instance_boxes, relocate
 from renderer.bvh.layout import NODE_ROWS, PACKET_ROWS, ROW_CHILD, ROW_PRIMITIVE, WIDTH, Bvh
 from renderer.bvh.top import build_binary_tree, part_size
@@ -104,10 +105,10 @@ def tree_over(
         array.flags.writeable = False
     if len(triangle) + sphere.shape[1] == 0:
         return _tree(arrays[0][0], triangle, arrays[0][1], first_sphere, nothing, team)
-    first_curve = len(triangle) - _count_curves(number)
-    box = np.maximum.reduce([_boxes(Shapes(p, triangle, s, first_sphere, first_curve, radius), nothing, team) for p, s in arrays])
-    binary = build_binary_tree(box, first_curve, len(triangle), len(triangle) + sphere.shape[1], team)
-    shapes = Shapes(arrays[0][0], triangle, arrays[0][1], first_sphere, first_curve, radius)
+    each = [_shapes(p, triangle, s, first_sphere, radius, number) for p, s in arrays]
+    box = np.maximum.reduce([_boxes(shapes, nothing, team) for shapes in each])
+    binary = build_binary_tree(box, each[0].first_curve, len(triangle), len(triangle) + sphere.shape[1], team)
+    shapes = each[0]
     return _renumbered(collapse_all(binary, shapes, team), number)
 
 
@@ -169,7 +170,7 @@ def _tree(
         node[:, ROW_CHILD] = 0
         return node, np.empty((0, PACKET_ROWS, WIDTH), np.float32)
     triangle, number = _curves_last(triangle, radius)
-    shapes = Shapes(position, triangle, sphere, first_sphere, len(triangle) - _count_curves(number), radius)
+    shapes = _shapes(position, triangle, sphere, first_sphere, radius, number)
     binary = build_binary_tree(_boxes(shapes, bounds, team), shapes.first_curve, len(triangle), solids, team)
     return _renumbered(collapse_all(binary, shapes, team), number)
 
@@ -181,8 +182,16 @@ class _CurveNumbers(NamedTuple):
     count: int
 
 
-def _count_curves(number: _CurveNumbers | None) -> int:
-    return 0 if number is None else number.count
+def _shapes(
+    position: Array, triangle: Array, sphere: Array, first_sphere: int, radius: Array, number: _CurveNumbers | None
+) -> Shapes:
+    """Returns the shapes of a tree, with the ends of curve segments. triangle, number: from `_curves_last`."""
+    if number is None:
+        return Shapes(position, triangle, sphere, first_sphere, len(triangle), radius, NO_ENDS)
+    first = len(triangle) - number.count
+    ends = segment_ends(position, triangle[first:, :2], radius)
+    ends.flags.writeable = False
+    return Shapes(position, triangle, sphere, first_sphere, first, radius, ends)
 
 
 def _curves_last(triangle: Array, radius: Array) -> tuple[Array, _CurveNumbers | None]:

@@ -48,6 +48,7 @@ class Shapes(NamedTuple):
     first_sphere: int  # the first sphere's primitive number
     first_curve: int  # the first curve segment among the triangles
     radius: Array  # (V,) f32 of curves at their vertices, or no rows
+    ends: Array  # (c, 3) f32: the last three numbers of each curve segment (`segment_ends` of curve_ends.py), or no rows
 
 
 def collapse_all(binary: BinaryTree, shapes: Shapes, team: Team) -> tuple[Array, Array]:
@@ -149,11 +150,12 @@ def _fill_packet(packet, p, order, first, count, shapes):
         primitive = order[first + lane]
         number = primitive
         if primitive < triangles and primitive >= shapes.first_curve:
+            for k in range(3):
+                packet[p, 6 + k, lane] = shapes.ends[primitive - shapes.first_curve, k]
             for corner in range(2):
                 vertex = shapes.triangle[primitive, corner]
                 for k in range(3):
                     packet[p, 3 * corner + k, lane] = shapes.position[vertex, k]
-                packet[p, 6 + corner, lane] = shapes.radius[vertex]
         elif primitive < triangles:
             for corner in range(3):
                 vertex = shapes.triangle[primitive, corner]

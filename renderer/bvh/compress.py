@@ -325,7 +325,7 @@ def _bound_primitive(source, number, lane, kind, box, i):
                 low, high = min(low, centre - radius), max(high, centre + radius)
             elif kind == CURVES:
                 a, b = source.packet[version, k, lane], source.packet[version, 3 + k, lane]
-                first, last = source.packet[version, 6, lane], source.packet[version, 7, lane]
+                first, last = abs(source.packet[version, 6, lane]), abs(source.packet[version, 7, lane])
                 low, high = min(low, min(a - first, b - last)), max(high, max(a + first, b + last))
             else:
                 a, b = source.packet[version, k, lane], source.packet[version, 3 + k, lane]

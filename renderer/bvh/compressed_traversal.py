@@ -281,10 +281,10 @@ def _intersect_sphere(a, radius, o, d, number, t_max, after, limit):
 
 
 @device
-def _intersect_curve(a, b, radii, o, d, number, t_max, after, limit):
+def _intersect_curve(a, b, rest, o, d, number, t_max, after, limit):
     """Intersects a ray with a curve segment; returns (whether there is a hit, its distance, u, v)."""
     first, last = (a[0] - o[0], a[1] - o[1], a[2] - o[2]), (b[0] - o[0], b[1] - o[1], b[2] - o[2])
-    hit, t, s, h = intersect_curve(first, last, radii[0], radii[1], d)
+    hit, t, s, h = intersect_curve(first, last, *rest, d)
     u, v = curve_hit(s, h)
     hit = hit & less(_ZERO, t) & less(t, t_max)
     if after is not None:

@@ -1,7 +1,9 @@
 """Segments of round curves: cones with spherical ends, swept by a sphere whose radius changes linearly from one end to the other.
 
 Consecutive segments share a point and its radius, so they have the same sphere there and no ray passes between them. Only rays
-that enter a segment hit it: a ray that starts inside, such as one that a fibre transmits, leaves it freely.
+that enter a segment hit it: a ray that starts inside, such as one that a fibre transmits, leaves it freely. Nor does it hit the
+spheres within the fibre: at a joint, a sphere ends at a plane across the axis, beyond which it is inside the next segment
+(`reach` in curve_ends.py). At a loose end, where the radius is stored as negative, the whole sphere counts.
 
 A ray enters a convex body once. If that is not where the cone touches the spheres' common tangents, it is on one of the spheres.
 After Quilez, "Rounded cone - intersection" (2016); Reshetov & Luebke, "Phantom Ray-Hair Intersector" (2018) for moving the ray's
@@ -42,28 +44,34 @@ def _dot(a, b):
 
 
 @device
-def _sphere_entry(a, radius, d, square, nowhere):
-    """Returns the distance at which a ray enters a sphere; `nowhere` if it misses. a: the centre, relative to the ray's origin.
+def _sphere_entry(a, radius, d, square, outward, reach, nowhere):
+    """Returns (distance at which a ray enters the sphere at an end of a segment, whether the sphere is visible there).
 
-    d: the ray's direction. square: the inverse of its squared length.
+    The distance is `nowhere` if the ray misses it. a: the centre, relative to the ray's origin. radius: negative at a loose end.
+    d: the ray's direction. square: the inverse of its squared length. outward: the axis, towards this end. reach: times the
+    radius, how far along it the sphere is visible.
     """
+    zero = splat_like(radius, _ZERO)
     t = _dot(a, d) * square
     x, y, z = t * d[0] - a[0], t * d[1] - a[1], t * d[2] - a[2]
     rest = radius * radius - (x * x + y * y + z * z)
-    zero = splat_like(rest, _ZERO)
-    return select(less_equal(zero, rest), t - sqrt(maximum(rest, zero) * square), nowhere)
+    step = sqrt(maximum(rest, zero) * square)
+    beyond = outward[0] * x + outward[1] * y + outward[2] * z - step * _dot(outward, d)
+    return select(less_equal(zero, rest), t - step, nowhere), less_equal(beyond, reach * radius) | less(radius, zero)
 
 
 @device
-def intersect_curve(a, b, radius, end_radius, d):
+def intersect_curve(a, b, first_radius, last_radius, reach, d):
     """Intersects a ray with one curve segment, or with eight in lanes: (mask, distance, position along it 0 ... 1, offset h).
 
     The distance may be negative: the caller compares it with the ray's range. a, b: the ends, relative to the ray's origin.
-    radius: at a; end_radius: at b. d: the direction of the ray, in the type of the lanes; need not be unit.
+    first_radius: at a; last_radius: at b; both and the reach as in packets. d: the direction of the ray, in the type of the
+    lanes; need not be unit.
     """
-    zero = splat_like(radius, _ZERO)
-    one = splat_like(radius, _ONE)
-    nowhere = splat_like(radius, np.float32(np.inf))
+    zero = splat_like(reach, _ZERO)
+    one = splat_like(reach, _ONE)
+    nowhere = splat_like(reach, np.float32(np.inf))
+    radius, end_radius = maximum(first_radius, zero - first_radius), maximum(last_radius, zero - last_radius)
     square = one / _dot(d, d)
     axis = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     taper = radius - end_radius
@@ -91,11 +99,14 @@ def intersect_curve(a, b, radius, end_radius, d):
     step = (zero - k1 - sqrt(maximum(rest, zero))) / k2
     y = m1 - lift + step * along
     on_cone = less_equal(zero, rest) & less(zero, y) & less(y, cone2)
-    first, last = _sphere_entry(a, radius, d, square, nowhere), _sphere_entry(b, end_radius, d, square, nowhere)
+    inward = zero - axis[0], zero - axis[1], zero - axis[2]
+    first, first_visible = _sphere_entry(a, first_radius, d, square, inward, reach, nowhere)
+    last, last_visible = _sphere_entry(b, last_radius, d, square, axis, reach, nowhere)
     is_last = less(last, first)
     t = select(on_cone, base + step, select(is_last, last, first))
     s = select(on_cone, y / cone2, select(is_last, one, zero))
-    hit = on_cone | less(t, nowhere)
+    visible = (is_last & last_visible) | (first_visible & less_equal(first, last))
+    hit = on_cone | (visible & less(t, nowhere))
     wide = sqrt(sine2) * (radius - s * taper)
     h = (zero - _dot(o, across)) / maximum(wide, splat_like(radius, _TINY))
     return hit, t, s, minimum(maximum(h, zero - one), one)
@@ -123,7 +134,8 @@ def intersect_curves(base, origin, direction, t_max, after, limit, numbers):
         load_from(base, np.uintp(4) * _W) - oy,
         load_from(base, np.uintp(5) * _W) - oz,
     )
-    hit, t, s, h = intersect_curve(a, b, load_from(base, np.uintp(6) * _W), load_from(base, np.uintp(7) * _W), d)
+    radii = load_from(base, np.uintp(6) * _W), load_from(base, np.uintp(7) * _W)
+    hit, t, s, h = intersect_curve(a, b, *radii, load_from(base, np.uintp(8) * _W), d)
     hit = hit & less(splat(_ZERO), t) & less(t, splat(t_max))
     if after is not None:
         hit = hit & is_beyond(after, limit, t, numbers)

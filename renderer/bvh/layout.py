@@ -7,7 +7,7 @@ There may be unreferenced nodes and packets between the others.
     node           (N, 7, 8) f32   rows: x lower, x upper, y lower, y upper, z lower, z upper, child
     packet         (P, 10, 8) f32  triangles, rows: a.x a.y a.z  b.x b.y b.z  c.x c.y c.z  primitive
                                    spheres, rows:   x y z radius, five rows unused,        primitive
-                                   curves, rows:    a.x a.y a.z  b.x b.y b.z  the radii at a and b, a row unused, primitive
+                                   curves, rows:    a.x a.y a.z  b.x b.y b.z  radius at a, at b, reach,  primitive
     instance_root  (I,) i32        the root node of each instance's tree
     to_local       (I, 3, 4) f64   from world space to the instance's space: a matrix and, last column, a translation
     motion           (R, 18) f64   keys of instances that move while the shutter is open (motion.py); replaces their to_local
@@ -22,7 +22,8 @@ triangle packet p, ~(4 p + 1) for the sphere packet p, ~(4 i + 2) for the instan
 segments. Node 0 is the world's root. A lane
 without a child has an empty box (lower +inf, upper -inf); a lane without a primitive has NaN in all its cells. A
 primitive's number is its triangle's index, or the number of triangles + its sphere's index. A curve segment is a row of the
-triangles whose second and third vertex are the same: it extends from the first to the second (renderer/bvh/curves.py).
+triangles whose second and third vertex are the same: it extends from the first to the second (renderer/bvh/curves.py, where the
+sign of a radius and the reach are explained).
 
 A packet with K keys is stored as K consecutive packets, and its leaf refers to the first. Vertices are interpolated linearly
 between two keys. Packets with keys belong to the world's tree, and come last. Boxes bound the whole motion.

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from renderer.bvh.build import NO_RADIUS, tree_over
+from renderer.bvh.curve_ends import segment_ends
 from renderer.bvh.layout import CURVES, LEAF_KIND, ROW_CHILD, ROW_PRIMITIVE
 from renderer.bvh.motion import ANGLE, PLACE, POINT, STRETCH, TURN
 from renderer.threads import Team
@@ -47,8 +48,14 @@ def keyed_tree(
     child = node[:, ROW_CHILD].view(np.int32)
     leaves = (child < 0) & (node[:, 0] <= node[:, 1])
     leaf = ~child[leaves]
-    curved = leaf[leaf & LEAF_KIND == CURVES] >> 2
-    many[curved, :, 6:9] = packet[curved, None, 6:9]  # the radii, in place of third corners
+    if len(curved := leaf[leaf & LEAF_KIND == CURVES] >> 2):
+        is_segment = np.flatnonzero((triangle[:, 1] == triangle[:, 2]) & (triangle[:, 0] != triangle[:, 1]))
+        row = np.zeros(len(triangle), np.int64)
+        row[is_segment] = np.arange(len(is_segment))
+        which, lane = np.nonzero(there[curved])
+        for k in range(keys):  # in place of third corners
+            ends = segment_ends(position[k], triangle[is_segment, :2], radius)
+            many[curved[which], k, 6:9, lane] = ends[row[number[curved[which], lane]]]
     child[leaves] = ~((leaf >> 2) * (4 * keys) + (leaf & 3))
     return node, many.reshape(-1, *packet.shape[1:])
 

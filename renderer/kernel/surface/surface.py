@@ -54,7 +54,7 @@ _INWARD = np.float32(1.5)  # multiple of `error` by which points move away from 
 _FURTHEST = np.float32(12.0)
 _TINY = np.float32(1e-30)
 _SPHERE_ERROR = np.float32(1e-14)
-_OUTSIDE = np.float32(0.5 * (1.0 + 2.0**-8))  # of a curve's diameter: also outside where the radius changes along it
+_OFF_CURVE = np.float32(2.0**-9)  # of a curve's diameter: its surface is not quite round where the radius changes along it
 
 
 class Surface(NamedTuple):
@@ -243,11 +243,7 @@ def _around_curve(tangent, wo, h):
 
 @device
 def _triangle_surface(scene, wo, hit):
-    """Returns the Surface at the hit of a triangle or a curve, before its shading normal is turned to the viewer.
-
-    The point of a curve is on its axis, and its error the radius: rays that the fibre reflects start on this side, others on the
-    far side.
-    """
+    """Returns the Surface at the hit of a triangle or a curve, before its shading normal is turned to the viewer."""
     primitive, u, v = u32(hit.primitive), hit.u, hit.v
     i, j, k, part = row(scene.triangle, primitive, 4)
     part_material, number, shines = row(scene.part, part, PART_COLUMNS)
@@ -308,15 +304,16 @@ def _triangle_surface(scene, wo, hit):
         moved = vec.add(point, _inward(scene, hit, error, curvature))
         point = where3(beside, moved, point)
     if scene.has.hair is not None and len(scene.tangent) > 0:
-        # Transmitted rays start on the far side of a fibre, which they would hit again otherwise.
+        # Rays that a tube of triangles transmits start on its far side, which they would hit again otherwise. Those that a curve
+        # transmits start inside: they hit only what they enter.
         hair = is_hair(scene, material)
         if any_of(hair):
             diameter = _diameter(scene, hit, i, j, k, u, v)
             error = where(hair, max(error, diameter), error)
             if any_of(curved):
-                radius = diameter * _OUTSIDE + POINT_ERROR * vec.magnitude(point)
                 round_normal = _around_curve(tangent, wo, (u - v) * tangent[3])
-                error = where(curved, radius, error)
+                point = where3(curved, vec.add(point, vec.scale(round_normal, _HALF * diameter)), point)
+                error = where(curved, diameter * _OFF_CURVE + POINT_ERROR * vec.magnitude(point), error)
                 geometric = where3(curved, round_normal, geometric)
                 shading = where3(curved, round_normal, shading)
     uv = uv1 = none, none
