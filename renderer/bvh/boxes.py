@@ -2,7 +2,8 @@
 
 One 8-lane maximum extends a box by another, and updates the largest and the smallest primitive number n in it. From these follow
 the kinds of primitives it contains, since triangles are numbered first, then curve segments, spheres and instances. Numbers are
-stored as the bits of floats from 1 up, which preserves their order and avoids denormal numbers, which are slow on some processors.
+stored as the bits of floats from 1 up, which preserves their order and avoids denormal numbers: these are slow on some
+processors.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """Builds the bounding volume hierarchy (BVH).
 
-Steps: boxes of triangles, curves, spheres and instances (boxes.py); a binary tree over them (top.py, split.py), which is collapsed into
+Steps: boxes of primitives (boxes.py); a binary tree over them (top.py, split.py), which is collapsed into
 8-wide nodes (collapse.py). Collapsing opens the node of largest area first, as in Wald, Benthin & Boulos, "Getting rid of
 packets" (2008).
 """
