@@ -179,7 +179,7 @@ class _CurveNumbers(NamedTuple):
     """The primitive numbers of triangles that are sorted by kind, (T,), and how many of them are curve segments."""
 
     number: Array
-    count: int
+    curves: int
 
 
 def _shapes(
@@ -188,7 +188,7 @@ def _shapes(
     """Returns the shapes of a tree, with the ends of curve segments. triangle, number: from `_curves_last`."""
     if number is None:
         return Shapes(position, triangle, sphere, first_sphere, len(triangle), radius, NO_ENDS)
-    first = len(triangle) - number.count
+    first = len(triangle) - number.curves
     ends = segment_ends(position, triangle[first:, :2], radius)
     ends.flags.writeable = False
     return Shapes(position, triangle, sphere, first_sphere, first, radius, ends)

@@ -47,7 +47,7 @@ def round_tubes(mesh: Mesh, sides: int = _SIDES) -> Mesh:
     a, b = first + k, first + (k + 1) % sides
     triangles = np.concatenate([np.stack(each, axis=-1) for each in ((a, b, b + sides), (a, b + sides, a + sides))], axis=1)
     positions, normals = rings(mesh.positions)
-    attributes = {name: getattr(mesh, name) for name in ("uvs", "uvs1", "colors", "tangents")}
+    uvs, uvs1, colors, tangents = (None if a is None else a[vertex] for a in (mesh.uvs, mesh.uvs1, mesh.colors, mesh.tangents))
     return replace(
         mesh,
         positions=positions,
@@ -55,7 +55,10 @@ def round_tubes(mesh: Mesh, sides: int = _SIDES) -> Mesh:
         normals=normals,
         diameters=None,
         keys=tuple(rings(shape) for shape, _ in mesh.keys),
-        **{name: None if values is None else values[vertex] for name, values in attributes.items()},
+        uvs=uvs,
+        uvs1=uvs1,
+        colors=colors,
+        tangents=tangents,
     )
 
 
