@@ -32,13 +32,13 @@ from renderer.settings import RenderSettings
 
 __all__ = ["train_guide", "warm_up_pilot", "with_guide"]
 
-ROUNDS = (1 << 16, 1 << 16, 1 << 17)  # camera paths; the first round also tells whether portals are of use
+ROUNDS = (1 << 16, 1 << 16, 1 << 17)  # camera paths of a guide of histograms
+PORTAL_ROUNDS = (1 << 15, 1 << 16)  # of one of portals; the first round, which histograms use too, tells whether they are of use
 PHOTONS = 1 << 18
 # Fraction of the second moments. If more is left, `auto` renders without a guide, and `on` learns the share of each cell. If less
 # is left, a share of a half everywhere is better: there are too few pilot paths to estimate the shares of single cells.
 MOST_LEFT = 0.4
 MOST_LEFT_BY_PORTALS = 0.85  # likewise, of the second moments relative to their cube's light, for a guide of portals
-PORTAL_PATHS = 1 << 17  # camera paths of the second round of a guide of portals
 _FOCUSING = (MIRROR, GLASS, CONDUCTOR)  # materials without which `auto` does not try histograms, which pay for caustics alone
 _RECORDS = 12  # at most, a path, on average
 _OTHER_SEED = 0x9E3779B9  # pilot paths must be independent of the film's
@@ -62,16 +62,16 @@ def _train(scene: CompiledScene, settings: RenderSettings, rounds: tuple[int, ..
     emitters = emitters_of(scene)
     photons = photons if len(emitters.table) else 0
     pilot = _PilotPaths(scene, settings, photons)  # samples are numbered through, so that all paths are independent
-    half = rounds[0] // 2
-    known, rest = pilot.follow(half, empty_guide()), pilot.follow(rounds[0] - half, empty_guide())
-    first = np.concatenate((known, rest))
+    begun = min(rounds[0], PORTAL_ROUNDS[0])
+    known, rest = pilot.follow(begun // 2, empty_guide()), pilot.follow(begun - begun // 2, empty_guide())
     if len(known) and len(rest):
         learned = learn_portals(segments_of(known))
         if learned is not None and moment_left(learned, segments_of(rest)) < MOST_LEFT_BY_PORTALS:
-            last = pilot.follow(PORTAL_PATHS, learned)
-            return learn_portals(segments_of(np.concatenate((first, last)))) or learned
+            last = pilot.follow(PORTAL_ROUNDS[1], learned)
+            return learn_portals(segments_of(np.concatenate((known, rest, last)))) or learned
     if settings.guiding == "auto" and not np.isin(scene.material_kind, _FOCUSING).any():
         return empty_guide()
+    first = np.concatenate((known, rest, pilot.follow(rounds[0] - begun, empty_guide())))
     of_photons = pilot.follow_photons(emitters, photons)
     return _histograms(pilot, first, of_photons, emitters.power / max(photons, 1), rounds[1:], settings.guiding == "auto")
 

@@ -38,7 +38,7 @@ _ONE = np.float32(1.0)
 _BELOW_ONE = np.float32(1.0 - 2.0**-24)
 _LEAST = np.float32(1e-30)
 MIN_DISTANCE2 = np.float32(1.02)  # in squared radii: nearer vertices do not sample a portal
-MOST_CHANCE = np.float32(0.5)  # upper bound of the probability of sampling a portal
+MOST_CHANCE = np.float32(0.75)  # upper bound of the probability of sampling a portal
 # Factor of the other irradiance: what portals do not bring is found by chance at later vertices, so its estimates have a larger
 # variance, and need the more samples.
 OTHER_WEIGHT = np.float32(2.0)
