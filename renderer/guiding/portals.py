@@ -29,10 +29,10 @@ from renderer.arrays.guide import (
 )
 from renderer.guiding.histograms import Records, arriving, cells_of, cubes_of, frame_of, integers, sums
 from renderer.guiding.voxels import Voxels
-from renderer.kernel.guiding.pilot import RECORD_DIRECTION, RECORD_LINKED, RECORD_NORMAL, RECORD_POINT, RECORD_SCALE
+from renderer.kernel.guiding.pilot import RECORD_DIRECTION, RECORD_LINKED, RECORD_NEAR, RECORD_NORMAL, RECORD_POINT, RECORD_SCALE
 from renderer.kernel.steps.portals import MIN_DISTANCE2, MOST_CHANCE, OTHER_WEIGHT
 
-__all__ = ["Segments", "learn_portals", "moment_left", "segments_of"]
+__all__ = ["Segments", "learn_portals", "lit_part", "moment_left", "segments_of"]
 
 F64 = npt.NDArray[np.float64]
 Floats = npt.NDArray[np.float32] | F64
@@ -66,6 +66,12 @@ class Segments(NamedTuple):
     solid: Floats  # reciprocal of the direction's pdf, steradians
     length: Floats  # _FAR if it is not known
     radiance: Floats  # that arrives along the segment
+
+
+def lit_part(records: Records) -> float:
+    """Returns the fraction of segments at whose end light is found, by light samples or as emission; 0 without segments."""
+    near = records[records[:, RECORD_SCALE] > 0, RECORD_NEAR]
+    return float(np.count_nonzero(near > 0)) / max(len(near), 1)
 
 
 def segments_of(records: Records) -> Segments:
