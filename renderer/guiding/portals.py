@@ -35,7 +35,7 @@ from renderer.kernel.steps.portals import MIN_DISTANCE2, MOST_CHANCE, OTHER_WEIG
 __all__ = ["Segments", "learn_portals", "lit_part", "moment_left", "segments_of"]
 
 F64 = npt.NDArray[np.float64]
-Floats = npt.NDArray[np.float32] | F64
+Floats = npt.NDArray[Any]  # float32 or float64
 I64 = npt.NDArray[np.int64]
 Mask = npt.NDArray[np.bool_]
 
