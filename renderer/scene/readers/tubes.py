@@ -6,6 +6,7 @@ Ribbons, which are flat, become strips.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ __all__ = [
     "CurveWeights",
     "Tubes",
     "curve_weights",
+    "elliptic",
     "fineness_of",
     "line_tangents",
     "ribbons",
@@ -216,6 +218,37 @@ def tubes(lines: F64, radii: F64, colors: F64 | None, sides: int, fibres: bool =
     triangles = (one[None] + (np.arange(count) * (samples + 2) * sides)[:, None, None]).reshape(-1, 3)
     shown = None if colors is None else with_ends(colors)
     return Tubes(positions, normals, shown, triangles, None, None, tuple(with_ends(each) for each in uvs))
+
+
+def elliptic(mesh: Mesh, sides: int, aspect: float) -> Mesh:
+    """Returns round fibres with a cross-section that is an ellipse, as wide on average as the smooth one.
+
+    mesh: of fibres whose vertices are rings of `sides`; the major axis is that from the middle of a ring to its first vertex, as
+    long as before. aspect: minor over major radius, below 1. The second UV set takes the normals, along the major and the minor
+    axis, from which kernels have the axes (renderer/kernel/bsdf/huang.py).
+    """
+    assert mesh.normals is not None and mesh.tangents is not None and mesh.diameters is not None
+    turns = np.arange(sides + 1) * (2 * np.pi / sides)
+    smooth = np.linspace(0, 2 * np.pi, 1025)
+    lengths = [np.hypot(np.diff(np.cos(t)), aspect * np.diff(np.sin(t))).sum() for t in (smooth, turns)]
+    widened = lengths[0] / lengths[1] / (np.pi / sides / np.sin(np.pi / sides))
+    rings = mesh.positions.reshape(-1, sides, 3).astype(np.float64)
+    middle = rings.mean(axis=1, keepdims=True)
+    out = mesh.normals.reshape(-1, sides, 3).astype(np.float64)
+    major = out[:, :1]
+    minor = np.cross(mesh.tangents.reshape(-1, sides, 4)[:, :1, :3], major)
+    across, along = (out * major).sum(axis=2, keepdims=True), (out * minor).sum(axis=2, keepdims=True)
+    radii = np.linalg.norm(rings - middle, axis=2, keepdims=True) * widened
+    positions = middle + radii * (across * major + aspect * along * minor)
+    length = np.sqrt((aspect * across) ** 2 + along**2)
+    across, along = aspect * across / length, along / length
+    return replace(
+        mesh,
+        positions=positions.reshape(-1, 3).astype(mesh.positions.dtype),
+        normals=(across * major + along * minor).reshape(-1, 3).astype(np.float32),
+        uvs1=np.concatenate([across, along], axis=2).reshape(-1, 2).astype(np.float32),
+        diameters=(mesh.diameters * widened).astype(np.float32),
+    )
 
 
 def ribbons(lines: F64, radii: F64, facing: F64, colors: F64 | None, uvs: Sequence[F64] = ()) -> Tubes:
