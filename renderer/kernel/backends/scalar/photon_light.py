@@ -35,6 +35,10 @@ _NO = np.bool_(False)
 _NEAR = np.float32(
     1e-3
 )  # greatest distance between the photon's place and the hit of the ray to it, relative to the ray's length
+_SEEN, _UNSEEN = (
+    np.float32(0.25),
+    np.float32(0.1),
+)  # probability of a photon at the first vertex, and at further ones, at throughput 1
 _RAREST = np.float32(1.0 - 2.0**-20)
 
 
@@ -47,7 +51,7 @@ def meet_photon(scene, stack, vertex, ray, path, counts, options, stream, layers
     """
     never_inline()
     u, v = draw_photon(stream, path.number)
-    chance = _ONE if path.number == _ZERO else min(vec.maximum(path.throughput) * ray.roulette_weight, _ONE)
+    chance = _SEEN if path.number == _ZERO else _UNSEEN * min(vec.maximum(path.throughput) * ray.roulette_weight, _ONE)
     if v[3] >= chance:
         return CausticLight(_BLACK, _ZERO, 0)
     photon = follow_photon(scene, stack, u, v)

@@ -188,7 +188,7 @@ def test_photons_bring_the_light_of_the_closed_form() -> None:
     prepared = rendering._prepared(compiled, asked)._replace(caustics=compiled.caustics)
     count = 1 << 19
     photons = np.zeros((count, PHOTON_COLUMNS), np.float32)
-    photons = photons[: follow_caustic_photons(prepared, new_stack(), count, np.float32(10), photons)]
+    photons = photons[: follow_caustic_photons(prepared, new_stack(), count, photons)]
     near = np.abs(photons[:, [PLACE, PLACE + 2]]).max(axis=1) < 0.3
     below = near & (photons[:, REFLECTS] == 0)
     irradiance = photons[below, FLUX].astype(np.float64).sum() / count / 0.6**2
