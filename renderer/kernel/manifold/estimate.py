@@ -70,8 +70,7 @@ def _is_within_depth(kind, path, counts, scatters_up, scatter_pdf, options):
 
 @device
 def solution_light(scene, stack, vertex, path, counts, lamp, caster, walk, options):
-    """Returns the light of a solution, rgb, per unit of throughput; the number of the path's segments with it; the
-    `photon_density`; and the number of rays traced."""
+    """Returns (light of a solution, rgb, per unit of throughput; segments of the path with it; `photon_density`; rays traced)."""
     s, t, n = vertex.frame
     wi = vec.to_local(s, t, n, walk.d)
     f, scatter_pdf = eval_material(vertex.material, vertex.wo, wi)
@@ -116,7 +115,8 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, 
     """Samples the light of small lamps that reaches a vertex through one caster; returns a CausticLight.
 
     roulette_weight: of the path's ray. last: the LastVertex. is_rivaled: whether photons also bring this light to the last vertex
-    (meeting.py), so that the light is weighted. counts: the path's depth counts. Traces rays with `stack`. The scene must have `caustics`.
+    (meeting.py), so that the light is weighted. counts: the path's depth counts. Traces rays with `stack`. The scene must have
+    `caustics`.
     """
     never_inline()
     u = draw_caustic(stream, path.number)

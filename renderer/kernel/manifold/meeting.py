@@ -1,8 +1,9 @@
 """Light that a caster focuses on a matt surface, and that this sends on to another one: two ways to sample it.
 
-Either a path leaves the second surface and comes upon the first by chance, where a walk leads it to the lamp (estimate.py); or a
-photon from the lamp arrives at the first surface, and the two meet (backends/scalar/photon_light.py). Where light is focused, photons are dense, and
-paths rarely come. Both are weighted by the balance heuristic (Veach 1997, 9.2), with these densities per area at the first surface:
+Either a path leaves the second surface and hits the first by chance, where a walk leads it to the lamp (estimate.py); or a photon
+from the lamp arrives at the first surface, and is connected with the path (backends/scalar/photon_light.py). Where light is
+focused, photons are dense, and paths rarely come. Both are weighted by the balance heuristic (Veach 1997, 9.2), with these
+densities per area at the first surface:
 
 - of paths: that of a diffuse bounce at the last vertex, whatever its material;
 - of photons: by the étendue of the chain, n^2 cos dA dw, from the walk's derivatives. In exact arithmetic this is the density by

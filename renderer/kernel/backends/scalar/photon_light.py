@@ -32,13 +32,9 @@ _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 _NO = np.bool_(False)
-_NEAR = np.float32(
-    1e-3
-)  # greatest distance between the photon's place and the hit of the ray to it, relative to the ray's length
-_SEEN, _UNSEEN = (
-    np.float32(0.25),
-    np.float32(0.1),
-)  # probability of a photon at the first vertex, and at further ones, at throughput 1
+_NEAR = np.float32(1e-3)  # greatest distance between the photon's place and the end of the ray to it, over the ray's length
+# Probability of a photon at the first vertex; and at others, of throughput 1. It takes as many rays as two vertices do.
+_SEEN, _UNSEEN = np.float32(0.25), np.float32(0.1)
 _RAREST = np.float32(1.0 - 2.0**-20)
 
 
