@@ -76,7 +76,7 @@ class Photon(NamedTuple):
 
 @device
 def emission_pdf(scene, lamp, caster):
-    """Returns the pdf of a photon from a LampPoint to a caster: of its direction by solid angle; if distant, of its place by area."""
+    """Returns the pdf of a photon's direction from a LampPoint to a caster; of its place, by area, if the lamp is distant."""
     x, y, z, radius = row(scene.caustics.bound, caster, 4)
     if lamp.kind == DISTANT:
         return _ONE / (_PI * radius * radius)
