@@ -22,9 +22,9 @@ from renderer.kernel.manifold.brightness import choose_caster, sampling_rates
 from renderer.kernel.manifold.caster import caster_of
 from renderer.kernel.manifold.differentials import perpendicular_area, solid_angle_area
 from renderer.kernel.manifold.lamps import AREA, DISTANT, lamp_light, sample_lamp
-from renderer.kernel.manifold.meeting import bounce_density, photon_density, share
+from renderer.kernel.manifold.meeting import bounce_density, photon_chance, photon_density, share
 from renderer.kernel.manifold.seeds import seed_direction
-from renderer.kernel.manifold.walk import NO_CHAIN, REFLECTED, THROUGH, last_out, walk_to_lamp
+from renderer.kernel.manifold.walk import LAST_STEP2, NO_CHAIN, REFLECTED, THROUGH, last_out, walk_to_lamp
 from renderer.kernel.material.material import eval_material
 from renderer.kernel.steps.depths import count_bounce, reached_limit
 from renderer.kernel.steps.random_blocks import draw_caustic, draw_trial
@@ -123,7 +123,8 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, 
     surface, n = vertex.surface, vertex.frame[2]
     importance = importance_of(path, roulette_weight)
     paths = bounce_density(last, surface) if is_rivaled else _ONE
-    rivals = _ONE / max(paths, _LEAST_DENSITY) if is_rivaled else _ZERO
+    chance_of_photon = photon_chance(path.number - _ONE)  # at the last vertex
+    rivals = chance_of_photon / max(paths, _LEAST_DENSITY) if is_rivaled else _ZERO
     caster, chance = choose_caster(scene, surface.point, vertex.normal, importance, rivals, u[3])
     if caster < 0:
         return CausticLight(_BLACK, _ZERO, 0)
@@ -141,7 +142,7 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, 
     for trial in range(options.caustic_trials + 1):
         u = draw_trial(stream, path.number, trial)
         towards = seed_direction(scene, caster, surface.point, line, is_aimed, (u[0], u[1], u[2]))
-        walk = walk_to_lamp(scene, stack, surface, n, towards, caster, lamp.target, is_distant, kind, rates, u[3])
+        walk = walk_to_lamp(scene, stack, surface, n, towards, caster, lamp.target, is_distant, kind, rates, LAST_STEP2, u[3])
         rays += walk.rays
         if trial == 0:
             if not walk.found:
@@ -151,7 +152,7 @@ def estimate_caustic(scene, stack, vertex, path, roulette_weight, counts, last, 
             brought, segments, photons, shadow_rays = solution_light(scene, stack, *known)
             rays += shadow_rays
             if is_rivaled:
-                brought = vec.scale(brought, share(paths, photons))
+                brought = vec.scale(brought, share(paths, photons * chance_of_photon))
             chance *= rates[1] if kind == REFLECTED else rates[0]
             if not vec.maximum(brought) > _ZERO:
                 break

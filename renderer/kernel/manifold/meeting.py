@@ -2,12 +2,12 @@
 
 Either a path leaves the second surface and hits the first by chance, where a walk leads it to the lamp (estimate.py); or a photon
 from the lamp arrives at the first surface, and is connected with the path (backends/scalar/photon_light.py). Where light is
-focused, photons are dense, and paths rarely come. Both are weighted by the balance heuristic (Veach 1997, 9.2), with these
-densities per area at the first surface:
+focused, photons are dense, and paths rarely come; at the very edge of a caustic, where walks do not converge, photons do arrive.
+Both are weighted by the power heuristic (Veach 1997, 9.2), with these densities per area at the first surface:
 
 - of paths: that of a diffuse bounce at the last vertex, whatever its material;
-- of photons: by the étendue of the chain, n^2 cos dA dw, from the walk's derivatives. In exact arithmetic this is the density by
-  the photon's own derivatives unless shading normals differ from those of the true surface.
+- of photons: by the étendue of the chain, n^2 cos dA dw, from the walk's derivatives, times the probability of a photon. In exact
+  arithmetic this is the density by the photon's own derivatives unless shading normals differ from those of the true surface.
 
 So both depend on the two vertices, the lamp's point and the walk alone; both ways compute the same, and the weights add up to 1.
 """
@@ -24,7 +24,7 @@ from renderer.kernel import vec
 from renderer.kernel.manifold.photons import emission_pdf, kind_chance
 from renderer.kernel.manifold.walk import TRANSMITTED
 
-__all__ = ["bounce_density", "is_met", "photon_density", "share"]
+__all__ = ["bounce_density", "is_met", "photon_chance", "photon_density", "share"]
 
 _ZERO = np.float32(0.0)
 _HALF = np.float32(0.5)
@@ -34,6 +34,8 @@ _DIFFUSE = np.uint32(DIFFUSE)
 _EXCLUDED = np.uint32(TRANSPARENT | SCATTERS_WITHIN | TRANSMITS | LAMP)
 _NONE = np.uint32(0)
 _NO = np.bool_(False)
+# A photon takes as many rays as two vertices do.
+_SEEN, _UNSEEN = np.float32(0.25), np.float32(0.1)
 
 
 @device
@@ -75,6 +77,13 @@ def photon_density(scene, lamp, caster, walk, spread, surface):
 
 
 @device
+def photon_chance(number):
+    """Returns the greatest probability of a photon at a vertex, if its throughput is 1. number: count of earlier vertices."""
+    return _SEEN if number == _ZERO else _UNSEEN
+
+
+@device
 def share(own, other):
-    """Returns the weight of the balance heuristic for the way of density `own`, 0 to 1."""
-    return own / (own + other) if own + other > _ZERO else _ZERO
+    """Returns the weight of the power heuristic for the way of density `own`, 0 to 1."""
+    ratio = other / own
+    return _ONE / (_ONE + ratio * ratio) if own > _ZERO else _ZERO

@@ -8,10 +8,10 @@ from renderer.bvh.traverse import closest_hit
 from renderer.jit import never_inline, subroutine
 from renderer.kernel import vec
 from renderer.kernel.backends.scalar.vertex import surface_vertex
-from renderer.kernel.manifold.differentials import arrive
+from renderer.kernel.manifold.differentials import arrive, perpendicular_area
 from renderer.kernel.manifold.estimate import SAME2, CausticLight, solution_light
 from renderer.kernel.manifold.lamps import DISTANT
-from renderer.kernel.manifold.meeting import bounce_density, is_met, share
+from renderer.kernel.manifold.meeting import bounce_density, is_met, photon_chance, share
 from renderer.kernel.manifold.photons import follow_photon
 from renderer.kernel.manifold.walk import REFLECTED, walk_to_lamp
 from renderer.kernel.material.material import eval_material
@@ -28,13 +28,15 @@ __all__ = ["meet_photon"]
 
 _ZERO = np.float32(0.0)
 _ONE = np.float32(1.0)
+_TWO = np.float32(2.0)
 _INF = np.float32(np.inf)
 _BLACK = (_ZERO, _ZERO, _ZERO)
 _ROOT = np.int32(0)
 _NO = np.bool_(False)
 _NEAR = np.float32(1e-3)  # greatest distance between the photon's place and the end of the ray to it, over the ray's length
-# Probability of a photon at the first vertex; and at others, of throughput 1. It takes as many rays as two vertices do.
-_SEEN, _UNSEEN = np.float32(0.25), np.float32(0.1)
+_LEAST_SURVIVAL = np.float32(0.1)
+_LEAST = np.float32(1e-20)
+_1_PI = np.float32(1 / np.pi)
 _RAREST = np.float32(1.0 - 2.0**-20)
 
 
@@ -47,7 +49,8 @@ def meet_photon(scene, stack, vertex, ray, path, counts, options, stream, layers
     """
     never_inline()
     u, v = draw_photon(stream, path.number)
-    chance = _SEEN if path.number == _ZERO else _UNSEEN * min(vec.maximum(path.throughput) * ray.roulette_weight, _ONE)
+    most = photon_chance(path.number)
+    chance = most if path.number == _ZERO else most * min(vec.maximum(path.throughput) * ray.roulette_weight, _ONE)
     if v[3] >= chance:
         return CausticLight(_BLACK, _ZERO, 0)
     photon = follow_photon(scene, stack, u, v)
@@ -63,6 +66,13 @@ def meet_photon(scene, stack, vertex, ray, path, counts, options, stream, layers
     f, scatter_pdf = eval_material(vertex.material, vertex.wo, wi)
     if not vec.maximum(f) > _ZERO:
         return CausticLight(_BLACK, _ZERO, rays)
+    # Photons whose weight will be small are not worth the rays that are still to be traced.
+    arriving = photon.pdf * most / max(perpendicular_area(photon.ray, photon.hit.t), _LEAST)
+    likely = share(arriving, abs(vec.dot(n, d)) * _1_PI / (length * length))
+    survival = min(_LEAST_SURVIVAL + _TWO * likely, _ONE)
+    if v[3] >= chance * survival:  # v[3] < chance so far
+        return CausticLight(_BLACK, _ZERO, rays)
+    chance *= survival
     reflected = wi[2] > _ZERO
     has_left = leaves(vertex.surface, reflected, d)
     depth = path.depth + _ONE if is_counted(has_left, reflected, scatter_pdf, options) else path.depth
@@ -84,7 +94,7 @@ def meet_photon(scene, stack, vertex, ray, path, counts, options, stream, layers
     rates = _ONE, _ONE
     choice = _RAREST if photon.kind == REFLECTED else _ZERO  # of the kinds that a walk looks for where both may be
     lamp, normal = photon.lamp, met.frame[2]
-    known = photon.caster, lamp.target, lamp.kind == DISTANT, photon.kind, rates, choice
+    known = photon.caster, lamp.target, lamp.kind == DISTANT, photon.kind, rates, _INF, choice
     walk = walk_to_lamp(scene, stack, surface, normal, towards, *known)
     rays += walk.rays
     off = vec.sub(walk.d, towards)
@@ -100,6 +110,6 @@ def meet_photon(scene, stack, vertex, ray, path, counts, options, stream, layers
     p_u, p_v = arrive(photon.ray, photon.hit.t, surface.geometric)
     area = vec.length(vec.cross(p_u, p_v))  # that photons cover, per unit of `photon.pdf`
     cosine = abs(vec.dot(surface.geometric, d))
-    weight = share(photons, bounce_density(last, surface)) * area / (photon.pdf * chance)
+    weight = share(photons * most, bounce_density(last, surface)) * area / (photon.pdf * chance)
     weight *= cosine / (length * length)
     return CausticLight(vec.scale(vec.mul(f, brought), weight), segments, rays)

@@ -14,17 +14,19 @@ PATCH = np.array([0.9, -0.6, 0.0])  # seen from below: only the floor lights it
 HALF = 0.1  # of the patch's side
 ALBEDO = 0.5
 RADIUS = 0.5  # of the ball about the origin
-CASTERS = {"water": GLASS, "ball": GLASS, "mirror": MIRROR}
+CONE = 14.0  # degrees; the ball fills 14.5 of them
+SPOT = Light("spot", intensity=gray(10.0), position=(0.0, 2.0, 0.0), inner_cone=CONE, outer_cone=CONE + 0.01)
+WALL = 1.5  # x of the mirror, which the patch does not see
 Rays = tuple[np.ndarray, np.ndarray, np.ndarray]  # origins, directions, fluxes
 
 
 def room(caster: str, light: Light) -> CompiledScene:
     """Returns a floor, a caster above it, and a matt patch that faces the floor."""
     patch = square(tuple(PATCH), (HALF, 0, 0), (0, 0, HALF), 0)
-    ball = (Sphere((0, 0, 0), RADIUS, 1),)
-    sheet = (FLOOR, patch, WATER) if caster == "water" else (FLOOR, patch)
-    materials: list[Material] = [MATT, CASTERS[caster]]
-    return scene(materials, sheet, () if caster == "water" else ball, lights=(light,))
+    casters = {"water": (WATER,), "ball": (), "mirror": (square((WALL, 0.4, 0), (0, 1, 0), (0, 0, 2), 1),)}[caster]
+    ball = (Sphere((0, 0, 0), RADIUS, 1),) if caster == "ball" else ()
+    materials: list[Material] = [MATT, MIRROR if caster == "mirror" else GLASS]
+    return scene(materials, (FLOOR, patch, *casters), ball, lights=(light,))
 
 
 def emitted(light: Light, count: int) -> Rays:
@@ -34,10 +36,11 @@ def emitted(light: Light, count: int) -> Rays:
     if light.kind == "directional":
         start = np.stack([7 * u - 3.5, np.full(count, 3.0), 7 * v - 3.5], 1)
         return start, np.tile([0.0, -1.0, 0.0], (count, 1)), np.full(count, 3.0 * 49 / count)
-    down = 1 - 0.7 * u  # cosines: to 5 on the floor, beyond its corners
+    width = 1 - np.cos(np.radians(CONE)) if light.kind == "spot" else 0.7  # to 9 on the floor, beyond its corners
+    down = 1 - width * u
     side = np.sqrt(1 - down * down)
     d = np.stack([side * np.cos(2 * np.pi * v), -down, side * np.sin(2 * np.pi * v)], 1)
-    return np.tile([0.0, 2.0, 0.0], (count, 1)), d, np.full(count, 10 * 2 * np.pi * 0.7 / count)
+    return np.tile([0.0, 2.0, 0.0], (count, 1)), d, np.full(count, 10 * 2 * np.pi * width / count)
 
 
 def reflectance(cosine: np.ndarray, eta: float) -> np.ndarray:
@@ -60,6 +63,10 @@ def after_caster(caster: str, rays: Rays) -> list[Rays]:
         up = np.tile([0.0, 1.0, 0.0], (hits.sum(), 1))
         left = flux[hits] * (1 - reflectance(-d[hits, 1], 1.33))
         return [(p[hits], refracted(d[hits], up, 1.33), left), (o[~hits], d[~hits], flux[~hits])]
+    if caster == "mirror":
+        p = o + d * ((WALL - o[:, 0]) / np.maximum(d[:, 0], 1e-9))[:, None]
+        hits = (d[:, 0] > 0) & (np.abs(p[:, 1] - 0.4) < 1) & (np.abs(p[:, 2]) < 2)
+        return [(p[hits], d[hits] * (-1, 1, 1), 0.8 * flux[hits]), (o[~hits], d[~hits], flux[~hits])]
     along = (o * d).sum(1)
     square_root = along**2 - (o * o).sum(1) + RADIUS**2
     hits = square_root > 0
@@ -69,8 +76,6 @@ def after_caster(caster: str, rays: Rays) -> list[Rays]:
     n = p / RADIUS
     cosine = -(d * n).sum(1)
     bounced = d + 2 * n * cosine[:, None]
-    if caster == "mirror":
-        return [(p, bounced, 0.8 * flux), misses]
     lost = reflectance(cosine, 1.33)
     inner = refracted(d, n, 1.33)
     q = p - inner * (2 * (p * inner).sum(1))[:, None]
@@ -92,10 +97,13 @@ def sent_on(caster: str, light: Light) -> float:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("light", [POINT, SUN], ids=["point", "sun"])
-@pytest.mark.parametrize("caster", CASTERS)
+@pytest.mark.parametrize(
+    ("caster", "light"),
+    [("water", POINT), ("water", SUN), ("ball", SPOT), ("ball", SUN), ("mirror", POINT)],
+    ids=["water", "water-sun", "ball", "ball-sun", "mirror"],
+)
 def test_light_that_bright_spots_send_on_matches_traced_light(caster: str, light: Light) -> None:
-    """Neither lamp can be hit, so each kind of chain is sampled by walks and by photons alone, weighted against each other."""
+    """No lamp can be hit, so walks and photons alone find its light. The spot lights nothing but the ball."""
     eye = tuple(PATCH - (0.0, 0.3, 0.0))
     asked = settings(eye, tuple(PATCH), fov=0.1, size=8, max_depth=4, caustics="on")
     assert MATT.base_color == gray(ALBEDO)
