@@ -110,8 +110,8 @@ def walk_to_lamp(scene, stack, surface, n, d, caster, target, is_distant, wanted
 
     surface, n: of the vertex. target: the lamp's point, or if `is_distant` the direction to it. wanted, rates: as for
     `_kind_of`. last_step2: the greatest squared change of the direction by one more step at a solution: LAST_STEP2, or infinite
-    if d is known to be a solution. u: a random number in [0, 1) for the kind of chain. The interfaces before the last obey the law
-    of refraction at each step; the walk solves for the last one.
+    if d is known to be a solution. u: a random number in [0, 1) for the kind of chain. The interfaces before the last obey the
+    law of refraction at each step; the walk solves for the last one.
     """
     never_inline()
     radius = row(scene.caustics.bound, caster, 4)[3]
