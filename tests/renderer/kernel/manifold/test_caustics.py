@@ -182,6 +182,19 @@ def test_trial_limit_reduces_improbable_solutions(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.long
+def test_walks_beyond_the_edge_of_a_caustic_find_nothing() -> None:
+    """Where a ball has no solution, though nearly one, no walk may take its end for one: none would ever find that again.
+
+    The picture crosses the caustic's edge. Each such end would cost thousands of walks, and count thousandfold.
+    """
+    compiled = scene([MATT, GLASS], (FLOOR,), (Sphere((0, 0, 0), 0.5, 1),), lights=(POINT,))
+    asked = settings((0.1036, -0.62, 0.0), (0.1036, -1.0, 0.0), fov=30.0, size=8, max_depth=3, caustics="on")
+    stats = rendering.RenderStats()
+    render_frame(compiled, asked, 8, threads=1, stats=stats)
+    assert stats.rays < 100 * stats.samples
+
+
+@pytest.mark.long
 def test_photons_bring_the_light_of_the_closed_form() -> None:
     compiled = with_caustics(scene([MATT, GLASS], (FLOOR, WATER), lights=(POINT,)))
     asked = settings((0.8, -0.5, 0.0), (0.0, -1.0, 0.0), size=4, caustics="on")
