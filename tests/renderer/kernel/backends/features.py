@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -32,9 +33,10 @@ from renderer.scene.readers.strands import Strand, strands_mesh
 from renderer.settings import RenderSettings, View
 from tests.renderer.builders import box, gray, icosphere, square
 
-__all__ = ["FEATURES", "SIZE", "Feature", "made"]
+__all__ = ["FEATURES", "GROUPS", "SIZE", "SPECTRAL", "Feature", "grouped", "made"]
 
 SIZE = 32
+GROUPS = ("key", "sky", "sun-1")
 VIEW = View((0.0, 1.6, 5.0), (0.0, 0.7, 0.0), fov=45.0)
 GLASS = {"kind": "glass", "base_color": gray(1.0), "roughness": 0.0}
 BLEND = {"alpha_mode": "blend"}
@@ -508,7 +510,31 @@ FEATURES: dict[str, Feature] = {
 }
 
 
+# The features that are rendered by wavelength, too.
+SPECTRAL = (
+    *("metal and plastic", "a rough metal", "an even metal", "textures", "coloured glass", "a prism", "a coat and cloth"),
+    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's", "a soap film"),
+    *("fog", "wax", "milk in glass", "smoke in a grid", "fire in a grid behind cards", "reflections on a floor"),
+)
+
+
 def made(name: str) -> tuple[CompiledScene, RenderSettings]:
     """Returns the scene of that name and its settings."""
     compiled, settings = FEATURES[name]
     return compiled(), settings
+
+
+@cache
+def grouped(name: str) -> CompiledScene:
+    """Returns the scene of that name, with its lights and materials in random ones of GROUPS, other than the environment's."""
+    scene = made(name)[0]
+    random = np.random.default_rng(len(name))
+    arrays = {
+        "light_group": random.choice([0, 1, 3], len(scene.light_primitive)).astype(np.int32),
+        "material_group": random.integers(0, 4, len(scene.material_kind)).astype(np.int32),
+        "environment_group": np.array([2], np.int32),
+        "group_name": np.frombuffer("\0".join(GROUPS).encode(), np.uint8).copy(),
+    }
+    for array in arrays.values():
+        array.flags.writeable = False
+    return scene._replace(**arrays)

@@ -12,7 +12,7 @@ from renderer.film import ALBEDO, CHANNELS, COLOR, SAMPLES, Sums
 from renderer.kernel import accumulate
 from renderer.render import RenderStats, render_frame, variant_for
 from tests.grids import grid
-from tests.renderer.kernel.backends.features import FEATURES, made
+from tests.renderer.kernel.backends.features import FEATURES, SPECTRAL, made
 
 SPP = 4
 # For these features the single-path kernel is compiled again, which takes longer than all others together. Their pictures from
@@ -43,11 +43,6 @@ HAIR = ("hair", "hair in fog")
 LINKED = ("linked lights", "linked lights through cards", "linked lights in fog", "linked lights on wax")
 BY_KIND = ("seen by some rays", "seen by some rays, through cards", "seen by some rays, in fog")
 CAUGHT = ("reflections on a floor", "reflections without shadows", "reflections in fog")
-SPECTRAL = (
-    *("metal and plastic", "a rough metal", "an even metal", "textures", "coloured glass", "a prism", "a coat and cloth"),
-    *("leaves", "half clear lights", "unlit", "rough plastic", "a sky's picture", "a highlight of Blinn's", "a soap film"),
-    *("fog", "wax", "milk in glass", "smoke in a grid", "fire in a grid behind cards", "reflections on a floor"),
-)
 RARE = MOVING + MEDIA + AIMED + AIMED_IN_MEDIA + HAIR + LINKED + BY_KIND + CAUGHT
 
 
